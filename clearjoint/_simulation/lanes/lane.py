@@ -54,8 +54,6 @@ class Plan(eqx.Module):
     impacts: dict[str, ImpactRecorder] = eqx.field(default_factory=dict)
 
     def loop(self, system: System, request: "LaneRequest") -> RunLoop:
-        """Return the loop that advances a lane by one attempted step at a time and records its
-        outputs."""
         # A section has one log, which has the name of the output. A table of impacts has a log for
         # each contact (see `impact_log`); its recorder expects the labels of the contacts as keys.
         recorders: dict[str, Recorders] = {
@@ -97,12 +95,9 @@ class Lane(eqx.Module):
     saved: RowBuffer[Snapshot] | None
 
     def runs(self, plan: Plan, end_time: Scalar) -> Condition:
-        """Return whether the run goes on: before `end_time`, s, without a failure, and with
-        attempts left."""
         return running(self.run.step, end_time, plan.max_steps)
 
     def buffers(self) -> dict[str, RowBuffer]:
-        """Return the buffers of crossings and of impacts, by name of the log."""
         records = self.run.records
         buffers: dict[str, RowBuffer] = {n: record.rows for n, record in records[SECTIONS].items()}
         for name, record in records[TABLES].items():
@@ -113,14 +108,12 @@ class Lane(eqx.Module):
 
 
 def _under(prefix: str, wanted: Mapping[str, PyTree]) -> dict[str, PyTree]:
-    """Return those entries of `wanted` whose key starts with `prefix`, under the rest of
-    the key."""
+    """Return the entries whose key starts with `prefix`, under the rest of the key."""
     return {log.removeprefix(prefix): n for log, n in wanted.items() if log.startswith(prefix)}
 
 
 def impact_log(name: str, joint: str, contact: str) -> str:
-    """Return the name of the log of one contact's impacts, such as "hits/pin V" for the output
-    "hits". Names of outputs contain no slash."""
+    """Return the name of a log, such as "hits/pin V". Names of outputs contain no slash."""
     return f"{name}/{contact_label(joint, contact)}"
 
 
@@ -139,9 +132,8 @@ class Outcome(eqx.Module):
 def begin_lane(
     plan: Plan, scene: Scene, state: State, start_time: Scalar, request: LaneRequest
 ) -> Lane:
-    """Return a lane before its first step at `start_time`, s, from a packed `state`. A lane whose
-    state violates the constraints, or cannot be represented by the coordinates of the run, gets the
-    result code `not_assembled` and takes no step."""
+    """Return a lane before its first step. One whose state violates the constraints, or cannot be
+    represented by the coordinates, gets the result code `not_assembled` and takes no step."""
     # A compiled lane cannot raise an error. The result code ends this lane, and the others run.
     coordinates = plan.scheme.formulation.coordinates
     fits = assembled(scene, state, start_time, coordinates)
@@ -169,7 +161,6 @@ def step_lane(plan: Plan, scene: Scene, lane: Lane, request: LaneRequest) -> Lan
 
 
 def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
-    """Return the outcome of a lane at its present time; it is final if the lane has ended."""
     system, step, tallies = plan.scheme.system(scene), lane.run.step, lane.run.records[REDUCTIONS]
     final, result, results = end_of(system, plan.reductions, tallies, step, end_time)
     return Outcome(step.t, result, step.attempts, step.accepted, final, results)
@@ -253,11 +244,9 @@ class Common(eqx.Module):
     tables: dict[str, tuple[str, ...]] = eqx.field(default_factory=dict, static=True)
 
     def logs(self, lane: Lane) -> dict[str, RowBuffer]:
-        """Return the buffers of a lane, by name of the log."""
         saved = {} if lane.saved is None else {SAVED: lane.saved}
         return saved | lane.buffers()
 
     def scene(self, task: Task) -> Scene:
-        """Return the scene of a lane, in scalar form."""
         tree = eqx.combine(task.varied, self.folded_scene.tree)
         return unpack(ConstantFolded(tree, self.folded_scene.patterns))

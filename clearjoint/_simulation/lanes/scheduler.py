@@ -291,8 +291,6 @@ class _Shared:
         self._lanes, self._begun = len(self.waiting), time.monotonic()
 
     def next_lanes(self, count: int) -> list[int]:
-        """Remove the next lanes to begin from `waiting`, at most `count`, and return their
-        numbers."""
         lanes: list[int] = []
         # Several threads take lanes at a time: to test for emptiness first would be a race.
         with suppress(IndexError):
@@ -308,7 +306,6 @@ class _Shared:
             time.sleep(0.01)
 
     def running(self) -> Running:
-        """Return the progress of the batch, with the estimated time left."""
         # Work is measured in runs: a running lane counts by the part of its time span that it has
         # covered, and an ended lane counts as 1. The time left is extrapolated from that. The
         # dictionary is copied, because other threads change it.
@@ -424,8 +421,7 @@ class _Group:
             self._slots[column] = None
 
     def _log(self, name: str, rows: list[np.ndarray], task: np.ndarray) -> tuple[np.ndarray, int]:
-        """Convert the recorded rows of a log of one lane, arrays (n, numbers), to the cells of the
-        columns of the sweep's results, (blocks, cells), and return these and the number of rows."""
+        """Convert the recorded rows of one lane to the cells of result columns, (blocks, cells)."""
         rows_a_block, numbers = self._programs.blocks[name]
         count = sum(map(len, rows))
         # The compiled function takes blocks of a fixed size, so the last one is filled with zeros.

@@ -33,7 +33,6 @@ leave more lanes idle, and returning earlier would copy the lanes more often."""
 
 
 def width() -> int:
-    """Return the number of lanes that one program computes side by side on JAX's default device."""
     return ON_CPU if jax.default_backend() == "cpu" else ON_ACCELERATOR
 
 
@@ -74,7 +73,6 @@ class XlaLaneLoop(AbstractLaneLoop):
 
     @override
     def run(self, columns: Memory) -> int:
-        """Take at most `TURNS` turns, until 1/`WAITING` of the lanes wait; return their number."""
         # Cells become arrays with a first axis of lanes, and the new states become cells again.
         own = self._own.trees(columns.floats[self.own_cells].T)
         state = self._state.trees(columns.floats[self.state_cells].T)
@@ -122,7 +120,6 @@ class XlaFunction:
 
 
 def zeros_like(shapes: PyTree) -> PyTree:
-    """Return a PyTree with zeros in place of its leaves of type `jax.ShapeDtypeStruct`."""
     return jax.tree.map(
         lambda s: np.zeros(s.shape, s.dtype) if isinstance(s, jax.ShapeDtypeStruct) else s, shapes
     )

@@ -145,8 +145,7 @@ class BoxProblem:
         return _solved(matrix, right)
 
     def _shares(self, x: Impulses, change: Impulses) -> list[Scalar]:
-        """Return for each row the part, 0 to 1, of the `change` of its impulse x that its bounds
-        allow."""
+        """Return for each row the part, 0 to 1, of its `change` that its bounds allow."""
         shares: list[Scalar] = []
         for a, d, (lower, upper) in zip(x, change, self._bounds, strict=True):
             room, length = jnp.where(d < 0.0, a - lower, upper - a), jnp.abs(d)
@@ -172,7 +171,6 @@ def largest(numbers: Sequence[Scalar]) -> Scalar:
 
 
 def largest_of(chosen: Sequence[Condition], numbers: Sequence[Scalar]) -> Scalar:
-    """Return the largest magnitude of those of some numbers that are chosen."""
     return largest([jnp.where(is_one, x, 0.0) for is_one, x in zip(chosen, numbers, strict=True)])
 
 

@@ -101,9 +101,8 @@ class Touch:
 
 
 def touches(scene: Scene, motions: Motions) -> list[Touch]:
-    """Return all contacts of a scene's joints, open or closed, at the poses and velocities of the
-    bodies. Raise a `ValueError` for a thrust face whose friction has a moment, and for friction of
-    an ideal joint."""
+    """Return all contacts, open or closed. Raise a `ValueError` for a thrust face whose friction
+    has a moment, and for friction of an ideal joint."""
     return [
         _touch(name, label, joint, contact, motions)
         for name, joint in scene.contact_joints().items()
@@ -158,8 +157,7 @@ def _touch(
 
 
 def _slip_direction(slip: Vector, normal: Vector) -> Vector:
-    """Return the unit vector along the slip velocity; at zero slip, some direction across the
-    `normal`."""
+    """Return the unit vector along the slip velocity; at zero slip, some direction across."""
     speed, direction = norm_and_direction(slip)
     other, _ = transverse_axes(normal)
     rests = speed == 0.0
@@ -213,7 +211,6 @@ class ContactProblem:
         self._count = len(contacts)
 
     def velocities(self, motions: Motions) -> list[Scalar]:
-        """Return the velocities along all `rows` for given motions of the bodies."""
         return [row_rate(row, motions) for row in self.rows]
 
     def kick(self, impulses: Sequence[Scalar]) -> Speeds:
@@ -342,8 +339,6 @@ def require_restitution(scene: Scene, restitution: Scalar | None) -> None:
 
 
 def restitutions(scene: Scene, restitution: Scalar | None) -> dict[str, dict[str, Scalar]]:
-    """Return Newton's coefficient of restitution of each contact, as restitutions[joint][contact]:
-    the given one, or for ``None`` those of the contact laws."""
     laws = scene.laws()
     if restitution is not None:
         return each_label(lambda name, label: restitution, laws)

@@ -41,8 +41,7 @@ for this problem aim at much smaller residuals; a larger one means that they did
 
 
 class Rigid(eqx.Module):
-    """A system with rigid contacts, and Newton's coefficient of restitution of each contact, as
-    restitution[joint][contact]."""
+    """A system with rigid contacts, and restitution[joint][contact], Newton's coefficients."""
 
     system: System
     restitution: dict[str, dict[str, Scalar]]
@@ -137,8 +136,8 @@ def _smooth_step(
 
 
 def _is_shallow(contacts: list[Touch]) -> Condition:
-    """Return whether no penetration exceeds the bearing's clearance, beyond which the side of the
-    contact is unknown. Contacts without a bearing have no such limit."""
+    """Return whether no penetration exceeds the bearing's clearance, if there is one, beyond which
+    the side of the contact is unknown."""
     shallow = jnp.asarray(True)
     for touch in contacts:
         if touch.clearance is not None:
@@ -211,8 +210,6 @@ def _displaced(
 def _accelerated(
     system: System, variables: MotionVariables, rates: MotionVariables, time: Scalar
 ) -> MotionVariables:
-    """Return variables with the speeds changed by `time`, s, times the `rates`. The
-    positions stay."""
     return system.with_speeds(variables, _plus(variables, rates, time))
 
 

@@ -141,8 +141,7 @@ class AbstractReduction(AbstractConverting):
 
 
 def result_name(name: str, part: str) -> str:
-    """Return the name of a part of an output in the outputs of a run, such as "force_time" for the
-    part "time" of the output "force"; "force" for the part ""."""
+    """Return the name of a part of an output, such as "force_time" for "time" of "force"."""
     return f"{name}_{part}" if part else name
 
 
@@ -173,12 +172,10 @@ class TimeSpan:
 
     @property
     def start(self) -> Scalar:
-        """Start of the window, s; minus infinity if `after` is ``None``."""
         return -math.inf if self.after is None else self.after
 
     @property
     def end(self) -> Scalar:
-        """End of the window, s; infinity if `until` is ``None``."""
         return math.inf if self.until is None else self.until
 
     def holds(self, time: Scalar) -> Condition:
@@ -192,8 +189,7 @@ class TimeSpan:
         return jnp.clip(first, 0.0, 1.0), jnp.clip(last, 0.0, 1.0)
 
     def if_reached(self, value: Scalar, time: Scalar) -> Scalar:
-        """Return the result `value` of a run that ended at `time`, s; NaN if that is before the
-        window."""
+        """Return a result of a run that ended at `time`, s; NaN if that is before the window."""
         return value if self.after is None else jnp.where(time >= self.after, value, jnp.nan)
 
 

@@ -97,9 +97,8 @@ class LossTally(NamedTuple):
 
 
 class AbstractLossReduction(AbstractWindowedReduction):
-    """Base class of reductions of the energy that joints dissipate in a window of time. They need
-    `Settings(ledger=True)`. Energy that bristles store is not included, nor is energy dissipated in
-    an earlier run whose ledger the run continues."""
+    """Base class of reductions of the energy that joints dissipate in a window of time, from the
+    ledger."""
 
     needs_ledger = True
     differentiated = ("",)

@@ -283,8 +283,7 @@ def _stacked(
     text: str,
     attributes: Mapping[str, object] = {},
 ) -> Labelled:
-    """Return K series at N times as one variable, (N, K), or (N, K, 3) for vectors. A series that
-    is ``None`` becomes NaN; not all may be."""
+    """Return K series at N times as one variable, with NaN for a series that is ``None``."""
     shape = next(np.shape(row) for row in series if row is not None)
     lacking = np.full(shape, np.nan)
     values = np.stack([lacking if row is None else np.asarray(row) for row in series], 1)
@@ -355,8 +354,6 @@ def observe(
 
 
 def absolute_formulation(solution: Solution | NonsmoothSolution) -> Formulation:
-    """Return the formulation of a solution, but in absolute coordinates and without an energy
-    ledger."""
     used = solution.formulation
     return Formulation(AbsoluteCoordinates(), used.stabilisation, used.redundant)
 
@@ -364,9 +361,8 @@ def absolute_formulation(solution: Solution | NonsmoothSolution) -> Formulation:
 def in_chunks(
     program: Native[..., Parts], fixed: tuple[PyTree, ...], rows: tuple[np.ndarray, State]
 ) -> Parts:
-    """Apply a compiled program to N times and states, `rows`, `CHUNK` in each call, and return the
-    results as NumPy arrays. The arguments of the program are `fixed`; the number of rows to
-    compute, from the first on; and `CHUNK` rows."""
+    """Apply a compiled program to N times and states, `rows`, `CHUNK` in each call. The arguments
+    of the program are `fixed`, the number of rows to compute, and `CHUNK` rows."""
     count, rows = len(rows[0]), jax.tree.map(np.asarray, rows)
 
     def chunk(rows: np.ndarray, first: int) -> np.ndarray:
@@ -392,8 +388,7 @@ def observe_compiled(
     times: Numbers,
     states: State,
 ) -> Observation:
-    """Return the observation at the first `count` of N times and states, without the integrals of
-    the energy ledger. `unique`: whether reactions are unique."""
+    """Return the observation at the first `count` of N times and states, without the ledger."""
     scene = unpack(folded_scene)
     system = System(scene, absolute)
 
@@ -477,9 +472,6 @@ def _modes(scene: Scene, dynamics: Dynamics) -> dict[str, Integers]:
 
 
 def _drift(dynamics: Dynamics) -> tuple[dict[str, Scalar], dict[str, Scalar]]:
-    """Return, by joint, the largest magnitude of the values of its constraint equations, and of
-    their time derivatives."""
-
     def largest(values: list[Scalar]) -> Scalar:
         return jnp.max(jnp.abs(jnp.stack([jnp.asarray(value) for value in values])))
 
@@ -517,7 +509,6 @@ def along_compiled(
     times: Numbers,
     states: State,
 ) -> Numbers:
-    """Return the results of `values_along` at the first `count` of N times and states."""
     system = System(unpack(folded_scene), absolute)
 
     def at(t: Scalar, state: State) -> Numbers:

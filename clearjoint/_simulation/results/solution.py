@@ -51,12 +51,10 @@ sampled forces are listed."""
 
 
 def contact_label(joint: str, contact: str) -> str:
-    """Return the label of a contact in tables: "joint contact", such as "pin V"."""
     return f"{joint} {contact}"
 
 
 def by_contact(tables: Mapping[str, Mapping[str, T]]) -> dict[str, T]:
-    """Return the entries tables[joint][contact] in one dictionary by `contact_label`."""
     return {
         contact_label(joint, contact): entry
         for joint, entries in tables.items()
@@ -65,8 +63,7 @@ def by_contact(tables: Mapping[str, Mapping[str, T]]) -> dict[str, T]:
 
 
 def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict[str, Labelled]:
-    """Return states as arrays by name of variable, with the names `rows` of additional first
-    dimensions, such as ("time",), and with `prefix` in front of each variable's name."""
+    """Return states as arrays by variable; `rows` are the names of additional first dimensions."""
     # Arrays of single bodies or contacts are stacked along a new dimension, before that of the
     # components of vectors.
     arrays = {}
@@ -95,7 +92,6 @@ def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict
 
 
 def state_labels(states: State) -> dict[str, Labelled]:
-    """Return the labels along each dimension of the arrays of `state_arrays`."""
     labels = {"body": [*states.bodies], **LABELS}
     labels[CONTACTS] = [*by_contact(states.entry_speeds)]
     labels[BRISTLES] = [*by_contact(states.bristles)]
@@ -419,8 +415,6 @@ class Solution(AbstractReadable, AbstractTabular):
 
 
 class FinishedRun(Protocol):
-    """Type of the result of any kind of run."""
-
     @property
     def time(self) -> Scalar: ...
 
@@ -437,8 +431,7 @@ def is_abstract(tree: PyTree) -> bool:
 def run_text(
     run: FinishedRun, final: State, redundant: tuple[str, ...], lines: Sequence[str]
 ) -> str:
-    """Return the text that `repr` shows for the result of a run, with `lines` after the
-    first line."""
+    """Return the text that `repr` shows for the result of a run."""
     if redundant:
         names = ", ".join(map(repr, redundant))
         lines = [*lines, f"redundant constraints: {names}"]

@@ -98,14 +98,12 @@ class StepRow(NamedTuple):
 
 
 def in_one_array(tree: PyTree) -> jax.Array:
-    """Return the numbers of a PyTree, one leaf after the other, as an array (n,) of floats."""
     leaves = jax.tree.leaves(tree)
     return jnp.concatenate([jnp.ravel(jnp.asarray(leaf, float)) for leaf in leaves])
 
 
 def like(example: PyTree, numbers: Numbers) -> PyTree:
-    """Invert `in_one_array`: return the PyTree with the given numbers, and with the structure,
-    shapes and dtypes of an example."""
+    """Invert `in_one_array`: return numbers with structure, shapes and dtypes of an example."""
     leaves, structure = jax.tree.flatten(example)
     made, start = [], 0
     for leaf in leaves:
@@ -119,8 +117,7 @@ def like(example: PyTree, numbers: Numbers) -> PyTree:
 
 
 class AcceptedSteps(AbstractRecorder[RowBuffer[jax.Array]]):
-    """Recorder of the accepted steps of a run with tangents: a `StepRow` each, by `in_one_array`.
-    The caller must empty the buffer when it is full."""
+    """Recorder of the accepted steps as `StepRow`s, into a buffer that the caller must empty."""
 
     capacity: int = eqx.field(static=True)
 
@@ -159,7 +156,6 @@ class Adjoint(eqx.Module):
 
     @property
     def own_end(self) -> Scalar:
-        """The end, s since the start."""
         return self.end - self.origin
 
     def systems(self, values: PyTree, direction: PyTree | None = None) -> SystemFamily:
@@ -171,7 +167,6 @@ class Adjoint(eqx.Module):
         return SystemFamily(family, self.scheme.formulation, self.origin, is_transposed)
 
     def loop(self, values: PyTree, rows: int) -> RunLoop:
-        """Return the loop of a run that records up to `rows` accepted steps."""
         systems = self.systems(values)
         reductions = {name: ReductionRecorder(of) for name, of in self.reductions.items()}
         recorders = {STEPS: AcceptedSteps(rows), REDUCTIONS: reductions}
@@ -192,7 +187,6 @@ class Adjoint(eqx.Module):
 
 @Native
 def begun(run: Adjoint, values: PyTree) -> tuple[Step, PyTree]:
-    """Return the first step of a run and the tallies of its reductions."""
     start = run.start(values, 1)
     return start.step, start.records[REDUCTIONS]
 
@@ -201,8 +195,7 @@ def begun(run: Adjoint, values: PyTree) -> tuple[Step, PyTree]:
 def segment(
     run: Adjoint, values: PyTree, step: Step, tallies: PyTree
 ) -> tuple[Step, PyTree, RowBuffer[jax.Array]]:
-    """Continue a run to its end, a failure, the limit of attempts, or a full buffer of accepted
-    steps, which is returned too."""
+    """Continue a run to its end, a failure, the limit of attempts, or a full buffer of steps."""
     loop = run.loop(values, ROWS)
     rows = loop.recorders[STEPS].start(RunStart(loop, step))
     now = loop.until(
@@ -218,7 +211,6 @@ def segment(
 def ended(
     run: Adjoint, values: PyTree, step: Step, tallies: PyTree
 ) -> tuple[State, RESULTS, dict[str, dict[str, Scalar]]]:
-    """Return the final state, packed, the result code, and the results of the reductions."""
     return end_of(run.systems(values).system(), run.reductions, tallies, step, run.own_end)
 
 
@@ -242,8 +234,7 @@ def _row_of(example: Step, row: jax.Array) -> tuple[Step, Scalar]:
 
 @Native
 def repeated(run: Adjoint, values: PyTree, example: Step, rows: Numbers) -> jax.Array:
-    """Compute N recorded steps again, and return for each of them the numbers, (N, k), of the
-    `Attempt` from which dense output is computed."""
+    """Compute N recorded steps again, and return the numbers, (N, k), of an `Attempt` for each."""
     method, system = run.scheme.method, run.systems(values).system()
 
     def again(_: None, row: jax.Array) -> tuple[None, jax.Array]:
@@ -270,7 +261,6 @@ def _attempt(
 
 
 def _attempt_of(run: Adjoint, example: Step, numbers: Numbers) -> Attempt:
-    """Return the `Attempt` with given numbers, those of a step in `repeated`."""
     method, step = run.scheme.method, replace(example, tangents=None)
     assert isinstance(method.solver, UnrolledExplicit)
     information = method.solver.information_like(step.y)
@@ -390,8 +380,7 @@ def pulled(
 def backward(
     run: Adjoint, values: PyTree, example: Step, steps: PulledSteps, after: Pulled
 ) -> Pulled:
-    """Pull cotangents back through `after.count` steps, from the last one to the first, and return
-    those before the first."""
+    """Pull cotangents back through `after.count` steps, from the last one to the first."""
 
     def body(_: Scalar, now: Pulled) -> Pulled:
         return pulled(run, values, example, steps, now)

@@ -51,7 +51,6 @@ impacts of all contacts."""
 
 
 def recorders_of(requested: Requested) -> dict[str, Recorders]:
-    """Return the recorders of a single run for all that it keeps."""
     save, recorders = requested.save, requested.recorders()
     if save.times is not None:
         recorders[LATEST] = LatestAttempt()
@@ -63,8 +62,7 @@ def recorders_of(requested: Requested) -> dict[str, Recorders]:
 
 
 class Status(NamedTuple):
-    """What Python needs to know of a run after each segment: its time, s, numbers of attempts and
-    of accepted ones, and result so far."""
+    """What Python needs to know of a run after each segment."""
 
     t: Scalar
     attempts: Scalar
@@ -88,7 +86,6 @@ def begin(
     first_step: Scalar,
     recorders: Recorders,
 ) -> tuple[Step, Records, Status]:
-    """Return a run before its first step, from a packed `state`; times are in s."""
     method, system = scheme.method, scheme.system(unpack(folded_scene))
     step = begin_run(method, system, state, t0, t_end, first_step)
     now = without_weak_types(RunLoop(method, system, t_end, recorders).start(step))
@@ -236,13 +233,11 @@ class Run:
         progress: bool,
         notes: Notes,
     ) -> tuple[Solution, bool, bool]:
-        """Run in segments to the end, or to a failure, the limit of attempts or an interruption,
-        from the start that `begin` has returned. The step stays in its flattened form, since Python
-        has no use for it.
+        """Run in segments to the end, or to a failure, the limit of attempts or an interruption.
+        The step stays in its flattened form, since Python has no use for it.
 
-        **Returns:** the solution, with the settings `notes`; whether Ctrl-C was pressed, which
-        stops the run after the current segment; and whether a journal has slid out of its bearing
-        in the final state.
+        **Returns:** the solution, with the settings `notes`; whether Ctrl-C was pressed; and
+        whether a journal has slid out of its bearing in the final state.
         """
         start = float(status.t)
         # The end time in the precision of the run. Rounded to float32, an end time such as 0.02 s
@@ -288,8 +283,6 @@ class Run:
         saved: "_SavedBySegments",
         notes: Notes,
     ) -> tuple[Solution, bool]:
-        """Return the solution of a run that has ended, and whether a journal has slid out of its
-        bearing there."""
         reductions = self.requested.reductions, records[REDUCTIONS]
         ending = self.scheme, self.folded_scene, *reductions, step, self.end
         final, result, slid_out, results = (part.tree for part in _end_compiled.in_parts(*ending))
@@ -320,8 +313,7 @@ class Run:
 
 
 class _SavedBySegments:
-    """What the segments of a run have saved: samples at the first `count` of the times `save_at`,
-    (N,) s, states after steps, and the rows of impacts."""
+    """What the segments of a run have saved, with samples at the first `count` of the times."""
 
     def __init__(self, save_at: np.ndarray | None) -> None:
         self.save_at = save_at
@@ -332,20 +324,17 @@ class _SavedBySegments:
 
     @property
     def complete(self) -> bool:
-        """Whether the run has reached all times to save at."""
         return self.save_at is None or self.count == len(self.save_at)
 
     def next_times(self, end: float) -> np.ndarray | None:
-        """Return the times to save at in the next segment, filled up with the end time, since a
-        segment receives a fixed number of times."""
+        """Return the times of the next segment, filled up with the end to a fixed number."""
         if self.save_at is None:
             return None
         following = self.save_at[self.count :][:SAVES_A_SEGMENT]
         return np.pad(following, (0, SAVES_A_SEGMENT - len(following)), constant_values=end)
 
     def add(self, records: Records, sampled: tuple[SavedRows, jax.Array] | None) -> Records:
-        """Take what a segment has saved, and return the records with empty buffers, whose size thus
-        does not limit the run."""
+        """Take what a segment has saved, and return the records with empty buffers."""
         if sampled is not None and self.save_at is not None:
             # Only the first samples are kept. The others are at times that the run has not reached
             # yet, or belong to the filling.
@@ -360,14 +349,12 @@ class _SavedBySegments:
         return emptied(records)
 
     def samples(self) -> tuple[Trajectory | None, dict[str, Numbers]]:
-        """Return the states at the sample times, and the values of the quantities there."""
         if self.save_at is None:
             return None, {}
         states, values = _joined(self._samples)
         return Trajectory(self.save_at[: self.count], pack(states)), values
 
     def steps(self) -> Trajectory:
-        """Return the states at the start and after accepted steps."""
         rows = _joined(self._steps)
         return Trajectory(rows.t, pack(rows.state))
 
@@ -380,8 +367,7 @@ def _end_of(
     step: Step,
     end: Scalar,
 ) -> tuple[State, RESULTS, Condition, dict[str, dict[str, Scalar]]]:
-    """Return the final state, packed, the result code, whether a journal has slid out of its
-    bearing, and the results of the reductions, as results[name][part]."""
+    """Return the results of `end_of`, and whether a journal has slid out of its bearing."""
     system = scheme.system(unpack(folded_scene))
     final, result, results = end_of(system, reductions, tallies, step, end)
     return final, result, any_slid_out(unpack(folded_scene), unpack(final.bodies)), results

@@ -69,8 +69,7 @@ class ContactInstant(eqx.Module):
         return self.entry_speed > 0.0
 
     def speed(self) -> Scalar:
-        """Return the entry speed, m/s, or the present rate of the depth if the law uses no entry
-        speed."""
+        """Return the entry speed, m/s, or the present rate if the law uses none."""
         return self.gap.rate if self.entry_speed is None else self.entry_speed
 
 
@@ -123,7 +122,6 @@ def end_in_step(
 def _depths(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant
 ) -> tuple[Slope, Slope]:
-    """Return the depth, counted from the onset of the force, and its rate at two instants."""
     ahead = law.onset_offset()
     before, after = (Slope(at.gap.depth + ahead, at.gap.rate) for at in (start, end))
     return before, after
@@ -145,9 +143,8 @@ class ImpactRow(eqx.Module):
     largest_penetration: Scalar
 
     def columns(self, *_: object) -> dict[str, Scalar]:
-        """Return all fields by name, and also the "duration" of the contact, s. The scheduler of
-        lanes calls this for the rows of all recorders, with arguments that only rows of sections
-        need."""
+        """Return all fields by name, and the "duration" of the contact, s. The scheduler of lanes
+        passes arguments that only rows of sections need."""
         return {**vars(self), "duration": self.separation - self.onset}
 
 
@@ -304,7 +301,6 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
 
 
 def _second_rates(method: Method, system: System, step: Step) -> ByLabel[Scalar]:
-    """Return the second time derivatives of all penetrations, m/s^2, by joint and contact."""
     if isinstance(method.solver, UnrolledExplicit):
         return step.second_rates
     # Other solvers do not keep the rates at the end of a step, so they are computed here.

@@ -70,7 +70,6 @@ class ImpactTable:
         self.window()  # raises an error for wrong times
 
     def window(self) -> Window | None:
-        """Return the time window in which impacts must begin; ``None`` for the whole run."""
         window = Window(self.after, self.until)
         return None if self.after is None and self.until is None else window
 
@@ -82,7 +81,6 @@ class ImpactTable:
         require(len(joints) > 0, "scene", {}, "one with contacts", "leave the table out")
 
     def contacts(self, scene: Scene) -> list[tuple[str, str]]:
-        """Return the table's contacts as pairs of joint and label, such as ("shoulder", "V")."""
         laws = scene.laws()
         names = laws if self.joint is None else [self.joint]
         return [(name, label) for name in names for label in laws[name]]
@@ -181,7 +179,6 @@ class Requested:
             require(is_possible, f"outputs[{name!r}]", output, expected, remedy)
 
     def recorders(self) -> dict[str, Recorders]:
-        """Return the recorders of the outputs, with buffers for all rows to keep."""
         tables = self.tables.items()
         return {
             SECTIONS: {name: section.recorder for name, section in self.sections.items()},
@@ -191,8 +188,7 @@ class Requested:
         }
 
     def recorded(self, records: Records, origin: float = 0.0) -> dict[str, Table]:
-        """Return the crossings of each section, and the tables of impacts and of rejected steps,
-        from the records of a run whose clock was zero at `origin`, s."""
+        """Return the tables in the records of a run whose clock was zero at `origin`, s."""
         found: dict[str, Table] = {}
         for name, section in self.sections.items():
             columns = records[SECTIONS][name].rows.filled()
@@ -206,5 +202,4 @@ class Requested:
 
 
 def requested_by(outputs: Mapping[str, Output] | None, save: Saving | None) -> Requested:
-    """Return what the arguments `outputs` and `save` request, and raise their errors."""
     return Requested({} if outputs is None else outputs, saving_or_nothing(save))

@@ -174,7 +174,6 @@ class Predictor:
     def _elements(
         self, values: dict[str, PyTree], batch: tuple[int, ...] = ()
     ) -> tuple[list[dict[str, PyTree]], tuple[int, ...]]:
-        """Return the values of each element of a batch, and the batch's shape."""
         shape = np.broadcast_shapes(_batch_shape(self.values, values), batch)
         return _elements_of(self.values, values, shape), shape
 
@@ -239,7 +238,6 @@ class Predictor:
 
 
 def _gradients(runs: list[RecordedRun], cotangents: list[dict[str, np.ndarray]]) -> list[PyTree]:
-    """Return the gradients of runs, those of one recorder together."""
     slopes: list[PyTree] = [None] * len(runs)
     for recorder in {run.recorder: None for run in runs}:
         numbers = [k for k, run in enumerate(runs) if run.recorder is recorder]
@@ -252,8 +250,7 @@ def _gradients(runs: list[RecordedRun], cotangents: list[dict[str, np.ndarray]])
 
 
 def _batch_shape(examples: PyTree, arrays: PyTree) -> tuple[int, ...]:
-    """Return the shape of a batch: the lengths of the axes that arrays have before those of the
-    `examples`, which are elements of the batch."""
+    """Return the lengths of the axes that arrays have before those of the `examples`."""
     pairs = zip(jax.tree.leaves(examples), jax.tree.leaves(arrays), strict=True)
     return np.broadcast_shapes(
         *(np.shape(array)[: np.ndim(array) - len(np.shape(example))] for example, array in pairs)
@@ -261,8 +258,7 @@ def _batch_shape(examples: PyTree, arrays: PyTree) -> tuple[int, ...]:
 
 
 def _elements_of(examples: PyTree, arrays: PyTree, shape: tuple[int, ...]) -> list[PyTree]:
-    """Return the elements, each like `examples`, of a batch of the given shape, to which the first
-    axes of `arrays` are broadcast."""
+    """Return the elements of a batch of the given shape, to which arrays are broadcast."""
 
     def flat(example: PyTree, array: ArrayLike) -> np.ndarray:
         own = np.shape(example)

@@ -98,7 +98,6 @@ class Recorder:
         self.has_lanes = is_native()
 
     def example_like(self, step: Step) -> Step:
-        """Return the first step that was passed here, as an example of the steps of all runs."""
         if self._example is None:
             self._example = keep_flattened(step)
         return self._example
@@ -152,7 +151,6 @@ class RecordedRun:
         self._final, self._result, self._results = ended
 
     def rows_of(self, segment: _Segment) -> np.ndarray:
-        """Return the rows of a segment's steps, (M, n)."""
         if segment.rows is not None:
             return segment.rows
         start = like(self.example, segment.start)
@@ -160,7 +158,6 @@ class RecordedRun:
         return np.asarray(buffer.filled())
 
     def solution(self, settings: Notes) -> Solution:
-        """Return the run as a `Solution` without records, with notes on the settings."""
         run = self.recorder.run
         return Solution(
             time=float(run.origin) + float(self.last.t),
@@ -197,7 +194,6 @@ class RecordedRun:
         return _Samples(times, places, self._rows_at(places), instants)
 
     def _rows_at(self, places: np.ndarray) -> np.ndarray:
-        """Return the rows of steps, by their numbers in the run."""
         rows: dict[int, np.ndarray] = {}
         first = 0
         for segment in self.segments:
@@ -211,7 +207,6 @@ class RecordedRun:
         return np.stack([rows[int(k)] for k in places])
 
     def values(self) -> dict[str, np.ndarray]:
-        """Return the quantities, (N,) each, at the N times, and the results of reductions."""
         return self._combined(self._sampled)
 
     @cached_property
@@ -229,7 +224,6 @@ class RecordedRun:
         return np.asarray(adjoint.repeated(self.recorder.run, self.at, self.example, rows))
 
     def _combined(self, sampled: dict[str, Numbers]) -> dict[str, Numbers]:
-        """Return the outputs from values of the quantities at the times of `_samples`."""
         outputs, first = self.recorder.outputs, len(self.recorder.times)
         combined = {name: sampled[name][:first] for name in outputs.quantities}
         for name, reduction in outputs.reductions.items():
@@ -242,8 +236,7 @@ class RecordedRun:
         return combined
 
     def pulled_outputs(self, cotangents: dict[str, np.ndarray]) -> "Seeds":
-        """Pull cotangents of the outputs, (N,) of a quantity and numbers of a reduction's results,
-        back to the steps in which the outputs are evaluated."""
+        """Pull cotangents of the outputs back to the steps in which these are evaluated."""
         recorder, samples = self.recorder, self._samples
         if recorder.outputs.reductions:
             (cotangents,) = jax.device_get(jax.vjp(self._combined, self._sampled)[1](cotangents))
@@ -259,11 +252,9 @@ class RecordedRun:
 
     @property
     def places(self) -> np.ndarray:
-        """Numbers of the steps in which quantities are evaluated."""
         return self._samples.places
 
     def is_kept(self) -> bool:
-        """Return whether the rows of all steps are in memory."""
         return all(segment.rows is not None for segment in self.segments)
 
     def rows(self) -> np.ndarray:
@@ -288,8 +279,7 @@ class RecordedRun:
         return self.gradient_from(now)
 
     def gradient_from(self, start: Pulled) -> PyTree:
-        """Return the derivatives by all parameters; `start` has the cotangents of the tangents
-        before the first step."""
+        """Return the derivatives from the cotangents before the first step."""
         before = jax.device_get(like(self.example.tangents, start.cotangents))
         first = self._rows_at(np.zeros(1, int))[0]
         along = adjoint.pulled_start(self.recorder.run, self.at, self.example, first, before)
@@ -324,8 +314,7 @@ class Seeds(NamedTuple):
     places: np.ndarray
 
     def steps_needed(self, steps: int) -> int:
-        """Return through how many of a run's `steps`, from its start, cotangents are pulled back:
-        those up to the last one that has any."""
+        """Return the number of a run's `steps` up to the last one that has cotangents."""
         if self.end.any():
             return steps
         places = self.places[self.pulled.any(axis=1)]
@@ -367,8 +356,7 @@ def _is_well(step: Step) -> bool:
 
 
 def _without_rows(segment: _Segment, times: np.ndarray) -> _Segment:
-    """Return a segment that keeps only the rows of the first step, and of the steps in which some
-    of the times lie."""
+    """Return a segment with the rows only of the first step, and of those in which times lie."""
     assert segment.rows is not None
     numbers = np.unique([0, *np.searchsorted(segment.ends, times)])
     last = len(segment.ends) - 1
@@ -449,8 +437,7 @@ class _RunningLane:
 
 
 def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Recording]:
-    """Record runs side by side, and return their recordings by their numbers, without those of
-    runs that are too long to be kept."""
+    """Record runs side by side, except those that are too long to be kept, by their numbers."""
     run, own = recorder.run, Cells(values[0])
     recordings: dict[int, _Recording] = {}
     begin_rows = _begun_lane.native.bound(run, values[0])
@@ -603,7 +590,6 @@ class Integrand(eqx.Module):
 
 
 def integrands_of(reductions: Mapping[str, AbstractReduction]) -> dict[str, Integrand]:
-    """Return the integrands of reductions, by names that no output can have."""
     return {
         f"{name}/integral {k}": Integrand(quantity)
         for name, reduction in reductions.items()

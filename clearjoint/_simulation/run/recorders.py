@@ -46,7 +46,6 @@ class RowBuffer(eqx.Module, Generic[R]):
 
     @property
     def capacity(self) -> int:
-        """Number of rows for which the buffer has room, written or not."""
         return jax.tree.leaves(self.rows)[0].shape[0] - 1
 
     def is_full(self) -> Condition:
@@ -72,13 +71,11 @@ class RowBuffer(eqx.Module, Generic[R]):
         return jax.tree.map(lambda rows: np.array(rows[:count]), jax.device_get(self.rows))
 
     def emptied(self) -> "RowBuffer[R]":
-        """Return the buffer with a `count` of zero, so that its rows are overwritten."""
         return replace(self, count=np.zeros((), int))
 
 
 class LatestAttempt(AbstractRecorder[Attempt]):
-    """Recorder of the latest accepted attempt, from which states and derivatives inside its step
-    are computed."""
+    """Recorder of the latest accepted attempt."""
 
     @override
     def start(self, start: RunStart) -> Attempt:
@@ -124,8 +121,7 @@ class TangentPeakRecorder(AbstractRecorder[TangentPeak]):
 
 
 class LatestDenseStep(AbstractRecorder[DenseStep]):
-    """Recorder of the latest accepted step, from which states inside it are computed. The solver
-    must be an explicit Runge-Kutta method."""
+    """Recorder of the latest accepted step by an `UnrolledExplicit`."""
 
     @override
     def start(self, start: RunStart) -> DenseStep:
@@ -137,8 +133,7 @@ class LatestDenseStep(AbstractRecorder[DenseStep]):
 
 
 class TimedState(eqx.Module):
-    """A time `t`, s, on the clock of the run's `System`, and the `state` at that time in scalar
-    form."""
+    """A time, s, on the clock of the run's `System`, and the state then in scalar form."""
 
     t: Numbers
     state: State

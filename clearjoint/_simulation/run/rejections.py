@@ -82,8 +82,6 @@ class RejectedRow(NamedTuple):
 
 
 class RejectionRecord(NamedTuple):
-    """The rejected steps of a run so far, and their number by reason."""
-
     rows: RowBuffer[RejectedRow]
     counts: dict[str, jax.Array]
 
@@ -163,7 +161,6 @@ class RejectedSteps:
 
 
 def rejections_of(record: RejectionRecord, origin: float = 0.0) -> Rejections:
-    """Return the table of a record. `origin` is the scene's time when the run's clock was 0, s."""
     start, length, numbers = (np.asarray(column) for column in record.rows.filled())
     reasons = np.array([REASONS[int(k)].value for k in numbers], dtype=object)
     counts = {reason.value: int(record.counts[reason]) for reason in REASONS}

@@ -69,8 +69,6 @@ constraints are cached."""
 
 
 def check_precision(allow_float32: bool) -> None:
-    """Check that JAX computes in 64 bits, unless single precision is allowed, or raise a
-    `ValueError`."""
     if not (jax.config.jax_enable_x64 or allow_float32):  # pyright: ignore
         raise ValueError(
             "JAX is set to 32-bit floats, which cannot resolve penetrations of micrometres: call "
@@ -107,8 +105,7 @@ def check_start(
     coordinates: AbstractCoordinates,
     flat: FlatArguments | None = None,
 ) -> tuple[str, ...]:
-    """Check all numbers of a scene and a state, and the state against the constraints at
-    `start_time`, s, as `check_numbers` and `check_structure`, and return the names of the redundant
+    """Check a start as `check_numbers` and `check_structure`, and return the names of the redundant
     constraints. `flat` are scene and state, if they are flattened already and all leaves are arrays
     of floats."""
     if not (isinstance(scene, Scene) and isinstance(state, State)):
@@ -250,9 +247,8 @@ def _passes(
 
 
 def assembled(scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates) -> Condition:
-    """Return whether a state satisfies the constraints of a scene and their time derivatives, at a
-    time t, s, and whether the coordinates of a run can represent the state. Compiled programs,
-    which can't raise errors, use this instead of `check_structure`."""
+    """Return whether a state satisfies the constraints of a scene and their time derivatives at a
+    time t, s, and the coordinates can represent it, for programs, which can't raise errors."""
     return _assembled(state, start_values.__wrapped__(scene, state, t, coordinates))
 
 
@@ -286,7 +282,6 @@ def flat_start(
 
 
 def flattened_arrays(scene: Scene, state: State) -> FlatArguments:
-    """Return scene and state, flattened, with their numbers as arrays (see `with_arrays`)."""
     # Scene and state are flattened once, which for thirty joints takes a millisecond.
     return FlatArguments.joined((_with_arrays(scene), _with_arrays(state)))
 
@@ -300,8 +295,6 @@ def _with_arrays(tree: PyTree) -> FlatArguments:
 
 
 class _Starts:
-    """Fast checks of starts by native programs, of which there is one for each structure."""
-
     def __init__(self) -> None:
         self._function = NativeFunction(_passes)
         # Number of starts so far, by structure; far below zero where native code cannot be used.
@@ -318,8 +311,7 @@ class _Starts:
 
     def redundant(self, arguments: FlatArguments) -> tuple[str, ...] | None:
         """Return the names of the redundant constraints of a start that passes all checks; ``None``
-        if it fails a check, if redundancy is uncertain, or if there is no native program for its
-        structure."""
+        if it fails one, if redundancy is uncertain, or without a native program."""
         scene, unfolded = arguments.arguments[0], arguments.parts[0]
         arguments = FlatArguments.joined((flattened(folded(unfolded)), *arguments.parts[1:]))
         self._seen[arguments.key] += 1

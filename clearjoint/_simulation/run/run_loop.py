@@ -33,8 +33,7 @@ R = TypeVar("R", bound=PyTree)
 
 @dataclass(frozen=True, eq=False)
 class RunStart:
-    """A run before its first step, as recorders receive it. The properties are computed only if
-    used."""
+    """A run before its first step, as recorders receive it."""
 
     loop: "RunLoop"
     step: Step
@@ -45,8 +44,6 @@ class RunStart:
 
     @cached_property
     def blank_attempt(self) -> Attempt:
-        """An `Attempt` that ends at the start with the initial state, and has zeros in its other
-        fields."""
         loop = self.loop
         return blank_attempt(
             loop.method, loop.system, self.step, loop.t_end, loop.family, loop.attempt
@@ -55,10 +52,9 @@ class RunStart:
 
 @dataclass(frozen=True, eq=False)
 class StepOutcome:
-    """The outcome of an attempt to take a step, as recorders receive it. `accepted` says whether
-    the step was accepted. If it was not, or if the lane of a sweep waits for Python to empty a full
-    buffer, time and variables are the same `before` and `after`. The properties are computed only
-    if used."""
+    """The outcome of an attempt to take a step, as recorders receive it. If the step was not
+    accepted, or if a lane waits for Python to empty a full buffer, time and variables are the same
+    `before` and `after`."""
 
     method: Method
     system: System
@@ -74,8 +70,7 @@ class StepOutcome:
 
     @cached_property
     def now(self) -> Instant:
-        """The state `after` as an `Instant`, whose method `inside` is valid only if the step was
-        accepted."""
+        """The state `after`, whose method `inside` is valid only if the step was accepted."""
 
         def inside(x: Scalar) -> Instant:
             return self.dense_step.within(self.method, x).instant(self.system)
@@ -136,7 +131,6 @@ class RunLoop:
     attempt: Callable[..., Attempt] = attempt
 
     def start(self, step: Step) -> Progress:
-        """Return the run before its first step, with the first records."""
         start = RunStart(self, step)
         return Progress(step, _map_recorders(lambda r: r.start(start), self.recorders))
 
@@ -180,10 +174,9 @@ class RunLoop:
         attempts: Scalar,
         goes: Callable[[Progress], Condition] | None = None,
     ) -> Progress:
-        """Return the run after further steps, of which the last one ends at or after the time
-        `stop`, s. The steps end earlier at a failure, at the end of the run, after `attempts`
-        attempts since the start of the run, and if `goes`, called with the run before each attempt,
-        returns false."""
+        """Return the run after further steps, the last of which ends at or after the time `stop`,
+        s; or earlier at a failure, at the end, after `attempts` attempts since the start, and if
+        `goes`, called with the run before each attempt, returns false."""
 
         def continues(now: Progress) -> Condition:
             more = (now.step.t < stop) & running(now.step, self.t_end, attempts)
@@ -203,8 +196,7 @@ def _map_recorders(
 def begin_run(
     method: Method, system: System, state: State, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
-    """Return the complete state of a run before its first step, from a packed `state`, whose entry
-    speeds, bristles, memories and ledger are initialised where it lacks them."""
+    """Return a run before its first step, from a packed `state`, which is completed."""
     motion = system.encode(unpack(state.bodies))
     work = state.work if system.formulation.ledger else {}
     y = Variables(motion, work, unpack(state.bristles), state.memory)
@@ -212,7 +204,6 @@ def begin_run(
 
 
 def final_result(step: Step, t_end: Scalar) -> RESULTS:
-    """Return the result code of a run whose last step was `step`: `max_steps_reached` if it has
-    neither failed nor reached its end `t_end`, s."""
+    """Return the result code: `max_steps_reached` if the run has neither failed nor ended."""
     unfinished = (step.t < t_end) & (step.result == RESULTS.successful)
     return RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)

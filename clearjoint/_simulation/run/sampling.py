@@ -91,8 +91,6 @@ Initial: TypeAlias = tuple[Variables, EntrySpeeds]
 
 
 def initial_with_tangents(family: SystemFamily, t0: Scalar) -> tuple[Initial, Initial]:
-    """Return variables and entry speeds at the start of a run, and their derivatives."""
-
     def initial(system: System, values: Coordinates) -> tuple[Initial, None]:
         state = of_scenes.start(values)
         motion = system.encode(state.bodies)
@@ -111,8 +109,7 @@ def initial_with_tangents(family: SystemFamily, t0: Scalar) -> tuple[Initial, In
 def start_with_tangents(
     method: Method, family: SystemFamily, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
-    """Return the complete state of a run with tangents before its first step. Times are in s, on
-    the clock of the systems, which is zero at `family.origin`."""
+    """Return a run before its first step. Times are in s, on the systems' clock."""
     # Entry speeds and energy ledger, which the initial state may lack, are added by `start`.
     initial, term = initial_with_tangents(family, t0), term_of(method)
     system = family.system()
@@ -128,8 +125,6 @@ def first_tangents(
     t_end: Scalar,
     initial: tuple[Initial, Initial],
 ) -> Tangents:
-    """Return the derivatives of the state before the first step, from those of the `initial`
-    variables and entry speeds."""
     (_, entry_speeds), (y_along, entry_speeds_along) = initial
 
     # The solver of an explicit method has a state of its own: the rates at the start of the step,
@@ -335,8 +330,6 @@ def sampled(
 
 
 def _joined(runs: list[Sampled], count: int) -> Sampled:
-    """Join runs, each with derivatives by some of `count` parameters, to one result."""
-
     def together(*parts: jax.Array) -> jax.Array:
         return jnp.concatenate(parts, axis=-1)[..., :count]
 
@@ -359,8 +352,8 @@ def recorded_run(
     arguments: tuple[PyTree, ...], recorders: dict[str, Recorders], has_states: bool, impacts: bool
 ) -> Sampled:
     """Return the result of `sampled` as NumPy arrays. `arguments`: those before `recorders`;
-    `impacts`: whether all impacts are recorded too, at the key `IMPACTS`. If a buffer has no room
-    for all of them, the run is repeated with larger buffers."""
+    `impacts`: whether all impacts are recorded too, at the key `IMPACTS`. The run is repeated until
+    its buffers have room for them."""
     room = IMPACTS_AT_FIRST
     while True:
         every = {IMPACTS: ImpactRecorder(capacity=room)} if impacts else {}
@@ -374,8 +367,7 @@ def recorded_run(
 
 def padded(times: np.ndarray, end_time: float) -> np.ndarray:
     """Return `times`, (N,) s, with copies of the end time, s, appended until their number is 64,
-    512, 4096 ... (see `FEW_TIMES`). At least one copy is appended, so that the run reaches its end.
-    """
+    512, 4096 ...; at least one, so that the run reaches its end."""
     size = FEW_TIMES
     while size <= len(times):
         size *= GROWTH

@@ -56,11 +56,9 @@ class Saving:
             object.__setattr__(self, "times", _checked(self.times))
 
     def at(self, scene: Scene) -> Numbers | None:
-        """Return the times to save at in a run of a scene; ``None`` if there are none."""
         return _checked(self.times(scene)) if callable(self.times) else self.times
 
     def times_between(self, scene: Scene, start_time: Scalar, end_time: Scalar) -> Numbers | None:
-        """Return the checked times to save at in a run, or ``None`` if there are none."""
         times = self.at(scene)
         return None if times is None else checked_times(start_time, end_time, times, "times")
 
@@ -77,8 +75,6 @@ EXCEPT_TIMES = ("steps", "impacts")
 
 
 def saving_or_nothing(save: Saving | None) -> Saving:
-    """Return `save`, or for ``None`` a `Saving` that requests nothing; raise a `ValueError` for
-    another type."""
     remedy = "pass cj.Saving(times), with times in s"
     require_type("save", save, Saving | None, "a Saving or None", remedy)
     return NOTHING if save is None else save

@@ -42,8 +42,7 @@ class Bracket(NamedTuple):
 
 
 class SectionRecord(eqx.Module):
-    """Record of a section: its `level`, the value of the section's quantity after the latest
-    accepted step, and `rows`, one for each crossing so far."""
+    """The section's `level` after the latest accepted step, and a row for each crossing so far."""
 
     level: Scalar
     rows: RowBuffer
@@ -213,7 +212,6 @@ class Section:
 
     @property
     def pairs(self) -> dict[str, tuple[Quantity, str]]:
-        """The quantity and the unit of each channel, by name."""
         return {
             name: channel
             if isinstance(channel, tuple)
@@ -223,19 +221,16 @@ class Section:
 
     @property
     def recorder(self) -> SectionRecorder:
-        """The recorder of the channels at the crossings in a run."""
         channels = tuple((name, quantity) for name, (quantity, _) in self.pairs.items())
         return SectionRecorder(self.crossing, self._earliest, channels, self.count)
 
     @property
     def state_recorder(self) -> SectionRecorder:
-        """The recorder of the states at the crossings in a run, whose buffer is emptied during the
-        run."""
+        """The recorder of the states at the crossings, whose buffer is emptied during the run."""
         return SectionRecorder(self.crossing, self._earliest, None, ROWS)
 
     def check(self, scene: Scene) -> None:
-        """Check that a scene has the elements that `crossing` and `channels` name, or raise a
-        `ValueError` that begins with "crossing", or with "channel" and its name."""
+        """Raise a `ValueError` if a scene lacks what `crossing` or a channel names."""
         check_quantity("crossing", self.crossing, scene)
         for name, (quantity, _) in self.pairs.items():
             check_quantity(f"channel {name!r}", quantity, scene)

@@ -167,14 +167,12 @@ def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]
 
 
 def ranges(parts: dict[str, Float[np.ndarray, "N bodies components"]]) -> dict[str, float]:
-    """Return the largest range of any component of each array from `columns`, but at least `STILL`,
-    and 1 for orientations."""
+    """Return the largest range of each array, at least `STILL`, and 1 for orientations."""
     sizes = {name: np.max(np.ptp(part, axis=0), initial=STILL) for name, part in parts.items()}
     return {**sizes, "orientation": 1.0}
 
 
 def strobe_of(states: State, phases: int) -> Strobe:
-    """Return a motion of n periods as a table, from states at `phases` instants of each period."""
     parts = columns(states)
     sizes = ranges({name: part[-phases * CONFIRMING :] for name, part in parts.items()})
     whole = [part.reshape(len(part) // phases, -1) for part in parts.values()]
@@ -318,8 +316,7 @@ def settle(
 
 
 def _kind(strobe: Strobe, multiple: int | None, is_last: bool) -> Settling | None:
-    """Return the kind of a motion that moves, after a block of periods; ``None`` if more periods
-    have to be run."""
+    """Return the kind of a motion that moves, or ``None`` if more periods have to be run."""
     if multiple is not None:
         return Settling.PERIODIC
     if not is_last:
@@ -336,7 +333,6 @@ def _block(
     length: float,
     section: Section | None,
 ) -> Solution:
-    """Run a block of periods of the given `length`, s, from a state at a time, s."""
     # `PHASES` states in each of the `BLOCK` periods, the last one at the end.
     times = time + length * np.arange(1, PHASES * BLOCK + 1) / PHASES
     outputs = {}

@@ -43,7 +43,6 @@ class _Watch:
         self.lock = threading.Lock()
 
     def add(self, bar: tqdm) -> None:
-        """Update the text of a bar from now on."""
         with self.lock:
             self.usual[bar] = bar.desc
             # The thread of an earlier bar is used again, since starting one takes a third of the
@@ -53,7 +52,6 @@ class _Watch:
                 self.thread.start()
 
     def remove(self, bar: tqdm) -> None:
-        """Leave a bar as it is from now on."""
         with self.lock:
             del self.usual[bar]
 
@@ -138,8 +136,7 @@ def telling_of_compiling(bar: tqdm) -> Iterator[tqdm]:
 
 
 def compiling_bar(show: bool) -> AbstractContextManager[tqdm]:
-    """Return a context manager that shows the time spent compiling, for a call that reports no
-    progress."""
+    """Show the time spent compiling, for a call that reports no progress."""
     bar = ProgressBar(bar_format="{desc}", delay=2.0, leave=False, disable=not show)
     return telling_of_compiling(bar)
 

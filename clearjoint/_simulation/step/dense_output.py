@@ -80,9 +80,8 @@ def on_constraints(system: System, y: Variables, t: Scalar) -> Variables:
 
 
 def require_dense(solver: diffrax.AbstractSolver) -> None:
-    """Check that the solver of a `Method` is an `UnrolledExplicit`, the only one with which
-    quantities inside steps, and derivatives, are computed, or raise a `ValueError` that names its
-    class."""
+    """Check that a solver is an `UnrolledExplicit`, the only one with which quantities inside
+    steps, and derivatives, are computed, or raise a `ValueError`."""
     is_explicit, kind = isinstance(solver, UnrolledExplicit), type(solver).__name__
     expected = (
         "an explicit Runge-Kutta method for sections, for values inside the steps of a sweep "
@@ -105,28 +104,22 @@ class Snapshot(eqx.Module):
         return Snapshot(step.t, step.y, step.entry_speeds)
 
     def instant(self, system: System, inside: Callable[[Scalar], Instant] | None = None) -> Instant:
-        """Return the snapshot as an `Instant`.
-
-        **Arguments:** `inside`: a function that returns the `Instant` after a part, 0 to 1, of the
-        time of the step that ends here; ``None`` if quantities need no instants inside steps.
-        """
+        """Return the snapshot as an `Instant`. `inside` returns that after a part, 0 to 1, of the
+        time of the step that ends here; ``None`` if quantities need no instants inside steps."""
         y = self.y
         parts = y.motion, self.entry_speeds, y.work, y.bristles, y.memory
         return Instant(system, self.t, *parts, inside)
 
     def state(self, system: System) -> State:
-        """Return the snapshot as a `State` in scalar form."""
         y = self.y
         return State(system.decode(y.motion), self.entry_speeds, y.work, y.bristles, y.memory)
 
     def values(self, system: System, quantities: Mapping[str, Quantity]) -> dict[str, Scalar]:
-        """Return the values of quantities, each in its unit, as arrays of floats."""
         now = self.instant(system)
         return {name: jnp.asarray(of(now), dtype=float) for name, of in quantities.items()}
 
     def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
-        """Return a row of a table of recorded states, by name of the column: the scene's time in s
-        as "time", and the value of each quantity in `channels`, in its unit."""
+        """Return a row of a table of recorded states: the scene's time, s, and the `channels`."""
         now = self.instant(system)
         return {"time": now.time, **{name: quantity(now) for name, quantity in channels.items()}}
 
@@ -143,7 +136,6 @@ class DenseStep(eqx.Module):
 
     @staticmethod
     def of(tried: Attempt) -> "DenseStep":
-        """Return the step of an accepted attempt by an `UnrolledExplicit`."""
         step, inside = tried.step, tried.information
         return DenseStep(
             Snapshot(tried.t_start, inside["y0"], tried.entry_speeds_start),
@@ -162,17 +154,14 @@ class DenseStep(eqx.Module):
         return dense.at(elapsed if self.time_map is None else self.time_map.fraction(elapsed))
 
     def within(self, method: Method, elapsed: Scalar) -> Snapshot:
-        """Return the snapshot after a part `elapsed`, 0 to 1, of the step's time, with the entry
-        speeds of the step's start and without correction by the stabilisation. Raise a `ValueError`
-        if the solver is not an explicit Runge-Kutta method."""
+        """Return the snapshot after a part `elapsed`, 0 to 1, of the time, with the entry speeds of
+        the step's start and without stabilisation."""
         require_dense(method.solver)
         t = self.start.t + elapsed * (self.end.t - self.start.t)
         return Snapshot(t, self.inside(method, elapsed), self.start.entry_speeds)
 
     def at(self, method: Method, system: System, t: Scalar) -> Snapshot:
-        """Return the snapshot at a time t, s, of the step, corrected by the stabilisation. At the
-        end of the step it is the stored `end`; before, it has the entry speeds of
-        `entry_speeds_inside`."""
+        """Return the snapshot at a time t, s, as `look_inside` does."""
         start, end = self.start, self.end
         length = end.t - start.t
         elapsed = (t - start.t) / jnp.where(length > 0.0, length, 1.0)

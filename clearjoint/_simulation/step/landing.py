@@ -26,16 +26,12 @@ rounding errors of the penetration could make it impossible to land in slow cont
 
 
 class Landing(eqx.Module):
-    """Rule by which steps end at the instants where contacts begin and end.
-
-    **Arguments:** `tolerance`: m, largest depth past an event at which a step may end. In slow
-    contacts the allowed depth is smaller, in proportion to the penetration rate (see `LATEST`).
-    """
+    """Rule by which steps end where contacts begin and end. `tolerance`: m, largest depth past an
+    event at which a step may end; smaller in slow contacts (see `LATEST`)."""
 
     tolerance: Scalar
 
     def _depth(self, rate: Scalar) -> Scalar:
-        """Return the depth, m, within which a step must land at a penetration `rate`, m/s."""
         return self.tolerance * jnp.clip(jnp.abs(rate) * (LATEST / self.tolerance), CLOSEST, 1.0)
 
     def time_to_next_event(

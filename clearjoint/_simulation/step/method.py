@@ -68,7 +68,6 @@ class Scheme(eqx.Module):
         return _on_host(vars(settings), redundant)
 
     def system(self, scene: Scene) -> System:
-        """Return the system of equations that a run integrates, for a `scene` in scalar form."""
         return System.prepared(scene, self.formulation)
 
 
@@ -96,8 +95,6 @@ class SystemFamily(eqx.Module):
     is_transposed: bool = eqx.field(default=False, static=True)
 
     def system(self) -> System:
-        """Return the equations of motion for the values of the parameters at which derivatives are
-        taken."""
         scene = self.family.scene(self.family.values)
         return System.prepared(scene, self.formulation, self.origin)
 

@@ -56,15 +56,12 @@ def rotating_bodies(
 
 
 def fastest_rotation(method: Method, system: System, motion: MotionVariables) -> Scalar:
-    """Return the largest rate, rad/s, of the rotations that a step limits."""
     rates = system.formulation.coordinates.rotation_rates(system.scene, motion)
     # Step sizes are not differentiated: the solution does not depend on them.
     return jax.lax.stop_gradient(reduce(larger, [rates[b] for b in sorted(method.rotating)]))
 
 
 def longest_step(method: Method, system: System, step: Step) -> Scalar:
-    """Return the length, s, of a step from `step` in which the fastest rotation is `TARGET` if it
-    is uniform; infinite without rotation."""
     return TARGET / fastest_rotation(method, system, step.y.motion)
 
 

@@ -35,14 +35,12 @@ T = TypeVar("T")
 
 
 def contacts_jump(scene: Scene) -> bool:
-    """Return whether a scene has a contact whose force may jump where the contact begins or
-    ends."""
+    """Return whether a contact force may jump where the contact begins or ends."""
     return any(law.force_jumps for family in scene.laws().values() for law in family.values())
 
 
 def slopes_jump(scene: Scene) -> bool:
-    """Return whether a scene has a contact whose force may have a jump of its slope over the
-    penetration where the contact begins or ends."""
+    """Return whether the slope of a contact force over the penetration may jump there."""
     return any(law.slope_jumps() for family in scene.laws().values() for law in family.values())
 
 
@@ -107,7 +105,6 @@ def constant(tree: T) -> T:
 
 
 def _jumping_contacts(scene: Scene) -> dict[str, list[str]]:
-    """Return the labels of the contacts whose force, or its slope, may jump, by joint name."""
     labels_by_joint = {
         name: [label for label, law in family.items() if law.force_jumps or law.slope_jumps()]
         for name, family in scene.laws().items()
@@ -120,8 +117,7 @@ def _changes(before: ContactGap, after: ContactGap) -> Condition:
 
 
 def any_changes(scene: Scene, before: ContactGaps, after: ContactGaps) -> Condition:
-    """Return whether a contact begins or ends between two instants, of those contacts whose force,
-    or its slope, may jump."""
+    """Return whether a contact whose force, or its slope, may jump begins or ends in between."""
     jumping = _jumping_contacts(scene)
     count = sum(map(len, jumping.values()))
     return any_of(
@@ -210,8 +206,7 @@ def _mean_force(
 
 
 def _multiplied(force: LoadedContact, factor: Scalar) -> LoadedContact:
-    """Return the contact with its forces and its friction moment multiplied by `factor`, and
-    without the rate of its bristles."""
+    """Return the contact with its forces multiplied by `factor`, and without bristle rates."""
     forces = force.normal_force, force.elastic_force, force.friction, force.friction_moment
     # Friction and its moment may be ``None``, which has no leaves.
     normal, elastic, friction, moment = jax.tree.map(lambda number: number * factor, forces)

@@ -166,13 +166,11 @@ class Settings:
 
     @property
     def numbers(self) -> tuple[float | None, ...]:
-        """The settings whose values JAX may trace: `rtol`, `atol`, `first_step` (s) and
-        `landing_tolerance` (m)."""
+        """The settings whose values JAX may trace."""
         return self.rtol, self.atol, self.first_step, self.landing_tolerance
 
     def length_of_first_step(self, start_time: Scalar, end_time: Numbers) -> Numbers:
-        """Return the length of the first step of a run from `start_time` to `end_time`, s; the
-        default has the shape of the end times."""
+        """Return the length of the first step, s; by default in the shape of the end times."""
         if self.first_step is None:
             return FIRST_SHARE * (end_time - start_time)
         return self.first_step
@@ -191,7 +189,6 @@ class Settings:
         require(controller is None, "controller", controller, f"None where {where}", remedy)
 
     def require_double(self) -> None:
-        """Check that `allow_float32` is ``False``, or raise a `ValueError`."""
         expected = "False for sweeps and runs with derivatives"
         remedy = "leave it out, and call clearjoint.configure() first"
         require(not self.allow_float32, "allow_float32", True, expected, remedy)

@@ -51,8 +51,7 @@ class UnrolledExplicit(diffrax.AbstractSolver):
     @property
     @override
     def interpolation_cls(self) -> Callable[..., "DenseOutput"]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Function that returns the dense output of a step. Its arguments are the start and end of
-        the step, `t0` and `t1`, s, and the items of `DenseInformation`."""
+        """Function of `t0`, `t1` and the items of `DenseInformation` that returns dense output."""
         return partial(DenseOutput, self.method)
 
     @override
@@ -73,8 +72,7 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         return terms.vf(t0, y0, args)
 
     def information_like(self, y: PyTree) -> "DenseInformation":
-        """Return a placeholder of the data for dense output of a step of the variables `y`, which a
-        loop needs as its initial value."""
+        """Return a placeholder of the data for dense output, the initial value of a loop."""
         return {"y0": y, "stages": (stacked(y),) * self.method.tableau.num_stages}  # pyright: ignore[reportAttributeAccessIssue]
 
     @override
@@ -89,16 +87,11 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         made_jump: Scalar,
         time_map: AbstractTimeMap | None = None,
     ) -> tuple[Y, Y, DenseInformation, Y, diffrax.RESULTS]:
-        """Compute one step from `t0` to `t1`, s.
-
-        **Arguments:** as in diffrax. Only if `made_jump` is the Python value ``False`` are the
-        rates at `t0` those of `solver_state`; otherwise they are computed again. `time_map`: the
-        elapsed part of the step's time at each stage from the tableau's node; ``None`` if the two
-        are equal.
-
-        **Returns:** as in diffrax; error and data for dense output are `Stacked` if the variables
-        are many.
-        """
+        """Compute one step from `t0` to `t1`, s, with arguments and results as in diffrax. Only if
+        `made_jump` is the Python value ``False`` are the rates at `t0` those of `solver_state`;
+        otherwise they are computed again. `time_map`: the elapsed part of the step's time at each
+        stage; ``None`` if it is the tableau's node. Error and data for dense output are `Stacked`
+        if the variables are many."""
         tableau = _tableau(self.method)
         h = t1 - t0
         start = stacked(y0)
@@ -189,9 +182,6 @@ def _tableau(method: diffrax.AbstractERK) -> diffrax.ButcherTableau:
 
 
 def _advanced(y0: Y, h: Scalar, weights: Weights, stages: Sequence[Y]) -> Y:
-    """Return y0 + h sum of w_i f_i for a step of length h, s, with `weights` w and rates f of the
-    `stages`."""
-
     def advanced(h: Scalar, y: Scalar, *rates: Scalar) -> Scalar:
         return add(y, multiply(h, _weighted(weights, rates)))
 
@@ -199,8 +189,7 @@ def _advanced(y0: Y, h: Scalar, weights: Weights, stages: Sequence[Y]) -> Y:
 
 
 def _weighted(weights: Weights, values: Sequence[Scalar]) -> Scalar:
-    """Return the weighted sum of `values`, without operations for weights of zero; one must not be
-    zero."""
+    """Return the weighted sum of `values`, without operations for weights of zero."""
     pairs = zip(weights, values, strict=True)
     return reduce(add, [multiply(float(w), value) for w, value in pairs if w != 0.0])
 
@@ -272,8 +261,7 @@ def largest_component(tree: PyTree[Scalar]) -> jax.Array:
 
 
 def require_ordinary(solver: diffrax.AbstractSolver) -> None:
-    """Check that a solver integrates ordinary differential equations, given as one term, or raise a
-    `ValueError` that names its class, as for a solver of stochastic equations."""
+    """Check that a solver integrates ordinary differential equations, given as one term."""
     structure, kind = solver.term_structure, type(solver).__name__
     is_ordinary = isinstance(structure, type) and issubclass(diffrax.ODETerm, structure)
     expected = "a solver of ordinary differential equations without splitting"

@@ -31,10 +31,9 @@ a fall from 50 m on a stiffness of 1e13 N/m^1.5 could not be computed."""
 
 
 def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Scalar:
-    """Return the end of the next trial, s. It is the earliest of five times: the proposed end in
-    `step.proposal`, the next breakpoint, the predicted next event of a contact (with
-    `method.landing`), the end of the longest step that `.rotation_limit` allows, and the end
-    `t_end` of the run."""
+    """Return the end of the next trial, s: the earliest of the proposed end, the next breakpoint,
+    the predicted next event of a contact (with `method.landing`), the end of the longest step that
+    `.rotation_limit` allows, and the end `t_end` of the run."""
     t1 = jnp.minimum(step.proposal.t_next, t_end)
     breakpoint = next_breakpoint(system, step.t)
     if breakpoint is not None:
@@ -81,17 +80,15 @@ def lengths_after_contacts(
 
 
 def length_after_breakpoints(step: Step, t1: Scalar, keep: Condition, proposed: Scalar) -> Scalar:
-    """Return `full_length` of the next `Proposal` in a scene without contacts, whose steps
-    breakpoints or `.rotation_limit` may cut short. The arguments are those of
-    `lengths_after_contacts`."""
+    """Return `full_length` of the next `Proposal` in a scene without contacts. The arguments are
+    those of `lengths_after_contacts`."""
     is_cut = t1 - step.t < CUT * step.proposal.full_length
     return jnp.where(keep, _uncut(step.proposal, is_cut, proposed), proposed)
 
 
 def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
-    """Return the length that the next step would have without events, s: the `proposed` one, but
-    after a step that was cut short at least the length that this step would have had without
-    events."""
+    """Return the length of the next step without events, s: the `proposed` one, but after a step
+    that was cut short at least what that step would have had."""
     return jnp.where(is_cut, jnp.maximum(proposed, last.full_length), proposed)
 
 
@@ -156,7 +153,6 @@ def largest(tree: PyTree[Scalar]) -> Scalar:
 
 
 def with_relative_bristles(y: Variables, scene: Scene) -> Variables:
-    """Return variables, or errors of variables, with each bristle deflection, m, divided by the
-    deflection of its contact at full friction."""
+    """Return variables or errors with bristle deflections, m, divided by those at full friction."""
     full = full_deflections(scene)
     return replace(y, bristles=jax.tree.map(lambda z, limit: z / limit, y.bristles, full))

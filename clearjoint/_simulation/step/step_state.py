@@ -181,8 +181,7 @@ class TangentsInside(eqx.Module):
 
 
 def choose(condition: Condition, first: T, second: T) -> T:
-    """Return the PyTree `first` if the scalar `condition` is true, otherwise `second`, leaf by
-    leaf."""
+    """Return `first` if the scalar `condition` is true, otherwise `second`, leaf by leaf."""
     return jax.tree.map(partial(where, condition), first, second)
 
 

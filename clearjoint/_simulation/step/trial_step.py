@@ -80,8 +80,6 @@ def term_of(
 
 
 def error_order(method: Method) -> Single:
-    """Return the order of the solver's error estimate, from which a controller computes step
-    lengths."""
     order = method.solver.error_order(term_of(method))
     assert order is not None, "only solvers of stochastic equations have none"
     return order
@@ -133,7 +131,6 @@ def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | Non
 def try_step(
     method: Method, system: System, step: Step, t1: Scalar, family: SystemFamily | None
 ) -> Trial:
-    """Compute `solved_step`, and have the controller reject a result that is not finite."""
     trial = solved_step(method, system, step, t1, family)
     outcome, tangents = trial.outcome, trial.tangents
     if tangents is None:
@@ -221,8 +218,7 @@ def _without_drift(
 
 
 def _or_rejected(finite: Condition, outcome: SolverStep, y: Variables) -> SolverStep:
-    """Return the result of a step unchanged if it is `finite`; otherwise with the variables `y`, of
-    the start of the step, and with an error that lets the controller reject the trial."""
+    """Replace a result that is not `finite` by the variables `y` and an error that is rejected."""
     error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), outcome.error)
     return replace(outcome, y=choose(finite, outcome.y, y), error=error)
 
@@ -260,7 +256,6 @@ def all_finite(tree: PyTree[Scalar]) -> Condition:
 
 
 def _pairwise_sum(terms: list[Scalar]) -> Scalar:
-    """Return the sum of numbers, added by halves, so that a processor can do independent additions
-    at the same time."""
+    """Add by halves, so that a processor can do independent additions at the same time."""
     middle = len(terms) // 2
     return _pairwise_sum(terms[:middle]) + _pairwise_sum(terms[middle:]) if middle else terms[0]
