@@ -403,16 +403,11 @@ class Compiled(Generic[Arguments, Result]):
         return sum(compiled._cached._cache_size() for compiled in made if compiled is not None)
 
 
-_NEEDS_JAX = (
-    ArithmeticError,
-    AttributeError,
-    LookupError,
-    NotImplementedError,
-    TypeError,
-    ValueError,
-)
-"""Errors of functions that NumPy cannot compute; those of JAX are subclasses. Others are raised at
-once: a handler of signals may raise one, for instance `TimeoutError` to end a run."""
+USUAL_ERRORS = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
+"""Errors by which a function or value shows that it is not of the kind that is tried. No wider
+class is caught: a handler of signals may raise an error, such as `TimeoutError`, to end a run."""
+_NEEDS_JAX = (*USUAL_ERRORS, NotImplementedError)
+"""Errors of functions that NumPy cannot compute; those of JAX are subclasses."""
 
 
 class HostFirst(Generic[Arguments, Result]):

@@ -30,21 +30,8 @@ from .._math.vectors import ConstantFolded, fold_constants
 from . import control, indexing, linear_algebra, structure
 from .alike_calls import CALLS_AT_ONCE, join_alike_calls
 from .cells import Cells, Memory, Region
-from .lowering import (
-    LARGEST_UNROLLED,
-    LONGEST_PACKED,
-    Lowering,
-    UnsupportedPrimitiveError,
-    aval_of,
-)
-from .machine_code import (
-    Code,
-    RecentPrograms,
-    Stopwatch,
-    is_weak,
-    load,
-    load_or_make,
-)
+from .lowering import LARGEST_UNROLLED, LONGEST_PACKED, Lowering, UnsupportedPrimitiveError, aval_of
+from .machine_code import Code, RecentPrograms, Stopwatch, is_weak, load, load_or_make
 from .operations import Number, Operations
 
 RULES = structure.RULES | indexing.RULES | control.RULES | linear_algebra.RULES
@@ -75,10 +62,7 @@ class NativeProgram:
     """
 
     def __init__(
-        self,
-        closed: core.ClosedJaxpr,
-        tangents: int = 0,
-        stopwatch: Stopwatch | None = None,
+        self, closed: core.ClosedJaxpr, tangents: int = 0, stopwatch: Stopwatch | None = None
     ):
         stopwatch = Stopwatch() if stopwatch is None else stopwatch
         outs = closed.jaxpr.outvars

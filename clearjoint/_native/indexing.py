@@ -238,12 +238,7 @@ def _fill_value(fill_value: object, dtype: np.dtype) -> float | int | bool:
 
 
 def _scatter(
-    lower: Lowering,
-    equation: Equation,
-    array: Array,
-    indices: Array,
-    updates: Array,
-    name: str,
+    lower: Lowering, equation: Equation, array: Array, indices: Array, updates: Array, name: str
 ) -> list[Array]:
     """Return an array in which updates replace elements, or are combined with them (see
     `jax.lax.scatter`).

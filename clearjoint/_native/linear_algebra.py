@@ -9,15 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from .elementwise import convert
-from .lowering import (
-    Array,
-    Equation,
-    EquationRule,
-    InMemory,
-    Lowering,
-    aval_of,
-    kind_of,
-)
+from .lowering import Array, Equation, EquationRule, InMemory, Lowering, aval_of, kind_of
 from .operations import Symbol, Value
 
 Term = Callable[[Symbol], Symbol]

@@ -34,6 +34,7 @@ from .._compilation.digests import LONG, digest
 from .._compilation.package_code import ChangedCodeError, source_digest
 from .._compilation.plain_values import VERSIONED, NotPlainError, digest_of
 from .._compilation.program_store import ProgramStore, cache_in_use, system_errors_suppressed
+from .._compilation.xla import USUAL_ERRORS
 from .cells import Memory, Region
 from .llvm_text import llvm_text
 from .lowering import Lowering, UnsupportedPrimitiveError
@@ -54,29 +55,9 @@ _IRRELEVANT = ("cache_dir", "persistent_cache", "compilation_cache", "log", "tra
 """Programs do not depend on settings of JAX whose names contain one of these texts."""
 
 
-_NOT_PICKLED = (
-    ArithmeticError,
-    AttributeError,
-    EOFError,
-    ImportError,
-    LookupError,
-    RecursionError,
-    TypeError,
-    ValueError,
-    pickle.PickleError,
-)
-"""Errors of a program that cannot be pickled, and of a file of another version when it is read. No
-wider class is suppressed: a handler of signals may raise an error in between, to end a run."""
-_NOT_DESCRIBED = (
-    ArithmeticError,
-    AttributeError,
-    ChangedCodeError,
-    LookupError,
-    NotPlainError,
-    RecursionError,
-    TypeError,
-    ValueError,
-)
+_NOT_PICKLED = (*USUAL_ERRORS, EOFError, ImportError, RecursionError, pickle.PickleError)
+"""Errors of a program that cannot be pickled, and of a file of another version when it is read."""
+_NOT_DESCRIBED = (*USUAL_ERRORS, ChangedCodeError, NotPlainError, RecursionError)
 MOST_PROGRAMS = 256
 """Largest number of programs that `RecentPrograms` holds."""
 
@@ -284,9 +265,7 @@ def _store() -> ProgramStore | None:
 
 
 def load_or_make(
-    function: Callable[..., PyTree],
-    arguments: tuple[PyTree, ...],
-    make: Callable[[], Program],
+    function: Callable[..., PyTree], arguments: tuple[PyTree, ...], make: Callable[[], Program]
 ) -> Program:
     """Load the program of a function from disk, or make and save it.
 

@@ -567,10 +567,7 @@ class Operations:
         return {"p": self.packed, "v": self.calls_at_once}.get(kind[1:], 1)
 
     def branch(
-        self,
-        condition: Value,
-        yes: Callable[[], list[Value]],
-        no: Callable[[], list[Value]],
+        self, condition: Value, yes: Callable[[], list[Value]], no: Callable[[], list[Value]]
     ) -> list[Value]:
         """Add a branch and return its values. `yes` and `no` add the entries of a block, and return
         values of the same kinds."""

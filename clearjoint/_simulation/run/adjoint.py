@@ -39,12 +39,7 @@ from .host_run import end_of
 from .outputs import REDUCTIONS
 from .recorders import ReductionRecorder, RowBuffer
 from .run_loop import AbstractRecorder, Progress, RunLoop, RunStart, StepOutcome
-from .sampling import (
-    first_step_of,
-    first_tangents,
-    initial_with_tangents,
-    values_and_derivatives,
-)
+from .sampling import first_step_of, first_tangents, initial_with_tangents, values_and_derivatives
 
 ROWS = 1024
 """Number of accepted steps in a segment of the run, and in a call of the backward loop."""

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import reduce
 from operator import and_
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, TypeAlias, TypeVar
 
 import equinox.internal as eqxi
 import jax
@@ -70,11 +70,8 @@ class Status(NamedTuple):
     result: RESULTS
 
 
-class SavedRows(NamedTuple):
-    """The state of a run, in scalar form, and values of quantities, at one or more times."""
-
-    state: State
-    values: dict[str, Numbers]
+SavedRows: TypeAlias = tuple[State, dict[str, Numbers]]
+"""The state of a run, in scalar form, and values of quantities, at one or more times."""
 
 
 def begin(
@@ -119,7 +116,7 @@ def segment(
         # motion. The state there is interpolated.
         now = loop.until(time, now, attempts, _has_room)
         inside = look_inside(method, system, now.records[LATEST], time)
-        samples = SavedRows(inside.state(system), inside.values(system, quantities))
+        samples = inside.state(system), inside.values(system, quantities)
         return now, (samples, jnp.asarray(time <= now.step.t))
 
     now, saved = Progress(step, records), None

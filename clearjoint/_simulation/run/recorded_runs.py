@@ -339,7 +339,11 @@ def _recorded(recorder: Recorder, at: PyTree) -> _Recording:
     own_end, limit = float(run.end - run.origin), int(run.max_steps)
     step, tallies = adjoint.begun(run, at)
     segments: list[_Segment] = []
-    while float(step.t) < own_end and int(step.attempts) < limit and _is_well(step):
+    while (
+        float(step.t) < own_end
+        and int(step.attempts) < limit
+        and result_number(step.result) == SUCCESSFUL
+    ):
         after, tallies, buffer = adjoint.segment(run, at, step, tallies)
         rows = np.asarray(buffer.filled())
         kept += rows.nbytes
@@ -349,10 +353,6 @@ def _recorded(recorder: Recorder, at: PyTree) -> _Recording:
         # The leaves are views of the memory of a whole call.
         step = jax.tree.map(np.array, after)
     return _Recording(segments, step, tallies)
-
-
-def _is_well(step: Step) -> bool:
-    return result_number(step.result) == SUCCESSFUL
 
 
 def _without_rows(segment: _Segment, times: np.ndarray) -> _Segment:
@@ -432,16 +432,14 @@ class _RunningLane:
     number: int
     rows: list[np.ndarray] = field(default_factory=list)
 
-    def bytes_kept(self) -> int:
-        return sum(rows.nbytes for rows in self.rows)
-
 
 def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Recording]:
     """Record runs side by side, except those that are too long to be kept, by their numbers."""
     run, own = recorder.run, Cells(values[0])
     recordings: dict[int, _Recording] = {}
     begin_rows = _begun_lane.native.bound(run, values[0])
-    numbers, cells = own.rows(_stacked(values)), begin_rows.results
+    stacked = jax.tree.map(lambda *leaves: np.stack(leaves), *values)
+    numbers, cells = own.rows(stacked), begin_rows.results
     first = cells.tree(begin_rows(numbers[:1])[0])
     loop = made_lane_loop(_stepped_lane, _status_of_lane, (run, values[0], first))
     # Cells, in a lane's column, of the buffer of accepted steps: its rows and their count.
@@ -465,7 +463,7 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
         integers[count_at] = 0
         # The run goes on with an empty buffer, unless it has too many steps to be kept.
         if integers[runs_at]:
-            return lane.bytes_kept() <= KEPT_BYTES
+            return sum(rows.nbytes for rows in lane.rows) <= KEPT_BYTES
         last = cells.tree(column[loop.state_cells])
         rows = np.concatenate(lane.rows)
         # All rows are kept, so that no segment is computed again from a `start`.
@@ -476,10 +474,6 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
 
     _through(loop, run, [_RunningLane(k) for k in range(len(values))], begin, serve)
     return recordings
-
-
-def _stacked(trees: Sequence[PyTree]) -> PyTree:
-    return jax.tree.map(lambda *leaves: np.stack(leaves), *trees)
 
 
 @dataclass

@@ -91,30 +91,18 @@ Initial: TypeAlias = tuple[Variables, EntrySpeeds]
 
 
 def initial_with_tangents(family: SystemFamily, t0: Scalar) -> tuple[Initial, Initial]:
-    def initial(system: System, values: Coordinates) -> tuple[Initial, None]:
+    def initial(system: System, values: Coordinates) -> Initial:
         state = of_scenes.start(values)
         motion = system.encode(state.bodies)
         memory = initial_memories(system, motion, t0, state.memory)
         y = Variables(motion, {}, initial_bristles(system.scene, state.bristles), memory)
-        return jax.tree.map(jnp.asarray, (y, state.entry_speeds)), None
+        return jax.tree.map(jnp.asarray, (y, state.entry_speeds))
 
     # `with_derivatives` evaluates a function of the system, and differentiates it along directions
     # of the parameters. For this it takes the derivatives of the function's other arguments, which
     # for the parameters themselves are these directions.
     of_scenes = family.family
-    first, _, along = family.with_derivatives(initial, (of_scenes.values,), (of_scenes.seeds,))
-    return first, along
-
-
-def start_with_tangents(
-    method: Method, family: SystemFamily, t0: Scalar, t_end: Scalar, first_step: Scalar
-) -> Step:
-    """Return a run before its first step. Times are in s, on the systems' clock."""
-    # Entry speeds and energy ledger, which the initial state may lack, are added by `start`.
-    initial, term = initial_with_tangents(family, t0), term_of(method)
-    system = family.system()
-    step = start(method, term, system, t0, t_end, first_step, *initial[0], derivatives=True)
-    return replace(step, tangents=first_tangents(method, term, family, step, t_end, initial))
+    return family.with_derivatives(initial, (of_scenes.values,), (of_scenes.seeds,))
 
 
 def first_tangents(
@@ -130,10 +118,8 @@ def first_tangents(
     # The solver of an explicit method has a state of its own: the rates at the start of the step,
     # which depend on the parameters too. The solver's `init` ignores the end of the first step, so
     # any later time may be passed.
-    def solver_state(
-        system: System, y: Variables, entry_speeds: EntrySpeeds
-    ) -> tuple[SolverState, None]:
-        return method.solver.init(term, step.t, t_end, y, (system, entry_speeds)), None
+    def solver_state(system: System, y: Variables, entry_speeds: EntrySpeeds) -> SolverState:
+        return method.solver.init(term, step.t, t_end, y, (system, entry_speeds))
 
     # The energy ledger does not depend on the parameters at the start.
     none = jnp.zeros(family.family.tangents)
@@ -141,16 +127,14 @@ def first_tangents(
 
     # The entry speed of a contact that begins at the start is its penetration rate there, which
     # depends on the parameters like that of a later onset.
-    def completed(
-        system: System, y: Variables, entry_speeds: EntrySpeeds
-    ) -> tuple[EntrySpeeds, None]:
+    def completed(system: System, y: Variables, entry_speeds: EntrySpeeds) -> EntrySpeeds:
         gaps = system.contact_gaps(y.motion)
-        return initial_entry_speeds(system.scene, gaps, entry_speeds, step.second_rates), None
+        return initial_entry_speeds(system.scene, gaps, entry_speeds, step.second_rates)
 
-    _, _, entry_speeds_along = family.with_derivatives(
+    _, entry_speeds_along = family.with_derivatives(
         completed, (step.y, entry_speeds), (y_along, entry_speeds_along)
     )
-    _, _, state_along = family.with_derivatives(
+    _, state_along = family.with_derivatives(
         solver_state, (step.y, step.entry_speeds), (y_along, entry_speeds_along)
     )
     return Tangents(y_along, entry_speeds_along, state_along)
@@ -192,16 +176,13 @@ def values_and_derivatives(
     dense = inside.y, inside.entry_speeds
     along = look_at_tangents(method, systems.system(), tried, time, inside.entry_speeds)
 
-    def observed(
-        system: System, y: Variables, entry_speeds: EntrySpeeds
-    ) -> tuple[dict[str, Scalar], None]:
+    def observed(system: System, y: Variables, entry_speeds: EntrySpeeds) -> dict[str, Scalar]:
         # The variables from `look_inside` are corrected already, but their derivatives from
         # `look_at_tangents` are not. The correction is repeated here, where it is differentiated.
         now = Snapshot(time, stabilised(system, y, time), entry_speeds)
-        return now.values(system, quantities), None
+        return now.values(system, quantities)
 
-    values, _, derivatives = systems.with_derivatives(observed, dense, along)
-    return values, derivatives
+    return systems.with_derivatives(observed, dense, along)
 
 
 def first_step_of(
@@ -209,8 +190,13 @@ def first_step_of(
 ) -> Step:
     # The clock of the run is zero at its start. Steps that end at impacts need a resolution finer
     # than the rounding errors of large times.
-    systems = SystemFamily(family, scheme.formulation, t0)
-    return start_with_tangents(scheme.method, systems, jnp.zeros_like(t0), t_end - t0, first_step)
+    systems, method = SystemFamily(family, scheme.formulation, t0), scheme.method
+    own_start, own_end = jnp.zeros_like(t0), t_end - t0
+    initial, term = initial_with_tangents(systems, own_start), term_of(method)
+    # Entry speeds and energy ledger, which the initial state may lack, are added by `start`.
+    span = own_start, own_end, first_step
+    step = start(method, term, systems.system(), *span, *initial[0], derivatives=True)
+    return replace(step, tangents=first_tangents(method, term, systems, step, own_end, initial))
 
 
 def _sampled_from(
@@ -259,6 +245,9 @@ def _sampled_from(
     # Index of the first of equal times, of which the quantities are copied.
     firsts = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
     values, derivatives = jax.tree.map(lambda leaf: leaf[firsts], sampled)
+    # Nothing is amplified if no position depends on the parameter.
+    peak: TangentPeak = records[PEAK]
+    positions = jnp.where(peak.positions > 0.0, peak.positions, jnp.inf)
     return Sampled(
         values=values,
         derivatives=derivatives,
@@ -270,14 +259,8 @@ def _sampled_from(
         accepted=step.accepted,
         states=states,
         records={name: records[name] for name in recorders},
-        amplification=_amplification(step, records[PEAK]),
+        amplification=peak.size * (step.t - peak.time) / positions,
     )
-
-
-def _amplification(step: Step, peak: TangentPeak) -> jax.Array:
-    # Nothing is amplified if no position depends on the parameter.
-    positions = jnp.where(peak.positions > 0.0, peak.positions, jnp.inf)
-    return peak.size * (step.t - peak.time) / positions
 
 
 def _scanned(

@@ -235,11 +235,7 @@ def _controller_decision(method: Method, system: System, step: Step, trial: Tria
 
 
 def _result(
-    system: System,
-    step: Step,
-    trial: Trial,
-    decision: _Decision,
-    t_end: Scalar,
+    system: System, step: Step, trial: Trial, decision: _Decision, t_end: Scalar
 ) -> RESULTS:
     """Return the result code of the run after a trial step. If several checks fail, the last of
     these decides: the step is too small, a journal is too deep in the wall, a driver or ideal joint

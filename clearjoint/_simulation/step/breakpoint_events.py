@@ -26,12 +26,7 @@ from ..._dynamics.breakpoints import (
 from ..._dynamics.contact_forces import EntrySpeeds
 from ..._dynamics.coordinates import MotionVariables
 from ..._dynamics.kinds import Kinds
-from ..._dynamics.sampled_forces import (
-    HeldForce,
-    sampled_forces,
-    updated_memory,
-    with_forces,
-)
+from ..._dynamics.sampled_forces import HeldForce, sampled_forces, updated_memory, with_forces
 from ..._dynamics.system import System
 from ..._math.vectors import Condition, Scalar
 from ..._model.bodies import NO_WRENCH, Wrench

@@ -100,6 +100,18 @@ class SystemFamily(eqx.Module):
 
     def with_derivatives(
         self,
+        function: Callable[..., Value],
+        primals: tuple[PyTree, ...],
+        tangents: tuple[PyTree, ...],
+    ) -> tuple[Value, Value]:
+        """Return the value of a function, as in `with_auxiliary`, and its derivatives."""
+        value, _, derivatives = self.with_auxiliary(
+            lambda *arguments: (function(*arguments), None), primals, tangents
+        )
+        return value, derivatives
+
+    def with_auxiliary(
+        self,
         function: Callable[..., tuple[Value, Auxiliary]],
         primals: tuple[PyTree, ...],
         tangents: tuple[PyTree, ...],

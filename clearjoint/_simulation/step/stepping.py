@@ -254,15 +254,14 @@ def accepted_state(
         # the step.
         def entry_speeds_after(
             system: System, y1: Variables, entry_speeds: EntrySpeeds
-        ) -> tuple[EntrySpeeds, None]:
+        ) -> EntrySpeeds:
             after = system.contact_gaps(y1.motion)
-            scene = system.scene
-            return updated_entry_speeds(scene, entry_speeds, before, after, second_rates), None
+            return updated_entry_speeds(system.scene, entry_speeds, before, after, second_rates)
 
         # The derivatives are taken at the solver's result and not at the corrected one, because the
         # entry speeds were computed from the solver's result.
         at, along = (trial.outcome.y, step.entry_speeds), (at_end.y, at_start.entry_speeds)
-        _, _, entry_speed_tangents = family.with_derivatives(entry_speeds_after, at, along)
+        _, entry_speed_tangents = family.with_derivatives(entry_speeds_after, at, along)
         tangents = Tangents(y_tangents, entry_speed_tangents, at_end.solver_state)
     return replace(
         step,
@@ -314,10 +313,7 @@ def _across_discontinuities(
             return correction(system, y, step.entry_speeds), None
         assert step.tangents is not None
         tangents = along, step.tangents.entry_speeds
-        y, _, along = family.with_derivatives(
-            lambda *arguments: (correction(*arguments), None), (y, step.entry_speeds), tangents
-        )
-        return y, along
+        return family.with_derivatives(correction, (y, step.entry_speeds), tangents)
 
     def contacts_corrected(system: System, y: Variables, entry_speeds: EntrySpeeds) -> Variables:
         # The forces are those before a breakpoint at the end; `across_breakpoints` needs those on

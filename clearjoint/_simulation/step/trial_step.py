@@ -195,7 +195,7 @@ def solved_step(
         # included, is the same step of the variational equations.
         assert step.tangents is not None
         along = step.tangents.y, step.tangents.entry_speeds, step.tangents.solver_state
-        outcome, result, tangents = family.with_derivatives(advance, start, along)
+        outcome, result, tangents = family.with_auxiliary(advance, start, along)
     gaps = system.contact_gaps(outcome.y.motion)
     return Trial(t1, time_map, outcome, tangents, gaps, jnp.asarray(True), result)
 

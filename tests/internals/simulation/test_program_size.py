@@ -16,9 +16,9 @@ from clearjoint._parametrisation.parameter import coordinates_of
 from clearjoint._parametrisation.parametrised_scene import parametrised
 from clearjoint._simulation.run.host_run import begin
 from clearjoint._simulation.run.run_checks import derivative_scheme
-from clearjoint._simulation.run.sampling import start_with_tangents
+from clearjoint._simulation.run.sampling import first_step_of
 from clearjoint._simulation.step import stepping
-from clearjoint._simulation.step.method import Scheme, SystemFamily
+from clearjoint._simulation.step.method import Scheme
 from clearjoint._simulation.step.step_state import Variables
 from clearjoint._simulation.step.stepping import MANY_OPERATIONS, shapes_of
 from clearjoint._simulation.step.trial_step import rates_of
@@ -55,9 +55,8 @@ def _begun_with_derivatives(scene, state):
     values = jnp.asarray(coordinates_of(scene, state, parameters))
     family = parametrised(scene, state, parameters, values)
     scheme = derivative_scheme(scene, state, cj.presets.derivatives)
-    systems = SystemFamily(family, scheme.formulation)
     eqx.filter_eval_shape(
-        lambda systems, *span: start_with_tangents(scheme.method, systems, *span).t, systems, *SPAN
+        lambda family, *span: first_step_of(scheme, family, *span).t, family, *SPAN
     )
 
 
