@@ -31,15 +31,11 @@ _began: dict[int, float | None] = {}
 at which it began to compile a program, or ``None`` if it has not."""
 CALLS = {
     "jit": "jaxpr",
-    "pjit": "jaxpr",
     "closed_call": "call_jaxpr",
-    "core_call": "call_jaxpr",
     "eval_jaxpr": "call_jaxpr",
-    "checkpoint": "jaxpr",
     "remat2": "jaxpr",
     "custom_jvp_call": "call_jaxpr",
     "custom_vjp_call": "call_jaxpr",
-    "custom_vjp_call_jaxpr": "fun_jaxpr",
 }
 """Primitives that only call a jaxpr, each with the name of its parameter that holds this jaxpr."""
 

@@ -37,7 +37,7 @@ FLOAT_OPERATIONS = {
 """Operations of floats to which the rules of these primitives lead. Most operations of a program
 are among them, and `Symbol`s would take half of the time that it takes to add them."""
 
-IDENTITIES = ("copy", "copy_p", "stop_gradient", "optimization_barrier")
+IDENTITIES = ("copy", "stop_gradient", "optimization_barrier")
 """Primitives whose results are their arguments."""
 
 

@@ -200,7 +200,7 @@ def repeated_calls(jaxpr: core.Jaxpr) -> dict[int, RepeatedCall]:
     # Calls of the same jaxpr share one object for it.
     groups: dict[int, list[Equation]] = {}
     for equation in jaxpr.eqns:
-        if equation.primitive.name in ("jit", "pjit"):
+        if equation.primitive.name == "jit":
             groups.setdefault(id(equation.params["jaxpr"].jaxpr), []).append(equation)
     calls: dict[int, RepeatedCall] = {}
     for equations in groups.values():

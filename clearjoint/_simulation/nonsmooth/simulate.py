@@ -41,11 +41,7 @@ from .contact_problem import require_restitution, restitutions
 from .moreau_jean import SOLVED, Rigid, advance
 
 DRIVER_TOLERANCE = 1e-5
-"""Tolerance within which a driver, a constraint that prescribes a motion as a function of time,
-must be smooth over a step: the change of its rate must agree with the integral of its second time
-derivative, relative to a measure of the magnitude of the rate, and the change of its value with the
-integral of its rate, relative to this measure times the step's length. For a smooth driver, both
-differences are far smaller."""
+"""Tolerance of `drivers_are_smooth`, far above the differences of smooth drivers."""
 
 
 class RigidRun(eqx.Module):

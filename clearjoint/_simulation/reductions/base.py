@@ -216,18 +216,9 @@ class Window:
 
 
 class AbstractWindowedReduction(AbstractReduction):
-    """Base class of reductions over a window of time. Subclasses get the window, a `TimeSpan`, from
-    `self._window(now)`, where `now` is any instant of the run.
-
-    **Arguments:** `after`, `until`: s, start, inclusive, and end, exclusive, of the window; by
-    default those of the run. Each may also be a function of the scene that JAX can trace, such as
-    ``lambda scene: 2 * pi / scene.joints["drive"].speed``, for a window of its own in each run of a
-    sweep. Of a step that crosses an edge of the window, only the part inside counts. Results are
-    NaN if the run ended before the window.
-
-    **Raises:** `ValueError` if `after` or `until` is NaN or not a single number, or `until` is not
-    later than `after`.
-    """
+    """Base class of reductions over a window of time, from `after` to `until` (see `Peak`).
+    Subclasses get the window, a `TimeSpan`, from `self._window(now)`, where `now` is any instant of
+    the run."""
 
     after: Instants = eqx.field(default=None, static=True, converter=optional_time, kw_only=True)
     until: Instants = eqx.field(default=None, static=True, converter=optional_time, kw_only=True)

@@ -25,13 +25,7 @@ GAUSS_WEIGHTS = (5 / 18, 8 / 18, 5 / 18)
 
 
 class AbstractQuantityReduction(AbstractWindowedReduction):
-    """Base class of reductions of one quantity over a window of time.
-
-    **Arguments:** `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit;
-    `after`, `until`: as in `AbstractWindowedReduction`.
-
-    **Raises:** `ValueError` if `quantity` is not a function.
-    """
+    """Base class of reductions of one quantity over a window of time."""
 
     quantity: Quantity = eqx.field(static=True)
     unit: str = eqx.field(static=True)

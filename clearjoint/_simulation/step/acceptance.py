@@ -32,12 +32,8 @@ Flag: TypeAlias = Bool[Any, ""]
 """A truth value, (), annotated as in diffrax."""
 
 DRIVER_TOLERANCE = 3.0
-"""Tolerance within which a driver must be smooth over a step, as a multiple of the relative
-tolerance of the step-size controller. A driver is smooth if the change of its rate over the step
-agrees with the integral of its second time derivative, within the tolerance times the driver's
-speed, and the change of its value with the integral of its rate, within the tolerance times this
-speed times the step's length. The integrals are computed by a quadrature, and the factor leaves
-room for its error."""
+"""Tolerance of `drivers_are_smooth`, as a multiple of the relative tolerance of the step-size
+controller. It leaves room for the error of the quadrature there."""
 SHORTER = 0.2
 """Length of the next trial, relative to the last one, after a trial that is rejected because a
 driver is not smooth. It is also the smallest factor by which diffrax's PID controller shortens a
@@ -132,10 +128,9 @@ def decide_step(
 def _with_smooth_drivers(
     decision: _Decision, method: Method, system: System, step: Step, trial: Trial
 ) -> _Decision:
-    """Repeat a trial over which a driver is not smooth. The equations of motion use only second
-    time derivatives of a driver, at the solver's stages. A kink or jump between stages does not
-    change the error estimate, so it is checked separately. If no breakpoint declares it, the steps
-    towards it become shorter and shorter, until `_result` stops the run."""
+    """Repeat a trial over which a driver is not smooth (see `drivers_are_smooth`). If no breakpoint
+    declares a kink or jump, the steps towards it become shorter and shorter, until `_result` stops
+    the run."""
     rtol = DRIVER_TOLERANCE * _relative_tolerance(method.controller)
     smooth = drivers_are_smooth(system, trial.outcome.y.motion, step.t, trial.t1, rtol)
     if smooth is None:

@@ -60,10 +60,8 @@ MANY_OPERATIONS = 50_000
 """Number of operations in the equations of motion above which `shapes_of` warns, because compiling
 takes half a minute or more.
 
-Native code, in which a large right-hand side is one function for all stages, took 2, 5 and 23 s of
-processor time for chains of 12, 24 and 48 ideal revolute joints about parallel axes (2800, 11 000
-and 55 000 operations). XLA took 53 and 264 s for the first two chains, and more than 8 GB of memory
-for the last.
+For chains of 12, 24 and 48 ideal revolute joints (2800, 11 000 and 55 000 operations), native code
+took 2, 5 and 23 s; XLA 53 and 264 s for the first two, and more than 8 GB for the last.
 """
 
 
