@@ -112,7 +112,7 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
 
         **Raises:** `ValueError` if no states were saved.
         """
-        remedy = "pass times to simulate_nonsmooth()"
+        remedy = "pass save=Saving(times) to simulate_nonsmooth()"
         require(self.saved is not None, "solution", "without saved states", "with some", remedy)
         assert self.saved is not None and self.history is not None and self.saved_count is not None
         dataset = self.saved.to_xarray()

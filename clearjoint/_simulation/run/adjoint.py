@@ -20,7 +20,7 @@ from jaxtyping import PyTree
 from typing_extensions import override
 
 from ..._compilation import traced_once
-from ..._math.vectors import Condition, Scalar
+from ..._math.vectors import Scalar
 from ..._model.bodies import State
 from ..._native import Native
 from ..._parametrisation.parametrised_scene import DirectedScene
@@ -46,50 +46,16 @@ ROWS = 1024
 Values = dict[str, Numbers]
 
 
-class StepRow(NamedTuple):
-    """What is recorded of an accepted step: all of the `Step` before it that its derivative needs,
-    and `t1`, the time of its end, s since the start of the run."""
-
-    t: Scalar
-    y: PyTree
-    entry_speeds: PyTree
-    contact_gaps: PyTree
-    second_rates: PyTree
-    solver_state: PyTree
-    begins_contact: Condition
-    time_since_onset: Scalar
-    made_jump: Condition
-    t1: Scalar
-
-    @staticmethod
-    def of(step: Step, t1: Scalar) -> "StepRow":
-        p = step.proposal
-        assert p.time_since_onset is not None
-        return StepRow(
-            *(step.t, step.y, step.entry_speeds, step.contact_gaps, step.second_rates),
-            *(step.solver_state, p.begins_contact, p.time_since_onset, p.made_jump, t1),
-        )
-
-    def step(self, example: Step) -> Step:
-        """Return the `Step` before the recorded one, without tangents; what the derivative does not
-        need is that of an `example`."""
-        proposal = replace(
-            example.proposal,
-            begins_contact=self.begins_contact,
-            time_since_onset=self.time_since_onset,
-            made_jump=self.made_jump,
-        )
-        return replace(
-            example,
-            t=self.t,
-            y=self.y,
-            entry_speeds=self.entry_speeds,
-            contact_gaps=self.contact_gaps,
-            second_rates=self.second_rates,
-            solver_state=self.solver_state,
-            proposal=proposal,
-            tangents=None,
-        )
+def step_row(step: Step, t1: Scalar) -> tuple[Step, Scalar]:
+    """Return what is recorded of an accepted step: the `Step` before it, with ``None`` in place of
+    all that its derivative does not need, and the time of its end, s since the start of the run."""
+    proposal = replace(
+        step.proposal, t_next=None, full_length=None, entry_length=None, controller_state=None
+    )
+    needed = replace(
+        step, proposal=proposal, result=None, attempts=None, accepted=None, tangents=None
+    )
+    return needed, t1
 
 
 def in_one_array(tree: PyTree) -> jax.Array:
@@ -112,19 +78,19 @@ def like(example: PyTree, numbers: Numbers) -> PyTree:
 
 
 class AcceptedSteps(AbstractRecorder[RowBuffer[jax.Array]]):
-    """Recorder of the accepted steps as `StepRow`s, into a buffer that the caller must empty."""
+    """Recorder of the accepted steps by `step_row`, into a buffer that the caller must empty."""
 
     capacity: int = eqx.field(static=True)
 
     @override
     def start(self, start: RunStart) -> RowBuffer[jax.Array]:
-        return RowBuffer.like(in_one_array(StepRow.of(start.step, start.step.t)), self.capacity)
+        return RowBuffer.like(in_one_array(step_row(start.step, start.step.t)), self.capacity)
 
     @override
     def after(
         self, record: RowBuffer[jax.Array], step_outcome: StepOutcome
     ) -> RowBuffer[jax.Array]:
-        row = StepRow.of(step_outcome.before, step_outcome.after.t)
+        row = step_row(step_outcome.before, step_outcome.after.t)
         return record.with_row(in_one_array(row), step_outcome.accepted)
 
 
@@ -223,8 +189,9 @@ def _linear_step(
 
 
 def _row_of(example: Step, row: jax.Array) -> tuple[Step, Scalar]:
-    parts = like(StepRow.of(replace(example, tangents=None), example.t), row)
-    return parts.step(example), parts.t1
+    """Return the recorded `Step`, with what is not recorded from an example, and its end."""
+    recorded, t1 = like(step_row(example, example.t), row)
+    return eqx.combine(recorded, replace(example, tangents=None)), t1
 
 
 @Native
@@ -341,7 +308,7 @@ class Pulled(NamedTuple):
 class PulledSteps(NamedTuple):
     """Steps through which cotangents are pulled back.
 
-    - `rows`: (M, n), a `StepRow` for each step.
+    - `rows`: (M, n), a `step_row` for each step.
     - `added`: (A, m), cotangents of the `StepTangents` of some steps; the first row has zeros.
     - `places`: (M,), for each step the index of its row in `added`, 0 for none.
     """
@@ -388,7 +355,7 @@ def pulled_start(
     run: Adjoint, values: PyTree, example: Step, row: Numbers, cotangents: Tangents
 ) -> PyTree:
     """Pull `cotangents` back through the map from the direction of the parameters to the tangents
-    before the first step, of which `row` is the `StepRow`."""
+    before the first step, of which `row` is the `step_row`."""
     method, (step, _) = run.scheme.method, _row_of(example, jnp.asarray(row))
 
     def along(direction: PyTree) -> Tangents:
