@@ -154,15 +154,12 @@ class RunLoop:
         # The rotations of those bodies are limited on which searched numbers depend. These are only
         # traced, for any instant of the next step: its `inside` is the same instant.
         def searched(motion: MotionVariables) -> PyTree:
-            y = replace(step.y, motion=motion)
+            snapshot = Snapshot(step.t, replace(step.y, motion=motion), step.entry_speeds)
 
             def inside(_: Scalar) -> Instant:
-                return instant()
+                return snapshot.instant(self.system, inside)
 
-            def instant() -> Instant:
-                return Snapshot(step.t, y, step.entry_speeds).instant(self.system, inside)
-
-            return _map_recorders(lambda recorder: recorder.searched(instant()), self.recorders)
+            return _map_recorders(lambda recorder: recorder.searched(inside(0.0)), self.recorders)
 
         rotating = rotating_bodies(self.system, step.y.motion, searched)
         return replace(self.method, rotating=rotating)

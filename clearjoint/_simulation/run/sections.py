@@ -75,8 +75,9 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
 
     @override
     def after(self, record: SectionRecord, step_outcome: StepOutcome) -> SectionRecord:
-        accepted, before, after = step_outcome.accepted, record.level, self._level(step_outcome.now)
-        bracket = self._bracket(step_outcome, before, after)
+        accepted, now, before = step_outcome.accepted, step_outcome.now, record.level
+        after = self._level(now)
+        bracket = self._bracket(now, before, after)
         rises = accepted & (bracket.start.value < 0.0) & (bracket.end.value >= 0.0)
         if self.channels is None:
             # In lanes, which cannot branch one by one, the root is searched for in every step.
@@ -87,8 +88,7 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
             system, channels = step_outcome.system, dict(self.channels)
 
             def columns() -> dict[str, Scalar]:
-                values = self._crossing(step_outcome, bracket).columns(system, channels)
-                return {name: jnp.asarray(value, dtype=float) for name, value in values.items()}
+                return self._crossing(step_outcome, bracket).columns(system, channels)
 
             row = jax.lax.cond(rises, columns, lambda: self._none())
             time = row[TIME]
@@ -105,12 +105,8 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
     def _level(self, now: Instant) -> Scalar:
         return jnp.asarray(self.quantity(now), dtype=float)
 
-    def _level_inside(self, step_outcome: StepOutcome, x: Scalar) -> Scalar:
-        dense = step_outcome.dense_step
-        return self._level(dense.within(step_outcome.method, x).instant(step_outcome.system))
-
-    def _bracket(self, step_outcome: StepOutcome, before: Scalar, after: Scalar) -> Bracket:
-        parabola = Parabola.through(before, self._level_inside(step_outcome, 0.5), after)
+    def _bracket(self, now: Instant, before: Scalar, after: Scalar) -> Bracket:
+        parabola = Parabola.through(before, self._level(now.middle), after)
         below, first, last = before < 0.0, Point(0.0, before), Point(1.0, after)
         # A level with the same sign at both ends may rise through zero before or after a turning
         # point inside the step. A ball that is thrown up, for example, flies without integration
@@ -120,7 +116,7 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         turns = turns & ((parabola.at(x) < 0.0) != below)
 
         def level() -> Scalar:
-            return self._level_inside(step_outcome, x)
+            return self._level(now.inside(x))
 
         # In lanes, both branches of a condition would be computed.
         value = level() if self.channels is None else jax.lax.cond(turns, level, lambda: before)
@@ -134,7 +130,7 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         system, method, dense = step_outcome.system, step_outcome.method, step_outcome.dense_step
 
         # x is the elapsed part of the step's time, 0 to 1.
-        x = secant_root(lambda x: self._level_inside(step_outcome, x), *bracket)
+        x = secant_root(lambda x: self._level(step_outcome.now.inside(x)), *bracket)
         # A step that ends at an event ends just after it. A crossing there is the event itself, at
         # which forces may jump, and gets the state after it. Computed inside the step, rounding
         # errors would decide on which side of the jump it is.

@@ -120,8 +120,7 @@ class Snapshot(eqx.Module):
 
     def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
         """Return a row of a table of recorded states: the scene's time, s, and the `channels`."""
-        now = self.instant(system)
-        return {"time": now.time, **{name: quantity(now) for name, quantity in channels.items()}}
+        return {"time": self.instant(system).time, **self.values(system, channels)}
 
 
 class DenseStep(eqx.Module):
