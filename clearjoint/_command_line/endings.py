@@ -30,8 +30,9 @@ def has_error_stream() -> bool:
 
 @contextmanager
 def understandable() -> Iterator[None]:
-    """Return a context that prints errors and warnings as sentences, and turns errors into exit
-    codes. Errors that users don't cause keep their tracebacks; click handles `BrokenPipeError`."""
+    """Return a context that prints warnings and expected errors as sentences, and turns these
+    errors into exit codes: wrong input, failed runs and Ctrl-C. Errors of other types, which are
+    faults of the program, keep their tracebacks. Click handles `BrokenPipeError`."""
     with warnings.catch_warnings():
         warnings.showwarning = _say_warning
         try:

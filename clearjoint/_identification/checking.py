@@ -198,8 +198,11 @@ NEAR, NEAREST = 0.03, 1e-3
 
 @dataclass
 class _CountedRuns:
-    """Makes and counts the runs of an exploration, which are affordable while they cost less than
-    `most` runs without derivatives."""
+    """Makes the runs of `explore`, and counts them against a limit.
+
+    `most` is the limit, in runs without derivatives. A run with derivatives with respect to p
+    parameters counts as 1 + p of them. Further runs are `affordable` below the limit.
+    """
 
     compared: Comparison
     most: float

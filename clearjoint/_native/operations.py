@@ -480,14 +480,17 @@ class Operations:
     def add_function_of_vectors(
         self, function: int, kinds: list[str], build: Callable[[list[Value]], list[Value]]
     ) -> None:
-        """Add the function `of_vectors` that computes several calls of a pure function at once;
-        `kinds` and `build` as in `pure_function`. There is none in a program of several lanes, nor
-        for functions that use memory or vectors of tangents."""
+        """Add a function that computes `calls_at_once` calls of a pure function together, and enter
+        it in `of_vectors`; `kinds` and `build` as in `pure_function`.
+
+        None is entered in a program of several lanes, nor if the function uses memory or vectors of
+        tangents. If this shows only after building, the new function remains without calls.
+        """
         if (
             self.calls_at_once == 1
             or self.width > 1
             or function not in self._without_memory
-            or any(kind[1:] for kind in kinds)
+            or any(kind[1:] for kind in kinds)  # a suffix marks vectors
         ):
             return
         kinds_before = len(self.kinds)

@@ -627,8 +627,9 @@ def load_robot(
       name: of hinges the `torsional_stiffness` and `restitution`, or the `law` and `radius`, of a
       `Backlash`; of sliders the `law` of a `PinInSlot`. It is added with a name such as "elbow
       stop". Other limits have no effect on the motion (`Robot.limits` has them).
-    - `friction`: law of dry friction, over the file's friction, with speeds in rad/s or m/s;
-      ``None`` leaves dry friction out.
+    - `friction`: law of dry friction in the joints, as for `JointFriction`: it gives the ratio of
+      the friction to the dry friction in the file, and its speeds are in rad/s or m/s. ``None``
+      leaves dry friction out.
     - `merge_fixed`: False makes fixed links with mass bodies of their own, held by a `FixedJoint`,
       whose reaction can then be observed. Merged links make runs faster.
     - `free_root`: True makes the root a free body, as for a robot that walks or a single object.

@@ -158,7 +158,8 @@ def _points(uncertain: Mapping[str, Uncertain], draws: int, seed: int) -> np.nda
 
     The first `draws` rows are independent draws. Then come as many rows for each parameter with a
     uniform distribution, in pairs that differ only in this parameter: it is 1 in the first row of a
-    pair and -1 in the second.
+    pair and -1 in the second. From the mean difference of the outputs of a pair follows the
+    derivative of the mean output (see above).
     """
     # With the seed alone, the draws would come from the same random numbers as `directions`.
     rng, blocks = np.random.default_rng([seed, 1]), []

@@ -229,14 +229,14 @@ def largest_feasible(
 
 @dataclass(frozen=True)
 class LaneMargins:
-    """Margins at n values of the parameter, see `LargestFeasible`.
+    """Margins log(limit / peak) at n values of the parameter; negative where a limit is violated.
 
     - `coordinates`: the parameter's values on its scale, rising.
-    - `margins`: the smallest margin of all outputs; NaN, which counts as a violation, for a peak
-      that is NaN.
-    - `low`, `high`: ends of the margins' 95 % confidence intervals; equal to `margins` without
-      draws, for a single draw, and for the quantile 1.
-    - `peak`: text for an error message about the smallest margin at the first coordinate.
+    - `margins`: at each value, the smallest margin of all outputs; NaN if a peak is NaN, which
+      counts as a violation.
+    - `low`, `high`: ends of the 95 % confidence intervals of the margins. They equal `margins` if
+      there is only one run for each value, or if all draws must satisfy the limits.
+    - `peak`: text for the error message if a limit is violated at the first value.
     """
 
     coordinates: Float[np.ndarray, " n"]

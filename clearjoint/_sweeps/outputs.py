@@ -42,7 +42,7 @@ class Coordinate(NamedTuple):
 
     @property
     def attributes(self) -> dict[str, str]:
-        """As in the CF conventions; texts have no unit."""
+        """Attributes for a data set, by the CF conventions: the unit, but none for texts."""
         return {} if self.values.dtype.kind == "U" else {"units": self.unit}
 
 
@@ -71,7 +71,7 @@ class Variable(NamedTuple):
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """As in the CF conventions; an unknown unit is left out."""
+        """Attributes for a data set, by the CF conventions; an unknown unit is left out."""
         units = {"units": self.unit} if self.unit else {}
         return {**units, "long_name": self.description, **self.attrs}
 

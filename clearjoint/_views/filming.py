@@ -148,7 +148,7 @@ def _covered(
         np.clip(np.ceil(f(corners[:, :, 1], axis=1) - 0.5), 0, height).astype(int)
         for f in (np.min, np.max)
     )
-    triangle, row = _counted(low, high)
+    triangle, row = _whole_numbers(low, high)
     # A line is between the two edges of its triangle that cross its row.
     y, crossings = row + 0.5, []
     for p, q in ((a, b), (b, c), (c, a)):
@@ -172,7 +172,7 @@ def _covered(
     while first < len(row):
         done = ends[first - 1] if first else 0
         last = max(first + 1, int(np.searchsorted(ends, done + MOST_POINTS)))
-        line, x = _counted(left[first:last], right[first:last])
+        line, x = _whole_numbers(left[first:last], right[first:last])
         line += first
         k = triangle[line]
         value = values[k, 0] + slope_x[k] * (x + 0.5 - a[k, 0]) + slope_y[k] * (y[line] - a[k, 1])
@@ -180,9 +180,12 @@ def _covered(
         first = last
 
 
-def _counted(starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the index of the interval, and the number, of each whole number from `starts[k]` to
-    `ends[k]` - 1, interval by interval: [0, 0, 2] and [3, 4, 7] for [3, 9, 7], [5, 9, 8]."""
+def _whole_numbers(starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the whole numbers in the intervals from `starts[k]` to `ends[k]` - 1, one interval
+    after another, and before them, for each number, the index k of its interval.
+
+    For starts [3, 9, 7] and ends [5, 9, 8], the indices are [0, 0, 2] and the numbers [3, 4, 7].
+    """
     counts = np.maximum(ends - starts, 0)
     interval = np.repeat(np.arange(len(counts)), counts)
     before = np.repeat(np.cumsum(counts) - counts, counts)  # numbers of the intervals before

@@ -125,8 +125,12 @@ def screen(
     number: int,
     progress: bool,
 ) -> Screened:
-    """Screen the box around the guess `centre` once. The `number` of the pass, from 0, changes the
-    random numbers."""
+    """Make one pass of a `Screening`: find starts of a fit by runs without derivatives in the box
+    around the guess `centre`.
+
+    **Arguments:** `lanes`: runs of the experiment, compared with the measurements; `number`: of the
+    pass, from 0, each of which has other random numbers; `progress`: whether to show a bar.
+    """
     from scipy.special import chdtri
 
     spread = half_widths(screening.spread, tuple(lanes.parameters))

@@ -76,9 +76,12 @@ class ContactInstant(eqx.Module):
 def peak_in_step(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant, h: Scalar
 ) -> tuple[Point, Scalar]:
-    """Return the largest normal force, N, of a contact in a step of length h, s, as a `Point` at
-    the elapsed part of the step's time, 0 to 1, and the largest depth, m. The entry speed at
-    `start` is used in the whole step; if it is zero, the current rate replaces it."""
+    """Return the largest normal force, N, and the largest depth, m, of a contact in a step of
+    length h, s. The force is a `Point`, with its position in the step from 0 to 1.
+
+    The law uses the entry speed at `start` in the whole step, or the current rate if that is zero
+    because the contact begins in the step (see `contact_normal_force`).
+    """
     first, last = (Bend(at.gap.depth, at.gap.rate, at.second_rate) for at in (start, end))
     quintic = Quintic.through(first, last, h)
     rates = Slope(start.gap.rate, start.second_rate), Slope(end.gap.rate, end.second_rate)
@@ -86,6 +89,7 @@ def peak_in_step(
     # cubic through rates and second rates does not.
     moves = h * jnp.abs(start.speed()) > RESOLVED_TRAVEL
 
+    # The normal force does not depend on the rate of the factor, which is zero here.
     def factor(x: Scalar) -> Slope | None:
         first, last = start.gap.factor, end.gap.factor
         if first is None or last is None:

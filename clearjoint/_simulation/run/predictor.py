@@ -51,8 +51,8 @@ MB (`.recorded_runs`) until their outputs or gradients are computed."""
 class Predictor:
     """Function of parameters that returns the outputs of a run; see `predictor`.
 
-    - `values`: the parameters of the scene and state that were given to `predictor`, as the
-      function takes them: a dictionary by name, SI.
+    - `values`: the values that the parameters have in the scene and state given to `predictor`, by
+      name, in SI units; the function takes a dictionary of the same form.
 
     >>> paths = {"stiffness": lambda scene: scene.forces["spring"].stiffness}
     >>> predict = cj.predictor(scene, state, 0.3, paths, {"x": x}, times)

@@ -311,7 +311,11 @@ class _Starts:
 
     def redundant(self, arguments: FlatArguments) -> tuple[str, ...] | None:
         """Return the names of the redundant constraints of a start that passes all checks; ``None``
-        if it fails one, if redundancy is uncertain, or without a native program."""
+        if a condition of `_passes` fails, if redundancy is uncertain, or if there is no native
+        program for its structure. The caller must then check the start in Python.
+
+        **Raises:** `ValueError` for numbers that the scene can't have.
+        """
         scene, unfolded = arguments.arguments[0], arguments.parts[0]
         arguments = FlatArguments.joined((flattened(folded(unfolded)), *arguments.parts[1:]))
         self._seen[arguments.key] += 1
@@ -332,6 +336,7 @@ class _Starts:
             return None
         if not passes:
             return None
+        # The native program leaves out the checks of the scene's numbers.
         self._recheck(scene, unfolded)
         # The search for redundant constraints depends only on `reduced`, the derivatives of the
         # constraint equations, so its results are cached by them. Without a limit, the cache would
@@ -339,6 +344,7 @@ class _Starts:
         distances = self._distances.setdefault(arguments.key, {})
         if len(distances) >= KEPT:
             distances.clear()
+        # Of rows that depend on each other, the last ones count as redundant.
         order = scene_order(names, scene)
         names, reduced = tuple(names[k] for k in order), reduced[order]
         redundant, uncertain = dependent(names, reduced, distances)

@@ -211,6 +211,9 @@ def _sampled_from(
     recorders: dict[str, Recorders],
     has_states: bool,
 ) -> Sampled:
+    """Integrate from the step `first`, the result of `first_step_of`; further arguments are those
+    of `sampled`. `times` and `t_end` are those of the scene, `own_times` and `own_end` those of the
+    run, which begins at zero."""
     method, systems = scheme.method, SystemFamily(family, scheme.formulation, t0)
     system, own_end, own_times = systems.system(), t_end - t0, times - t0
     all_recorders = {LATEST: LatestAttempt(), PEAK: TangentPeakRecorder(), **recorders}

@@ -66,9 +66,12 @@ def longest_step(method: Method, system: System, step: Step) -> Scalar:
 
 
 def rotation_in(method: Method, system: System, step: Step, trial: Trial) -> Scalar:
-    """Return the length of a trial step from `step` times the fastest rotation rate in it, rad. The
-    rates are those at both ends and, with a solver that has dense output for it, in the middle: a
-    motion may be at rest at both ends of a step."""
+    """Return an estimate, rad, of the largest rotation in a trial step that begins at `step`: its
+    length times the fastest rotation rate.
+
+    Rates are computed at both ends of the step and, if the solver has dense output, also in its
+    middle, since a motion may be at rest at both ends.
+    """
     motions = [step.y.motion, trial.outcome.y.motion]
     if isinstance(method.solver, UnrolledExplicit):
         dense = method.solver.interpolation_cls(t0=step.t, t1=trial.t1, **trial.outcome.information)

@@ -55,11 +55,12 @@ of lanes in a chunk; or an array of labels."""
 
 
 def differences(stored: Contents, wanted: Contents, matches: np.ndarray) -> list[str]:
-    """Return one line for each difference that prevents the store from taking the wanted sweep.
+    """Return a line of text for each reason why the results of the wanted sweep can't be added to
+    the store; empty if they can.
 
-    What only the wanted sweep has is no difference, because the store can be extended. Notes that
-    differ are listed only beside other differences, which they may explain. `matches`: see
-    `matching_lanes`.
+    Variables and labels that only the wanted sweep has are no reason, because the store can be
+    extended by them. Different notes (see `Layout`) are no reason either, but are listed after
+    others, which they may explain. `matches`: see `matching_lanes`.
     """
     parts, wanted_parts = _parts(stored.layout), _parts(wanted.layout)
     lines = [
