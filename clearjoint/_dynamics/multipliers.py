@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import jax
 
 from .._math.block_matrices import gram_matrix
-from .._math.linear_solvers import AbstractSolver, inner
+from .._math.linear_solvers import Exact, inner
 from .._math.smoothing import where
 from .._math.vectors import Matrix, Scalar, add, is_zero, library, multiply, square_root, subtract
 from .._model.bodies import GROUND, Body
@@ -36,7 +36,7 @@ class ConstraintEquations:
         self,
         mechanics: AbstractMechanics,
         directions: Sequence[Speeds],
-        solver: AbstractSolver,
+        solver: Exact,
         weights: Sequence[Scalar] | None = None,
         compliances: Sequence[Scalar] = (),
     ):
@@ -75,24 +75,20 @@ class ConstraintEquations:
         """Return rates of the speeds with the least change, in the metric of M, by which each row
         has its target, its second time derivative without the part that does not depend on the
         rates; and the multipliers of the rows."""
-        lacking = [a - inner(d, rates) for a, d in zip(targets, self._directions, strict=True)]
-        change, multipliers = self.response(lacking)
-        rates = [add(a, b) for a, b in zip(rates, change, strict=True)]
-        if not self._compliances:
-            return rates, multipliers
+        multipliers: list[Scalar] = [0.0] * self._rows
+        rigid = [0.0] * (self._rows - len(self._compliances))
         # A rotor may have much less inertia by itself than its armature: its rate without the
         # multiplier is then large, and the change cancels most of it. So the rest is corrected.
-        rigid = self._rows - len(self._compliances)
-        yielding = [0.0] * rigid + [
-            multiply(c, m) for c, m in zip(self._compliances, multipliers[rigid:], strict=True)
-        ]
-        lacking = [
-            subtract(a - inner(d, rates), part)
-            for a, d, part in zip(targets, self._directions, yielding, strict=True)
-        ]
-        change, rest = self.response(lacking)
-        rates = [add(a, b) for a, b in zip(rates, change, strict=True)]
-        return rates, [add(a, b) for a, b in zip(multipliers, rest, strict=True)]
+        for _ in range(2 if self._compliances else 1):
+            yielding = map(multiply, [*rigid, *self._compliances], multipliers)
+            lacking = [
+                subtract(a - inner(d, rates), part)
+                for a, d, part in zip(targets, self._directions, yielding, strict=True)
+            ]
+            change, more = self.response(lacking)
+            rates = [add(a, b) for a, b in zip(rates, change, strict=True)]
+            multipliers = [add(a, b) for a, b in zip(multipliers, more, strict=True)]
+        return rates, multipliers
 
     def response(self, targets: Sequence[Scalar]) -> tuple[Speeds, list[Scalar]]:
         """Return the smallest change of rates, speeds or positions in the metric of M that changes

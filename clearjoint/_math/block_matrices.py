@@ -22,9 +22,8 @@ from .linear_solvers import (
     Rows,
     ScalarMatrix,
     Solve,
-    below_diagonal,
+    elimination_order,
     inner,
-    least_degree_order,
 )
 from .vectors import Scalar, is_zero
 
@@ -58,9 +57,7 @@ def gram_matrix(first: Rows, second: Rows) -> AbstractMatrix:
         for j in compress(range(i), counts):
             neighbours[i].add(j)
             neighbours[j].add(i)
-    order = least_degree_order(neighbours)
-    place = {row: k for k, row in enumerate(order)}
-    below = below_diagonal([{place[other] for other in neighbours[row]} for row in order])
+    _, _, below = elimination_order(neighbours)
     # Eliminating an unknown that is coupled with m later ones takes m multiplications for the
     # column of the factor, and m (m + 1)/2 for the entries that it changes: m (m + 3)/2.
     multiplications += sum(len(column) * (len(column) + 3) // 2 for column in below)
@@ -89,11 +86,8 @@ class _Plan:
     """
 
     def __init__(self, neighbours: Sequence[set[int]], sizes: Sequence[int]):
-        self.order = least_degree_order(neighbours)
+        self.order, reordered, self._below = elimination_order(neighbours)
         self.sizes = [sizes[group] for group in self.order]
-        place = {group: k for k, group in enumerate(self.order)}
-        reordered = [{place[other] for other in neighbours[group]} for group in self.order]
-        self._below = below_diagonal(reordered)
         places = [(i, j) for j, column in enumerate(self._below) for i in (j, *column)]
         self.slots = {at: k for k, at in enumerate(places)}
         self.entries = [(i, j) for i, j in places if i == j or i in reordered[j]]

@@ -8,6 +8,7 @@ of unrolled code grows faster than its length.
 
 import abc
 from collections.abc import Callable, Sequence
+from functools import reduce
 
 import jax.numpy as jnp
 from typing_extensions import override
@@ -21,21 +22,30 @@ Solve = Callable[[Sequence[Scalar]], list[Scalar]]
 """Function of the right side of a system of equations, n scalars, that returns the solution."""
 
 
-def below_diagonal(neighbours: Sequence[set[int]]) -> list[list[int]]:
-    """Return the sparsity of the triangular factor of a symmetric matrix: for each column, the rows
-    below the diagonal with nonzero entries, sorted. `neighbours` is that of the matrix: for each
-    row, the columns of its nonzero entries beside the diagonal."""
-    columns = [{i for i in others if i > j} for j, others in enumerate(neighbours)]
+def elimination_order(
+    neighbours: Sequence[set[int]],
+) -> tuple[list[int], list[set[int]], list[list[int]]]:
+    """Return an order in which to eliminate the unknowns of a sparse symmetric matrix.
+
+    `neighbours` are, for each row, the columns of its nonzero entries beside the diagonal. The
+    results are the indices of the unknowns in the order of their elimination; the neighbours with
+    places in this order as indices; and for each column of the triangular factor, the rows below
+    the diagonal with nonzero entries, sorted.
+    """
+    order = _least_degree_order(neighbours)
+    place = {unknown: k for k, unknown in enumerate(order)}
+    reordered = [{place[other] for other in neighbours[unknown]} for unknown in order]
+    columns = [{i for i in others if i > j} for j, others in enumerate(reordered)]
     for column in columns:
         if column:
             # Eliminating an unknown couples those below it with each other. It suffices to pass
             # them on to the next one of them.
             following = min(column)
             columns[following] |= column - {following}
-    return [sorted(column) for column in columns]
+    return order, reordered, [sorted(column) for column in columns]
 
 
-def least_degree_order(neighbours: Sequence[set[int]]) -> list[int]:
+def _least_degree_order(neighbours: Sequence[set[int]]) -> list[int]:
     """Return the indices of unknowns in an order of elimination that reduces fill-in: next is
     always one that is coupled with the fewest remaining ones (W. F. Tinney, J. W. Walker, Direct
     solutions of sparse network equations, 1967)."""
@@ -62,38 +72,44 @@ def _neighbours(matrix: Rows) -> list[set[int]]:
     return neighbours
 
 
-class UnrolledFactorisation:
+class Factorisation:
     """Factorisation L D L^T of a symmetric positive definite matrix in scalar arithmetic, without
-    operations on structural zeros."""
+    operations on structural zeros, in an `elimination_order` of the unknowns."""
 
     def __init__(self, matrix: Rows):
+        self._order, _, self._below = elimination_order(_neighbours(matrix))
         n = len(matrix)
-        self._below = below_diagonal(_neighbours(matrix))
         # The entries left of the diagonal, by column: of L, and of the product L D.
         self._lower: list[dict[int, Scalar]] = [{} for _ in range(n)]
         self._inverse_diagonal: list[Scalar] = []
         scaled: list[dict[int, Scalar]] = [{} for _ in range(n)]
+
+        def entry(i: int, j: int) -> Scalar:
+            row, column = self._order[i], self._order[j]
+            return matrix[max(row, column)][min(row, column)]
+
         # With the pivots d, a_jj = sum_k l_jk^2 d_k + d_j, and for i > j
         # a_ij = sum_k l_ik (l_jk d_k) + l_ij d_j, where k runs from 0 to j - 1.
         for j in range(n):
-            pivot = _reduced(matrix[j][j], self._lower[j], scaled[j])
+            pivot = _reduced(entry(j, j), self._lower[j], scaled[j])
             self._inverse_diagonal.append(1.0 / pivot)
             for i in self._below[j]:
-                entry = _reduced(matrix[i][j], self._lower[i], scaled[j])
-                scaled[i][j] = entry
-                self._lower[i][j] = multiply(entry, self._inverse_diagonal[j])
+                scaled[i][j] = _reduced(entry(i, j), self._lower[i], scaled[j])
+                self._lower[i][j] = multiply(scaled[i][j], self._inverse_diagonal[j])
 
     def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
         """Return the solution x of ``matrix @ x = right``."""
+        if all(map(is_zero, right)):
+            return list(right)
         # Solve L z = right, then D L^T x = z.
-        n = len(right)
         z: dict[int, Scalar] = {}
-        for i in range(n):
-            z[i] = _reduced(right[i], self._lower[i], z)
-        x = {i: multiply(z[i], self._inverse_diagonal[i]) for i in range(n)}
-        for i in reversed(range(n)):
+        for i, row in enumerate(self._order):
+            z[i] = _reduced(right[row], self._lower[i], z)
+        x = {i: multiply(part, self._inverse_diagonal[i]) for i, part in z.items()}
+        for i in reversed(x):
             x[i] = _reduced(x[i], {k: self._lower[k][i] for k in self._below[i]}, x)
-        return [x[i] for i in range(n)]
+        by_unknown = dict(zip(self._order, x.values(), strict=True))
+        return [by_unknown[i] for i in range(len(right))]
 
 
 def _reduced(start: Scalar, first: dict[int, Scalar], second: dict[int, Scalar]) -> Scalar:
@@ -102,23 +118,6 @@ def _reduced(start: Scalar, first: dict[int, Scalar], second: dict[int, Scalar])
         if k in second:
             start = subtract(start, multiply(a, second[k]))
     return start
-
-
-class OrderedFactorisation:
-    """Factorisation of a sparse matrix whose unknowns are reordered to reduce fill-in."""
-
-    def __init__(self, matrix: Rows):
-        self._order = least_degree_order(_neighbours(matrix))
-        full = [[matrix[max(i, j)][min(i, j)] for j in self._order] for i in self._order]
-        self._factorisation = UnrolledFactorisation(full)
-
-    def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
-        """Return the solution x of ``matrix @ x = right``, in the original order."""
-        if all(map(is_zero, right)):
-            return list(right)
-        solution = self._factorisation.solve([right[i] for i in self._order])
-        by_unknown = dict(zip(self._order, solution, strict=True))
-        return [by_unknown[i] for i in range(len(right))]
 
 
 class AbstractMatrix(abc.ABC):
@@ -147,16 +146,13 @@ class ScalarMatrix(AbstractMatrix):
 
     @override
     def trace(self) -> Scalar:
-        trace: Scalar = 0.0
-        for i, row in enumerate(self._rows):
-            trace = add(trace, row[i])
-        return trace
+        return reduce(add, (row[i] for i, row in enumerate(self._rows)), 0.0)
 
     @override
     def solving(self, shift: Scalar = 0.0, sweeps: int = 1) -> Solve:
         matrix = self._rows
         shifted = [[*row[:i], add(row[i], shift)] for i, row in enumerate(matrix)]
-        factorisation = OrderedFactorisation(shifted)
+        factorisation = Factorisation(shifted)
 
         def solution(right: Sequence[Scalar]) -> list[Scalar]:
             # The first iteration, from x = 0, needs no product.
@@ -170,8 +166,8 @@ class ScalarMatrix(AbstractMatrix):
         return solution
 
 
-class AbstractSolver:
-    """Base class of solvers for S x = b.
+class Exact:
+    """Direct solver of S x = b, for nonsingular matrices only.
 
     The matrix is S = D M^-1 D^T, with the Jacobian D of constraints and a mass matrix M.
     """
@@ -182,18 +178,10 @@ class AbstractSolver:
 
     def solving(self, matrix: AbstractMatrix) -> Solve:
         """Return the function that returns the solution x for a right side b."""
-        raise NotImplementedError
-
-
-class Exact(AbstractSolver):
-    """Direct solver, for nonsingular matrices only."""
-
-    @override
-    def solving(self, matrix: AbstractMatrix) -> Solve:
         return matrix.solving()
 
 
-class LeastNorm(AbstractSolver):
+class LeastNorm(Exact):
     """Solver that returns the solution of least norm of a singular but consistent system S x = b.
 
     The iteration x <- x + (S + eps I)^-1 (b - S x) from x = 0 stays in the range of S and converges
@@ -219,20 +207,16 @@ class LeastNorm(AbstractSolver):
             for entry in row
         ]
 
-    def _shift(self, trace: Scalar, n: int) -> Scalar:
-        return jnp.where(trace > 0.0, trace * (self.relative_shift / n), 1.0)
-
     @override
     def solving(self, matrix: AbstractMatrix) -> Solve:
-        return matrix.solving(self._shift(matrix.trace(), matrix.n), self.sweeps)
+        trace = matrix.trace()
+        shift = jnp.where(trace > 0.0, trace * (self.relative_shift / matrix.n), 1.0)
+        return matrix.solving(shift, self.sweeps)
 
 
 def inner(first: Sequence[Scalar], second: Sequence[Scalar]) -> Scalar:
     """Return the inner product of two lists, without operations on structural zeros."""
-    total: Scalar = 0.0
-    for a, b in zip(first, second, strict=True):
-        total = add(total, multiply(a, b))
-    return total
+    return reduce(add, (multiply(a, b) for a, b in zip(first, second, strict=True)), 0.0)
 
 
 def product(matrix: Rows, vector: Sequence[Scalar]) -> list[Scalar]:

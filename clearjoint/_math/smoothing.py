@@ -60,13 +60,6 @@ def positive_power(x: Scalar, exponent: Scalar) -> Scalar:
     return jnp.where(positive, power, 0.0)
 
 
-def norm(vector: Vector) -> Scalar:
-    """Return the norm of a vector; for one shorter than 1e-100 zero, with zero derivatives."""
-    square = vector.dot(vector)
-    vanishes = square <= _TINY
-    return where(vanishes, 0.0, square_root(where(vanishes, 1.0, square)))
-
-
 def norm_and_direction(vector: Vector) -> tuple[Scalar, Vector]:
     """Return the norm of a vector, and the unit vector in its direction.
 

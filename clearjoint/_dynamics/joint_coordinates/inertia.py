@@ -10,7 +10,6 @@ import abc
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from heapq import heapify, heappop, heappush
 from itertools import accumulate, chain, pairwise
 from typing import TypeAlias, TypeVar
@@ -20,7 +19,7 @@ from jaxtyping import PyTree
 from typing_extensions import override
 
 from ..._compilation import NotSharedError, traced_for_a_kind
-from ..._math.linear_solvers import OrderedFactorisation, UnrolledFactorisation
+from ..._math.linear_solvers import Factorisation
 from ..._math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector, add, multiply, subtract
 from ..._model.bodies import Body
 from ..._model.joints.motion_subspaces import REST, Twist
@@ -205,19 +204,16 @@ def momenta(
     return wholes, block, rests
 
 
-def _flatten(node: object) -> tuple[list[object], tuple[str, ...]]:
-    return list(vars(node).values()), tuple(vars(node))
-
-
-def _unflatten(kind: type, names: tuple[str, ...], values: Iterable[object]) -> object:
-    node = object.__new__(kind)
-    vars(node).update(zip(names, values, strict=True))
-    return node
+def _unflatten(names: tuple[str, ...], values: Iterable[object]) -> Factorisation:
+    factors = object.__new__(Factorisation)
+    vars(factors).update(zip(names, values, strict=True))
+    return factors
 
 
 # Traced functions return factors.
-for _kind in (UnrolledFactorisation, OrderedFactorisation):
-    jax.tree_util.register_pytree_node(_kind, _flatten, partial(_unflatten, _kind))
+jax.tree_util.register_pytree_node(
+    Factorisation, lambda factors: (list(vars(factors).values()), tuple(vars(factors))), _unflatten
+)
 
 
 @jax.tree_util.register_dataclass
@@ -234,7 +230,7 @@ class LoadedJoint:
 
     columns: tuple[Twist, ...]
     offset: Vector
-    factors: OrderedFactorisation
+    factors: Factorisation
     rests: tuple[Twist, ...]
     gains: tuple[Twist, ...]
 
@@ -244,7 +240,7 @@ class LoadedJoint:
     ) -> "LoadedJoint":
         """Return the joint between the root of a tree and the ground, which does not accelerate."""
         _, block, _ = momenta(columns, carried, armature)
-        return LoadedJoint(columns, ZERO, OrderedFactorisation(block), rests=(), gains=())
+        return LoadedJoint(columns, ZERO, Factorisation(block), rests=(), gains=())
 
     @staticmethod
     def under(
@@ -256,7 +252,7 @@ class LoadedJoint:
     ) -> "tuple[LoadedJoint, Inertia]":
         """Return a joint, and the inertia `carrier` plus what it transmits of that `carried`."""
         wholes, block, rests = momenta(columns, carried, armature)
-        factors = OrderedFactorisation(block)
+        factors = Factorisation(block)
         transmitted = carried.without(columns, wholes, rests)
         # `rests` has a twist for each speed of the joint. Their transpose has a row for each of the
         # six components of a twist, for which the factors solve.
@@ -384,7 +380,7 @@ class MassMatrix(AbstractTreeSolver):
                 self._fill_row(matrix[first + j], parent, rest)
             if parent is not None:
                 carried[parent] = carried[parent] + carried[k].without(columns, wholes, rests)
-        self._factors = OrderedFactorisation(matrix)
+        self._factors = Factorisation(matrix)
 
     def _fill_row(self, row: list[Scalar], k: int | None, momentum: Twist) -> None:
         """Fill the row of one speed with the products of the carried bodies' momentum with the
