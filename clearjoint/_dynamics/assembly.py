@@ -24,6 +24,7 @@ from .constraint_report import row_residuals
 from .coordinates import AbstractCoordinates, MotionVariables
 from .formulation import Formulation
 from .journals import (
+    UNIQUE_REACTIONS,
     centring_joints,
     outside,
     require_centred,
@@ -54,9 +55,6 @@ LOCKED = (
 ACCEPTED_VIOLATION = 1e-6
 """Largest constraint value |Phi|, m or rad, and largest rate of Phi, m/s or rad/s, of a state from
 which a run may start. This limit is far above rounding errors, and small beside a clearance."""
-REDUNDANT = Formulation(AbsoluteCoordinates(), redundant=True)
-"""Formulation of the corrections of `assemble`. Redundant constraints make their equations
-singular; the flag selects a solver for that case, so that they need not be known."""
 REPRESENTED = 1e-3
 """Largest accepted difference of Euler parameters between a state and the same state after
 conversion to variables and back. Rounding errors are far smaller, and the difference of a state
@@ -260,7 +258,7 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
         rows = row_residuals(scene, State(bodies), t)
         if np.abs(rows.values).max(initial=0.0) <= TOLERANCE:
             break
-        bodies = _corrected(System.project_positions, scene, REDUNDANT, bodies, t)
+        bodies = _corrected(System.project_positions, scene, bodies, t)
     else:
         rows = row_residuals(scene, State(bodies), t)
     _require_satisfied(rows.texts(), rows.values, SATISFIED, "assembled", "positions")
@@ -274,7 +272,7 @@ def _with_velocities(scene: Scene, state: State, t: Scalar) -> State:
     # For velocities the constraints are linear: one projection solves them, and a second one
     # removes the rounding errors of the first.
     for _ in range(2):
-        bodies = _corrected(System.project_velocities, scene, REDUNDANT, bodies, t)
+        bodies = _corrected(System.project_velocities, scene, bodies, t)
     state = replace(state, bodies=bodies)
     rows = row_residuals(scene, state, t)
     _require_satisfied(rows.texts(), rows.rates, SATISFIED, "assembled", "velocities")
@@ -422,9 +420,8 @@ def _require_satisfied(
 def _corrected(
     projection: Callable[[System, MotionVariables, Scalar], MotionVariables],
     scene: Scene,
-    formulation: Formulation,
     bodies: dict[str, BodyState],
     t: Scalar,
 ) -> dict[str, BodyState]:
-    system = System(unpack(scene), formulation)
+    system = System(unpack(scene), UNIQUE_REACTIONS)
     return pack(system.decode(projection(system, system.encode(unpack(bodies)), t)))

@@ -4,8 +4,10 @@ The rates of bristles' deflections follow from the same slip velocity as their f
 computed here.
 """
 
+import operator
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import TypeAlias
 
 import jax
@@ -102,8 +104,7 @@ def _pressing_force(
     Without the damping, which may jump where flanks touch, the load is continuous.
     """
     if name in forces:
-        parts = [contact.elastic_force for contact in forces[name].values()]
-        return sum(parts[1:], parts[0])
+        return reduce(operator.add, (contact.elastic_force for contact in forces[name].values()))
     spring = scene.forces[name]
     assert isinstance(spring, TorsionalSpring)
     return jnp.abs(spring.torque_at(spring.relative_angle(motions).value, 0.0, 0.0))

@@ -3,6 +3,9 @@
 Terms that a scene cannot have are absent from dictionaries and from the compiled program.
 """
 
+import operator
+from functools import reduce
+
 from .._math.vectors import Scalar, add, is_zero
 from .._model.joints.base import ByLabel
 from .._model.joints.ideal import AbstractDriveableJoint
@@ -77,8 +80,7 @@ def bristle_energy(
             normal = force.contact.normal
             across = deflection - normal * deflection.dot(normal)
             stored.append(force.normal_force * law.stored_energy(across))
-    # The start value 0 of a plain `sum` would add an operation to the compiled program.
-    return sum(stored[1:], stored[0]) if stored else None
+    return reduce(operator.add, stored) if stored else None
 
 
 def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Scalar]:
@@ -106,8 +108,7 @@ def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Sc
             energies["gravity"] = energies["gravity"] - body.mass * along_gravity
     if scene.forces:
         stored = [element.stored_energy(motions, t) for element in scene.forces.values()]
-        # The start value 0 of a plain `sum` would add an operation to the compiled program.
-        energies["springs"] = sum(stored[1:], stored[0])
+        energies["springs"] = reduce(operator.add, stored)
     for joint in scene.contact_joints().values():
         laws = joint.laws()
         for label, contact in joint.contacts(motions).items():

@@ -3,7 +3,6 @@
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import partial, reduce
-from typing import TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -47,12 +46,13 @@ FAST_APPROACH = 1e-6
 """Penetration rate, m/s, above which a warning is issued at the start of a run if the contact's
 entry speed is unknown. It is the default of the smallest entry speed of contact laws."""
 HOLD_IT = "Give the joint axial=EndPlay(...) or FixedAxially(), or hold the bodies by other joints."
-Depths: TypeAlias = ByLabel[float]
-"""Penetration of the surfaces of each contact, m; negative without contact."""
+UNIQUE_REACTIONS = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)
+"""Formulation in which each ideal joint has a reaction, which is unique although constraints may be
+redundant. Stabilisation would add forces that correct small errors of the position."""
 
 
-def depths(scene: Scene, state: State) -> Depths:
-    """Return the penetration of each contact of a state."""
+def depths(scene: Scene, state: State) -> ByLabel[float]:
+    """Return the penetration of each contact of a state, m; negative without contact."""
     if not scene.contact_joints():
         return {}
     by_joint = contact_depths(scene, state.bodies)
@@ -314,8 +314,7 @@ def _speeds_of_rest(
 ) -> ByLabel[Scalar]:
     """Return the speed, m/s, of an impact with the elastic energy of each contact of some joints
     whose law uses the entry speed; zero if the contact is open."""
-    formulation = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)
-    system = System(unpack(scene), formulation)
+    system = System(unpack(scene), UNIQUE_REACTIONS)
     variables = system.encode(unpack(bodies))
     motions, speeds = system.motions(variables), {}
 
@@ -349,11 +348,7 @@ def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, j
     """Return the load on each constraint while all bodies are at rest and no contact has a force:
     the force, N, that the last of the joint's bodies exerts on the first, in the axes of the first.
     """
-    # Absolute coordinates keep the rows of all ideal joints, and with them the reactions. Least
-    # norm makes the reactions unique if constraints are redundant. Stabilisation would add forces
-    # that correct small errors of the given position.
-    formulation = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)
-    system = System(unpack(scene), formulation)
+    system = System(unpack(scene), UNIQUE_REACTIONS)
     resting = {
         name: BodyState(body.position, body.orientation, ZERO, ZERO)
         for name, body in unpack(bodies).items()

@@ -290,11 +290,6 @@ def caution_unless(
         )
 
 
-def caution_above(argument: str, value: object, unit: str, most: float, remedy: str) -> None:
-    """Issue an `UnusualValueWarning` if a number is larger than `most`; tracers are not checked."""
-    caution_outside(argument, value, unit, -np.inf, most, remedy)
-
-
 def caution_outside(
     argument: str, value: object, unit: str, least: float, most: float, remedy: str
 ) -> None:

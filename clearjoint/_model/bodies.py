@@ -14,7 +14,6 @@ from typing_extensions import override
 
 from .._fields.checks import (
     as_number,
-    caution_above,
     caution_outside,
     caution_unless,
     checkable,
@@ -34,9 +33,6 @@ from .._math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector
 from .densities import STEEL
 
 AXES = ("x", "y", "z")
-LIGHTEST, HEAVIEST = 10.0, 25e3
-"""Range of the density of solids, kg/m^3, from foams to platinum, outside which a warning is
-issued."""
 Number = PyTree
 """A number that a user passes, which JAX may trace; ``None`` if it is not given."""
 
@@ -56,7 +52,8 @@ def _mass(mass: Number, density: Number, volume: Number) -> Number:
         return _number("mass", mass, "kg")
     density = _number("density", density, "kg/m^3")
     remedy = "give it in kg/m^3; clearjoint.densities has some"
-    caution_outside("density", density, "kg/m^3", LIGHTEST, HEAVIEST, remedy)
+    # From foams to platinum.
+    caution_outside("density", density, "kg/m^3", 10.0, 25e3, remedy)
     return density * volume
 
 
@@ -528,10 +525,6 @@ def body_state(
     return numbers
 
 
-MOST_REVOLUTIONS = 2
-"""Number of revolutions above which a warning asks whether the angle is in degrees."""
-
-
 def rotation(axis: TripleLike, angle: Scalar) -> Quadruple:
     """Return the Euler parameters, (4,), scalar first, of a rotation about an axis.
 
@@ -551,7 +544,8 @@ def rotation(axis: TripleLike, angle: Scalar) -> Quadruple:
     vector, radians = as_number(axis), as_number(angle)
     require_axis("axis", vector)
     require_shape("angle", radians, (), "pass one number in rad")
-    caution_above("angle", abs(radians), "rad", MOST_REVOLUTIONS * 2.0 * math.pi, "give it in rad")
+    # Two revolutions; a larger angle may be in degrees.
+    caution_outside("angle", abs(radians), "rad", 0.0, 4.0 * math.pi, "give it in rad")
     # Known numbers stay in NumPy, so that nothing is compiled when a scene is built.
     numpy = jnp if isinstance(vector, jax.Array) or isinstance(radians, jax.Array) else np
     direction = vector / numpy.sqrt(vector @ vector)

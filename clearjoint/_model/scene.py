@@ -8,7 +8,7 @@ import numpy as np
 from typing_extensions import override
 
 from .._fields.cautions import LooseBodyWarning, caution
-from .._fields.checks import caution_above, caution_unless, concrete, named, nearest, require
+from .._fields.checks import caution_outside, caution_unless, concrete, named, nearest, require
 from .._fields.objects import AbstractReadable, optional_quantity
 from .._fields.types import Triple, TripleLike
 from .bodies import GROUND, Body
@@ -28,8 +28,6 @@ KINDS = {
     "forces": (AbstractForce,),
 }
 """Classes of the elements in each argument of `Scene`."""
-STRONGEST_GRAVITY = 1e3
-"""Acceleration of gravity, m/s^2, above which a warning is issued, since it may be in mm/s^2."""
 
 
 class Scene(AbstractReadable):
@@ -127,10 +125,10 @@ class Scene(AbstractReadable):
         # Elements are also looked up by name among joints and forces together.
         shared = sorted(set(self.joints) & set(self.forces))
         require(not shared, "forces", shared, "of other names than the joints", "rename them")
-        # A gravity that JAX traces is unknown.
+        # A gravity that JAX traces is unknown. It may have been given in mm/s^2.
         if self.gravity is not None and concrete(self.gravity) is not None:
             size = np.linalg.norm(self.gravity)
-            caution_above("gravity", size, "m/s^2", STRONGEST_GRAVITY, "give it in m/s^2")
+            caution_outside("gravity", size, "m/s^2", 0.0, 1e3, "give it in m/s^2")
 
     @override
     def _caution_together(self) -> None:

@@ -20,10 +20,6 @@ from ..joints.constraint_rows import rate_of, relative_angle_row
 from .common import FLANKS, AbstractFlankJoint
 
 TURN = 2.0 * math.pi
-WIDE_BACKLASH = 0.5
-"""Backlash above which a warning is issued, rad, since it may have been given in degrees."""
-LARGEST_RADIUS = 10.0
-"""Flank radius above which a warning is issued, m, since it may have been given in mm."""
 DEFAULT_RADIUS = 0.01
 """Radius of the flanks, m, if only a torsional stiffness and an angle `play` are given. It then has
 no influence on the motion."""
@@ -80,11 +76,11 @@ class Backlash(AbstractPair, AbstractFlankJoint):
     play: Single = quantity(
         "rad",
         positive=True,
-        usual=(0.0, WIDE_BACKLASH),
+        usual=(0.0, 0.5),
         remedy="give the whole angle from flank to flank in rad, or a `play_length` in m",
     )
     radius: Single = quantity(
-        "m", positive=True, usual=(0.0, LARGEST_RADIUS), remedy="give the flanks' radius in m"
+        "m", positive=True, usual=(0.0, 10.0), remedy="give the flanks' radius in m"
     )
     middle: Single = quantity("rad", shape=())
     law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]

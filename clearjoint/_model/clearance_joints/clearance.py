@@ -16,7 +16,7 @@ from typing_extensions import override
 from ..._fields.checks import (
     as_number,
     as_shown,
-    caution_above,
+    caution_outside,
     caution_unless,
     concrete,
     require,
@@ -192,9 +192,6 @@ class EndPlay(AbstractAxialPolicy):
         return Gap(offset - 0.5 * self.play, rate)
 
 
-WIDEST_CLEARANCE = 0.1
-"""Ratio of clearance to bearing radius above which a warning is issued, since a unit is probably
-wrong."""
 LARGEST_BEARING = 2.0
 """Bearing radius above which a warning is issued, m, since it may have been given in mm."""
 SHOULDERS = ("lower shoulder", "upper shoulder")
@@ -203,9 +200,6 @@ points."""
 MOST_POINTS = 64
 """Largest number of points along the journal. Each is a contact, whose force is computed at every
 evaluation of the equations of motion."""
-LONGEST_JOURNAL = 100.0
-"""Ratio of journal length to bearing radius above which a warning is issued, since the length may
-be in mm."""
 
 
 class ClearanceJoint(AbstractCentredJoint):
@@ -350,13 +344,12 @@ class ClearanceJoint(AbstractCentredJoint):
     def _caution_together(self) -> None:
         radius, clearance = concrete(self.bearing_radius), concrete(self.clearance)
         if radius is not None and clearance is not None:
-            is_usual = bool(clearance <= WIDEST_CLEARANCE * radius)
+            is_usual = bool(clearance <= 0.1 * radius)
             expected = f"at most a tenth of the bearing's radius of {float(radius):g} m"
             remedy = "give the journal's radius as `journal_radius`, and the radial clearance in m"
             caution_unless(is_usual, "clearance", float(clearance), "m", expected, remedy)
-            remedy = "give lengths in m; 1 mm is 1e-3 m"
-            longest = LONGEST_JOURNAL * float(radius)
-            caution_above("journal_length", self.journal_length, "m", longest, remedy)
+            longest, remedy = 100.0 * float(radius), "give lengths in m; 1 mm is 1e-3 m"
+            caution_outside("journal_length", self.journal_length, "m", 0.0, longest, remedy)
             # The penetration, given as zero here, makes no difference to a limit of the clearance.
             caution_beyond(self.law_limits(BASES[0], 0.0), "clearance")
         caution_two_contacts(self.clearance, self.bearing_profile, self.journal_profile)

@@ -6,7 +6,13 @@ from dataclasses import dataclass, replace
 
 from typing_extensions import override
 
-from ..._fields.checks import caution_above, concrete, require_axis, require_numbers, require_shape
+from ..._fields.checks import (
+    caution_outside,
+    concrete,
+    require_axis,
+    require_numbers,
+    require_shape,
+)
 from ..._fields.objects import quantity
 from ..._fields.types import ArrayLike, Single, Triple
 from ..._math.interpolation import Slope
@@ -21,15 +27,6 @@ from ..pen import AbstractPen
 from ..profiles import AbstractProfile
 from .common import FLANKS, AbstractFlankJoint
 from .mesh_stiffness import AbstractMeshStiffness, require_positive_factor
-
-LARGEST_MODULE = 0.1
-"""Module above which a warning is issued, m, since it may have been given in mm."""
-WIDEST_BACKLASH = 0.2
-"""Ratio of the backlash to the pitch above which a warning is issued, since a unit is probably
-wrong."""
-PRESSURE_ANGLES = 0.1, 0.8
-"""Smallest and largest allowed pressure angle, rad. Common gears have 14.5 to 30 degrees, 0.25 to
-0.52 rad; an angle in degrees is refused."""
 
 
 def involute(sine: Scalar, cosine: Scalar) -> Scalar:
@@ -174,14 +171,14 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     teeth_first: Single = quantity("1", check=_require_teeth)
     teeth_second: Single = quantity("1", check=_require_teeth)
     module: Single = quantity(
-        "m", positive=True, usual=(0.0, LARGEST_MODULE), remedy="give it in m; 3 mm is 3e-3 m"
+        "m", positive=True, usual=(0.0, 0.1), remedy="give it in m; 3 mm is 3e-3 m"
     )
     backlash: Single = quantity("m", positive=True, remedy="give the whole play in m")
     law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
     pressure_angle: Single = quantity(
         "rad",
         default=math.radians(20.0),
-        within=PRESSURE_ANGLES,
+        within=(0.1, 0.8),  # common gears have 0.25 to 0.52
         remedy="give it in rad; 20 degrees are 0.349 rad",
     )
     phase: Single = quantity("rad", shape=(), default=0.0)
@@ -209,9 +206,9 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     def _caution_together(self) -> None:
         module = concrete(self.module)
         if module is not None:
-            widest = WIDEST_BACKLASH * math.pi * float(module)
+            widest = 0.2 * math.pi * float(module)
             remedy = "give the play along the pitch circle in m"
-            caution_above("backlash", self.backlash, "m", widest, remedy)
+            caution_outside("backlash", self.backlash, "m", 0.0, widest, remedy)
 
     @override
     def deepest_penetration(self) -> Scalar:

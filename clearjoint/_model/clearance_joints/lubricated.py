@@ -83,10 +83,6 @@ class BlendedContactLaw(AbstractLawAround):
         return blending_factor(gap.depth, self.transition)
 
 
-THINNEST_FILM = 1e-3
-"""Smallest allowed value of 1 - `largest_ratio`: the smallest film thickness over the clearance."""
-
-
 def _of_dry_joint(name: str) -> PyTree:
     """Return a method that calls the method `name` of the field `dry`."""
 
@@ -141,7 +137,7 @@ class LubricatedJoint(AbstractContactJoint):
     largest_ratio: Single = quantity(
         "1",
         default=0.99,
-        within=(0.5, 1.0 - THINNEST_FILM),
+        within=(0.5, 0.999),
         remedy="give an eccentricity ratio such as 0.99",
     )
 

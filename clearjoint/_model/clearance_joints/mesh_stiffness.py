@@ -24,9 +24,6 @@ from ..profiles import (
 
 SAMPLES = 256
 """Number of angles of the mesh cycle at which a stiffness must be positive."""
-TRANSITIONS = 0.01, 0.4
-"""Smallest and largest part of the mesh cycle in which the number of pairs of teeth changes. Steps
-of a run are about as long as the change."""
 RISE = 2.0 * math.atanh(0.8)
 """Distance over which (1 + tanh)/2 rises from 0.1 to 0.9."""
 
@@ -93,7 +90,7 @@ class TeethInMesh(AbstractMeshStiffness):
 
     contact_ratio: Single = quantity("1", shape=(), remedy="give the mean number of pairs")
     transition: Single = quantity(
-        "1", default=0.1, within=TRANSITIONS, remedy="give a part of the mesh cycle"
+        "1", default=0.1, within=(0.01, 0.4), remedy="give a part of the mesh cycle"
     )
     middle: Single = quantity("rad", shape=(), default=0.0)
 

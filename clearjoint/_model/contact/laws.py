@@ -122,9 +122,6 @@ def caution_beyond(limits: tuple[Limit, ...], quantity: str) -> None:
         caution(sentence, LawRangeWarning)
 
 
-SOFTEST_CONTACT = 1e6
-"""Stiffness K of a law K delta^n, N/m^n, below which a warning is issued: solid bodies are far
-stiffer, so that the value may be in another unit."""
 SOLIDS = 1e9, 2e12
 """Range of Young's modulus, Pa, from plastics to diamond, outside which a warning is issued."""
 _GIVE_MODULUS = "give E in Pa; 1 GPa is 1e9 Pa"
@@ -205,7 +202,7 @@ class GivenStiffness(AbstractStiffness):
     """
 
     stiffness: Single = quantity(
-        "N/m^n", positive=True, usual=(SOFTEST_CONTACT, math.inf), remedy="give K in N and m"
+        "N/m^n", positive=True, usual=(1e6, math.inf), remedy="give K in N and m"
     )
 
     @override

@@ -25,7 +25,7 @@ from ..._math.rotations import (
     within_two_turns,
 )
 from ..._math.smoothing import cosine as cosine_of
-from ..._math.smoothing import norm, polar_angle, where
+from ..._math.smoothing import norm_and_direction, polar_angle, where
 from ..._math.smoothing import sine as sine_of
 from ..._math.vectors import (
     UNIT_X,
@@ -179,7 +179,7 @@ class AbstractMotionSubspace(eqx.Module):
         """Return how fast the child rotates relative to its parent, rad/s, or ``None`` if this need
         not limit the step, see `AbstractCoordinates.rotation_rates`."""
         spin = self.twist(state).angular
-        return None if all(map(is_zero, spin)) else norm(spin)
+        return None if all(map(is_zero, spin)) else norm_and_direction(spin)[0]
 
 
 class AbstractMotionAtPoints(AbstractMotionSubspace):
