@@ -12,12 +12,11 @@ from ..._fields.types import Single, Triple
 from ..._math.smoothing import norm_and_direction
 from ..._math.vectors import Scalar, subtract
 from ..contact.friction import FrictionLaw
-from ..contact.laws import AbstractContactLaw, Gap, Limit, caution_beyond
+from ..contact.laws import AbstractContactLaw, Gap, caution_beyond
 from ..joints.base import AbstractConstraint, Contact, Motions
 from ..joints.ideal import SphericalJoint
 from ..pen import AbstractPen, Marker
-from .clearance import LARGEST_BEARING
-from .common import AbstractCentredJoint, require_smaller_clearance, resting_depth, slip_at
+from .common import AbstractCentredJoint, require_smaller_clearance, resting_depth
 
 CONTACT = "ball"
 
@@ -53,7 +52,7 @@ class BallInSocket(AbstractCentredJoint):
     _: KW_ONLY
     clearance: Single = quantity("m", positive=True, remedy="give the radial clearance in m")
     socket_radius: Single = quantity(
-        "m", positive=True, usual=(0.0, LARGEST_BEARING), remedy="give lengths in m; 1 mm is 1e-3 m"
+        "m", positive=True, usual=(0.0, 2.0), remedy="give lengths in m; 1 mm is 1e-3 m"
     )
     law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
     socket_point: Triple = quantity("m", check=require_point, default=(0.0, 0.0, 0.0))
@@ -78,15 +77,12 @@ class BallInSocket(AbstractCentredJoint):
         socket, ball = motions[self.socket_body], motions[self.ball_body]
         eccentricity, normal = norm_and_direction(self._offset(motions))
         velocity = ball.velocity_at(self.ball_point) - socket.velocity_at(self.socket_point)
-        depth, rate = eccentricity - self.clearance, velocity.dot(normal)
-        gap = Gap(depth, rate, self.socket_radius, self.clearance)
+        gap = self._gap(eccentricity - self.clearance, velocity.dot(normal))
         # Friction acts on both bodies at one point, midway between the surfaces.
         shift = 0.5 * gap.depth
         on_socket = self.socket_point + socket.components(normal * (self.socket_radius + shift))
         on_ball = self.ball_point + ball.components(normal * subtract(gap.journal_radius, shift))
-        slip = None
-        if self.friction is not None:
-            slip = slip_at(socket, ball, on_socket, on_ball, normal)
+        slip = self._slip(socket, ball, on_socket, on_ball, normal)
         # Without friction the force acts at the two centres, which are on its line of action.
         centres = {"line_first": self.socket_point, "line_second": self.ball_point}
         return {CONTACT: Contact(gap, normal, on_socket, on_ball, slip, **centres)}
@@ -96,8 +92,8 @@ class BallInSocket(AbstractCentredJoint):
         return subtract(self.socket_radius, self.clearance)
 
     @override
-    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        return self.law.limits(Gap(depth, 0.0, self.socket_radius, self.clearance))
+    def _gap(self, depth: Scalar, rate: Scalar) -> Gap:
+        return Gap(depth, rate, self.socket_radius, self.clearance)
 
     @override
     def centred_joint(self) -> AbstractConstraint:
@@ -108,8 +104,7 @@ class BallInSocket(AbstractCentredJoint):
         size = np.linalg.norm(load)
         if not size > 0.0:
             return None
-        radii = self.socket_radius, self.clearance
-        depth = resting_depth([self.law], float(size), self.deepest_penetration(), *radii)
+        depth = resting_depth([self.law], float(size), self.deepest_penetration(), self._gap)
         centre = self.socket_point + (self.clearance + depth) / size * load
         return SphericalJoint(self.socket_body, self.ball_body, centre, self.ball_point)
 

@@ -18,7 +18,6 @@ from ..joints.ideal import LineInPlaneJoint, PointInPlaneJoint
 from ..pen import AbstractPen, Marker
 from .common import (
     AbstractFrictionJoint,
-    FlatWall,
     offset_at_flat_wall,
     require_right_angle,
     require_smaller_clearance,
@@ -97,17 +96,15 @@ class PinInSlot(AbstractFrictionJoint):
 
     @override
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        slot, pin = (motions[name] for name in self.pair())
-        has_friction = self.friction is not None
         directions = [(WALLS, unit(self.slot_normal), self.play)]
         if self.travel is not None:
             directions.append((ENDS, unit(self.slot_axis), self.travel))
         contacts = {}
         for labels, outward, room in directions:
             for side, label in zip(SIDES, labels, strict=True):
-                wall = FlatWall(self.slot_point, outward * side, 0.5 * room)
-                contacts[label] = wall.contact(
-                    slot, pin, self.pin_point, self.pin_radius, has_friction
+                normal, half = outward * side, 0.5 * room
+                contacts[label] = self._contact_with_wall(
+                    motions, self.slot_point, normal, half, self.pin_point, self.pin_radius
                 )
         return contacts
 
@@ -217,17 +214,16 @@ class SliderInGuide(AbstractFrictionJoint):
 
     @override
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        guide, slider = (motions[name] for name in self.pair())
-        upward, room = unit(self.guide_normal), add(self.half_height, self.clearance)
         # A wall's distance from the middle is half the slider's height plus the clearance.
-        walls = {side: FlatWall(self.guide_point, upward * side, room) for side in (1.0, -1.0)}
+        upward, room = unit(self.guide_normal), add(self.half_height, self.clearance)
         along = unit(self.slider_axis) * self.half_length
         across = unit(self.slider_normal) * self.half_height
         contacts = {}
         for label, (forward, side) in CORNERS.items():
             corner = self.slider_point + along * forward + across * side
-            has_friction = self.friction is not None
-            contacts[label] = walls[side].contact(guide, slider, corner, 0.0, has_friction)
+            contacts[label] = self._contact_with_wall(
+                motions, self.guide_point, upward * side, room, corner, 0.0
+            )
         return contacts
 
     @override

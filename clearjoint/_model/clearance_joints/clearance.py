@@ -34,7 +34,6 @@ from ..contact.friction import AbstractFriction, FrictionLaw
 from ..contact.laws import (
     AbstractContactLaw,
     Gap,
-    Limit,
     WeightedLaw,
     caution_beyond,
     require_flat_law,
@@ -57,7 +56,6 @@ from .common import (
     AbstractCentredJoint,
     require_smaller_clearance,
     resting_depth,
-    slip_at,
 )
 from .journal_bases import BASES, SIDES, AxialPoint, JournalBase, axial_points
 
@@ -192,8 +190,6 @@ class EndPlay(AbstractAxialPolicy):
         return Gap(offset - 0.5 * self.play, rate)
 
 
-LARGEST_BEARING = 2.0
-"""Bearing radius above which a warning is issued, m, since it may have been given in mm."""
 SHOULDERS = ("lower shoulder", "upper shoulder")
 """Contact labels of the shoulders; the upper one is at the end to which the bearing's axis
 points."""
@@ -267,7 +263,7 @@ class ClearanceJoint(AbstractCentredJoint):
     journal_point: Triple = quantity("m", check=require_point)
     journal_axis: Triple = quantity("1", check=require_axis)
     bearing_radius: Single = quantity(
-        "m", positive=True, usual=(0.0, LARGEST_BEARING), remedy="give lengths in m; 1 mm is 1e-3 m"
+        "m", positive=True, usual=(0.0, 2.0), remedy="give lengths in m; 1 mm is 1e-3 m"
     )
     clearance: Single = quantity("m", positive=True, remedy="give the radial clearance in m")
     journal_length: Single = quantity("m", positive=True)
@@ -379,11 +375,8 @@ class ClearanceJoint(AbstractCentredJoint):
         return subtract(self.bearing_radius, self.clearance)
 
     @override
-    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        gap = Gap(depth, 0.0)
-        if name not in SHOULDERS:
-            gap = Gap(depth, 0.0, self.bearing_radius, self.clearance)
-        return self.laws()[name].limits(gap)
+    def _gap(self, depth: Scalar, rate: Scalar) -> Gap:
+        return Gap(depth, rate, self.bearing_radius, self.clearance)
 
     @override
     def contacts(self, motions: Motions) -> dict[str, Contact]:
@@ -410,8 +403,7 @@ class ClearanceJoint(AbstractCentredJoint):
         # The vector leads from the bearing's axis to the journal's centre, and from there to the
         # base.
         eccentricity, normal = norm_and_direction(base.centre + base.arm)
-        depth = self._depth(base, eccentricity)
-        gap = Gap(depth, base.velocity.dot(normal), self.bearing_radius, self.clearance)
+        gap = self._gap(self._depth(base, eccentricity), base.velocity.dot(normal))
         along = base.axis * base.height
         # The points of eqs (15)-(16) are a penetration apart, so that friction there would leave a
         # net moment. Friction therefore acts on both bodies at the point midway between the
@@ -420,9 +412,7 @@ class ClearanceJoint(AbstractCentredJoint):
         to_wall = along + normal * add(self.bearing_radius, shift)
         on_bearing = self.bearing_point + bearing.components(to_wall)
         on_journal = base.local + journal.components(normal * subtract(gap.journal_radius, shift))
-        slip = None
-        if self.friction is not None:
-            slip = slip_at(bearing, journal, on_bearing, on_journal, normal)
+        slip = self._slip(bearing, journal, on_bearing, on_journal, normal)
         # Without friction the force acts along the line through the bearing's axis and the base's
         # centre, at these two points.
         on_axis = self.bearing_point + unit(self.bearing_axis) * base.height
@@ -453,9 +443,8 @@ class ClearanceJoint(AbstractCentredJoint):
         on_bearing = base.on_bearing + bearing.components(to_surface)
         on_journal = base.local + journal.components(to_surface)
         sliding = journal.velocity_at(on_journal) - bearing.velocity_at(on_bearing)
-        rate = sliding.dot(normal)
-        gap = Gap(near.depth, rate, self.bearing_radius, self.clearance)
-        slip = None if self.friction is None else slip_velocity(sliding, normal, rate)
+        gap = self._gap(near.depth, sliding.dot(normal))
+        slip = self._slip(bearing, journal, on_bearing, on_journal, normal)
         return Contact(gap, normal, on_bearing, on_journal, slip)
 
     def planar_axes(self, bearing: Motion, journal: Motion) -> PlanarAxes:
@@ -586,9 +575,9 @@ class ClearanceJoint(AbstractCentredJoint):
         if not size > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
             return None
         # The contacts share the load: the axes are parallel, so that all are equally deep.
-        laws, radii = self.laws(), (self.bearing_radius, self.clearance)
+        laws, radius = self.laws(), self.journal_radius
         sharing = [laws[label] for label in self.contact_labels()]
-        distance = self.clearance + resting_depth(sharing, float(size), self.journal_radius, *radii)
+        distance = self.clearance + resting_depth(sharing, float(size), radius, self._gap)
         if self.bearing_profile is None:
             return self._ideal(self.bearing_point + distance / size * across)
         # The journal rests where the wall's normal is along the load. A profile is a deviation of

@@ -2,8 +2,7 @@
 
 import abc
 import operator
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, ClassVar
 
 import equinox as eqx
@@ -86,6 +85,15 @@ class AbstractOneLawJoint(AbstractContactJoint):
             return dict.fromkeys(self.contact_labels(), self.friction)
         return {}
 
+    def _gap(self, depth: Scalar, rate: Scalar) -> Gap:
+        """Return the gap of a contact in `contact_labels`, with the radii of its surfaces, on which
+        the stiffness of the law may depend; without radii by default."""
+        return Gap(depth, rate)
+
+    @override
+    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
+        return self.laws()[name].limits(self._gap(depth, 0.0))
+
 
 class AbstractFlankJoint(AbstractOneLawJoint):
     """Base class of joints with two flanks, which the second body touches as it rotates.
@@ -103,10 +111,6 @@ class AbstractFlankJoint(AbstractOneLawJoint):
     @override
     def contact_labels(self) -> tuple[str, ...]:
         return tuple(FLANKS)
-
-    @override
-    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        return self.laws()[name].limits(Gap(depth, 0.0))
 
     @abc.abstractmethod
     def centred_rows(self, motions: Motions) -> dict[str, Row]:
@@ -140,6 +144,51 @@ class AbstractFrictionJoint(AbstractOneLawJoint):
         require_instance("law", self.law, AbstractContactLaw)
         if self.friction is not None:
             require_instance("friction", self.friction, AbstractFriction, AbstractBristleFriction)
+
+    def _slip(
+        self, first: Motion, second: Motion, on_first: Vector, on_second: Vector, normal: Vector
+    ) -> Vector | None:
+        """Return the tangential velocity of the second surface relative to the first, m/s, global;
+        ``None`` without friction."""
+        if self.friction is None:
+            return None
+        sliding = second.velocity_at(on_second) - first.velocity_at(on_first)
+        return slip_velocity(sliding, normal, sliding.dot(normal))
+
+    def _contact_with_wall(
+        self,
+        motions: Motions,
+        origin: Vector,
+        normal: Vector,
+        room: Scalar,
+        centre: Vector,
+        radius: Scalar,
+    ) -> Contact:
+        """Return the contact of a cylinder, sphere or corner (of `radius` 0.0) of the second body
+        with a flat wall of the first body.
+
+        **Arguments:** `origin`: a point in front of the wall, m in the first body's axes. `normal`:
+        unit vector in these axes, from the origin to the wall. `room`: distance along the normal
+        from the origin to the part's centre, when the part touches the wall, m. `centre`: of the
+        part, m in the second body's axes.
+        """
+        first, second = (motions[name] for name in self.pair())
+        outward = first.direction(normal)
+        apart = second.point(centre) - first.point(origin)
+        depth = subtract(apart.dot(outward), room)
+        centre_in_first = origin + first.components(apart)
+        # Relative to the first body's point at the centre, so that a common rotation doesn't count.
+        sliding = second.velocity_at(centre) - first.velocity_at(centre_in_first)
+        # With friction, the force acts on both bodies at one point, midway between the surfaces, so
+        # that it has no net moment. Without friction, it acts along the normal through the part's
+        # centre. The last two arguments of `Contact` are points on this line that don't depend on
+        # the penetration and take fewer operations.
+        to_surface = subtract(radius, 0.5 * depth)
+        on_first = centre_in_first + normal * to_surface
+        on_second = centre + second.components(outward * to_surface)
+        gap = self._gap(depth, sliding.dot(outward))
+        slip = self._slip(first, second, on_first, on_second, outward)
+        return Contact(gap, outward, on_first, on_second, slip, centre_in_first, centre)
 
 
 def require_smaller_clearance(clearance: Single, radius: Single, radius_name: str) -> None:
@@ -215,12 +264,10 @@ def resting_depth(
     laws: Iterable[AbstractContactLaw],
     load: Scalar,
     deepest: Scalar,
-    bearing_radius: Scalar | None = None,
-    clearance: Scalar | None = None,
-    reduced_radius: Scalar | None = None,
+    gap: Callable[[Scalar, Scalar], Gap] = Gap,
 ) -> float:
     """Return the penetration, m, at most `deepest`, at which contacts side by side carry a load, N,
-    at rest."""
+    at rest; `gap` makes a gap from depth and rate."""
     # Importing it takes long, and few programs need it.
     from scipy.optimize import root_scalar
 
@@ -230,8 +277,8 @@ def resting_depth(
 
     def excess(logarithm: float) -> float:
         """Return the logarithm of force over load, which is nearly linear for a power law."""
-        gap = Gap(np.exp(logarithm) - ahead, 0.0, bearing_radius, clearance, reduced_radius)
-        force = sum(float(law.elastic_force(gap)) for law in laws)
+        present = gap(np.exp(logarithm) - ahead, 0.0)
+        force = sum(float(law.elastic_force(present)) for law in laws)
         return float(np.log(max(force, LEAST_FORCE) / load))
 
     low, high = np.log(LEAST_DEPTH), np.log(float(deepest) + ahead)
@@ -243,49 +290,3 @@ def resting_depth(
         return LEAST_DEPTH - ahead
     root = root_scalar(excess, bracket=(low, high), xtol=1e-14).root
     return float(np.exp(root) - ahead)
-
-
-def slip_at(
-    first: Motion, second: Motion, on_first: Vector, on_second: Vector, normal: Vector
-) -> Vector:
-    """Return the tangential velocity of the second surface relative to the first, m/s, global."""
-    sliding = second.velocity_at(on_second) - first.velocity_at(on_first)
-    return slip_velocity(sliding, normal, sliding.dot(normal))
-
-
-@dataclass(frozen=True)
-class FlatWall:
-    """A flat wall of the first body that stops a part of the second body.
-
-    - `origin`: a point of the first body in front of the wall, m in its axes.
-    - `normal`: unit vector in the first body's axes, from the origin to the wall.
-    - `room`: distance along the normal from the origin to the part's centre, when the part touches
-      the wall, m.
-    - `reduced_radius`: of the part, if it is a sphere whose law may depend on it, m.
-    """
-
-    origin: Vector
-    normal: Vector
-    room: Scalar
-    reduced_radius: Scalar | None = None
-
-    def contact(
-        self, first: Motion, second: Motion, centre: Vector, radius: Scalar, has_friction: bool
-    ) -> Contact:
-        """Return the contact of a cylinder, sphere or corner (of `radius` 0.0) with the wall."""
-        normal = first.direction(self.normal)
-        apart = second.point(centre) - first.point(self.origin)
-        depth = subtract(apart.dot(normal), self.room)
-        centre_in_first = self.origin + first.components(apart)
-        # Relative to the first body's point at the centre, so that a common rotation doesn't count.
-        sliding = second.velocity_at(centre) - first.velocity_at(centre_in_first)
-        gap = Gap(depth, sliding.dot(normal), reduced_radius=self.reduced_radius)
-        # With friction, the force acts on both bodies at one point, midway between the surfaces, so
-        # that it has no net moment. Without friction, it acts along the normal through the part's
-        # centre. The last two arguments of `Contact` are points on this line that don't depend on
-        # the penetration and take fewer operations.
-        to_surface = subtract(radius, 0.5 * depth)
-        on_first = centre_in_first + self.normal * to_surface
-        on_second = centre + second.components(normal * to_surface)
-        slip = slip_at(first, second, on_first, on_second, normal) if has_friction else None
-        return Contact(gap, normal, on_first, on_second, slip, centre_in_first, centre)

@@ -210,7 +210,7 @@ class LubricatedJoint(AbstractContactJoint):
         # Film laws take a motion across the axis only.
         velocity = velocity - base.axis * velocity.dot(base.axis)
         spin = (journal.direction(journal.spin) - bearing.direction(bearing.spin)).dot(base.axis)
-        gap = self._gap(base.axis, eccentricity, velocity, spin)
+        gap = self._film_gap(base.axis, eccentricity, velocity, spin)
         # The contact replaces the film over the depth `transition`.
         factor: Scalar = 0.5
         if self.transition is not None:
@@ -223,7 +223,9 @@ class LubricatedJoint(AbstractContactJoint):
             journal.wrench(force, in_journal) + journal.torque(torque),
         )
 
-    def _gap(self, axis: Vector, eccentricity: Vector, velocity: Vector, spin: Scalar) -> FilmGap:
+    def _film_gap(
+        self, axis: Vector, eccentricity: Vector, velocity: Vector, spin: Scalar
+    ) -> FilmGap:
         """Return the input of the film law, with a limited eccentricity ratio."""
         dry = self.dry
         offset, rate = eccentricity * (1.0 / dry.clearance), velocity * (1.0 / dry.clearance)
@@ -370,7 +372,7 @@ def _load(
     if joint.transition is None:
         size, normal = norm_and_direction(position)
         approach = own_velocity.dot(normal)
-        gap = Gap(size - dry.clearance, approach, dry.bearing_radius, dry.clearance)
+        gap = dry._gap(size - dry.clearance, approach)
         # The axes are parallel, so that the gap is the same for all contacts along the journal.
         push: Scalar = 0.0
         for label in dry.contact_labels():

@@ -13,16 +13,14 @@ from ..._math.rotations import unit
 from ..._math.smoothing import norm_and_direction
 from ..._math.vectors import Scalar, add
 from ..contact.friction import FrictionLaw
-from ..contact.laws import AbstractContactLaw, Gap, Limit, require_flat_law, require_round_law
+from ..contact.laws import AbstractContactLaw, Gap, require_flat_law, require_round_law
 from ..joints.base import AbstractConstraint, AbstractPair, Contact, Motions
 from ..joints.ideal import DistanceJoint, LineInPlaneJoint, PointInPlaneJoint, SphericalJoint
 from ..pen import AbstractPen, Marker
 from .common import (
     LEAST_TRANSVERSE_LOAD,
     AbstractFrictionJoint,
-    FlatWall,
     resting_depth,
-    slip_at,
 )
 
 POINT, END_POINT, BALLS = "point", "end point", "balls"
@@ -90,16 +88,14 @@ class Stop(AbstractPair, AbstractFrictionJoint):
 
     @override
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        _, first, second = self._between(motions)
-        radius = 0.0 if self.radius is None else self.radius
-        has_friction = self.friction is not None
         # The wall begins where the centre of the sphere is a radius before the plane.
-        wall = FlatWall(self.point, -unit(self.normal), -radius, self.radius)
+        radius = 0.0 if self.radius is None else self.radius
+        into_wall = -unit(self.normal)
         points = {POINT: self.point_second}
         if self.end_point_second is not None:
             points[END_POINT] = self.end_point_second
         return {
-            label: wall.contact(first, second, point, radius, has_friction)
+            label: self._contact_with_wall(motions, self.point, into_wall, -radius, point, radius)
             for label, point in points.items()
         }
 
@@ -110,8 +106,8 @@ class Stop(AbstractPair, AbstractFrictionJoint):
         return DEEPEST_POINT if self.radius is None else self.radius
 
     @override
-    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        return self.law.limits(Gap(depth, 0.0, reduced_radius=self.radius))
+    def _gap(self, depth: Scalar, rate: Scalar) -> Gap:
+        return Gap(depth, rate, reduced_radius=self.radius)
 
     @override
     def centred_joint(self) -> AbstractConstraint:
@@ -126,9 +122,7 @@ class Stop(AbstractPair, AbstractFrictionJoint):
         if not size > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
             return None
         laws = list(self.laws().values())
-        return self._ideal(
-            resting_depth(laws, size, self.deepest_penetration(), reduced_radius=self.radius)
-        )
+        return self._ideal(resting_depth(laws, size, self.deepest_penetration(), self._gap))
 
     def _ideal(self, depth: Scalar) -> AbstractConstraint:
         outward = np.asarray(self.normal) / np.linalg.norm(self.normal)
@@ -204,14 +198,12 @@ class BallOnBall(AbstractPair, AbstractFrictionJoint):
         distance, normal = norm_and_direction(apart)
         depth = add(self.radius_first, self.radius_second) - distance
         closing = second.velocity_at(self.point_second) - first.velocity_at(self.point_first)
-        gap = Gap(depth, closing.dot(normal), reduced_radius=self.reduced_radius())
+        gap = self._gap(depth, closing.dot(normal))
         # Friction acts on both bodies at one point, midway between the surfaces.
         shift = 0.5 * depth
         on_first = self.point_first - first.components(normal * (self.radius_first - shift))
         on_second = self.point_second + second.components(normal * (self.radius_second - shift))
-        slip = None
-        if self.friction is not None:
-            slip = slip_at(first, second, on_first, on_second, normal)
+        slip = self._slip(first, second, on_first, on_second, normal)
         # Without friction the force acts at the two centres, which are on its line of action.
         centres = self.point_first, self.point_second
         return {BALLS: Contact(gap, normal, on_first, on_second, slip, *centres)}
@@ -222,8 +214,8 @@ class BallOnBall(AbstractPair, AbstractFrictionJoint):
         return self.reduced_radius()
 
     @override
-    def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        return self.law.limits(Gap(depth, 0.0, reduced_radius=self.reduced_radius()))
+    def _gap(self, depth: Scalar, rate: Scalar) -> Gap:
+        return Gap(depth, rate, reduced_radius=self.reduced_radius())
 
     @override
     def centred_joint(self) -> AbstractConstraint:
@@ -238,8 +230,7 @@ class BallOnBall(AbstractPair, AbstractFrictionJoint):
         size = float(np.linalg.norm(load))
         if not size > 0.0:
             return None
-        radius = self.reduced_radius()
-        depth = resting_depth([self.law], size, radius, reduced_radius=radius)
+        depth = resting_depth([self.law], size, self.deepest_penetration(), self._gap)
         # The load pushes the first ball away from the centre of the second.
         away = load * ((self.radius_first + self.radius_second - depth) / size)
         return SphericalJoint(self.first, self.second, self.point_first - away, self.point_second)
