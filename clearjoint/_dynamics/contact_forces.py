@@ -4,7 +4,6 @@ The rates of bristles' deflections follow from the same slip velocity as their f
 computed here.
 """
 
-import operator
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
@@ -14,7 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from .._fields.checks import EPSILON, require
-from .._math.vectors import ZERO, Condition, Scalar, Vector
+from .._math.vectors import ZERO, Condition, Scalar, Vector, add
 from .._model.bodies import GROUND, Wrench
 from .._model.contact.friction import AbstractBristleFriction
 from .._model.contact.laws import UNKNOWN_ENTRY_SPEED, AbstractContactLaw, Gap, contact_normal_force
@@ -104,7 +103,7 @@ def _pressing_force(
     Without the damping, which may jump where flanks touch, the load is continuous.
     """
     if name in forces:
-        return reduce(operator.add, (contact.elastic_force for contact in forces[name].values()))
+        return reduce(add, (contact.elastic_force for contact in forces[name].values()))
     spring = scene.forces[name]
     assert isinstance(spring, TorsionalSpring)
     return jnp.abs(spring.torque_at(spring.relative_angle(motions).value, 0.0, 0.0))

@@ -3,7 +3,6 @@
 Terms that a scene cannot have are absent from dictionaries and from the compiled program.
 """
 
-import operator
 from functools import reduce
 
 from .._math.vectors import Scalar, add, is_zero
@@ -80,7 +79,7 @@ def bristle_energy(
             normal = force.contact.normal
             across = deflection - normal * deflection.dot(normal)
             stored.append(force.normal_force * law.stored_energy(across))
-    return reduce(operator.add, stored) if stored else None
+    return reduce(add, stored) if stored else None
 
 
 def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Scalar]:
@@ -108,7 +107,7 @@ def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Sc
             energies["gravity"] = energies["gravity"] - body.mass * along_gravity
     if scene.forces:
         stored = [element.stored_energy(motions, t) for element in scene.forces.values()]
-        energies["springs"] = reduce(operator.add, stored)
+        energies["springs"] = reduce(add, stored)
     for joint in scene.contact_joints().values():
         laws = joint.laws()
         for label, contact in joint.contacts(motions).items():

@@ -12,6 +12,7 @@ from .._compilation import HostFirst
 from .._fields.cautions import LeftBearingWarning, UnusualValueWarning, caution, quiet
 from .._fields.checks import caution_unless, require
 from .._fields.objects import on_device
+from .._math.smoothing import value_and_slope
 from .._math.vectors import ZERO, Condition, Scalar, pack, subtract, unpack
 from .._model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, BodyState, State
 from .._model.contact.laws import whole_law
@@ -327,8 +328,7 @@ def _speeds_of_rest(
             return jnp.asarray(system.second_rates(variables, rates)[name][label], float)
 
         # The second rate of the depth is linear in the force.
-        push = jnp.zeros(())
-        return -jax.jvp(second_rate, (push,), (jnp.ones_like(push),))[1]
+        return -value_and_slope(second_rate, 0.0)[1]
 
     for name in names:
         joint = system.scene.contact_joints()[name]

@@ -1,12 +1,16 @@
-"""Functions of scalars: branches, angles, and powers and norms whose derivatives are finite.
+"""Functions of scalars: branches, angles, derivatives, and powers and norms whose derivatives are
+finite.
 
 For numbers of Python and NumPy, NumPy computes these functions, so that nothing is compiled, except
-for `positive_power` and `ramp`, which always use JAX.
+for `value_and_slope`, `positive_power` and `ramp`, which always use JAX.
 """
+
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
 from jax.core import Tracer
+from jaxtyping import PyTree
 
 from .vectors import Condition, Scalar, Vector, are_traced_alike, library, square_root
 
@@ -37,6 +41,12 @@ def polar_angle(sine: Scalar, cosine: Scalar) -> Scalar:
 def wrapped(value: Scalar, period: Scalar) -> Scalar:
     """Return a value minus the nearest multiple of a period: within half a period of zero."""
     return value - period * library((value, period)).round(value / period)
+
+
+def value_and_slope(function: Callable[[Scalar], PyTree], x: Scalar) -> tuple[PyTree, PyTree]:
+    """Return the value of a function of a number, and its derivative."""
+    x = jnp.asarray(x, dtype=float)
+    return jax.jvp(function, (x,), (jnp.ones_like(x),))
 
 
 _TINY = 1e-200

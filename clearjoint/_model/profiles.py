@@ -11,7 +11,6 @@ m for 3 um per rad and R = 10 mm. Deviations of the radius are therefore used as
 
 import abc
 import operator
-from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias
 
 import jax
@@ -122,68 +121,32 @@ class Harmonics(AbstractProfile):
 
     @override
     def __check_init__(self):
-        require_coefficients(self.cosines, self.sines)
+        shape, of_sines = np.shape(self.cosines), np.shape(self.sines)
+        remedy = "pass the coefficients in a list, that of the first harmonic first"
+        require(len(shape) == 1 and shape != (0,), "cosines", shape, "a row", remedy)
+        require(of_sines == shape, "sines", of_sines, f"of the shape {shape} of `cosines`", remedy)
+        require_finite("cosines", self.cosines)
+        require_finite("sines", self.sines)
 
     @override
     def at(self, angle: NumberOrArray) -> Deviation:
-        return sum_of_waves(self.cosines, self.sines, angle)
+        cosines, sines = on_device(self.cosines), on_device(self.sines)
+        numpy = library((angle,))
+        c, s = cosine, sine = numpy.cos(angle), numpy.sin(angle)
+        value = slope = bend = numpy.zeros_like(cosine)
+        for k in range(1, len(cosines) + 1):
+            a, b = cosines[k - 1], sines[k - 1]
+            wave = a * cosine + b * sine
+            value = value + wave
+            slope = slope + k * (b * cosine - a * sine)
+            bend = bend - k * k * wave
+            # The addition theorem is cheaper than a cosine and a sine for each harmonic.
+            cosine, sine = cosine * c - sine * s, sine * c + cosine * s
+        return Deviation(value, slope, bend)
 
     @override
     def angles(self) -> int:
         return ANGLES_PER_WAVE * np.shape(self.cosines)[0]
-
-
-def require_coefficients(cosines: Column, sines: Column) -> None:
-    """Raise a `ValueError` unless both are rows of equally many finite numbers."""
-    shape = np.shape(cosines)
-    remedy = "pass the coefficients in a list, that of the first harmonic first"
-    require(len(shape) == 1 and shape != (0,), "cosines", shape, "a row", remedy)
-    of_sines = np.shape(sines)
-    require(of_sines == shape, "sines", of_sines, f"of the shape {shape} of `cosines`", remedy)
-    require_finite("cosines", cosines)
-    require_finite("sines", sines)
-
-
-def sum_of_waves(cosines: Column, sines: Column, angle: NumberOrArray) -> Deviation:
-    """Return the sum over k of a_k cos(k angle) + b_k sin(k angle), and two derivatives."""
-    cosines, sines = on_device(cosines), on_device(sines)
-    numpy = library((angle,))
-    c, s = cosine, sine = numpy.cos(angle), numpy.sin(angle)
-    value = slope = bend = numpy.zeros_like(cosine)
-    for k in range(1, len(cosines) + 1):
-        a, b = cosines[k - 1], sines[k - 1]
-        wave = a * cosine + b * sine
-        value = value + wave
-        slope = slope + k * (b * cosine - a * sine)
-        bend = bend - k * k * wave
-        # The addition theorem is cheaper than a cosine and a sine for each harmonic.
-        cosine, sine = cosine * c - sine * s, sine * c + cosine * s
-    return Deviation(value, slope, bend)
-
-
-def spline_at(
-    angle: NumberOrArray,
-    count: int,
-    coefficients_around: Callable[[jax.Array | np.ndarray], jax.Array],
-) -> Deviation:
-    """Return a periodic cubic spline at an angle, rad, and two derivatives, from the number of its
-    evenly spaced knots and `AbstractPeriodicSpline.coefficients_around`."""
-    per_knot = count / (2.0 * np.pi)
-    # The knots next to angles that are known before compilation are found by NumPy, so that
-    # the compiled program need not search for them.
-    numpy = library((angle,))
-    turns = numpy.asarray(angle, float) / (2.0 * np.pi)
-    position = (turns - numpy.floor(turns)) * count
-    knot = numpy.floor(position)
-    x = position - knot
-    near = coefficients_around(knot.astype(int))
-    a, b, c, d = (near[..., k] for k in range(4))
-    # Powers of x of the four cubic B-splines that are not zero between two knots.
-    linear, square, cubic = 0.5 * (c - a), 0.5 * (a + c) - b, (d - a) / 6.0 + 0.5 * (b - c)
-    value = (a + 4.0 * b + c) / 6.0 + x * (linear + x * (square + x * cubic))
-    slope = linear + x * (2.0 * square + x * 3.0 * cubic)
-    bend = 2.0 * square + x * 6.0 * cubic
-    return Deviation(value, slope * per_knot, bend * per_knot**2)
 
 
 class AbstractPeriodicSpline(AbstractProfile):
@@ -191,7 +154,23 @@ class AbstractPeriodicSpline(AbstractProfile):
 
     @override
     def at(self, angle: NumberOrArray) -> Deviation:
-        return spline_at(angle, self.angles(), self.coefficients_around)
+        count = self.angles()
+        per_knot = count / (2.0 * np.pi)
+        # The knots next to angles that are known before compilation are found by NumPy, so that
+        # the compiled program need not search for them.
+        numpy = library((angle,))
+        turns = numpy.asarray(angle, float) / (2.0 * np.pi)
+        position = (turns - numpy.floor(turns)) * count
+        knot = numpy.floor(position)
+        x = position - knot
+        near = self.coefficients_around(knot.astype(int))
+        a, b, c, d = (near[..., k] for k in range(4))
+        # Powers of x of the four cubic B-splines that are not zero between two knots.
+        linear, square, cubic = 0.5 * (c - a), 0.5 * (a + c) - b, (d - a) / 6.0 + 0.5 * (b - c)
+        value = (a + 4.0 * b + c) / 6.0 + x * (linear + x * (square + x * cubic))
+        slope = linear + x * (2.0 * square + x * 3.0 * cubic)
+        bend = 2.0 * square + x * 6.0 * cubic
+        return Deviation(value, slope * per_knot, bend * per_knot**2)
 
     @abc.abstractmethod
     def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:
@@ -199,14 +178,6 @@ class AbstractPeriodicSpline(AbstractProfile):
 
         The index of the knot is 0 to N - 1 for N knots, or N by rounding, which stands for knot 0.
         """
-
-
-def require_knots(coefficients: Column) -> None:
-    """Raise a `ValueError` unless the coefficients of a spline are four or more finite numbers."""
-    shape = np.shape(coefficients)
-    remedy = "give the profile at four or more evenly spaced angles"
-    require(len(shape) == 1 and shape[0] >= 4, "coefficients", shape, "a row", remedy)
-    require_finite("coefficients", coefficients)
 
 
 class PeriodicSpline(AbstractPeriodicSpline):
@@ -229,7 +200,10 @@ class PeriodicSpline(AbstractPeriodicSpline):
 
     @override
     def __check_init__(self):
-        require_knots(self.coefficients)
+        shape = np.shape(self.coefficients)
+        remedy = "give the profile at four or more evenly spaced angles"
+        require(len(shape) == 1 and shape[0] >= 4, "coefficients", shape, "a row", remedy)
+        require_finite("coefficients", self.coefficients)
 
     @staticmethod
     def through(values: ArrayLike) -> "PeriodicSpline":

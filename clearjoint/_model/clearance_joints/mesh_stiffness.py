@@ -3,24 +3,15 @@
 import abc
 import math
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from typing_extensions import override
 
 from ..._fields.checks import require_numbers
-from ..._fields.objects import AbstractConverting, on_device, quantity
+from ..._fields.objects import AbstractConverting, quantity
 from ..._fields.types import ArrayLike, Column, Single
+from ..._math.smoothing import value_and_slope
 from ..._math.vectors import Scalar, library
-from ..profiles import (
-    NumberOrArray,
-    PeriodicSpline,
-    periodic,
-    require_coefficients,
-    require_knots,
-    spline_at,
-    sum_of_waves,
-)
+from ..profiles import Harmonics, NumberOrArray, PeriodicSpline
 
 SAMPLES = 256
 """Number of angles of the mesh cycle at which a stiffness must be positive."""
@@ -52,8 +43,7 @@ class AbstractMeshStiffness(AbstractConverting):
 
     def factor_and_slope(self, angle: Scalar) -> tuple[Scalar, Scalar]:
         """Return the factor and its derivative by the angle, 1/rad."""
-        angle = jnp.asarray(angle, float)
-        return jax.jvp(self.factor, (angle,), (jnp.ones_like(angle),))
+        return value_and_slope(self.factor, angle)
 
 
 def require_positive_factor(stiffness: AbstractMeshStiffness) -> None:
@@ -142,11 +132,14 @@ class StiffnessHarmonics(AbstractMeshStiffness):
 
     @override
     def __check_init__(self):
-        require_coefficients(self.cosines, self.sines)
+        self._waves()
 
     @override
     def factor(self, angle: NumberOrArray) -> NumberOrArray:
-        return 1.0 + sum_of_waves(self.cosines, self.sines, angle).value
+        return 1.0 + self._waves().at(angle).value
+
+    def _waves(self) -> Harmonics:
+        return Harmonics(self.cosines, self.sines)
 
 
 class StiffnessSpline(AbstractMeshStiffness):
@@ -168,7 +161,7 @@ class StiffnessSpline(AbstractMeshStiffness):
 
     @override
     def __check_init__(self):
-        require_knots(self.coefficients)
+        self._spline()
 
     @staticmethod
     def through(values: ArrayLike) -> "StiffnessSpline":
@@ -180,5 +173,7 @@ class StiffnessSpline(AbstractMeshStiffness):
 
     @override
     def factor(self, angle: NumberOrArray) -> NumberOrArray:
-        row = on_device(self.coefficients)
-        return spline_at(angle, row.shape[0], lambda knot: periodic(row, knot)).value
+        return self._spline().at(angle).value
+
+    def _spline(self) -> PeriodicSpline:
+        return PeriodicSpline(self.coefficients)

@@ -2,6 +2,7 @@
 
 import abc
 import math
+from functools import partial
 from typing import ClassVar
 
 import jax
@@ -12,7 +13,7 @@ from typing_extensions import override
 from ..._fields.checks import require
 from ..._fields.objects import AbstractConverting, quantity
 from ..._fields.types import Single
-from ..._math.smoothing import positive_power
+from ..._math.smoothing import positive_power, value_and_slope
 from ..._math.vectors import Scalar, add, square_root
 from .laws import (
     AbstractContactLaw,
@@ -27,9 +28,6 @@ from .laws import (
 _GAUSS = np.polynomial.legendre.leggauss(24)
 _NODES, _WEIGHTS = 0.5 * (_GAUSS[0] + 1.0), 0.5 * _GAUSS[1]
 """Nodes and weights of Gauss quadrature over [0, 1]. Smooth formulas would need fewer than 24."""
-_STRAIGHT_FROM = 0.99
-"""Fraction of a formula's largest penetration above which the force is extrapolated linearly: at
-the largest penetration itself, some formulas have an infinite stiffness."""
 
 
 class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
@@ -111,9 +109,9 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         deepest = self.deepest(gap)
         if deepest is None:
             return depth, 0.0, 0.0
-        end = jnp.asarray(_STRAIGHT_FROM * deepest)
-        along = jnp.ones_like(end)
-        load, slope = jax.jvp(lambda depth: self.line_force(gap, depth), (end,), (along,))
+        # At the largest penetration itself, some formulas have an infinite stiffness.
+        end = jnp.asarray(0.99 * deepest)
+        load, slope = value_and_slope(partial(self.line_force, gap), end)
         beyond = jnp.maximum(depth - end, 0.0)
         return jnp.minimum(depth, end), slope * beyond, beyond * (load + 0.5 * slope * beyond)
 

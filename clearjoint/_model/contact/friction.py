@@ -5,14 +5,13 @@ import operator
 from typing import TypeAlias
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from typing_extensions import override
 
 from ..._fields.checks import require_numbers
 from ..._fields.objects import AbstractConverting, quantity
 from ..._fields.types import Single
-from ..._math.smoothing import norm_and_direction, positive_power
+from ..._math.smoothing import norm_and_direction, positive_power, value_and_slope
 from ..._math.vectors import Scalar, Vector
 
 
@@ -54,7 +53,7 @@ class AbstractFriction(AbstractConverting):
         """
         speed, _ = norm_and_direction(slip)
         rests = speed == 0.0
-        _, slope = jax.jvp(self.ratio, (jnp.zeros_like(speed),), (jnp.ones_like(speed),))
+        _, slope = value_and_slope(self.ratio, jnp.zeros_like(speed))
         # At zero speed the quotient is replaced by its limit, which keeps the derivatives correct.
         per_speed = jnp.where(rests, slope, self.ratio(speed) / jnp.where(rests, 1.0, speed))
         return slip * (-normal_force * per_speed)

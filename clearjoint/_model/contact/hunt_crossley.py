@@ -15,7 +15,7 @@ from ..._fields.cautions import LawRangeWarning, caution
 from ..._fields.checks import concrete, require, require_positive
 from ..._fields.objects import optional_quantity, quantity
 from ..._fields.types import Single
-from ..._math.smoothing import positive_power, ramp
+from ..._math.smoothing import positive_power, ramp, value_and_slope
 from ..._math.vectors import Scalar
 from .laws import (
     AbstractElasticity,
@@ -113,7 +113,7 @@ def _logarithm(e: Scalar) -> Scalar:
     )
 
     def step(_: int, y: Scalar) -> Scalar:
-        value, slope = jax.jvp(lambda y: _relation(y, e), (y,), (jnp.ones_like(y),))
+        value, slope = value_and_slope(lambda y: _relation(y, e), y)
         return y - value / slope
 
     return jax.lax.fori_loop(0, _EXACT_STEPS, step, start)

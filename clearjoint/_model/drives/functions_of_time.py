@@ -16,6 +16,7 @@ from ..._fields.checks import as_number, require, require_finite, require_number
 from ..._fields.objects import AbstractConverting, on_device, quantity
 from ..._fields.types import ArrayLike, Column, Single, TableRows, Triple
 from ..._math.interpolation import Slope, hermite_value
+from ..._math.smoothing import value_and_slope
 from ..._math.vectors import Scalar, Vector
 
 
@@ -338,9 +339,7 @@ def value_at(content: SingleInTime, t: Scalar) -> Scalar:
 
 def value_and_rate(function: FunctionOfTime, t: Scalar) -> tuple[Scalar, Scalar]:
     """Return the value of a function at the time `t`, s, and its derivative by the time."""
-    # JAX differentiates floats only, not a time given as an integer.
-    t, function = jnp.asarray(t, dtype=float), as_function_of_time(function)
-    return jax.jvp(lambda t: value_at(function, t), (t,), (jnp.ones_like(t),))
+    return value_and_slope(partial(value_at, as_function_of_time(function)), t)
 
 
 def vector_at(content: PyTree, t: Scalar) -> Vector:

@@ -13,7 +13,7 @@ from jaxtyping import PyTree
 
 from ..._fields.checks import require
 from ..._math.rotations import rotation_matrix, transverse_axes, unit
-from ..._math.smoothing import polar_angle, where
+from ..._math.smoothing import polar_angle, value_and_slope, where
 from ..._math.vectors import (
     UNIT_X,
     UNIT_Y,
@@ -315,10 +315,10 @@ def row_following(row: Row, function: Callable[[Scalar], Scalar], t: Scalar) -> 
     differentiates twice."""
 
     def rate(t: Scalar) -> Scalar:
-        return jax.jvp(function, (t,), (jnp.ones_like(t),))[1]
+        return value_and_slope(function, t)[1]
 
     t = jnp.asarray(t, dtype=float)
-    prescribed, acceleration = jax.jvp(rate, (t,), (jnp.ones_like(t),))
+    prescribed, acceleration = value_and_slope(rate, t)
     time_rate = add(row.time_rate, -prescribed)
     return Row(row.value - function(t), row.jacobian, row.bias - acceleration, time_rate)
 

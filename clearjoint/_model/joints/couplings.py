@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import TypeAlias
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from typing_extensions import override
 
@@ -21,7 +20,7 @@ from ..._fields.checks import (
 from ..._fields.objects import quantity
 from ..._fields.types import ArrayLike, Quadruple, Single, Triple
 from ..._math.rotations import composed, rotation_matrix, transverse_axes, unit, within_two_turns
-from ..._math.smoothing import cosine, polar_angle, sine, where, wrapped
+from ..._math.smoothing import cosine, polar_angle, sine, value_and_slope, where, wrapped
 from ..._math.vectors import ZERO, EulerParameters, Scalar, Vector
 from ..drives.functions_of_time import (
     FunctionOfTime,
@@ -380,12 +379,12 @@ class JointCoupling(AbstractConstraint):
         function = as_function_of_time(self.function)
 
         def slope(x: Scalar) -> Scalar:
-            return jax.jvp(function, (x,), (jnp.ones_like(x),))[1]
+            return value_and_slope(function, x)[1]
 
         # The row is the follower's position minus f of the leader's, x. Its rate contains -f' times
         # the leader's rate, and its second time derivative -f'' times the square of this rate.
         x = jnp.asarray(leader.value, dtype=float)
-        factor, curvature = jax.jvp(slope, (x,), (jnp.ones_like(x),))
+        factor, curvature = value_and_slope(slope, x)
         row = plus_multiple(follower, leader, -factor)
         value = follower.value - function(x)
         # Angles are known up to whole revolutions.
