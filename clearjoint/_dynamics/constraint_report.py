@@ -16,12 +16,13 @@ from .._math.smoothing import where
 from .._math.vectors import Scalar, library, square_root, unpack
 from .._model.bodies import GROUND, BodyState, State
 from .._model.joints.base import ByLabel, Motions, Row
+from .._model.joints.constraint_rows import row_rate
 from .._model.scene import Scene
 from .._native import NativeFunction, UnsupportedPrimitiveError
 from .absolute_coordinates import AbsoluteCoordinates
 from .coordinates import AbstractCoordinates
 from .equations_of_motion import constraint_rows
-from .multipliers import as_array, row_rate
+from .multipliers import as_array
 
 RANK_TOLERANCE = 1e-8
 """Distance of a normalised constraint row from the span of the rows before it, below which the row

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from .._math.smoothing import where
 from .._math.vectors import Condition, Scalar, library
 from .._model.contact.laws import UNKNOWN_ENTRY_SPEED
-from .._model.joints.base import AbstractContactJoint, ByLabel, Motions
+from .._model.joints.base import AbstractContactJoint, ByLabel, Motions, each_label
 from .._model.scene import Scene
 from .contact_forces import Closed, EntrySpeeds
 from .kinds import Kinds
@@ -180,8 +180,7 @@ def closed(gaps: ContactGaps) -> Closed:
     If steps end at contact events, each contact keeps this state for a whole step: one that is open
     at the step's start has no force even beyond the wall, so that the motion is smooth.
     """
-    families = gaps.items()
-    return {name: {k: gap.depth > 0.0 for k, gap in family.items()} for name, family in families}
+    return each_label(lambda name, label: gaps[name][label].depth > 0.0, gaps)
 
 
 def begins(before: ContactGaps, after: ContactGaps) -> jax.Array:

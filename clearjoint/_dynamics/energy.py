@@ -7,12 +7,12 @@ from functools import reduce
 
 from .._math.vectors import Scalar, add, is_zero
 from .._model.joints.base import ByLabel
+from .._model.joints.constraint_rows import row_rate
 from .._model.joints.ideal import AbstractDriveableJoint
 from .._model.scene import Scene
 from .contact_forces import Bristles, LoadedContact
 from .coordinates import Motions
 from .equations_of_motion import Dynamics
-from .multipliers import row_rate
 
 
 def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scalar]:

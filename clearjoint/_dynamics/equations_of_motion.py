@@ -138,3 +138,15 @@ def _rows_of_joint(
 def flattened(rows: ByLabel[Row]) -> list[Row]:
     """Return all rows in one list, in the order of the dictionaries and of the multipliers."""
     return [row for family in rows.values() for row in family.values()]
+
+
+def constraint_wrenches(dynamics: Dynamics, joint: str) -> dict[str, Wrench]:
+    """Return the wrenches of a joint's constraints on its bodies: the sums of the Jacobians of the
+    constraint rows times their Lagrange multipliers."""
+    wrenches: dict[str, Wrench] = {}
+    for label, row in dynamics.rows[joint].items():
+        multiplier = dynamics.multipliers[joint][label]
+        # A Jacobian is the wrench on each body for a multiplier of 1.
+        for body, pair in row.jacobian.items():
+            wrenches[body] = wrenches.get(body, NO_WRENCH) + pair * multiplier
+    return wrenches

@@ -8,7 +8,7 @@ from typing_extensions import override
 
 from .._fields.objects import AbstractConverting, quantity
 from .._fields.types import Single
-from .._math.linear_solvers import Exact, LeastNorm
+from .._math.linear_solvers import AbstractSolver, Exact, LeastNorm
 from .._math.vectors import Scalar
 from .coordinates import AbstractCoordinates
 from .joint_coordinates.coordinates import JointCoordinates
@@ -116,6 +116,6 @@ class Formulation(eqx.Module):
     ledger: bool = eqx.field(default=False, static=True)
     integrands: Mapping[str, Callable[..., Scalar]] = eqx.field(default_factory=dict)
 
-    def solver(self) -> Exact:
+    def solver(self) -> AbstractSolver:
         """Return the linear solver for the constraint multipliers."""
         return LeastNorm() if self.redundant else Exact()

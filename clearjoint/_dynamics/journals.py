@@ -22,6 +22,7 @@ from .._model.joints.base import (
     ByLabel,
     Contact,
     Motions,
+    each_label,
 )
 from .._model.joints.joint_friction import JointFriction
 from .._model.scene import Scene
@@ -30,6 +31,7 @@ from .absolute_coordinates import AbsoluteCoordinates
 from .contact_events import approaches_unknown, contact_gaps
 from .contact_forces import EntrySpeeds, LoadedContact
 from .coordinates import free_motion
+from .equations_of_motion import constraint_wrenches
 from .formulation import Formulation, Unstabilised
 from .system import System
 
@@ -297,15 +299,12 @@ def starting_contacts(
 ) -> tuple[ByLabel[Scalar], ByLabel[Scalar]]:
     """Return the penetration of each contact, m, and the result of `approaches_unknown`."""
     gaps, laws = contact_gaps(scene, motions), scene.laws()
-    # Gaps are measured from the onset of the force.
-    surfaces = {
-        name: {
-            label: subtract(gap.depth, laws[name][label].onset_offset())
-            for label, gap in family.items()
-        }
-        for name, family in gaps.items()
-    }
-    return surfaces, approaches_unknown(scene, gaps, entry_speeds)
+
+    def depth(name: str, label: str) -> Scalar:
+        # Gaps are measured from the onset of the force.
+        return subtract(gaps[name][label].depth, laws[name][label].onset_offset())
+
+    return each_label(depth, gaps), approaches_unknown(scene, gaps, entry_speeds)
 
 
 # This function is compiled to native code or, if that is not possible, by XLA without a warning.
@@ -356,12 +355,8 @@ def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, j
     mechanics = system.mechanics(system.encode(resting))
     dynamics = system.dynamics_under(mechanics, {}, t)
     loads = {}
-    for name, rows in dynamics.rows.items():
-        body_names = system.scene.joints[name].body_names()
-        load = ZERO
-        for label, row in rows.items():
-            # The Jacobian times the multiplier is the force on a body; its reaction is the load.
-            on_last = row.jacobian.get(body_names[-1], NO_WRENCH)
-            load = load - on_last.force * dynamics.multipliers[name][label]
-        loads[name] = pack(dynamics.motions[body_names[0]].components(load))
+    for name in dynamics.rows:
+        first, *_, last = system.scene.joints[name].body_names()
+        on_last = constraint_wrenches(dynamics, name).get(last, NO_WRENCH)
+        loads[name] = pack(dynamics.motions[first].components(-on_last.force))
     return loads

@@ -15,12 +15,12 @@ import equinox as eqx
 import jax
 
 from .._compilation import NotSharedError, are_many, traced_for_a_kind
+from .._fields.leaves import Module, with_fields
 from .._model.bodies import GROUND
 from .._model.joints.base import AbstractElement, Motions
 from .._model.scene import Scene
 
 Element = TypeVar("Element", bound=AbstractElement)
-Module = TypeVar("Module", bound=eqx.Module)
 Result = TypeVar("Result")
 _PROBE = "<probe>"
 NOT_RENAMED = (
@@ -111,9 +111,5 @@ def _texts(node: eqx.Module) -> Iterator[tuple[tuple[str, ...], str]]:
 
 def _changed(node: Module, path: tuple[str, ...], text: str) -> Module:
     first, *rest = path
-    copy = object.__new__(type(node))
-    for name, value in vars(node).items():
-        object.__setattr__(copy, name, value)
     inner = _changed(getattr(node, first), tuple(rest), text) if rest else text
-    object.__setattr__(copy, first, inner)
-    return copy
+    return with_fields(node, {first: inner})

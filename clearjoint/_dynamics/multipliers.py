@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 import jax
 
 from .._math.block_matrices import gram_matrix
-from .._math.linear_solvers import Exact, inner
+from .._math.linear_solvers import AbstractSolver, inner
 from .._math.smoothing import where
 from .._math.vectors import Matrix, Scalar, add, is_zero, library, multiply, square_root, subtract
 from .._model.bodies import GROUND, Body
-from .._model.joints.base import Motions, Row
+from .._model.joints.base import Row
 from .coordinates import AbstractMechanics, Speeds
 
 
@@ -36,7 +36,7 @@ class ConstraintEquations:
         self,
         mechanics: AbstractMechanics,
         directions: Sequence[Speeds],
-        solver: Exact,
+        solver: AbstractSolver,
         weights: Sequence[Scalar] | None = None,
         compliances: Sequence[Scalar] = (),
     ):
@@ -144,14 +144,3 @@ def as_array(numbers: Sequence[Scalar]) -> jax.Array:
     """Stack scalars to an array of floats, of JAX if any of them is of JAX."""
     numpy = library(numbers)
     return numpy.stack([numpy.asarray(number, dtype=float) for number in numbers])
-
-
-def row_rate(row: Row, motions: Motions) -> Scalar:
-    """Return the time derivative of a constraint row's value for given motions of the bodies."""
-    total = row.time_rate
-    for name, pair in row.jacobian.items():
-        if name != GROUND:
-            motion = motions[name]
-            part = add(pair.force.dot(motion.velocity), pair.moment.dot(motion.spin))
-            total = add(total, part)
-    return total

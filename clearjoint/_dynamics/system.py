@@ -14,6 +14,7 @@ from .._math.vectors import ZERO, Condition, Scalar, add, is_zero
 from .._model.bodies import BodyState, Motion
 from .._model.contact.laws import AbstractContactLaw, AbstractLawAround
 from .._model.joints.base import ByLabel, Motions, Row, each_label
+from .._model.joints.constraint_rows import row_rate
 from .._model.joints.ideal import AbstractDriveableJoint
 from .._model.scene import Scene
 from .contact_events import ContactGaps, contact_gaps
@@ -29,7 +30,7 @@ from .coordinates import AbstractMechanics, MotionVariables
 from .energy import ledger_powers, mechanical_energy
 from .equations_of_motion import Dynamics, applied_wrenches, constraint_rows, flattened
 from .formulation import Formulation
-from .multipliers import ConstraintEquations, row_rate, row_weights
+from .multipliers import ConstraintEquations, row_weights
 
 FARTHEST = 1e-3
 """Largest violation of a constraint, m or rad, at which a run continues. If the smallest clearance

@@ -6,7 +6,7 @@ down. Columns, rows and lists that are paired by position must not mix these two
 their names, or take them from one object.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TypeVar
 
 import equinox as eqx
@@ -14,6 +14,7 @@ import jax
 from jaxtyping import PyTree
 
 Tree = TypeVar("Tree")
+Module = TypeVar("Module", bound=eqx.Module)
 
 
 def with_leaves(
@@ -39,6 +40,15 @@ def ordered_like(tree: PyTree, other: PyTree) -> PyTree:
             # Modules are frozen, so their fields are set by `object`.
             object.__setattr__(other, name, _ordered(getattr(tree, name), part))
     return other
+
+
+def with_fields(module: Module, values: Mapping[str, object]) -> Module:
+    """Return a copy of a module with other values of some fields, neither converted nor checked."""
+    copy = object.__new__(type(module))
+    for name, value in {**vars(module), **values}.items():
+        # Modules are frozen.
+        object.__setattr__(copy, name, value)
+    return copy
 
 
 def _ordered(names: dict[str, PyTree], part: dict[str, PyTree]) -> dict[str, PyTree]:

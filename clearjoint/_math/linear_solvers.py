@@ -166,8 +166,8 @@ class ScalarMatrix(AbstractMatrix):
         return solution
 
 
-class Exact:
-    """Direct solver of S x = b, for nonsingular matrices only.
+class AbstractSolver(abc.ABC):
+    """Base class of solvers for S x = b.
 
     The matrix is S = D M^-1 D^T, with the Jacobian D of constraints and a mass matrix M.
     """
@@ -176,12 +176,20 @@ class Exact:
         """Return a row of D, with zeros in place of entries that are rounding errors."""
         return list(row)
 
+    @abc.abstractmethod
     def solving(self, matrix: AbstractMatrix) -> Solve:
         """Return the function that returns the solution x for a right side b."""
+
+
+class Exact(AbstractSolver):
+    """Direct solver, for nonsingular matrices only."""
+
+    @override
+    def solving(self, matrix: AbstractMatrix) -> Solve:
         return matrix.solving()
 
 
-class LeastNorm(Exact):
+class LeastNorm(AbstractSolver):
     """Solver that returns the solution of least norm of a singular but consistent system S x = b.
 
     The iteration x <- x + (S + eps I)^-1 (b - S x) from x = 0 stays in the range of S and converges

@@ -21,7 +21,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
-from numpy.typing import ArrayLike
 from typing_extensions import override
 
 Scalar: TypeAlias = float | jax.Array
@@ -300,18 +299,21 @@ def fold_constants(
     shapes = tuple([leaf.shape if type(leaf) is np.ndarray else np.shape(leaf) for leaf in leaves])
     vectors, sizes = _vectors(structure, shapes)
     arrays = [leaves[k] for k in vectors]
-    if varied is None and arrays and {*map(type, arrays)} == {np.ndarray}:
-        # The numbers of all vectors are compared at once, since a scene has hundreds of vectors.
-        numbers = np.concatenate(arrays, axis=None)
-        is_one = numbers == 1.0
-        # One digit for each number, as in `_DIGITS`: 1 for zero, 2 for one, 0 for all others.
-        digits = (is_one | (numbers == 0.0)).astype(np.uint8) + is_one
-        return ConstantFolded(tree, _patterns(digits.tobytes(), vectors, sizes, len(leaves)))
-    changing = [False] * len(leaves) if varied is None else jax.tree.leaves(varied)
-    patterns: list[Pattern] = [None] * len(leaves)
-    for k in vectors:
-        patterns[k] = None if changing[k] else _pattern(leaves[k])
-    return ConstantFolded(tree, tuple(patterns))
+    if varied is not None or {*map(type, arrays)} != {np.ndarray}:
+        # NaN stands for numbers that are unknown, or differ between runs.
+        changing = [False] * len(leaves) if varied is None else jax.tree.leaves(varied)
+        arrays = [
+            np.full(size, np.nan)
+            if changing[k] or isinstance(leaves[k], Tracer)
+            else np.asarray(leaves[k], dtype=float)
+            for k, size in zip(vectors, sizes, strict=True)
+        ]
+    # The numbers of all vectors are compared at once, since a scene has hundreds of vectors.
+    numbers = np.concatenate([*arrays, ()], axis=None)
+    is_one = numbers == 1.0
+    # One digit for each number, as in `_DIGITS`: 1 for zero, 2 for one, 0 for all others.
+    digits = (is_one | (numbers == 0.0)).astype(np.uint8) + is_one
+    return ConstantFolded(tree, _patterns(digits.tobytes(), vectors, sizes, len(leaves)))
 
 
 _DIGITS = (None, 0.0, 1.0)
@@ -366,13 +368,6 @@ def _leaves_in_tables(node: PyTree, in_table: bool) -> list[bool]:
         is_table = name in declared and declared[name].metadata.get("table", False)
         flags += _leaves_in_tables(part, in_table or is_table)
     return flags
-
-
-def _pattern(leaf: ArrayLike) -> Pattern:
-    if isinstance(leaf, Tracer) or np.shape(leaf) not in ((3,), (3, 3)):
-        return None
-    numbers = np.asarray(leaf, dtype=float).ravel().tolist()
-    return tuple(number if number in (0.0, 1.0) else None for number in numbers)
 
 
 def _component(leaf: jax.Array, index: tuple[int, ...], leading: int) -> Scalar:

@@ -29,7 +29,7 @@ from .._fields.checks import (
 )
 from .._fields.objects import AbstractReadable, as_numbers, described, quantity
 from .._fields.types import ArrayLike, Quadruple, QuadrupleLike, Single, Square, Triple, TripleLike
-from .._math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector
+from .._math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector, add
 from .densities import STEEL
 
 AXES = ("x", "y", "z")
@@ -489,7 +489,7 @@ class Motion:
 
     def power(self, wrench: Wrench) -> Scalar:
         """Return the power of a wrench that acts on the body, W."""
-        return wrench.force.dot(self.velocity) + wrench.moment.dot(self.spin)
+        return add(wrench.force.dot(self.velocity), wrench.moment.dot(self.spin))
 
 
 GROUND_MOTION = Motion(ZERO, IDENTITY, ZERO, ZERO)

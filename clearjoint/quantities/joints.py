@@ -8,14 +8,14 @@ from typing import ClassVar, Protocol, runtime_checkable
 import equinox as eqx
 from typing_extensions import override
 
-from .._dynamics.equations_of_motion import Dynamics
-from .._dynamics.multipliers import row_rate
+from .._dynamics.equations_of_motion import constraint_wrenches
 from .._fields.checks import require
 from .._math.smoothing import norm_and_direction
 from .._math.vectors import ZERO, Scalar, Vector, add
 from .._model.bodies import GROUND, NO_WRENCH, Wrench
 from .._model.clearance_joints.journal_bases import BASES, HasJournal
 from .._model.joints.base import AbstractConstraint, AbstractContactJoint, Motions, Row
+from .._model.joints.constraint_rows import row_rate
 from .._model.scene import Scene
 from .base import (
     AbstractQuantity,
@@ -279,18 +279,6 @@ class Multiplier(AbstractJointQuantity):
         remedy = "take Reaction if the joint coordinates satisfy the joint by themselves"
         require(self.row in multipliers, "row", self.row, expected, remedy)
         return multipliers[self.row]
-
-
-def constraint_wrenches(dynamics: Dynamics, joint: str) -> dict[str, Wrench]:
-    """Return the wrenches of a joint's constraints on its bodies: the sums of the Jacobians of the
-    constraint rows times their Lagrange multipliers."""
-    wrenches: dict[str, Wrench] = {}
-    for label, row in dynamics.rows[joint].items():
-        multiplier = dynamics.multipliers[joint][label]
-        # A Jacobian is the wrench on each body for a multiplier of 1.
-        for body, pair in row.jacobian.items():
-            wrenches[body] = wrenches.get(body, NO_WRENCH) + pair * multiplier
-    return wrenches
 
 
 class AbstractReaction(AbstractJointQuantity):

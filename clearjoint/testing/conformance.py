@@ -11,12 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, PyTree
 
-from .._dynamics.multipliers import row_rate
 from .._math.vectors import Condition, Scalar, Vector, unpack
 from .._model.bodies import Motion
 from .._model.contact.friction import AbstractBristleFriction, AbstractFriction
 from .._model.contact.laws import UNKNOWN_ENTRY_SPEED, AbstractContactLaw, Gap
 from .._model.joints.base import AbstractConstraint
+from .._model.joints.constraint_rows import row_rate
 from .continuity import jumps, moved
 
 DEPTHS = (-1e-3, -1e-9, 0.0, 1e-12, 1e-8, 1e-6, 1e-5)

@@ -16,7 +16,7 @@ from ..._math.vectors import ZERO, Scalar
 from ..contact.hunt_crossley import ExactRestitution
 from ..contact.laws import AbstractContactLaw, Gap
 from ..joints.base import AbstractPair, Contact, Motions, Row
-from ..joints.constraint_rows import rate_of, relative_angle_row
+from ..joints.constraint_rows import relative_angle_row, row_rate
 from .common import FLANKS, AbstractFlankJoint
 
 TURN = 2.0 * math.pi
@@ -158,7 +158,7 @@ class Backlash(AbstractPair, AbstractFlankJoint):
         row = self.relative_angle(motions)
         # The angle modulo 2 pi allows any number of revolutions, with unchanged derivatives.
         angle = wrapped(row.value - self.middle, TURN)
-        speed = rate_of(row, motions)
+        speed = row_rate(row, motions)
         axis = motions[self.first].direction(unit(self.axis_first))
         contacts = {}
         for label, side in FLANKS.items():

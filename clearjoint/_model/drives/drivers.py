@@ -25,7 +25,7 @@ from ..joints.base import (
     Motions,
     Row,
 )
-from ..joints.constraint_rows import angle_about, point_in_plane, rate_of, row_following
+from ..joints.constraint_rows import angle_about, point_in_plane, row_following, row_rate
 from .functions_of_time import (
     FunctionOfTime,
     SingleInTime,
@@ -60,7 +60,7 @@ class AbstractDrive(AbstractPair):
 
     def speed(self, motions: Motions) -> Scalar:
         """Return the rate of the angle of the second body relative to the first, rad/s."""
-        return rate_of(self.relative_angle(motions), motions)
+        return row_rate(self.relative_angle(motions), motions)
 
 
 class AbstractDriveAboutAxis(AbstractDrive):
@@ -182,7 +182,7 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
     def present_torque(self, motions: Motions, t: Scalar) -> Scalar:
         """Return the torque on the second body in N m, at time `t` in s."""
         angle = self.relative_angle(motions)
-        return self.torque_at(angle.value, rate_of(angle, motions), t)
+        return self.torque_at(angle.value, row_rate(angle, motions), t)
 
 
 def torque_about(angle: Row, torque: Scalar) -> dict[str, Wrench]:

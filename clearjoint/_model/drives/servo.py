@@ -14,7 +14,7 @@ from ..._math.smoothing import wrapped
 from ..._math.vectors import Scalar
 from ..bodies import Wrench
 from ..joints.base import PARALLEL, Motions
-from ..joints.constraint_rows import rate_of
+from ..joints.constraint_rows import row_rate
 from ..joints.sampled_force import AbstractSampledForce, ForceMemory, Periodic
 from .drivers import ROUNDING, SI, AbstractDriveAboutAxis, limited, torque_about
 from .functions_of_time import FunctionOfTime, as_function_of_time, value_and_rate
@@ -199,7 +199,7 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
     def _reading(self, motions: Motions) -> tuple[Scalar, Scalar]:
         """Return the encoder's angle, rad in [-pi, pi], and its rate, rad/s."""
         angle = (self if self.encoder is None else self.encoder).relative_angle(motions)
-        return angle.value, rate_of(angle, motions)
+        return angle.value, row_rate(angle, motions)
 
     def _commanded(
         self, memory: ForceMemory, angle: Scalar, speed: Scalar, motions: Motions, t: Scalar

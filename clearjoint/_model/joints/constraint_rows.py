@@ -160,7 +160,7 @@ def turning_angle(
         moment = sine.jacobian[name].moment * c - cosine.jacobian[name].moment * s
         jacobian[name] = Wrench(ZERO, moment * inverse)
     motions = dict(zip(names, (first, second), strict=True))
-    c_rate, s_rate = rate_of(cosine, motions), rate_of(sine, motions)
+    c_rate, s_rate = row_rate(cosine, motions), row_rate(sine, motions)
     rate = (c * s_rate - s * c_rate) * inverse
     # The derivative of the rate by time, before multiplication by `inverse`. The last term comes
     # from the derivative of `inverse`.
@@ -168,10 +168,11 @@ def turning_angle(
     return Row(polar_angle(s, c), jacobian, bias * inverse)
 
 
-def rate_of(row: Row, motions: Motions) -> Scalar:
-    """Return the part of the rate of a row's value that is due to the motion of the bodies."""
+def row_rate(row: Row, motions: Motions) -> Scalar:
+    """Return the time derivative of a row's value for given motions of the bodies."""
     # `Motion.power` multiplies a wrench, here a part of the Jacobian, by velocity and spin.
-    return reduce(add, (motions[name].power(part) for name, part in row.jacobian.items()))
+    parts = (motions[name].power(part) for name, part in row.jacobian.items())
+    return reduce(add, parts, row.time_rate)
 
 
 def relative_angle_row(
@@ -301,7 +302,7 @@ def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) ->
     value, bias = -0.5 * length, 0.0
     jacobian: dict[str, Wrench] = {}
     for row in components:
-        slope, rate = row.value / length, rate_of(row, motions)
+        slope, rate = row.value / length, row_rate(row, motions)
         for name, wrench in row.jacobian.items():
             jacobian[name] = jacobian.get(name, NO_WRENCH) + wrench * slope
         # The second derivative of x^2/(2 length) is (x'^2 + x x'')/length.

@@ -29,7 +29,7 @@ from ..drives.functions_of_time import (
 )
 from ..pen import AbstractPen
 from .base import PARALLEL, AbstractConstraint, Motions, Row, require_distinct
-from .constraint_rows import angle_about, plus_multiple, rate_of
+from .constraint_rows import angle_about, plus_multiple, row_rate
 from .ideal import AbstractAxisJoint, AbstractPairJoint, PrismaticJoint, RevoluteJoint
 from .motion_subspaces import (
     AbstractMotionAtPoints,
@@ -390,5 +390,5 @@ class JointCoupling(AbstractConstraint):
         # Angles are known up to whole revolutions.
         if isinstance(self.follower, RevoluteJoint):
             value = wrapped(value, 2.0 * math.pi)
-        bias = row.bias - curvature * rate_of(leader, motions) ** 2
+        bias = row.bias - curvature * row_rate(leader, motions) ** 2
         return {"coupling": replace(row, value=value, bias=bias)}

@@ -4,6 +4,7 @@ import equinox as eqx
 from typing_extensions import override
 
 from ..._fields.checks import require, require_axis, require_point
+from ..._fields.leaves import with_fields
 from ..._fields.objects import optional_quantity, quantity
 from ..._fields.types import Single, Triple
 from ..._math.rotations import unit
@@ -112,11 +113,7 @@ class JointFriction(AbstractPair, AbstractContactJoint):
         assert self.load_ratio is not None
         load = self.load + self.load_ratio * force
         # A constructor would convert vectors to arrays.
-        copy = object.__new__(JointFriction)
-        changed = {"load": load, "pressed_by": None, "load_ratio": None}
-        for name, value in (vars(self) | changed).items():
-            object.__setattr__(copy, name, value)
-        return copy
+        return with_fields(self, {"load": load, "pressed_by": None, "load_ratio": None})
 
     @override
     def laws(self) -> dict[str, AbstractContactLaw]:

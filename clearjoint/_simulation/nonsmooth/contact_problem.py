@@ -24,7 +24,6 @@ import jax.numpy as jnp
 from ..._dynamics.contact_forces import contact_wrenches
 from ..._dynamics.coordinates import AbstractMechanics, Motions, Speeds
 from ..._dynamics.equations_of_motion import flattened
-from ..._dynamics.multipliers import row_rate
 from ..._dynamics.system import System
 from ..._fields.checks import require, require_range
 from ..._math.linear_solvers import inner
@@ -32,6 +31,7 @@ from ..._math.rotations import transverse_axes
 from ..._math.smoothing import norm_and_direction
 from ..._math.vectors import ZERO, Condition, Scalar, Vector, add, multiply
 from ..._model.joints.base import AbstractContactJoint, Contact, Row, each_label
+from ..._model.joints.constraint_rows import row_rate
 from ..._model.joints.joint_friction import JointFriction
 from ..._model.scene import Scene
 from .bounded_lcp import BoxProblem, Impulses, largest, largest_of

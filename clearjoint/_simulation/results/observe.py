@@ -18,9 +18,8 @@ from ..._dynamics.absolute_coordinates import AbsoluteCoordinates
 from ..._dynamics.bristles import initial_bristles
 from ..._dynamics.coordinates import MotionVariables
 from ..._dynamics.energy import bristle_energy, mechanical_energy
-from ..._dynamics.equations_of_motion import Dynamics
+from ..._dynamics.equations_of_motion import Dynamics, constraint_wrenches
 from ..._dynamics.formulation import Formulation
-from ..._dynamics.multipliers import row_rate
 from ..._dynamics.sampled_forces import holding, initial_memories
 from ..._dynamics.system import System
 from ..._export.datasets import (
@@ -37,10 +36,10 @@ from ..._math.smoothing import norm_and_direction
 from ..._math.vectors import ConstantFolded, Scalar, Vector, fold_constants, pack, unpack
 from ..._model.bodies import GROUND, State
 from ..._model.clearance_joints.journal_bases import BASES, HasJournal, axial_positions
+from ..._model.joints.constraint_rows import row_rate
 from ..._model.scene import Scene
 from ..._native import Native, over_rows
 from ...quantities.base import Instant, Quantity, check_quantity
-from ...quantities.joints import constraint_wrenches
 from ..step.types import Flags, Integers, Numbers, Vectors
 from .nonsmooth_solution import NonsmoothSolution
 from .solution import CONTACTS, Solution, Trajectory, by_contact

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
-from clearjoint._dynamics.multipliers import row_rate
+from clearjoint._model.joints.constraint_rows import row_rate
 from clearjoint.extend import unpack
 from studies.catalogue.machines import (
     ORIGIN,

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 import clearjoint as cj
 from clearjoint._dynamics.journals import contact_depths
-from clearjoint._dynamics.multipliers import row_rate
+from clearjoint._model.joints.constraint_rows import row_rate
 from clearjoint._model.mechanisms.four_bars import LENGTHS, MASSES, PINS
 from clearjoint.extend import unpack
 from clearjoint.testing import moving

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clearjoint._dynamics.multipliers import row_rate
+from clearjoint._model.joints.constraint_rows import row_rate
 from clearjoint.extend import (
     Motion,
     Relative,
