@@ -17,14 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from typing_extensions import override
 
-from .linear_solvers import (
-    AbstractMatrix,
-    Rows,
-    ScalarMatrix,
-    Solve,
-    elimination_order,
-    inner,
-)
+from .linear_solvers import AbstractMatrix, Rows, ScalarMatrix, Solve, elimination_order, inner
 from .vectors import Scalar, is_zero
 
 SIZE = 6

@@ -143,10 +143,7 @@ class Parabola(NamedTuple):
         # one more point of the straight line.
         vertex = -0.5 * self.slope / jnp.where(self.bend == 0.0, 1.0, self.bend)
         ends, inner = (self.at(a), self.at(b)), self.at(jnp.clip(vertex, a, b))
-        return (
-            jnp.minimum(jnp.minimum(*ends), inner),
-            jnp.maximum(jnp.maximum(*ends), inner),
-        )
+        return (jnp.minimum(jnp.minimum(*ends), inner), jnp.maximum(jnp.maximum(*ends), inner))
 
     def part_below(self, level: Scalar, a: Scalar, b: Scalar) -> Scalar:
         """Return the total length of the parts of [a, b] in which the value is below `level`."""
@@ -292,11 +289,7 @@ def _nearest_three(
     is_right = new.x > middle.x
     low, high = _either(is_right, middle, new), _either(is_right, new, middle)
     falls = low.value >= high.value
-    return (
-        _either(falls, first, low),
-        _either(falls, low, high),
-        _either(falls, high, last),
-    )
+    return (_either(falls, first, low), _either(falls, low, high), _either(falls, high, last))
 
 
 def higher(first: Point, second: Point) -> Point:

@@ -34,7 +34,7 @@ from .densities import STEEL
 
 AXES = ("x", "y", "z")
 Number = PyTree
-"""A number that a user passes, which JAX may trace; ``None`` if it is not given."""
+"""A number from the user, which JAX may trace, or ``None``."""
 
 
 def _require_one(mass: Number, density: Number) -> None:
@@ -80,23 +80,10 @@ GROUND = "ground"
 >>> scene.joints["shoulder"].bearing_body == cj.GROUND
 True
 """
-DENSITIES = 1e-2, 1e6
-"""Range of the density, kg/m^3, of a homogeneous box with a body's mass and inertia, outside which
-a warning is issued. Solid materials have about 10 to 2.2e4 kg/m^3. The range is wider, because
-inertias without effect on a planar motion are often guessed, and because the box of an open
-structure, such as a machine frame, is mostly empty."""
-THINNEST = 1e-2
-"""Smallest ratio of the shortest to the longest side of the box with which a body's density is
-estimated. Without this limit, the box of a rod or plate with idealised moments would have no
-thickness."""
 
 
 def _require_inertia(argument: str, value: ArrayLike) -> None:
-    """Raise a `ValueError` unless the value is an inertia, kg m^2, that a rigid body can have.
-
-    If JAX traces the value, only the shape is checked. Inside `conditions_of`, however, each other
-    check becomes a condition that a compiled program evaluates.
-    """
+    """Raise a `ValueError` unless the value is an inertia, kg m^2, that a rigid body can have."""
     is_inertia, expected = np.shape(value) in ((3,), (3, 3)), "of shape (3,) or (3, 3)"
     remedy = "give three principal moments or the whole inertia matrix in kg m^2"
     require(is_inertia, argument, value, expected, remedy)
@@ -174,7 +161,10 @@ class Body(AbstractReadable):
         mass, inertia = concrete(self.mass), concrete(self.inertia)
         if mass is not None and inertia is not None and not self.is_massless:
             density = _box_density(float(mass), inertia)
-            least, most = DENSITIES
+            # Solid materials have about 10 to 2.2e4 kg/m^3. The range is wider, because inertias
+            # without effect on a planar motion are often guessed, and because the box of an open
+            # structure, such as a machine frame, is mostly empty.
+            least, most = 1e-2, 1e6
             is_usual = least <= density <= most
             expected = f"a density between {least:g} and {most:g} kg/m^3"
             remedy = f"a box of this mass and inertia has {density:.3g} kg/m^3; give kg and kg m^2"
@@ -310,7 +300,8 @@ def _box_density(mass: float, inertia: np.ndarray) -> float:
     # A box with the sides a, b, c has the moments I_a = m (b^2 + c^2)/12, and so on. Hence a^2 is
     # (6/m) (I_a + I_b + I_c - 2 I_a). Rounding may make it negative.
     sides = np.sqrt(np.maximum(6.0 * (moments.sum() - 2.0 * moments), 0.0) / mass)
-    return float(mass / np.maximum(sides, THINNEST * sides.max()).prod())
+    # The box of a rod or plate with idealised moments would have no thickness.
+    return float(mass / np.maximum(sides, 1e-2 * sides.max()).prod())
 
 
 class BodyState(AbstractReadable):

@@ -204,9 +204,6 @@ class PinkusSternlichtFilm(AbstractFilm):
         return (rotation + squeeze) * (-scale * factor / (2.0 + square))
 
 
-NARROWEST, WIDEST = 0.125, 1.0
-"""Range of the width-to-diameter ratio for which the coefficients of `ButenschoenFilm` were
-fitted."""
 NEARLY_CENTRED = 1e-3
 """Eccentricity ratio below which the direction of the line of centres fades out in
 `ButenschoenFilm`: a vector replaces it whose length is nearly 1 at much larger ratios, 0.71 at this
@@ -284,9 +281,9 @@ class ButenschoenFilm(AbstractFilm):
 
     @override
     def limits(self, bearing_radius: Scalar, length: Scalar) -> tuple[Limit, ...]:
-        width = length / (2.0 * bearing_radius)
-        name = type(self).__name__
-        return (Limit(name, "width over diameter", "", width, NARROWEST, WIDEST),)
+        # The range of the solutions to which the coefficients were fitted.
+        width, least, most = length / (2.0 * bearing_radius), 0.125, 1.0
+        return (Limit(type(self).__name__, "width over diameter", "", width, least, most),)
 
 
 def load_slope(width: Scalar, ratio: Scalar) -> Scalar:

@@ -29,13 +29,6 @@ NEWTON_STEPS = 4
 """Number of Newton steps in the search for the angle at which journal and wall come closest. Its
 start is at most a sixteenth of a wave from the result. Each step roughly squares this error, so
 that four steps reach rounding accuracy."""
-FEWEST_ANGLES = 16
-"""Smallest number of angles at which `closest_approach` begins to search: that for two waves around
-the circumference."""
-MOST_ANGLES = 48
-"""Largest number of angles at which `closest_approach` begins to search. The compiler of native
-code turns an array of up to this length into separate numbers; a longer one is kept in memory and
-processed by slower loops."""
 ANGLES_PER_WAVE = 8
 """Number of angles per wave of the highest harmonic at which the search begins. The best of them is
 within a sixteenth of a wave from the maximum, so that Newton's method converges to it."""
@@ -288,7 +281,9 @@ class JournalInBearing(NamedTuple):
         constant = jax.lax.stop_gradient(self)
         profiles = self.bearing, self.journal
         counts = [profile.angles() for profile in profiles if profile is not None]
-        count = min(max(FEWEST_ANGLES, *counts), MOST_ANGLES)
+        # At least as many as for two waves, and at most as many as native code turns into separate
+        # numbers; a longer array is kept in memory and processed by slower loops.
+        count = min(max(16, *counts), 48)
         spacing = 2.0 * np.pi / count
         angles = np.arange(count) * spacing
         overlap = constant.overlap(angles)

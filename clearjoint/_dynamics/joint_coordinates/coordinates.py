@@ -32,15 +32,7 @@ import jax
 from typing_extensions import override
 
 from ..._math.vectors import ZERO, Matrix, Scalar, Vector, add
-from ..._model.bodies import (
-    GROUND,
-    GROUND_MOTION,
-    NO_WRENCH,
-    Body,
-    BodyState,
-    Motion,
-    Wrench,
-)
+from ..._model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, Body, BodyState, Motion, Wrench
 from ..._model.joints.base import Motions, Row
 from ..._model.joints.motion_subspaces import REST, AbstractMotionSubspace, JointState, Twist
 from ..._model.scene import Scene
@@ -63,15 +55,7 @@ from .inertia import (
     is_small,
     tree_solver,
 )
-from .trees import (
-    UPRIGHT,
-    FreeBranch,
-    JointedBranch,
-    Link,
-    TreeBranch,
-    forest,
-    topology,
-)
+from .trees import UPRIGHT, FreeBranch, JointedBranch, Link, TreeBranch, forest, topology
 
 ForceAndMoment: TypeAlias = tuple[Vector, Vector]
 """Force, N, and moment about the centre of mass of the body, N m, in the tree's axes."""

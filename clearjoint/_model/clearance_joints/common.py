@@ -34,14 +34,8 @@ from ..joints.base import (
 
 FLANKS = {"lower flank": -1.0, "upper flank": 1.0}
 """Labels of two flanks, and the sign of the second body's rotation that each flank stops."""
-RIGHT_ANGLE = 1e-9
-"""An angle counts as a right angle if the absolute value of its cosine is below this bound, which
-allows for the rounding of given numbers."""
-
 LEAST_DEPTH = 1e-18
 """Smallest depth in `resting_depth`, m, from the onset of the force; it is far below rounding."""
-LEAST_FORCE = 1e-300
-"""Force, N, that takes the place of a smaller one in `resting_depth`, whose logarithm it takes."""
 LEAST_TRANSVERSE_LOAD = 1e-6
 """Fraction of a load up to which its component towards a wall counts as rounding error: across a
 bearing's axis, or along the normal of flat walls."""
@@ -198,11 +192,12 @@ def require_smaller_clearance(clearance: Single, radius: Single, radius_name: st
 
 
 def require_right_angle(argument: str, direction: Triple, other: str, axis: Triple) -> None:
-    """Raise a `ValueError` unless a direction is perpendicular to an axis, within `RIGHT_ANGLE`."""
+    """Raise a `ValueError` unless a direction is perpendicular to an axis."""
     if (both := checkable(direction, axis)) is not None:
         numbers, base = both
         lengths = ((numbers**2).sum() * (base**2).sum()) ** 0.5
-        is_right = abs((numbers * base).sum()) < RIGHT_ANGLE * lengths
+        # The bound of the cosine allows for the rounding of given numbers.
+        is_right = abs((numbers * base).sum()) < 1e-9 * lengths
         expected = f"perpendicular to `{other}` = {as_shown(base)}"
         require(is_right, argument, numbers, expected, "change one of the two directions")
 
@@ -279,7 +274,7 @@ def resting_depth(
         """Return the logarithm of force over load, which is nearly linear for a power law."""
         present = gap(np.exp(logarithm) - ahead, 0.0)
         force = sum(float(law.elastic_force(present)) for law in laws)
-        return float(np.log(max(force, LEAST_FORCE) / load))
+        return float(np.log(max(force, 1e-300) / load))
 
     low, high = np.log(LEAST_DEPTH), np.log(float(deepest) + ahead)
     # The force is too small even at the largest penetration.

@@ -135,10 +135,7 @@ class LubricatedJoint(AbstractContactJoint):
         "m", positive=True, remedy="give a depth in m, such as 1e-6"
     )
     largest_ratio: Single = quantity(
-        "1",
-        default=0.99,
-        within=(0.5, 0.999),
-        remedy="give an eccentricity ratio such as 0.99",
+        "1", default=0.99, within=(0.5, 0.999), remedy="give an eccentricity ratio such as 0.99"
     )
 
     @override

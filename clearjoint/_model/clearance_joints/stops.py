@@ -17,16 +17,10 @@ from ..contact.laws import AbstractContactLaw, Gap, require_flat_law, require_ro
 from ..joints.base import AbstractConstraint, AbstractPair, Contact, Motions
 from ..joints.ideal import DistanceJoint, LineInPlaneJoint, PointInPlaneJoint, SphericalJoint
 from ..pen import AbstractPen, Marker
-from .common import (
-    LEAST_TRANSVERSE_LOAD,
-    AbstractFrictionJoint,
-    resting_depth,
-)
+from .common import LEAST_TRANSVERSE_LOAD, AbstractFrictionJoint, resting_depth
 
 POINT, END_POINT, BALLS = "point", "end point", "balls"
-"""Labels of the contacts: of a `Stop`, the second one of an edge only, and of a `BallOnBall`."""
-DEEPEST_POINT = 0.01
-"""Default penetration of a point or an edge, which have no size, at which a run ends, m."""
+"""Labels of the contacts of a `Stop`, the second one of an edge only, and of a `BallOnBall`."""
 
 
 class Stop(AbstractPair, AbstractFrictionJoint):
@@ -103,7 +97,8 @@ class Stop(AbstractPair, AbstractFrictionJoint):
     def deepest_penetration(self) -> Scalar:
         if self.thickness is not None:
             return self.thickness
-        return DEEPEST_POINT if self.radius is None else self.radius
+        # A point has no size with which to compare the penetration.
+        return 0.01 if self.radius is None else self.radius
 
     @override
     def _gap(self, depth: Scalar, rate: Scalar) -> Gap:

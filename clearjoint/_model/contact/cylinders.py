@@ -221,10 +221,6 @@ class PerssonCylinder(AbstractCylinder):
         return 2.0 * _MOST_CONTACT / (1.0 - _MOST_CONTACT) * radii_of(gap)[2]
 
 
-_STEPS = 5
-"""Number of steps of Newton's method in `inverse_of_load`; four reach rounding accuracy."""
-
-
 @jax.custom_jvp
 def inverse_of_load(ratio: Scalar) -> Scalar:
     """Return the solution u > 1 of u exp(1 - u) = ratio, for a ratio between zero and one.
@@ -234,7 +230,7 @@ def inverse_of_load(ratio: Scalar) -> Scalar:
     q = -jnp.log(ratio)
     # Newton's method for u - 1 - ln u = q, started from an upper bound.
     u = 1.0 + jnp.sqrt(2.0 * q) + q
-    for _ in range(_STEPS):
+    for _ in range(5):  # four steps reach rounding accuracy
         u = u * (q + jnp.log(u)) / (u - 1.0)
     return u
 

@@ -19,7 +19,7 @@ from ..._math.smoothing import positive_power, ramp, value_and_slope
 from ..._math.vectors import Scalar
 from .laws import (
     AbstractElasticity,
-    AbstractElasticLaw,
+    AbstractPowerLaw,
     AbstractStiffness,
     Gap,
     as_stiffness,
@@ -31,8 +31,6 @@ _SERIES_BELOW = 1e-5
 """Damping factor chi below which the series 1 - 2 chi/3 is more accurate than the numerical
 solution, which is rounded."""
 _NEWTON = optimistix.Newton(rtol=1e-14, atol=1e-14)
-_MOST_STEPS = 32
-"""Step limit of Newton's method, which converges in a few steps for every damping factor."""
 
 
 def delivered_restitution(damping_factor: Float[ArrayLike, "..."]) -> Float[jax.Array, "..."]:
@@ -64,8 +62,9 @@ def _solve_restitution(damping_factor: jax.Array) -> jax.Array:
     chi = jnp.where(small, _SERIES_BELOW, damping_factor)
     loss = chi - jnp.log1p(chi)
     start = loss + jnp.sqrt(2.0 * loss)
+    # It converges in a few steps for every damping factor.
     root = optimistix.root_find(
-        _residual, _NEWTON, start, args=loss, max_steps=_MOST_STEPS, throw=False
+        _residual, _NEWTON, start, args=loss, max_steps=32, throw=False
     ).value
     series = 1.0 - 2.0 * damping_factor / 3.0
     return jnp.where(small, series, -jnp.expm1(-root) / chi)
@@ -73,15 +72,6 @@ def _solve_restitution(damping_factor: jax.Array) -> jax.Array:
 
 def _residual(y: Scalar, loss: Scalar) -> Scalar:
     return y + jnp.expm1(-y) - loss
-
-
-_SERIES_TERMS = 18
-"""Number of terms of the power series in `_chord`, enough for an error as small as rounding."""
-_SERIES_WITHIN = 0.1
-"""Largest absolute value of x for which `_chord` is computed by its power series."""
-_EXACT_STEPS = 5
-"""Steps of Newton's method in `_logarithm`; four reach rounding accuracy for restitutions between
-1e-6 and 1."""
 
 
 def exact_damping_factor(restitution: Float[ArrayLike, ""]) -> Scalar:
@@ -116,7 +106,8 @@ def _logarithm(e: Scalar) -> Scalar:
         value, slope = value_and_slope(lambda y: _relation(y, e), y)
         return y - value / slope
 
-    return jax.lax.fori_loop(0, _EXACT_STEPS, step, start)
+    # Four steps reach rounding accuracy for restitutions between 1e-6 and 1.
+    return jax.lax.fori_loop(0, 5, step, start)
 
 
 @_logarithm.defjvp
@@ -143,18 +134,19 @@ def _relation(y: Scalar, e: Scalar) -> Scalar:
 
 def _chord(x: Scalar, logarithm: Scalar) -> Scalar:
     """Return sqrt(2 (x - ln(1 + x)))/|x|, from x > -1 and ln(1 + x); accurate near zero too."""
-    near = jnp.abs(x) < _SERIES_WITHIN
+    near = jnp.abs(x) < 0.1
     small = jnp.where(near, x, 0.0)
     large, logarithm = jnp.where(near, 1.0, x), jnp.where(near, 0.0, logarithm)
     series = jnp.polyval(_COEFFICIENTS, small)
     return jnp.sqrt(jnp.where(near, series, 2.0 * (large - logarithm) / large**2))
 
 
-_COEFFICIENTS = np.array([2.0 * (-1.0) ** k / (k + 2) for k in range(_SERIES_TERMS)][::-1])
-"""Power series of 2 (x - ln(1 + x))/x^2, highest power first."""
+_COEFFICIENTS = np.array([2.0 * (-1.0) ** k / (k + 2) for k in range(18)][::-1])
+"""Power series of 2 (x - ln(1 + x))/x^2, highest power first; its error within |x| < 0.1 is as
+small as rounding."""
 
 
-class AbstractHertzianLaw(AbstractElasticLaw):
+class AbstractHertzianLaw(AbstractPowerLaw):
     """Base class of laws F = K delta^n (1 + chi v/v0), or zero where this is negative.
 
     delta is the penetration, v its rate and v0 the entry speed. A subclass declares the fields
@@ -187,7 +179,6 @@ class AbstractHertzianLaw(AbstractElasticLaw):
     ```
     """
 
-    exponent: eqx.AbstractVar[float]
     smoothing: eqx.AbstractVar[Single | None]
     force_jumps = False
 
@@ -211,19 +202,19 @@ class AbstractHertzianLaw(AbstractElasticLaw):
 
     @override
     def slope_jumps(self) -> bool:
-        return self.smoothing is None and not self.stiffness.begins_flat(self.exponent)
+        return self.smoothing is None and super().slope_jumps()
 
     @override
     def elastic_force(self, gap: Gap) -> Scalar:
         if self.smoothing is not None:
             gap = replace(gap, depth=ramp(gap.depth, self.smoothing))
-        return self.stiffness.force(gap, self.exponent)
+        return super().elastic_force(gap)
 
     @override
     def stored_energy(self, gap: Gap) -> Scalar:
         n, w = self.exponent, self.smoothing
         if w is None:
-            return self.stiffness.energy(gap, n)
+            return super().stored_energy(gap)
         assert isinstance(self.stiffness, AbstractStiffness)
         # The ramp is (delta + w)^2/(4 w) for |delta| < w, and delta above: one integral for each.
         inside = jnp.clip(gap.depth, -w, w) + w

@@ -22,11 +22,7 @@ from ..._fields.types import ArrayLike, Quadruple, Single, Triple
 from ..._math.rotations import composed, rotation_matrix, transverse_axes, unit, within_two_turns
 from ..._math.smoothing import cosine, polar_angle, sine, value_and_slope, where, wrapped
 from ..._math.vectors import ZERO, EulerParameters, Scalar, Vector
-from ..drives.functions_of_time import (
-    FunctionOfTime,
-    as_function_of_time,
-    require_continuous,
-)
+from ..drives.functions_of_time import FunctionOfTime, as_function_of_time, require_continuous
 from ..pen import AbstractPen
 from .base import PARALLEL, AbstractConstraint, Motions, Row, require_distinct
 from .constraint_rows import angle_about, plus_multiple, row_rate
@@ -153,12 +149,6 @@ class ScrewMotion(AbstractTurning):
         return (Twist(self.axis, self.axis * self.pitch),)
 
 
-def shortest_rotation(first: Vector, second: Vector) -> EulerParameters:
-    """Return Euler parameters, not normalised, of the shortest rotation to `first`."""
-    vector = second.cross(first)
-    return EulerParameters(1.0 + first.dot(second), vector.x, vector.y, vector.z)
-
-
 def _require_lead(argument: str, value: ArrayLike) -> None:
     require_shape(argument, value, (), "pass a single number in m")
     remedy = "give the advance per revolution in m; use a RevoluteJoint for no advance"
@@ -210,9 +200,10 @@ class ScrewJoint(AbstractAxisJoint):
         # Opposite axes have no shortest rotation: reverse the second one, as in `relative_angle`.
         second = second * where(first.dot(second) < 0.0, -1.0, 1.0)
         in_parent, in_child = self._ordered(parent, first, second)
-        pitch = self.lead * (0.5 / math.pi)
-        reference = shortest_rotation(in_parent, in_child)
-        return ScrewMotion(*self._points(parent), in_child, reference, pitch)
+        # Euler parameters, of any norm, of the shortest rotation from the child's axis to the
+        # parent's.
+        shortest = EulerParameters(1.0 + in_parent.dot(in_child), *in_child.cross(in_parent))
+        return ScrewMotion(*self._points(parent), in_child, shortest, self.lead * (0.5 / math.pi))
 
     @override
     def draw(self, pen: AbstractPen) -> None:

@@ -59,8 +59,6 @@ P = {"K3": (-0.01043, 0.01874 - 0.035), "K4": (0.0, -0.01421), "K6": (0.01421, 0
 """The point P at which K2, K3, K4 and K6 meet, (2,) m from each centre of mass in body axes."""
 SPRING_END = (0.02 - 0.01043, 0.01874 - 0.018)
 """End of the spring on K3, (2,) m from the centre of mass of K3 in its axes."""
-TORQUE, STIFFNESS, FREE_LENGTH = 0.033, 4530.0, 0.07785
-"""Motor torque, N m, spring stiffness, N/m, and free length of the spring, m."""
 
 
 def andrews_squeezer() -> tuple[Scene, State]:
@@ -99,10 +97,9 @@ def andrews_squeezer() -> tuple[Scene, State]:
     # point on a line along Z, act as pins without repeating these constraints.
     for name, point in P.items():
         joints[f"K2-{name}"] = InlineJoint("K2", name, (*P_OF_K2, 0.0), (*point, 0.0), Z_AXIS)
-    spring = SpringDamper(
-        GROUND, "K3", (*HOOK, 0.0), (*SPRING_END, 0.0), STIFFNESS, free_length=FREE_LENGTH
-    )
-    motor = DriveTorque(GROUND, "K1", Z_AXIS, TORQUE)
+    ends = (*HOOK, 0.0), (*SPRING_END, 0.0)
+    spring = SpringDamper(GROUND, "K3", *ends, stiffness=4530.0, free_length=0.07785)
+    motor = DriveTorque(GROUND, "K1", Z_AXIS, torque=0.033)
     return Scene(bodies, joints, {"spring": spring, "motor": motor}), State(states)
 
 

@@ -20,11 +20,8 @@ from ..scene import Scene
 from .common import ORIGIN, X_AXIS, Y_AXIS, Z_AXIS, Joints, planar_state, steel_law, with_motor
 
 RODS = ("crank", "coupler", "rocker")
-LENGTHS = (0.1, 0.3, 0.25, 0.3)
-"""Default lengths of crank, coupler and rocker of `four_bar`, and of the ground between its joints,
-m."""
-MASSES = (0.2, 0.4, 0.35)
-"""Default masses of crank, coupler and rocker of `four_bar`, kg."""
+LENGTHS, MASSES = (0.1, 0.3, 0.25, 0.3), (0.2, 0.4, 0.35)
+"""Default lengths, m, and masses, kg, of `four_bar`."""
 PINS = {
     "crank foot": (GROUND, "crank"),
     "crank pin": ("crank", "coupler"),

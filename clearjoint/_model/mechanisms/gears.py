@@ -12,19 +12,15 @@ from ..clearance_joints.clearance import ClearanceJoint
 from ..clearance_joints.gear_backlash import GearBacklash
 from ..contact.hunt_crossley import ExactRestitution, HuntCrossley
 from ..contact.laws import AbstractContactLaw, GivenStiffness
+from ..densities import STEEL
 from ..drives.drivers import DriveTorque, PrescribedRotation
 from ..joints.couplings import GearJoint
 from ..joints.ideal import RevoluteJoint
 from ..scene import Scene
 from .common import ORIGIN, X_AXIS, Z_AXIS, Joints, turned_about_z
 
-DENSITY = 7850.0
-"""Density of the gears of `gear_pair`, steel, kg/m^3."""
 FACE_WIDTH = 20e-3
 """Width of the gears of `gear_pair`, m."""
-MESH_STIFFNESS = 1.8e11
-"""Stiffness K of the mesh, N/m^1.5. At a penetration depth of 5 um the force K depth^1.5 is 2 kN,
-as for steel gears of this width with the mean mesh stiffness of ISO 6336-1, 20 N/(mm um)."""
 
 
 def gear_pair(
@@ -61,12 +57,13 @@ def gear_pair(
     # Radii of the pitch circles.
     first, second = (0.5 * module * number for number in teeth)
     if law is None:
-        law = ExactRestitution(restitution=restitution, stiffness=MESH_STIFFNESS)
+        # At a penetration of 5 um the force is 2 kN.
+        law = ExactRestitution(restitution=restitution, stiffness=1.8e11)
     names, bodies, joints, states = ("pinion", "wheel"), {}, {}, {}
     for name, radius, x, speed in zip(
         names, (first, second), (0.0, first + second), speeds, strict=True
     ):
-        mass = DENSITY * math.pi * radius**2 * FACE_WIDTH
+        mass = STEEL * math.pi * radius**2 * FACE_WIDTH
         across = mass * (3.0 * radius**2 + FACE_WIDTH**2) / 12.0
         bodies[name] = Body(mass, (across, across, 0.5 * mass * radius**2))
         centre = (x, 0.0, 0.0)
@@ -86,13 +83,6 @@ def gear_pair(
         law=law,
     )
     return Scene(bodies, joints), State(states)
-
-
-THICKNESS = 10e-3
-"""Thickness of the disc of `cycloid_stage`, m."""
-END_STIFFNESS = 5e8
-"""Stiffness at each end of a pin in its hole, N/m: half of (pi/4) E* times the thickness, rounded,
-where 1/E* is the sum of (1 - nu^2)/E of both parts, here steel."""
 
 
 def cycloid_stage(
@@ -154,7 +144,7 @@ def cycloid_stage(
     }
     if law is None:
         # The force of a line contact is nearly proportional to the depth.
-        law = HuntCrossley(restitution=0.8, stiffness=GivenStiffness(END_STIFFNESS), exponent=1.0)
+        law = HuntCrossley(restitution=0.8, stiffness=GivenStiffness(5e8), exponent=1.0)
     # Each clearance includes the eccentricity, and is therefore unusually large for a bearing.
     # `quiet` suppresses the warnings about it.
     with quiet():
@@ -168,7 +158,7 @@ def cycloid_stage(
                 journal_point=point,
                 bearing_radius=pin_radius + eccentricity + play,
                 clearance=eccentricity + play,
-                journal_length=THICKNESS,
+                journal_length=10e-3,
                 law=law,
             )
     bodies = {

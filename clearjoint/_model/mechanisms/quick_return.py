@@ -17,12 +17,6 @@ from .common import ORIGIN, Y_AXIS, Z_AXIS, planar_state
 
 CRANK, BASE, LEVER = 0.05, 0.1, 0.25
 """Radius of the crank, height of its axis above the lever's axis, and length of the lever, m."""
-SLOT = 0.13
-"""Total travel of the pin's centre between the ends of the slot, m, whose middle is as far from the
-lever's axis as the crank's axis is. The pin needs twice the radius of the crank, 0.1 m."""
-LINE_STIFFNESS = 1e9
-"""Stiffness of the pin on 10 mm of a flat steel wall, N/m, rounded from (pi/4) E* L with the length
-L, where 1/E* is the sum of (1 - nu^2)/E of both materials."""
 
 
 def quick_return(
@@ -63,8 +57,7 @@ def quick_return(
         slot = PointInPlaneJoint("lever", "crank", middle, pin, Y_AXIS)
     else:
         if law is None:
-            stiffness = GivenStiffness(LINE_STIFFNESS)
-            law = HuntCrossley(restitution=0.8, stiffness=stiffness, exponent=1.0)
+            law = HuntCrossley(restitution=0.8, stiffness=GivenStiffness(1e9), exponent=1.0)
         slot = PinInSlot(
             "lever",
             "crank",
@@ -72,7 +65,7 @@ def quick_return(
             pin_point=pin,
             pin_radius=5e-3,
             play=play,
-            travel=SLOT,
+            travel=0.13,  # the pin needs twice the radius of the crank
             law=law,
             friction=friction,
         )

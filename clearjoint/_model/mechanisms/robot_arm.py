@@ -165,16 +165,6 @@ def _state(
     return body_state(position, orientation, velocity, frame.axes.T @ spin)
 
 
-NOMINAL = (0.0, 0.5 * QUARTER, 2.0 * QUARTER)
-"""Joint angles of the nominal pose, rad."""
-FLANK_RADIUS = 0.05
-"""Distance of the contacts of a joint's backlash from its axis, m."""
-FLANK_STIFFNESS = 1e9
-"""Stiffness of a backlash's contact, N/m^1.5, with which the weight in the nominal pose rotates the
-elbow by half a mrad."""
-FLANGE = Body(1e-3, (1e-6, 1e-6, 1e-6))
-"""Flange of a gearbox, with negligible mass."""
-GRAVITY = (0.0, 0.0, -9.81)
 PARENTS = (GROUND, *LINKS[:2])
 """Name of the parent body of each link."""
 LUMPS = lumps()
@@ -184,7 +174,7 @@ def robot_arm(
     play: Scalar | None = 1e-3,
     restitution: Scalar = 0.5,
     *,
-    angles: tuple[float, float, float] = NOMINAL,
+    angles: tuple[float, float, float] = (0.0, 0.5 * QUARTER, 2.0 * QUARTER),
     speeds: tuple[float, float, float] = (0.0, 0.0, 0.0),
     law: AbstractContactLaw | None = None,
 ) -> tuple[Scene, State]:
@@ -217,7 +207,8 @@ def robot_arm(
     ['link 1', 'link 2', 'link 3', 'flange 1', 'flange 2', 'flange 3']
     """
     if law is None:
-        law = ExactRestitution(restitution=restitution, stiffness=FLANK_STIFFNESS)
+        # In the nominal pose, the weight rotates the elbow by half a mrad.
+        law = ExactRestitution(restitution=restitution, stiffness=1e9)
     joints: Joints = {}
     bodies = {name: Body(lump.mass, lump.inertia) for name, lump in zip(LINKS, LUMPS, strict=True)}
     for k, (angle, speed) in enumerate(zip(angles, speeds, strict=True)):
@@ -230,14 +221,16 @@ def robot_arm(
         driven, orientation_at_zero = link, ARM[k].tilt()
         if play is not None:
             # The motor drives the flange, which has a bearing of its own on the parent.
-            driven, orientation_at_zero, bodies[flange] = flange, BASE.orientation, FLANGE
+            driven, orientation_at_zero = flange, BASE.orientation
+            bodies[flange] = Body(1e-3, (1e-6, 1e-6, 1e-6))
             joints[f"bearing {k + 1}"] = RevoluteJoint(parent, flange, foot, ORIGIN, Z_AXIS, Z_AXIS)
         orientation = np.asarray(pack(orientation_at_zero))
         motor = PrescribedRotation(parent, driven, Z_AXIS, speed, angle, orientation)
         joints[f"motor {k + 1}"] = motor
         if play is not None:
             joints[f"play {k + 1}"] = Backlash(
-                flange, link, axis_second=axis, play=play, radius=FLANK_RADIUS, law=law
+                flange, link, axis_second=axis, play=play, radius=0.05, law=law
             )
     states = arm_states(angles, speeds)
-    return Scene(bodies, joints, gravity=GRAVITY), State({name: states[name] for name in bodies})
+    scene = Scene(bodies, joints, gravity=(0.0, 0.0, -9.81))
+    return scene, State({name: states[name] for name in bodies})

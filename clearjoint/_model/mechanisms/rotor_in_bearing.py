@@ -14,10 +14,6 @@ from ..films import AbstractFilm
 from ..scene import Scene
 from .common import Z_AXIS, steel_law
 
-TRANSITION = 0.02
-"""Penetration at which wall contact has fully replaced the film, divided by the clearance: 1 um for
-the default clearance."""
-
 
 def rotor_in_bearing(
     clearance: Scalar = 50e-6,
@@ -70,7 +66,7 @@ def rotor_in_bearing(
     )
     # With a film, the lubricated joint replaces the dry one, whose contact it includes.
     if film is not None:
-        bearing = LubricatedJoint(bearing, film, TRANSITION * clearance)
+        bearing = LubricatedJoint(bearing, film, transition=0.02 * clearance)
     motor = PrescribedRotation(GROUND, "rotor", Z_AXIS, speed)
     joints = {"bearing": bearing, "motor": motor}
     position, spin = np.array([*offset, 0.0]) * clearance, np.array([0.0, 0.0, 1.0]) * speed

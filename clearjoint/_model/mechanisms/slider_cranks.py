@@ -135,13 +135,8 @@ def _slider_crank_state(speed: Scalar, angle: float) -> State:
     return State(states)
 
 
-CRANK, ROD = 0.153, 0.306
-"""Lengths of crank and rod of `guided_slider_crank`, m."""
-HALF_LENGTH, HALF_HEIGHT = 0.05, 0.025
-"""Half the length and half the height of the slider of `guided_slider_crank`, m."""
-GUIDE_STIFFNESS = 1e9
-"""Stiffness of a corner of the slider of `guided_slider_crank` on a wall, N/m^1.5. It is our
-choice, since the contacts of the publication are rigid."""
+CRANK, ROD, HALF_HEIGHT = 0.153, 0.306, 0.025
+"""Lengths of crank and rod of `guided_slider_crank`, and half the height of its slider, m."""
 FRICTION = RegularisedCoulomb(0.01)
 """Friction in the guide of `guided_slider_crank`, with the coefficient of the publication."""
 
@@ -208,10 +203,10 @@ def guided_slider_crank(
         joints["guide"] = SliderInGuide(
             GROUND,
             "slider",
-            half_length=HALF_LENGTH,
+            half_length=0.05,
             half_height=HALF_HEIGHT,
             clearance=clearance,
-            law=ExactRestitution(0.4, GUIDE_STIFFNESS) if law is None else law,
+            law=ExactRestitution(0.4, 1e9) if law is None else law,
             friction=friction,
         )
     bodies = {
