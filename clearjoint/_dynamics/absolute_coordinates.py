@@ -141,7 +141,6 @@ class AbsoluteMechanics(AbstractMechanics):
 
     @override
     def after_displacement(self, changes: Speeds) -> Bodies:
-        """Return the variables after displacements, m, and rotation vectors, rad, in body axes."""
         bodies = {}
         for name, change in by_body(self._scene, changes).items():
             body, motion, shift = self._variables[name], self.motions[name], change.linear

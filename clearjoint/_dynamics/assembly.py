@@ -35,30 +35,27 @@ from .journals import (
 from .system import System
 
 ITERATIONS = 100
-"""Largest number of Newton steps of the positions in `assemble`. Few are needed from a good guess,
-since the steps converge quadratically."""
+"""Largest number of Newton steps of the positions in `assemble`; a good guess needs few."""
 TOLERANCE = 1e-12
 """Largest constraint value |Phi| at which `assemble` stops iterating, in m or rad; without unit for
 equations between directions. It is slightly above the rounding errors of lengths of a metre."""
 SATISFIED = 1e-9
-"""Largest constraint value |Phi|, m or rad, and largest rate of Phi, m/s or rad/s, that `assemble`
-accepts. It is above `TOLERANCE`, since rounding errors of lengths above a metre may exceed that,
-and small beside `ACCEPTED_VIOLATION`."""
+"""Largest constraint value and rate that `assemble` accepts. Rounding errors of lengths above a
+metre may exceed `TOLERANCE`."""
 STRIKING = 0.1
 """Part of the kinetic energy in motion of journals relative to their bearings, above which
-`assemble` warns. In a mechanism that moves as with ideal joints it is zero, and if a crank turns
-while all links behind its clearance rest, it is between a half and one."""
+`assemble` warns. If a crank turns while all links behind its clearance rest, it is between a half
+and one."""
 LOCKED = (
     "With ideal joints the mechanism can't move as its drivers prescribe, so that bodies behind a "
     "clearance have the velocities of the guess: give those of the motion, and pass moving=False."
 )
 ACCEPTED_VIOLATION = 1e-6
-"""Largest constraint value |Phi|, m or rad, and largest rate of Phi, m/s or rad/s, of a state from
-which a run may start. This limit is far above rounding errors, and small beside a clearance."""
+"""Largest constraint value and rate of a state from which a run may start: far above rounding
+errors, and small beside a clearance."""
 REPRESENTED = 1e-3
 """Largest accepted difference of Euler parameters between a state and the same state after
-conversion to variables and back. Rounding errors are far smaller, and the difference of a state
-that the variables cannot represent is of the order of one."""
+conversion to variables and back. That of a state that they cannot represent is about one."""
 
 
 def check_names(scene: Scene, state: State) -> None:
@@ -213,10 +210,7 @@ def _with_motion(state: State, other: State) -> State:
 
 
 def _caution_striking(scene: Scene, state: State, moved: State) -> None:
-    """Warn of journals that move relative to their bearings with much of the kinetic energy.
-
-    In `moved`, the state with the nearest velocities, all journals rest in their bearings.
-    """
+    """Warn if `moved`, where all journals rest in their bearings, has much less kinetic energy."""
     before, after = (float(_kinetic_energy(scene, at.bodies)) for at in (state, moved))
     lost = 1.0 - after / before if before > 0.0 else 0.0
     share, expected = round(100.0 * lost, 1), f"at most {100.0 * STRIKING:g} %"
@@ -251,7 +245,6 @@ def _in_bearings(
 
 
 def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
-    """Return a state near `state` that satisfies the constraints, by Newton steps."""
     bodies = state.bodies
     t = on_device(t)
     for _ in range(ITERATIONS):
@@ -280,10 +273,7 @@ def _with_velocities(scene: Scene, state: State, t: Scalar) -> State:
 
 
 def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndarray) -> None:
-    """Check that an initial state satisfies the constraints to `ACCEPTED_VIOLATION`.
-
-    **Raises:** `ValueError` that names the worst constraint.
-    """
+    """Check that an initial state satisfies the constraints to `ACCEPTED_VIOLATION`."""
     _require_satisfied(names, values, ACCEPTED_VIOLATION, "consistent", "positions")
     _require_satisfied(names, rates, ACCEPTED_VIOLATION, "consistent", "velocities")
 
@@ -295,8 +285,6 @@ def require_oriented(scene: Scene, cosines: dict[str, Scalar]) -> None:
     The constraint equations of these joints are also zero after a further rotation by half a
     revolution about x, y or z, or by 120 degrees (a cyclic permutation of the axes), and a run that
     starts from such a wrong orientation would hold it.
-
-    **Raises:** `ValueError` that names the joint.
     """
     for name, cosine in cosines.items():
         turn = round(float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))), 3)
@@ -343,13 +331,11 @@ def require_representable(
     variables: MotionVariables,
     represented: dict[str, np.ndarray],
 ) -> None:
-    """Check that coordinates can represent an assembled state, and have at least one variable.
+    """Check that coordinates have at least one variable, and that an assembled state keeps its
+    orientations in a `round_trip` (to `variables` and `represented`).
 
     Parallel and antiparallel axes, for example, both satisfy the constraints of a revolute joint,
-    but its angle as variable represents only parallel axes. The state, converted to the coordinates
-    and back by `round_trip` (to `variables` and `represented`), must keep its orientations.
-
-    **Raises:** `ValueError` that names the body, or the coordinates if they have no variable.
+    but its angle as variable represents only parallel axes.
     """
     _require_something_moves(variables, coordinates)
     for name, body in state.bodies.items():
@@ -364,10 +350,7 @@ def require_representable(
 
 @cached_by_numbers
 def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
-    """Check, once for all runs of a sweep, that the coordinates have at least one variable.
-
-    **Raises:** `ValueError` if nothing in the scene can move.
-    """
+    """Check, once for all runs of a sweep, that the coordinates have at least one variable."""
     variables, _ = round_trip(scene, state, coordinates)
     _require_something_moves(variables, coordinates)
 
@@ -398,11 +381,8 @@ def round_trip(
 def _require_satisfied(
     names: tuple[str, ...], residuals: np.ndarray, tolerance: float, quality: str, part: str
 ) -> None:
-    """Check that all residuals are at most `tolerance` in magnitude.
-
-    `quality` is "consistent" for a state that the user gave, and "assembled" for a computed one;
-    `part` is "positions" or "velocities".
-    """
+    """Check that all residuals are at most `tolerance` in magnitude; `quality` is "consistent" for
+    a state that the user gave, and "assembled" for a computed one."""
     if residuals.size == 0:
         return
     # NaN counts as the worst residual.

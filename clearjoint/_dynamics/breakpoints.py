@@ -38,12 +38,11 @@ FEW = 8
 NODES, WEIGHTS = (column.tolist() for column in np.polynomial.legendre.leggauss(5))
 """Nodes and weights of Gauss quadrature with five points (order ten) on the interval -1 to 1."""
 DRIVER_ROUNDINGS = 64.0
-"""Tolerance of `drivers_are_smooth` for the driver's rates, in units of rounding error. It is wide,
-since a driver may compute its value and its rates by many operations."""
+"""Tolerance of `drivers_are_smooth` for rates, in units of rounding error: a driver may compute
+them by many operations."""
 ROUNDED_VALUE, ROUNDED_RATE = 1e-11, 1e-9
-"""Rounding errors that are allowed in the change of a driver's value, m or rad, and of its rate,
-m/s or rad/s. They occur if a driver computes differences of large values in a table at short
-intervals of time."""
+"""Rounding errors that are allowed in the change of a driver's value and of its rate. They occur in
+tables of large values at short intervals of time."""
 
 
 def breakpoints(scene: Scene) -> dict[str, list[Scalar | Increasing]]:
@@ -67,7 +66,7 @@ def breakpoints(scene: Scene) -> dict[str, list[Scalar | Increasing]]:
 
 
 def has_breakpoints(scene: Scene) -> bool:
-    """Return whether a scene has breakpoints, or instants of sampled forces."""
+    """Return whether a scene has `breakpoints` or sampled forces."""
     return bool(breakpoints(scene) or sampled_forces(scene))
 
 

@@ -165,7 +165,7 @@ def scene_order(names: tuple[RowName, ...], scene: Scene) -> list[int]:
 
 
 def row_residuals(scene: Scene, state: State, t: Scalar) -> StartRows:
-    """Return values and rates of all rows, in a time proportional to the number of bodies."""
+    """Return the rows without Jacobians, in a time proportional to the number of bodies."""
     return start_rows_by_numpy(scene, None, state, on_device(t)).in_order_of(scene)
 
 
@@ -220,8 +220,7 @@ def free_motions(scene: Scene, bodies: dict[str, BodyState]) -> Motions:
 
 
 def _norm(row: Row) -> Scalar:
-    """Return the norm of a row's derivatives by the velocities and spins of the bodies; one if they
-    are all zero, as in a singular position.
+    """Return the norm of a row's Jacobian; one if it is zero, as in a singular position.
 
     Rows are divided by their norms in absolute coordinates, since a row that the coordinates nearly
     satisfy must stay small, and count as dependent.

@@ -62,7 +62,7 @@ def _gaps_of_joint(joint: AbstractContactJoint, motions: Motions) -> list[tuple[
 
 
 def gap_pairs(before: ContactGaps, after: ContactGaps) -> Iterator[tuple[ContactGap, ContactGap]]:
-    """Yield the gaps of each contact at two instants."""
+    """Yield the two gaps of each contact."""
     for name, family in before.items():
         for label, start in family.items():
             yield start, after[name][label]
@@ -175,11 +175,8 @@ def _for_each_entry_speed(scene: Scene, entry_speed: Callable[[str, str], Scalar
 
 
 def closed(gaps: ContactGaps) -> Closed:
-    """Return whether each contact is closed.
-
-    If steps end at contact events, each contact keeps this state for a whole step: one that is open
-    at the step's start has no force even beyond the wall, so that the motion is smooth.
-    """
+    """Return whether each contact is closed. If steps end at contact events, a contact keeps this
+    state for a whole step: one that is open has no force even beyond the wall."""
     return each_label(lambda name, label: gaps[name][label].depth > 0.0, gaps)
 
 
@@ -236,11 +233,8 @@ def updated_entry_speeds(
     after: ContactGaps,
     second_rates: ByLabel[Scalar],
 ) -> EntrySpeeds:
-    """Return the entry speeds after an accepted step.
-
-    A contact that began in the step gets its penetration rate at the onset, an open contact gets
-    zero, and any other contact keeps its entry speed.
-    """
+    """Return the entry speeds after an accepted step: of a contact that began in it the penetration
+    rate at the onset, of an open contact zero."""
 
     def update(name: str, label: str) -> Scalar:
         end = after[name][label]

@@ -114,9 +114,9 @@ def resting_entry_speeds(
     """Return entry speeds for the closed contacts of the named joints, m/s, with which a journal
     that rests on the wall is damped moderately.
 
-    They are those of an impact of the contact's effective mass whose energy is the elastic energy
-    of the contact. With the law's smallest entry speed instead, the damping would be so large that
-    the equations of motion are stiff, and with an unknown one there would be no damping.
+    They are those of an impact whose energy is the elastic energy of the contact. With the law's
+    smallest entry speed, the damping would make the equations of motion stiff, and with an unknown
+    one there would be none.
     """
     laws = scene.laws()
     names = tuple(n for n in names if any(law.uses_entry_speed for law in laws[n].values()))
@@ -207,10 +207,8 @@ def require_in_bearings(
 
 
 def require_centred(scene: Scene, state: State, names: Iterable[str]) -> None:
-    """Check that no contact of the named joints, which `assemble` has centred, is deep in a wall.
-
-    **Raises:** `ValueError`, for example for a pin beyond the end of its slot.
-    """
+    """Check that no contact of the named joints, which `assemble` has centred, is deep in a wall,
+    such as a pin beyond the end of its slot."""
     by_joint, joints = depths(scene, state), scene.contact_joints()
     for name in names:
         for label, limit in joints[name].deepest().items():

@@ -77,7 +77,7 @@ def initial_memories(
         return {}
     kinds, motions, memories = Kinds(system.scene), system.motions(variables), {}
     for name, force in forces.items():
-        memory = kinds.evaluate(_initial_memory, force, motions, system.clock(t))
+        memory = kinds.evaluate(type(force).initial_memory, force, motions, system.clock(t))
         own = given.get(name, {})
         for key in own:
             expected, advice = f"one of {sorted(memory)}", nearest(key, memory, remedy)
@@ -86,10 +86,6 @@ def initial_memories(
             key: jnp.asarray(own.get(key, value), dtype=float) for key, value in memory.items()
         }
     return memories
-
-
-def _initial_memory(force: AbstractSampledForce, motions: Motions, t: Scalar) -> ForceMemory:
-    return force.initial_memory(motions, t)
 
 
 def updated_memory(

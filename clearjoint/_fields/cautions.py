@@ -21,13 +21,8 @@ SILENCE = "To silence this:"
 _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 
 
-class _Issued(threading.local):
-    """Number of warnings that `caution` has issued in each thread."""
-
-    number = 0
-
-
-_ISSUED = _Issued()
+_ISSUED = threading.local()
+"""Its `number` is that of the warnings that `caution` has issued in each thread."""
 
 
 class UnusualValueWarning(UserWarning):
@@ -87,14 +82,14 @@ def caution(message: str, category: type[Warning]) -> None:
     none within the context `quiet`."""
     if not warns():
         return
-    _ISSUED.number += 1
+    _ISSUED.number = number_issued() + 1
     silence = f'warnings.filterwarnings("ignore", category=clearjoint.{category.__name__})'
     warnings.warn(f"{message} {SILENCE} {silence}.", category, level_of_the_user())
 
 
 def number_issued() -> int:
     """Return the number of warnings that `caution` has issued in this thread."""
-    return _ISSUED.number
+    return getattr(_ISSUED, "number", 0)
 
 
 def warns() -> bool:

@@ -1,4 +1,4 @@
-"""Interpolation over a time step: Hermite polynomials, parabolas, roots and maxima of functions.
+"""Interpolation over a time step: Hermite polynomials, parabolas, roots, maxima and integrals.
 
 A position x in a step is a number from 0 at its start to 1 at its end. The length of the step is h,
 s. A rate is the derivative by x divided by h. Functions work element by element for arrays, and
@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from .vectors import Scalar
 
@@ -35,6 +36,12 @@ LARGEST_SHIFT = 0.25
 """Largest distance between the maxima of the parabola and of the cubic in `highest_after`, relative
 to the length of the interval. For a larger one, the cubic's maximum is not near the parabola's, and
 a single Newton step does not find it."""
+
+
+def gauss_rule(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the nodes and weights of Gauss quadrature with some points over [0, 1]."""
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    return 0.5 * (nodes + 1.0), 0.5 * weights
 
 
 class Slope(NamedTuple):

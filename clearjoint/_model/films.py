@@ -206,8 +206,7 @@ class PinkusSternlichtFilm(AbstractFilm):
 
 NEARLY_CENTRED = 1e-3
 """Eccentricity ratio below which the direction of the line of centres fades out in
-`ButenschoenFilm`: a vector replaces it whose length is nearly 1 at much larger ratios, 0.71 at this
-one, and zero for a centred journal, which has no line of centres."""
+`ButenschoenFilm`, since a centred journal has none: its length is 0.71 there."""
 LOAD = (
     (1.1642, -1.9456, 7.1161, -10.1073, 5.0141),
     (-1.000026, -0.023634, -0.4215, -0.038817, -0.090551),
@@ -287,10 +286,7 @@ class ButenschoenFilm(AbstractFilm):
 
 
 def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
-    """Return So_D/eps of `ButenschoenFilm`, which is finite for a centred journal.
-
-    `width` is B/D, here and below, and `ratio` the eccentricity ratio eps.
-    """
+    """Return So_D/eps of `ButenschoenFilm`, from B/D and eps; finite for a centred journal."""
     numerator, shift = (polynomial(fit, width) for fit in LOAD)  # a1 and a2
     square = ratio * ratio
     # The closed form for a short bearing, which the fit corrects for a finite width.

@@ -34,7 +34,7 @@ from typing_extensions import override
 from ..._math.vectors import ZERO, Matrix, Scalar, Vector, add
 from ..._model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, Body, BodyState, Motion, Wrench
 from ..._model.joints.base import Motions, Row
-from ..._model.joints.motion_subspaces import REST, AbstractMotionSubspace, JointState, Twist
+from ..._model.joints.motion_subspaces import REST, Twist
 from ..._model.scene import Scene
 from ..coordinates import (
     AbstractCoordinates,
@@ -114,7 +114,7 @@ class JointMechanics(AbstractMechanics):
 
     @cached_property
     def _solvers(self) -> list[AbstractTreeSolver]:
-        """The equations of motion of each tree, made on first use: some checks don't need them."""
+        # Made on first use: some checks don't need them.
         solvers = []
         for i, j in pairwise(self._starts):
             parents = [None if parent is None else parent - i for parent in self._parents[i:j]]
@@ -326,12 +326,12 @@ class JointCoordinates(AbstractCoordinates):
 
     @override
     def rotation_rates(self, scene: Scene, variables: TreeVariables) -> dict[str, Scalar]:
-        """Return rates of angles only: Euler parameters have errors even in uniform rotation."""
-        rates = {
-            branch.body: evaluate(_rotation_rate, branch.motion_subspace, variables[branch.body])
-            for branch, evaluate in _branches(forest(scene))
-            if isinstance(branch, JointedBranch)
-        }
+        # Of angles only: Euler parameters have errors even in uniform rotation.
+        rates = {}
+        for branch, evaluate in _branches(forest(scene)):
+            if isinstance(branch, JointedBranch):
+                subspace, state = branch.motion_subspace, variables[branch.body]
+                rates[branch.body] = evaluate(type(subspace).rotation_rate, subspace, state)
         return {body: rate for body, rate in rates.items() if rate is not None}
 
     @override
@@ -354,7 +354,3 @@ def _motions(trees: Sequence[Sequence[TreeBranch]], variables: TreeVariables) ->
             type(branch).motion, branch.nameless(), motions[branch.parent], variables[branch.body]
         )
     return motions
-
-
-def _rotation_rate(subspace: AbstractMotionSubspace, state: JointState) -> Scalar | None:
-    return subspace.rotation_rate(state)

@@ -316,7 +316,7 @@ bodies cancel in its factorisation.
 
 
 def is_small(bodies: int) -> bool:
-    """Return whether a tree of a number of bodies gets a mass matrix."""
+    """Return whether a tree of a number of bodies gets a `MassMatrix`."""
     return bodies <= LARGEST_DENSE
 
 

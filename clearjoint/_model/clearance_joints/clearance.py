@@ -90,7 +90,6 @@ class AbstractAxialPolicy(AbstractConverting):
     """
 
     holds_centre: ClassVar[bool] = False
-    """Whether an ideal constraint holds the journal's centre in the bearing's middle plane."""
 
     def shoulder_law(self) -> AbstractContactLaw | None:
         """Return the normal law of the shoulders; ``None``, the default, for no shoulders."""
@@ -480,12 +479,6 @@ class ClearanceJoint(AbstractCentredJoint):
 
     @override
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return the friction force on the journal's body, N in global axes; ``None`` without
-        friction.
-
-        For a shoulder, the component along the axis is no force: times the mean radius of the face
-        (`Contact.face_radius`), it is the moment of the friction about the axis.
-        """
         face = self.axial.shoulder_friction() if name in SHOULDERS else None
         if face is None or contact.slip is None:
             return super().friction_force(name, contact, normal_force)
@@ -551,7 +544,6 @@ class ClearanceJoint(AbstractCentredJoint):
 
     @override
     def slid_out(self, motions: Motions) -> Scalar | None:
-        """Return the distance by which a free journal has left a bearing of its length, m."""
         if not self._is_free():
             return None
         bearing = motions[self.bearing_body]
@@ -567,8 +559,6 @@ class ClearanceJoint(AbstractCentredJoint):
 
     @override
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the journal, taken as a circle, where a load presses it
-        to the wall; ``None`` for a load along the axis."""
         along = np.asarray(self.bearing_axis) / np.linalg.norm(self.bearing_axis)
         across = load - (load @ along) * along
         size = np.linalg.norm(across)

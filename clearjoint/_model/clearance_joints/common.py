@@ -68,7 +68,6 @@ class AbstractOneLawJoint(AbstractContactJoint):
 
     @override
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
-        """Return the friction force, N; for a law with bristles that of steady sliding."""
         if self.friction is None or contact.slip is None:
             return None
         return self.friction.force(normal_force, contact.slip)

@@ -212,7 +212,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
 
     @override
     def deepest_penetration(self) -> Scalar:
-        """Return half of a tooth's thickness along the line of action, m."""
+        # Half of a tooth's thickness along the line of action.
         play = self.backlash * cosine(self.pressure_angle)
         return 0.25 * (self._base_pitch() - play)
 
@@ -254,8 +254,6 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
 
     @override
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the contacts of both flanks, at the pitch point; their penetration is infinite if
-        the centres are too close for a mesh."""
         first, second = motions[self.first], motions[self.second]
         line, displacement = self._line(first, second), self.displacement(first, second)
         # The pitch point divides the line of centres in the ratio of the teeth. For an internal

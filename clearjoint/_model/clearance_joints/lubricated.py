@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 import optimistix
 from jaxtyping import Complex, Float, PyTree
 from typing_extensions import override
@@ -15,6 +14,7 @@ from ..._compilation import Compiled
 from ..._fields.checks import require, require_positive, require_shape
 from ..._fields.objects import on_device, optional_quantity, quantity
 from ..._fields.types import ArrayLike, Single
+from ..._math.interpolation import gauss_rule
 from ..._math.rotations import unit
 from ..._math.smoothing import norm_and_direction, ramp
 from ..._math.vectors import UNIT_Z, Scalar, Vector, unpack
@@ -32,11 +32,9 @@ from ..joints.base import AbstractContactJoint, Motions
 from .clearance import ClearanceJoint
 from .journal_bases import SIDES, JournalBase
 
-_GAUSS = np.polynomial.legendre.leggauss(8)
-NODES, WEIGHTS = 0.5 * (_GAUSS[0] + 1.0), 0.5 * _GAUSS[1]
-"""Nodes and weights of Gauss's quadrature with eight points from 0 to 1, for the energy of
-`BlendedContactLaw`. They are exact for the exponents 1 and 1.5 of a power law, for which the
-integrand is a polynomial of degree 9 and 10."""
+NODES, WEIGHTS = gauss_rule(8)
+"""Nodes and weights for the energy of `BlendedContactLaw`: exact for the exponents 1 and 1.5 of a
+power law, for which the integrand is a polynomial of degree 9 and 10."""
 
 
 def blending_factor(depth: Scalar, transition: Scalar) -> Scalar:

@@ -106,7 +106,6 @@ class Stop(AbstractPair, AbstractFrictionJoint):
 
     @override
     def centred_joint(self) -> AbstractConstraint:
-        """Return a joint that keeps the point, or the edge, where it just touches the plane."""
         return self._ideal(0.0)
 
     @override
@@ -205,7 +204,7 @@ class BallOnBall(AbstractPair, AbstractFrictionJoint):
 
     @override
     def deepest_penetration(self) -> Scalar:
-        """Return the reduced radius, at which no centre is in the other sphere."""
+        # No centre is in the other sphere.
         return self.reduced_radius()
 
     @override
@@ -214,7 +213,6 @@ class BallOnBall(AbstractPair, AbstractFrictionJoint):
 
     @override
     def centred_joint(self) -> AbstractConstraint:
-        """Return a joint that keeps the balls where they just touch."""
         distance = self.radius_first + self.radius_second
         return DistanceJoint(
             self.first, self.second, self.point_first, self.point_second, length=distance

@@ -13,6 +13,7 @@ from typing_extensions import override
 from ..._fields.checks import require
 from ..._fields.objects import AbstractConverting, quantity
 from ..._fields.types import Single
+from ..._math.interpolation import gauss_rule
 from ..._math.smoothing import positive_power, value_and_slope
 from ..._math.vectors import Scalar, add, square_root
 from .laws import (
@@ -25,9 +26,8 @@ from .laws import (
     require_instance,
 )
 
-_GAUSS = np.polynomial.legendre.leggauss(24)
-_NODES, _WEIGHTS = 0.5 * (_GAUSS[0] + 1.0), 0.5 * _GAUSS[1]
-"""Nodes and weights of Gauss quadrature over [0, 1]. Smooth formulas would need fewer than 24."""
+_NODES, _WEIGHTS = gauss_rule(24)
+"""Nodes and weights of Gauss quadrature. Smooth formulas would need fewer than 24."""
 
 
 class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
@@ -474,7 +474,6 @@ class RoughCylinders(AbstractContactLaw):
     @property
     @override
     def uses_entry_speed(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Whether the law of the walls uses the entry speed."""
         return self.law.uses_entry_speed
 
     @override

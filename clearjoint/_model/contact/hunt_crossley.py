@@ -224,7 +224,6 @@ class AbstractHertzianLaw(AbstractPowerLaw):
 
     @override
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Return the normal force, N; the elastic force for an `entry_speed` of ``None``."""
         if entry_speed is None:
             return self.elastic_force(gap)
         # The quotient doesn't change during a step: in this order it is computed only once.

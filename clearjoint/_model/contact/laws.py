@@ -486,7 +486,6 @@ class AbstractLawAround(AbstractContactLaw):
     @property
     @override
     def uses_entry_speed(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Whether `law` uses the entry speed."""
         return self.law.uses_entry_speed
 
     @override

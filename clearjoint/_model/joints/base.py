@@ -432,14 +432,7 @@ class AbstractPair(AbstractElement):
 class AbstractPairAtPoints(AbstractPair):
     """Base class of elements between a point of one body and a point of another.
 
-    **Arguments:**
-
-    - `first`, `second`: names of the bodies; one may be the ground.
-    - `point_first`, `point_second`: (3,) m from each body's centre of mass in its axes; on the
-      ground from the origin.
-
-    **Raises:** `ValueError` if the bodies are the same, or a point does not have three finite
-    coordinates.
+    `point_first` and `point_second` are in m from each body's centre of mass in its axes, (3,).
     """
 
     first: str = eqx.field(static=True)

@@ -42,9 +42,7 @@ T = TypeVar("T")
 class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
     """Base class of ideal joints between a point of one body and a point of another.
 
-    Its private methods return the constraint rows of which the joints are composed. In joint
-    coordinates a motion subspace replaces the rows, unless the joint has none or closes a loop.
-    Each row has a Lagrange multiplier.
+    Its private methods return the constraint rows of which the joints are composed.
     """
 
     def _ordered(self, parent: str, of_first: T, of_second: T) -> tuple[T, T]:
@@ -106,12 +104,7 @@ class AbstractOrientedJoint(AbstractPairJoint):
 
 
 class AbstractDriveableJoint(AbstractPairJoint):
-    """Base class of ideal joints with one degree of freedom, which may have the `armature` of a
-    drive: the rotor's moment of inertia, kg m^2 (its mass, kg, for a translation), times the square
-    of the gear ratio; ``None`` for none.
-
-    The rotor adds the kinetic energy armature q'^2/2, with the rate q' of the joint's `position`.
-    """
+    """Base class of ideal joints with one degree of freedom, which may have an `armature`."""
 
     armature: eqx.AbstractVar[Single | None]  # pyright: ignore[reportGeneralTypeIssues]
 

@@ -239,11 +239,8 @@ class AbstractTurning(AbstractMotionAtPoints):
 
     @override
     def rotation(self, position: Scalar) -> Matrix:
-        """Return R (b b^T + cos(angle) (I - b b^T) + sin(angle) ~b), R of `reference`, b the axis.
-
-        This form has few products if the axis is along x, y or z: its components are then exactly 0
-        or 1, and are compiled as constants.
-        """
+        # R (b b^T + cos(angle) (I - b b^T) + sin(angle) ~b), with R of `reference` and the axis b.
+        # This form has few products if the axis is along x, y or z.
         b, cosine, sine = self.axis, cosine_of(position), sine_of(position)
 
         def row(reference: Vector) -> Vector:

@@ -96,10 +96,8 @@ class AbstractSampledForce(AbstractForce):
 
     @override
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
-        """Return the wrenches with which a run would start at `t` in s."""
         return self.held_wrenches(self.initial_memory(motions, t), motions, t)
 
     @override
     def breakpoints(self) -> tuple[()]:
-        """Return none: `instants` declare when the force jumps."""
         return ()
