@@ -201,7 +201,6 @@ def _driven(scene: Scene, state: State, t: Scalar) -> bool:
 
 
 def _with_motion(state: State, other: State) -> State:
-    """Return the state with the velocities and spins of another."""
     bodies = {
         name: replace(body, velocity=other.bodies[name].velocity, spin=other.bodies[name].spin)
         for name, body in state.bodies.items()
@@ -273,7 +272,6 @@ def _with_velocities(scene: Scene, state: State, t: Scalar) -> State:
 
 
 def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndarray) -> None:
-    """Check that an initial state satisfies the constraints to `ACCEPTED_VIOLATION`."""
     _require_satisfied(names, values, ACCEPTED_VIOLATION, "consistent", "positions")
     _require_satisfied(names, rates, ACCEPTED_VIOLATION, "consistent", "velocities")
 

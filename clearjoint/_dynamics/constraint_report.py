@@ -159,7 +159,6 @@ class StartRows(NamedTuple):
 
 
 def scene_order(names: tuple[RowName, ...], scene: Scene) -> list[int]:
-    """Return the indices of rows in the scene's order of joints."""
     rank = {name: k for k, name in enumerate(scene.joints)}
     return sorted(range(len(names)), key=lambda k: rank[names[k][0]])
 

@@ -45,7 +45,6 @@ ContactGaps: TypeAlias = ByLabel[ContactGap]
 
 
 def contact_gaps(scene: Scene, motions: Motions) -> ContactGaps:
-    """Return penetration and rate of each contact for given motions of the bodies."""
     kinds = Kinds(scene)
     return {
         name: dict(kinds.evaluate(_gaps_of_joint, joint, motions))
@@ -62,7 +61,6 @@ def _gaps_of_joint(joint: AbstractContactJoint, motions: Motions) -> list[tuple[
 
 
 def gap_pairs(before: ContactGaps, after: ContactGaps) -> Iterator[tuple[ContactGap, ContactGap]]:
-    """Yield the two gaps of each contact."""
     for name, family in before.items():
         for label, start in family.items():
             yield start, after[name][label]
@@ -74,14 +72,12 @@ def _all_gaps(gaps: ContactGaps) -> Iterator[ContactGap]:
 
 
 def any_of(conditions: Iterable[Condition]) -> jax.Array:
-    """Return whether any condition is true."""
     # JAX traces an operator in several times the time of its primitive.
     arrays = [jnp.asarray(condition) for condition in conditions]
     return reduce(jax.lax.bitwise_or, arrays, jnp.asarray(False))
 
 
 def uses_entry_speed(scene: Scene) -> bool:
-    """Return whether the force of any contact in the scene depends on its entry speed."""
     return any(law.uses_entry_speed for family in scene.laws().values() for law in family.values())
 
 
@@ -193,7 +189,6 @@ def changes(before: ContactGaps, after: ContactGaps) -> Condition:
 
 
 def touches(gaps: ContactGaps) -> Condition:
-    """Return whether any contact is closed."""
     return any_of(gap.depth > 0.0 for gap in _all_gaps(gaps))
 
 

@@ -58,12 +58,10 @@ class Dynamics:
 
     @cached_property
     def accelerations(self) -> dict[str, BodyAcceleration]:
-        """Acceleration of each body, by name."""
         return self.mechanics.accelerations(self.rates)
 
     @cached_property
     def variable_rates(self) -> MotionVariables:
-        """Time derivatives of the coordinates' variables."""
         return self.mechanics.variable_rates(self.rates)
 
 

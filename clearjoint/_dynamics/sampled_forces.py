@@ -107,6 +107,5 @@ def holding(system: System, memories: Memories) -> System:
 
 
 def with_forces(system: System, forces: Mapping[str, AbstractForce]) -> System:
-    """Return the system with other forces of the names in `forces`."""
     scene = eqx.tree_at(lambda s: s.forces, system.scene, {**system.scene.forces, **forces})
     return system.with_scene(scene)

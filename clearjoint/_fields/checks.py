@@ -216,7 +216,6 @@ def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool
 
 
 def require_count(argument: str, value: object, remedy: str, *, zero: bool = False) -> None:
-    """Raise a ``ValueError`` unless a value is an integer, positive or, if `zero`, zero."""
     least, expected = (0, "zero or positive") if zero else (1, "positive")
     whole = isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= least
     require(bool(whole), argument, value, f"a whole number, {expected}", remedy)
@@ -225,22 +224,18 @@ def require_count(argument: str, value: object, remedy: str, *, zero: bool = Fal
 def require_type(
     argument: str, value: object, kind: type | UnionType, expected: str, remedy: str
 ) -> None:
-    """Raise a ``ValueError`` that names a value's class unless it is an instance of `kind`."""
     require(isinstance(value, kind), argument, type(value).__name__, expected, remedy)
 
 
 def require_types(
     argument: str, given: Mapping[str, object], kind: type | UnionType, expected: str, remedy: str
 ) -> None:
-    """Raise a ``ValueError`` unless a value is a dictionary by name of instances of `kind`, which
-    `expected` describes, such as "an Axis"."""
     require_names(argument, given, remedy)
     for name, value in given.items():
         require_type(f"{argument}[{name!r}]", value, kind, expected, remedy)
 
 
 def require_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
-    """Raise a ``ValueError`` unless a value is a dictionary whose keys are non-empty strings."""
     require_type(argument, given, Mapping, "a dictionary by name", remedy)
     for name in given:
         is_name = isinstance(name, str) and name != ""
@@ -248,8 +243,6 @@ def require_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
 
 
 def require_array_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
-    """Raise a ``ValueError`` unless a value is a dictionary whose keys can name arrays in a Zarr
-    store, where the name of an array is that of a folder."""
     require_names(argument, given, remedy)
     for name in given:
         is_folder = "/" not in name and "\\" not in name and not name.startswith((".", "__"))
@@ -324,7 +317,6 @@ def require_axis(argument: str, value: ArrayLike) -> None:
 
 
 def require_euler_parameters(argument: str, value: ArrayLike) -> None:
-    """Raise a ``ValueError`` unless four Euler parameters have unit norm to within 1e-6."""
     require_shape(argument, value, (4,), "pass four Euler parameters, scalar part first")
     expected = "Euler parameters of unit norm, scalar part first"
     remedy = "divide them by their norm"
@@ -357,7 +349,6 @@ def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]
 
 
 def is_of_package(kind: type) -> bool:
-    """Return whether a class belongs to this package."""
     return kind.__module__.split(".")[0] == __name__.split(".")[0]
 
 

@@ -323,7 +323,6 @@ _FLOAT64 = np.dtype(np.float64)
 
 
 def is_float_array(leaf: PyTree) -> bool:
-    """Return whether a leaf is a 64-bit NumPy array or a JAX array of floats."""
     if type(leaf) is np.ndarray:
         return leaf.dtype == _FLOAT64
     return isinstance(leaf, jax.Array) and jnp.issubdtype(leaf.dtype, jnp.floating)
@@ -375,7 +374,6 @@ def _is_no_field(annotation: object) -> bool:
 
 
 def _declared(cls: type[AbstractConverting], name: str, annotation: object) -> Field:
-    """Return the dataclass field `name` of a class, static or with a converter."""
     # The class may have declared a field, or only a default value, or neither.
     value = cls.__dict__.get(name)
     if isinstance(value, Field):

@@ -103,7 +103,6 @@ class Quintic(NamedTuple):
 
     @staticmethod
     def through(start: Bend, end: Bend, h: Scalar) -> "Quintic":
-        """Return the polynomial with given values, rates and second rates at the step's ends."""
         # Derivatives by x. The coefficients up to x^2 follow from the start, and the other three
         # from the remainders of value, first and second derivative at the end.
         a, da, dda = start.value, h * start.rate, h * h * start.second_rate
@@ -116,7 +115,6 @@ class Quintic(NamedTuple):
         return Quintic((a, da, 0.5 * dda, c3, c4, c5), h)
 
     def value(self, x: Scalar) -> Scalar:
-        """Return the value at position x."""
         a, da, half, c3, c4, c5 = self.coefficients
         return a + x * (da + x * (half + x * (c3 + x * (c4 + x * c5))))
 
@@ -141,11 +139,9 @@ class Parabola(NamedTuple):
         return Parabola(start, end - start - bend, bend)
 
     def at(self, x: Scalar) -> Scalar:
-        """Return the value at position x."""
         return self.start + x * (self.slope + x * self.bend)
 
     def extremes(self, a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
-        """Return the smallest and the largest value for x in [a, b]."""
         # Without curvature the vertex is arbitrary, which does no harm: clipped to [a, b], it is
         # one more point of the straight line.
         vertex = -0.5 * self.slope / jnp.where(self.bend == 0.0, 1.0, self.bend)

@@ -98,7 +98,6 @@ class Factorisation:
                 self._lower[i][j] = multiply(scaled[i][j], self._inverse_diagonal[j])
 
     def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
-        """Return the solution x of ``matrix @ x = right``."""
         if all(map(is_zero, right)):
             return list(right)
         # Solve L z = right, then D L^T x = z.

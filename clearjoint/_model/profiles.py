@@ -350,7 +350,6 @@ class JournalInBearing(NamedTuple):
 def require_room(
     clearance: Scalar, bearing: AbstractProfile | None, journal: AbstractProfile | None
 ) -> None:
-    """Raise a `ValueError` if a centred journal may touch the wall at some relative rotation."""
     # Without profiles, any positive clearance leaves room.
     if bearing is None and journal is None:
         return

@@ -179,7 +179,6 @@ class Scene(AbstractReadable):
 
 
 def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
-    """Raise a `ValueError` if an element names a body that the scene doesn't have."""
     names = {GROUND, *bodies}
     for name in element.body_names():
         if name in names:

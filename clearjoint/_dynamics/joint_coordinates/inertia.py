@@ -316,7 +316,6 @@ bodies cancel in its factorisation.
 
 
 def is_small(bodies: int) -> bool:
-    """Return whether a tree of a number of bodies gets a `MassMatrix`."""
     return bodies <= LARGEST_DENSE
 
 
@@ -402,8 +401,6 @@ class MassMatrix(AbstractTreeSolver):
 
 
 class ArticulatedBodies(AbstractTreeSolver):
-    """Articulated body algorithm."""
-
     @override
     def _prepare(self, carried: list[Inertia]) -> None:
         self._joints: list[LoadedJoint] = []

@@ -223,11 +223,9 @@ class JointedBranch:
         return self.motion_subspace.encode(Relative(orientation, displacement, Twist(spin, linear)))
 
     def orientation(self, parent: EulerParameters, state: JointState) -> EulerParameters:
-        """Return the parent's orientation composed with the rotation in the joint."""
         return normalised(composed(parent, self.motion_subspace.orientation(state.position)))
 
     def motion(self, parent: Motion, state: JointState) -> Motion:
-        """Return the parent's motion composed with the motion in the joint."""
         subspace, point = self.motion_subspace, self.motion_subspace.point_parent
         relative, twist = subspace.rotation(state.position), subspace.twist(state)
         rotation = parent.rotation @ relative
@@ -288,25 +286,20 @@ class JointedBranch:
     def rates(
         self, state: JointState, speed_rates: Speeds, axes: Matrix, gravity: Vector
     ) -> JointState:
-        """Return the time derivatives of the joint's position and of its speeds."""
         return JointState(self.motion_subspace.rates(state), tuple(speed_rates))
 
     def after_displacement(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
-        """Return the state with the position moved along the free directions of the joint."""
         position = self.motion_subspace.after_displacement(state.position, tuple(changes))
         return JointState(position, state.speeds)
 
     def after_speed_change(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
-        """Return the state with changes added to the speeds."""
         speeds = tuple(add(a, b) for a, b in zip(state.speeds, changes, strict=True))
         return JointState(state.position, speeds)
 
     def without_drift(self, state: JointState) -> JointState:
-        """Return the state with a normalised position; see `AbstractCoordinates.without_drift`."""
         return JointState(self.motion_subspace.without_drift(state.position), state.speeds)
 
     def with_speeds(self, state: JointState, other: JointState) -> JointState:
-        """Return a state with the position of `state` and the speeds of `other`."""
         return JointState(state.position, other.speeds)
 
 

@@ -115,8 +115,6 @@ class AbstractFlankJoint(AbstractOneLawJoint):
 
 
 class CentredInPlay(AbstractConstraint):
-    """Constraint row that holds two bodies in the middle of the play of a joint with backlash."""
-
     joint: AbstractFlankJoint
 
     @override
@@ -129,8 +127,6 @@ class CentredInPlay(AbstractConstraint):
 
 
 class AbstractFrictionJoint(AbstractOneLawJoint):
-    """Base class of clearance joints that may have friction."""
-
     @override
     def __check_init__(self):
         require_distinct(*self.pair())
@@ -185,13 +181,11 @@ class AbstractFrictionJoint(AbstractOneLawJoint):
 
 
 def require_smaller_clearance(clearance: Single, radius: Single, radius_name: str) -> None:
-    """Raise a `ValueError` unless a clearance is smaller than a radius, m, called `radius_name`."""
     values, expected = (clearance, radius), f"smaller than {radius_name} {{1}} m"
     require_numbers(operator.lt, "clearance", values, expected, "check the units (m)")
 
 
 def require_right_angle(argument: str, direction: Triple, other: str, axis: Triple) -> None:
-    """Raise a `ValueError` unless a direction is perpendicular to an axis."""
     if (both := checkable(direction, axis)) is not None:
         numbers, base = both
         lengths = ((numbers**2).sum() * (base**2).sum()) ** 0.5

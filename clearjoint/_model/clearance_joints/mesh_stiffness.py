@@ -47,7 +47,6 @@ class AbstractMeshStiffness(AbstractConverting):
 
 
 def require_positive_factor(stiffness: AbstractMeshStiffness) -> None:
-    """Raise a `ValueError` if a stiffness is not positive everywhere in the mesh cycle."""
     least = stiffness.factor(np.arange(SAMPLES) * (2.0 * np.pi / SAMPLES)).min()
     expected = "a factor of the law's force that is positive everywhere, but the least is {0}"
     remedy = "give smaller variations, relative to a mean of 1"

@@ -153,7 +153,6 @@ class Ambrosio(AbstractFriction):
 
 
 def require_breakaway(breakaway: Single, kinetic: Single) -> None:
-    """Raise a `ValueError` if the breakaway coefficient is smaller than the kinetic one."""
     expected, remedy = "at least kinetic = {1}", "give mu_S >= mu_C"
     require_numbers(operator.ge, "breakaway", (breakaway, kinetic), expected, remedy)
 

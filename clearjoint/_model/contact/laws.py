@@ -411,13 +411,11 @@ class AbstractPowerLaw(AbstractElasticLaw):
 
 
 def require_exponent(exponent: Single) -> None:
-    """Raise a `ValueError` for an exponent below 1, whose slope would be infinite at the onset."""
     condition = "at least 1", "use 1.5 for Hertz"
     require_numbers(lambda number: number >= 1.0, "exponent", (exponent,), *condition)
 
 
 def require_rebound(restitution: Single) -> None:
-    """Raise a `ValueError` for a restitution of zero, at which a law's damping is infinite."""
     remedy = "its damping is infinite at 0; use a small value such as 0.01"
     expected = "positive for this law"
     require_numbers(lambda number: number > 0.0, "restitution", (restitution,), expected, remedy)

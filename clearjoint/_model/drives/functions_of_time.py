@@ -202,8 +202,6 @@ def as_function_of_time(value: FunctionOfTime) -> AbstractFunctionOfTime:
 
 
 def require_table(times: ArrayLike, values: ArrayLike) -> None:
-    """Raise a `ValueError` unless a table consists of at least two increasing times, (N,) s, and
-    finite values, (N,) or (N, 3)."""
     shape = np.shape(times)
     remedy = "pass at least two times, sorted and without duplicates"
     require(len(shape) == 1 and shape[0] > 1, "times", shape, "a row of two or more times", remedy)
@@ -216,7 +214,6 @@ def require_table(times: ArrayLike, values: ArrayLike) -> None:
 
 
 def require_continuous(function: FunctionOfTime) -> None:
-    """Raise a `ValueError` if a function that prescribes an angle or a distance jumps."""
     remedy = "use PiecewiseLinear(times, values) or Spline.through(times, values)"
     kind, jumps = type(function).__name__, as_function_of_time(function).jumps
     require(not jumps, "function", kind, "continuous, since bodies can't jump", remedy)

@@ -401,7 +401,6 @@ class AbstractContactJoint(AbstractElement):
 
 
 def require_distinct(first: str, second: str) -> None:
-    """Raise a `ValueError` unless two names of bodies are strings and differ."""
     for argument, name in (("first", first), ("second", second)):
         require(isinstance(name, str), argument, name, "the name of a body", "pass the body's name")
     require(first != second, "second", second, "another body than `first`", "name two bodies")

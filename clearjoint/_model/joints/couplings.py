@@ -230,7 +230,6 @@ class UniversalMotion(AbstractMotionAtPoints):
         return aligning(transverse_axes(self.arm_parent)[0], self.arm_child)
 
     def _about_child(self, reference: EulerParameters) -> Hinge:
-        """Return the subspace of the child's rotation about its arm."""
         return Hinge(self.point_parent, self.point_child, self.arm_child, reference)
 
     def _parents_arm(self, angle: Scalar) -> tuple[Vector, Vector]:

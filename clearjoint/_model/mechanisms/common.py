@@ -24,7 +24,6 @@ Motor = AbstractConstraint | AbstractForce
 
 
 def steel_law(restitution: Scalar) -> LankaraniNikravesh:
-    """Return the contact law of Lankarani and Nikravesh for the steel of Flores et al. 2006."""
     return LankaraniNikravesh(restitution=restitution, stiffness=STEEL)
 
 
