@@ -251,11 +251,9 @@ def require_array_names(argument: str, given: Mapping[str, T], remedy: str) -> N
 
 
 def named(argument: str, given: Mapping[str, T], remedy: str) -> dict[str, T]:
-    """Return a mapping as a dictionary, after `require_names` has checked its keys.
-
-    JAX sorts the keys of a dictionary in a module, and its error for keys of mixed types would not
-    name the argument.
-    """
+    """Return a mapping as a dictionary, after `require_names` has checked its keys."""
+    # JAX sorts the keys of a dictionary in a module, and its error for keys of mixed types would
+    # not name the argument.
     require_names(argument, given, remedy)
     return dict(given)
 

@@ -48,10 +48,7 @@ class Declaration:
     remedy: str = ""
 
     def check_value(self, name: str, value: ArrayLike) -> None:
-        """Check a value of the field `name` against the declaration, and warn of an unusual one.
-
-        **Raises:** `ValueError` for a value that is not allowed.
-        """
+        """Check a value of the field `name` against the declaration, and warn of an unusual one."""
         if self.check is not None:
             self.check(name, value)
         if self.shape is not None:
@@ -289,8 +286,7 @@ def with_arrays(tree: PyTree) -> PyTree:
     A Python number that `equinox.tree_at` has put into a scene would otherwise be part of the
     program, which would be compiled for each of its values. Traced numbers are not converted, nor
     are Python's bools and numbers in fields without a converter in Equinox modules of other
-    packages, since they may be meant as parts of the program. If all leaves are 64-bit NumPy arrays
-    or JAX arrays of floats, the PyTree itself is returned.
+    packages, since they may be meant as parts of the program.
     """
     leaves, structure = jax.tree.flatten(tree)
     arrays = array_leaves(leaves, structure)

@@ -365,9 +365,8 @@ def caution_two_contacts(
 ) -> None:
     """Warn if the journal may touch the wall at two points that are close to each other.
 
-    The model has one contact, the deepest. The journal touches at one point at most if the smallest
-    radius of curvature of the wall exceeds the largest of the journal: R + h + h'' for a circle of
-    radius R and a deviation h.
+    It touches at one point at most if the smallest radius of curvature of the wall exceeds the
+    largest of the journal: R + h + h'' for a circle of radius R and a deviation h.
     """
     # Two circles touch at one point.
     if bearing is None and journal is None:

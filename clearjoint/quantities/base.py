@@ -156,9 +156,7 @@ class Instant:
         In joint coordinates, `rows` and `multipliers` have only the joints that the coordinates do
         not satisfy by themselves.
         """
-        return holding(self._system, self.memory).dynamics(
-            self._variables, self.entry_speeds, self._own_time, bristles=self.bristles
-        )
+        return self._solved(self._system, self._variables)
 
     @cached_property
     def absolute_dynamics(self) -> Dynamics:
@@ -170,10 +168,11 @@ class Instant:
             return self.dynamics
         formulation = replace(formulation, coordinates=coordinates)
         absolute = System(self.scene, formulation, self._system.origin)
-        variables = absolute.encode(self.bodies)
-        return holding(absolute, self.memory).dynamics(
-            variables, self.entry_speeds, self._own_time, bristles=self.bristles
-        )
+        return self._solved(absolute, absolute.encode(self.bodies))
+
+    def _solved(self, system: System, variables: PyTree) -> Dynamics:
+        system = holding(system, self.memory)
+        return system.dynamics(variables, self.entry_speeds, self._own_time, bristles=self.bristles)
 
 
 jax.tree_util.register_pytree_node(

@@ -89,11 +89,8 @@ class AbstractOneLawJoint(AbstractContactJoint):
 
 
 class AbstractFlankJoint(AbstractOneLawJoint):
-    """Base class of joints with two flanks, which the second body touches as it rotates.
-
-    There is no friction. The law's stiffness must be given as a number: flanks are flat and have no
-    radii on which it could depend.
-    """
+    """Base class of joints with two flat flanks, which the second body touches as it rotates; they
+    have no friction."""
 
     friction: ClassVar[None] = None
 
@@ -230,11 +227,9 @@ def offset_at_flat_wall(
     laws: Iterable[AbstractContactLaw],
     deepest: Scalar,
 ) -> Float[np.ndarray, "3"] | None:
-    """Return the displacement by which a load presses a part against one of two parallel walls.
-
-    The displacement, (3,) m, begins at the centred position, and includes the penetration at which
-    the contacts carry the load. It is ``None`` if the load presses the part to neither wall. All
-    vectors are in the axes of the walls' body.
+    """Return the displacement, (3,) m, by which a load presses a centred part against one of two
+    parallel walls, including the penetration that carries the load; ``None`` if the load presses it
+    to neither wall. All vectors are in the axes of the walls' body.
 
     **Arguments:** `normal`: of the walls, any length. `clearance`: of the centred part on either
     side, m. `load`: force of the part on the walls' body, N. `laws`: those of the contacts that

@@ -237,8 +237,8 @@ TOLERANCE = 1e-12
 """Relative tolerance of the equilibrium: residual force over load, and change of the offset over
 the clearance."""
 NEARLY_CENTRED = 1e-3
-"""Eccentricity ratio in each of the two directions at which the search for the equilibrium starts.
-The force of a film may not be differentiable for a centred journal."""
+"""Eccentricity ratio in each direction at which the search for the equilibrium starts. The force of
+a film may not be differentiable for a centred journal."""
 
 
 class CarriedJournal(NamedTuple):

@@ -301,8 +301,8 @@ class Ristow(AbstractGivenDashpotLaw):
 class AbstractBoundedDampingLaw(AbstractPowerLaw):
     """Base class of laws with the elastic force K delta^n and a damping force that begins at zero.
 
-    A subclass defines `force`, which must not use the entry speed. `stiffness` is K, a number in
-    N/m^n, or an `AbstractElasticity`, whose force replaces K delta^n; `exponent` is n, at least 1.
+    `stiffness` is K, a number in N/m^n, or an `AbstractElasticity`, whose force replaces K delta^n;
+    `exponent` is n, at least 1.
     """
 
     uses_entry_speed = False

@@ -389,11 +389,7 @@ class AbstractElasticLaw(AbstractContactLaw):
 
 
 class AbstractPowerLaw(AbstractElasticLaw):
-    """Base class of laws with the elastic force K delta^n, N, for the penetration delta, m.
-
-    `stiffness` is K in N/m^n, or an `AbstractElasticity` whose force replaces K delta^n. `exponent`
-    is n.
-    """
+    """Base class of laws with the elastic force K delta^n, K of the `stiffness`, n the `exponent`."""
 
     exponent: eqx.AbstractVar[float]
 
@@ -422,11 +418,8 @@ def require_rebound(restitution: Single) -> None:
 
 
 def require_instance(argument: str, value: object, *kinds: type, remedy: str = "") -> None:
-    """Raise a `ValueError` unless a value is an object of one of the classes `kinds`.
-
-    The message advises to define a subclass or to pass an object of this package, unless another
-    `remedy` is given; for a value that is itself a class, to call it.
-    """
+    """Raise a `ValueError` unless a value is an object of one of the classes `kinds`. The default
+    remedy is to define a subclass or to pass an object of this package."""
     names = " or ".join(kind.__name__ for kind in kinds)
     if isinstance(value, type):
         remedy = f"call the class with its numbers, {value.__name__}(...)"
@@ -436,10 +429,7 @@ def require_instance(argument: str, value: object, *kinds: type, remedy: str = "
 
 
 def require_flat_law(law: object, surfaces: str) -> None:
-    """Raise a `ValueError` unless a law can be used between flat `surfaces`, which have no radii.
-
-    The stiffness of an `AbstractElasticLaw` must be a number, since others may depend on radii.
-    """
+    """Raise a `ValueError` unless a law can be used between flat surfaces, which have no radii."""
     require_instance("law", law, AbstractContactLaw)
     # Whether a law of another class reads the radii is not visible from outside.
     if isinstance(law, AbstractElasticLaw):
@@ -449,11 +439,9 @@ def require_flat_law(law: object, surfaces: str) -> None:
 
 
 def require_round_law(law: object) -> None:
-    """Raise a `ValueError` unless a law can be used between spheres that touch from outside.
-
-    A stiffness by material must be a `RavnStiffness`; the others are those of cylinders.
-    """
+    """Raise a `ValueError` unless a law can be used between spheres that touch from outside."""
     require_instance("law", law, AbstractContactLaw)
+    # The other stiffnesses by material are those of cylinders.
     if isinstance(law, AbstractElasticLaw) and isinstance(law.stiffness, AbstractMaterialPair):
         remedy = "pass RavnStiffness(E, nu) or a number in N/m^n as the law's stiffness"
         expected = "a law with a stiffness of spheres"
@@ -530,10 +518,8 @@ class AbstractFactorLaw(AbstractLawAround):
 
 
 class WeightedLaw(AbstractFactorLaw):
-    """A contact law times a weight, for one of several contacts that together form a line contact.
-
-    The weights of all contacts of the line add up to 1, like the weights of a quadrature rule.
-    """
+    """A contact law times the weight of one of several contacts that together form a line contact;
+    the weights add up to 1."""
 
     weight: float = eqx.field(static=True)
 
@@ -551,11 +537,7 @@ class VaryingLaw(AbstractFactorLaw):
 
 
 def whole_law(law: AbstractContactLaw) -> AbstractContactLaw:
-    """Return the law that the user gave: the innermost of nested `AbstractLawAround` laws.
-
-    A `ClearanceJoint` with `line_points`, or a `LubricatedJoint` with a `transition`, computes with
-    a law around it.
-    """
+    """Return the law that the user gave: the innermost of nested `AbstractLawAround` laws."""
     while isinstance(law, AbstractLawAround):
         law = law.law
     return law

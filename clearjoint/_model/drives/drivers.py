@@ -65,7 +65,7 @@ class AbstractDrive(AbstractPair):
 
 class AbstractDriveAboutAxis(AbstractDrive):
     """Base class of drives whose first fields are the names of the bodies and the axis. Subclasses
-    add their fields and, as the last one, because it has a default, `orientation`."""
+    declare `orientation` last, because it has a default."""
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)
@@ -299,8 +299,7 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
 
 
 ROUNDING = 0.02
-"""Distance from the torque limit of a `Motor`, as a fraction of the limit, within which a parabola
-replaces the kink of the limited torque."""
+"""Distance from a torque limit, as a fraction of it, within which a parabola replaces the kink."""
 SI = "give it in SI units"
 
 

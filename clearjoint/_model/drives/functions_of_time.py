@@ -60,10 +60,7 @@ class AbstractFunctionOfTime(AbstractConverting):
 
 
 class PlainFunction(AbstractFunctionOfTime):
-    """A Python function of the time in s, which becomes part of the compiled program.
-
-    It can't declare breakpoints: subclass `AbstractFunctionOfTime` for jumps or kinks.
-    """
+    """A Python function of the time in s, which becomes part of the compiled program."""
 
     function: Callable[[jax.Array], PyTree] = eqx.field(static=True)
 
@@ -104,11 +101,7 @@ class Polynomial(AbstractFunctionOfTime):
 
 
 class AbstractTable(AbstractFunctionOfTime):
-    """Base class of functions of time given by a table.
-
-    `times` are (N,) s, increasing, at least two, and `values` (N,), or (N, 3) for a force or torque
-    vector, in the SI unit of what the function prescribes.
-    """
+    """Base class of functions of time given by a table; fields as in `PiecewiseConstant`."""
 
     times: Column = quantity("s", table=True)
     values: TableRows = quantity("1", table=True)
@@ -184,10 +177,6 @@ FunctionOfTime: TypeAlias = AbstractFunctionOfTime | Callable[[jax.Array], Scala
 
 
 def as_function_of_time(value: FunctionOfTime) -> AbstractFunctionOfTime:
-    """Return a number, a Python function or a function of time as an `AbstractFunctionOfTime`.
-
-    **Raises:** `ValueError` if the value is neither a single finite number nor a function.
-    """
     if isinstance(value, AbstractFunctionOfTime):
         return value
     if callable(value):
@@ -286,45 +275,35 @@ ALTERNATIVES = "a table (PiecewiseConstant, PiecewiseLinear or Spline), or a fun
 
 
 def single_in_time(unit: str, **options: PyTree) -> PyTree:
-    """Declare a field that holds a number or a function of time, with further arguments of
-    `quantity`."""
+    """Declare a field that holds a number or a function of time."""
     return quantity(
         unit, converter=as_single_in_time, check=partial(_require_single, unit), **options
     )
 
 
 def triple_in_time(unit: str, **options: PyTree) -> PyTree:
-    """Declare a field that holds a vector, constant or a function of time: three components, each a
-    number or a function, or one function that returns three numbers."""
+    """Declare a field that holds a `TripleInTime`."""
     return quantity(
         unit, converter=as_triple_in_time, check=partial(_require_triple, unit), **options
     )
 
 
 def as_single_in_time(value: FunctionOfTime) -> SingleInTime:
-    """Return the value of a field declared by `single_in_time` in the form in which it is stored.
-
-    An array of another shape than () is refused later, when the element is made.
-    """
+    """Return a number or function in the form in which a field stores it. An array of another shape
+    than () is refused later, when the element is made."""
     return as_function_of_time(value) if callable(value) else as_number(value)
 
 
 def as_triple_in_time(value: PyTree) -> PyTree:
-    """Return the value of a field declared by `triple_in_time` in the form in which it is stored.
-
-    Three components become a tuple if at least one of them is a function, otherwise an array. Their
-    number is checked later, when the element is made.
-    """
+    """Return a vector in the form in which a field stores it: a tuple if one of the components is a
+    function, otherwise an array. Their number is checked later, when the element is made."""
     if isinstance(value, tuple | list) and any(map(callable, value)):
         return tuple(map(as_single_in_time, value))
     return as_single_in_time(value)  # pyright: ignore[reportArgumentType]
 
 
 def value_at(content: SingleInTime, t: Scalar) -> Scalar:
-    """Return the value that a field declared by `single_in_time` has at the time `t`, s.
-
-    **Raises:** `ValueError` if a function doesn't return one number.
-    """
+    """Return the value that a field declared by `single_in_time` has at the time `t`, s."""
     if not isinstance(content, AbstractFunctionOfTime):
         return content
     value = content(t)
@@ -340,11 +319,7 @@ def value_and_rate(function: FunctionOfTime, t: Scalar) -> tuple[Scalar, Scalar]
 
 
 def vector_at(content: PyTree, t: Scalar) -> Vector:
-    """Return the vector that a field declared by `triple_in_time` has at the time `t`, s.
-
-    **Raises:** `ValueError` if a function in a tuple doesn't return one number, or a function for
-    the whole vector doesn't return three.
-    """
+    """Return the vector that a field declared by `triple_in_time` has at the time `t`, s."""
     if isinstance(content, Vector):
         return content
     # Three separate components, of which at least one is a function.
@@ -366,11 +341,8 @@ def _shape(value: PyTree) -> tuple[int, ...] | None:
 
 
 def breakpoints_of(*contents: PyTree) -> PyTree:
-    """Return the breakpoints, s, of all functions of time in the given fields, one entry for each.
-
-    Those of the tables of this module are `Increasing`. The entry of a Python function is empty,
-    because its breakpoints are unknown.
-    """
+    """Return the breakpoints, s, of all functions of time in the given fields, one entry for each;
+    those of the tables of this module are `Increasing`."""
     # A vector may be a tuple of three components.
     parts = [p for field in contents for p in (field if isinstance(field, tuple) else (field,))]
     return tuple(_breakpoints(p) for p in parts if isinstance(p, AbstractFunctionOfTime))
