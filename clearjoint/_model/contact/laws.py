@@ -389,7 +389,7 @@ class AbstractElasticLaw(AbstractContactLaw):
 
 
 class AbstractPowerLaw(AbstractElasticLaw):
-    """Base class of laws with the elastic force K delta^n, K of the `stiffness`, n the `exponent`."""
+    """Base class of laws with the elastic force K delta^n: `stiffness` K, `exponent` n."""
 
     exponent: eqx.AbstractVar[float]
 
