@@ -60,10 +60,7 @@ conversion to variables and back. That of a state that they cannot represent is 
 
 def check_names(scene: Scene, state: State) -> None:
     """Check that scene and state have these types and the same bodies, and that the state's numbers
-    are finite and its Euler parameters of about unit norm.
-
-    **Raises:** `ValueError` if they are not. Numbers that JAX traces are not checked.
-    """
+    are finite and its Euler parameters of about unit norm."""
     remedy = "pass one; mechanisms come with a state: scene, state = cj.mechanisms.four_bar()"
     require(isinstance(scene, Scene), "scene", type(scene).__name__, "a Scene", remedy)
     remedy = "pass State({name: body_state(...)})"

@@ -69,9 +69,6 @@ def contact_forces(
     ``None``, the contacts that penetrate have one. An entry speed of zero makes a closed contact
     elastic, like one that exists at the start of a run; if `closed` is ``None``, the present
     penetration rate replaces it.
-
-    **Raises:** `ValueError` for a contact with a bristle law if `bristles` has no deflection of the
-    contact, or if the contact has a `face_radius`.
     """
     kinds, joints = Kinds(scene), scene.contact_joints()
 
@@ -197,8 +194,7 @@ def contact_force(
     motions: Motions,
     bristles: Mapping[str, Vector],
 ) -> LoadedContact:
-    """Return the forces of one contact of a joint. **Arguments:**, **Raises:** as in
-    `contact_forces`.
+    """Return the forces of one contact of a joint, from arguments as in `contact_forces`.
 
     Here the wall is where the law's force begins, its onset. If `closed` is given and the slope of
     the force jumps at the wall, the force of a closed contact is continued past the wall as an odd

@@ -88,9 +88,6 @@ def resting_joints(
     carries it.
 
     The load is the reaction of the joint in `ideal`, which `state` satisfies.
-
-    **Raises:** `ValueError` for a joint whose method `resting_joint` returns ``None``: its load
-    does not press the journal against the wall, or the class of the joint has no position of rest.
     """
     joints, resting = scene.contact_joints(), {}
     loads = _loads(with_ideal(scene, ideal), state.bodies, on_device(t))
@@ -168,14 +165,8 @@ def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
 def require_in_bearings(
     scene: Scene, by_joint: ByLabel[Scalar], approaches: ByLabel[Scalar]
 ) -> None:
-    """Check the penetrations and approaches of an initial state, by `starting_contacts`.
-
-    **Raises:** `ValueError` if a contact is deeper than its limit in the joint's `deepest`.
-
-    **Warns:** `UnusualValueWarning` for a smaller penetration above `FAR_OUTSIDE` times the limit,
-    and for a contact that has begun before, approaches faster than `FAST_APPROACH`, and has no
-    entry speed.
-    """
+    """Check the penetrations and approaches of an initial state, by `starting_contacts`: warn of
+    deep contacts, and of those that have begun before and have no entry speed."""
     for name, family in approaches.items():
         label = max(family, key=lambda label: float(family[label]))
         rate, argument = float(family[label]), f"state.entry_speeds[{name!r}][{label!r}]"

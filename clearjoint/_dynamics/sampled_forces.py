@@ -64,10 +64,7 @@ def initial_memories(
     system: System, variables: MotionVariables, t: Scalar, given: Memories
 ) -> dict[str, dict[str, Scalar]]:
     """Return the memory in `given` of each sampled force, in which missing numbers are those of a
-    run that starts at the time t.
-
-    **Raises:** `ValueError` for a name in `given` that the scene's memories do not have.
-    """
+    run that starts at the time t."""
     forces = sampled_forces(system.scene)
     remedy = "correct the name, or leave it out of the state"
     for name in given:

@@ -335,12 +335,9 @@ def recheck(tree: PyTree) -> None:
 
 def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]) -> None:
     """Repeat the checks of the constructors for the Equinox modules that contain a changed leaf,
-    without warnings: the faster form of `recheck` for a sweep. `changed` tells of each leaf of the
-    tree, whose `structure` is given, whether it has changed.
-
-    Modules of this package that contain changed leaves only through a dictionary, list or tuple are
-    left out, since their checks don't depend on the numbers in these containers.
-    """
+    without warnings: the faster form of `recheck` for a sweep. Modules of this package that contain
+    changed leaves only through a dictionary, list or tuple are left out, since their checks don't
+    depend on the numbers there."""
     with quiet():
         for path in _paths_to_changed(structure, changed):
             _check_here(reduce(_child, path, tree))

@@ -223,10 +223,8 @@ def highest_after(
 
     The function is evaluated twice: at the maximum of the parabola through the three points, and at
     the maximum of the cubic through these points and the first evaluation. The value of the result
-    is the largest of the function's values at `first`, `last` and the two evaluations. If neither
-    end is above the higher evaluation, the position is the maximum of the parabola through this
-    evaluation and its neighbours, which is nearer to the function's maximum than the evaluated
-    points.
+    is the largest known one. Between the ends, the position is the maximum of the parabola through
+    the highest point and its neighbours, which is nearer to the function's maximum than they are.
     """
     margin = GUESS_MARGIN * (last.x - first.x)
     # If the extrapolated parabola has no maximum, the search begins in the middle.

@@ -212,8 +212,8 @@ class Jankowski(AbstractTunedDashpotLaw):
 class AbstractGivenDashpotLaw(AbstractDashpotLaw):
     """Base class of dashpot laws with a given damping coefficient.
 
-    **Arguments:** `stiffness`: K, a number in N/m^n, or an `AbstractElasticity`, whose force
-    replaces K delta^n. `damping_coefficient`: D, N s/m^(1+m), not negative.
+    `stiffness` is K, a number in N/m^n, or an `AbstractElasticity`, whose force replaces K delta^n;
+    `damping_coefficient` is D, N s/m^(1+m), not negative.
     """
 
     stiffness: AbstractElasticity = eqx.field(converter=as_stiffness)
