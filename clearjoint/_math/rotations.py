@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
+from .smoothing import where
 from .vectors import EulerParameters, Matrix, Scalar, Vector, multiply, square_root, subtract
 
 
@@ -131,18 +132,12 @@ def unit(vector: Vector) -> Vector:
 def transverse_axes(axis: Vector) -> tuple[Vector, Vector]:
     """Return two unit vectors that, followed by the unit vector `axis`, form a right-handed frame
     (T. Duff et al., Building an orthonormal basis, revisited, 2017); x and y for the z axis."""
-    sign = _sign(axis.z)
+    sign = where(axis.z >= 0.0, 1.0, -1.0)
     a = -1.0 / (sign + axis.z)
     b = axis.x * axis.y * a
     first = Vector(1.0 + sign * axis.x * axis.x * a, sign * b, -sign * axis.x)
     second = Vector(b, sign + axis.y * axis.y * a, -axis.y)
     return first, second
-
-
-def _sign(a: Scalar) -> Scalar:
-    if isinstance(a, int | float):
-        return 1.0 if a >= 0.0 else -1.0
-    return jnp.where(a >= 0.0, 1.0, -1.0)
 
 
 SMALL = 1e-4

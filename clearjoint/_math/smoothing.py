@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
 
@@ -17,6 +18,8 @@ from .vectors import Condition, Scalar, Vector, are_traced_alike, library, squar
 
 def where(condition: Condition, first: Scalar, second: Scalar) -> Scalar:
     """Return `first` if the condition holds, else `second`; for arrays element by element."""
+    if isinstance(condition, bool | np.bool_):
+        return first if condition else second
     # JAX traces the primitive in less time than `jax.numpy.where`.
     if isinstance(condition, Tracer) and are_traced_alike(first, second) and not condition.shape:
         return jax.lax.select(condition, first, second)

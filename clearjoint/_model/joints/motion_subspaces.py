@@ -350,7 +350,4 @@ def _from_zeta(axis: Vector) -> EulerParameters:
     forwards = EulerParameters(1.0 + axis.z, -axis.y, axis.x, 0.0)
     shortest = EulerParameters(1.0 - axis.z, axis.y, -axis.x, 0.0)
     backwards = composed(shortest, EulerParameters(0.0, 1.0, 0.0, 0.0))
-    # A Python number is known before compilation, so that only one branch is computed.
-    if isinstance(axis.z, int | float):
-        return forwards if axis.z >= 0.0 else backwards
     return jax.tree.map(lambda a, b: where(axis.z >= 0.0, a, b), forwards, backwards)
