@@ -10,7 +10,14 @@ import numpy as np
 from .._compilation import HostFirst
 from .._fields.caching import cached_by_numbers
 from .._fields.cautions import UnusualValueWarning, caution
-from .._fields.checks import caution_unless, checkable, nearest, require, require_finite
+from .._fields.checks import (
+    caution_unless,
+    checkable,
+    nearest,
+    require,
+    require_finite,
+    require_type,
+)
 from .._fields.objects import on_device, with_arrays
 from .._math.rotations import rotation_matrix
 from .._math.vectors import ZERO, EulerParameters, Scalar, pack, unpack
@@ -62,9 +69,8 @@ def check_names(scene: Scene, state: State) -> None:
     """Check that scene and state have these types and the same bodies, and that the state's numbers
     are finite and its Euler parameters of about unit norm."""
     remedy = "pass one; mechanisms come with a state: scene, state = cj.mechanisms.four_bar()"
-    require(isinstance(scene, Scene), "scene", type(scene).__name__, "a Scene", remedy)
-    remedy = "pass State({name: body_state(...)})"
-    require(isinstance(state, State), "state", type(state).__name__, "a State", remedy)
+    require_type("scene", scene, Scene, "a Scene", remedy)
+    require_type("state", state, State, "a State", "pass State({name: body_state(...)})")
     same, expected = set(state.bodies) == set(scene.bodies), sorted(scene.bodies)
     remedy = "give each body of the scene one state, under the same name"
     require(same, "state", sorted(state.bodies), f"of the scene's bodies {expected}", remedy)

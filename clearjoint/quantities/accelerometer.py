@@ -140,7 +140,11 @@ def accelerometer(
     **Source:** C. Harris and A. Piersol, *Harris' shock and vibration handbook* (2002), chapter 12.
     """
     name = f"{body} accelerometer" if name is None else name
-    _require_names(scene, state, body, name)
+    remedy = nearest(body, scene.bodies, "pass one of these")
+    require(body in scene.bodies, "body", body, f"one of {sorted(scene.bodies)}", remedy)
+    require(body in state.bodies, "state", sorted(state.bodies), f"one with {body!r}", "add it")
+    is_free = not {name, name + SPRING} & {*scene.bodies, *scene.joints, *scene.forces}
+    require(is_free, "name", name, "one that the scene does not have", "give another name")
     require_point("point", position := np.asarray(as_number(point, "point", "m")))
     require_axis("axis", along := np.asarray(as_number(axis, "axis")))
     direction = along / np.linalg.norm(along)
@@ -164,14 +168,6 @@ def accelerometer(
     at_rest = _state_at_rest(state.bodies[body], scene, position, direction, angular_frequency)
     start = replace(state, bodies={**state.bodies, name: at_rest})
     return Accelerometer(with_sensor, start, AccelerometerReading(name))
-
-
-def _require_names(scene: Scene, state: State, body: str, name: str) -> None:
-    remedy = nearest(body, scene.bodies, "pass one of these")
-    require(body in scene.bodies, "body", body, f"one of {sorted(scene.bodies)}", remedy)
-    require(body in state.bodies, "state", sorted(state.bodies), f"one with {body!r}", "add it")
-    is_free = not {name, name + SPRING} & {*scene.bodies, *scene.joints, *scene.forces}
-    require(is_free, "name", name, "one that the scene does not have", "give another name")
 
 
 def _state_at_rest(

@@ -16,6 +16,7 @@ from ..._fields.checks import (
     require_numbers,
     require_positive,
     require_shape,
+    require_type,
 )
 from ..._fields.objects import quantity
 from ..._fields.types import ArrayLike, Quadruple, Single, Triple
@@ -352,11 +353,12 @@ class JointCoupling(AbstractConstraint):
 
     @override
     def __check_init__(self):
-        for argument in ("leader", "follower"):
-            joint, remedy = getattr(self, argument), "pass the joint that is in the scene"
-            is_valid = isinstance(joint, HingeOrSlider)
-            expected = "a RevoluteJoint or PrismaticJoint"
-            require(is_valid, argument, type(joint).__name__, expected, remedy)
+        expected, remedy = (
+            "a RevoluteJoint or PrismaticJoint",
+            "pass the joint that is in the scene",
+        )
+        require_type("leader", self.leader, HingeOrSlider, expected, remedy)
+        require_type("follower", self.follower, HingeOrSlider, expected, remedy)
         require_continuous(self.function)
 
     @override

@@ -35,8 +35,7 @@ def double_pendulum(
 
     - `clearance`: radial, m; ``None`` for an ideal ground joint. The other arguments then have no
       effect.
-    - `restitution`: requested of the default law, that of Lankarani and Nikravesh; `law` replaces
-      it.
+    - `restitution`: requested of the default `law`, that of Lankarani and Nikravesh.
     - `bearing_radius`, `journal_length`: m.
     - `friction`: as in `ClearanceJoint`; none by default.
     - `axial`: whether the journal can slide along its axis; by default `FreeAxially()`.

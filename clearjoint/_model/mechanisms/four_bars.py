@@ -57,8 +57,7 @@ def four_bar(
     **Arguments:**
 
     - `clearance`: radial, m, by the pin's name; pins that are not named are ideal.
-    - `restitution`: requested of the default law of each pin with clearance, that of Lankarani and
-      Nikravesh; `law` replaces it.
+    - `restitution`: requested of the default `law` of pins, that of Lankarani and Nikravesh.
     - `lengths`: of crank, coupler and rocker, and the distance between the axes of crank and
       rocker, m.
     - `masses`: of crank, coupler and rocker, kg.
@@ -191,8 +190,7 @@ def spatial_four_bar(
     **Arguments:**
 
     - `clearance`: radial, m; ``None`` for an ideal ball joint. The ball starts centred.
-    - `restitution`: requested of the default law, that of Lankarani and Nikravesh; `law` replaces
-      it.
+    - `restitution`: requested of the default `law`, that of Lankarani and Nikravesh.
     - `speed`: of the crank at the start, rad/s. The state is that of the ideal mechanism.
     - `friction`: of the ball; none by default.
 

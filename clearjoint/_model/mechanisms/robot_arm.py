@@ -198,8 +198,7 @@ def robot_arm(
 
     - `play`: total angle of the backlash in each of the three joints, rad; with ``None`` there are
       no flanges, and the motors drive the links directly.
-    - `restitution`: of the default law of the backlash, `ExactRestitution`, above 0; `law` replaces
-      it.
+    - `restitution`: of the default `law` of the backlash, `ExactRestitution`, above 0.
     - `angles`: of the motors at the start, rad. `speeds`: of the motors, constant, rad/s.
 
     >>> scene, state = cj.mechanisms.robot_arm(play=1e-3)
