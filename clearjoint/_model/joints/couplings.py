@@ -353,10 +353,8 @@ class JointCoupling(AbstractConstraint):
 
     @override
     def __check_init__(self):
-        expected, remedy = (
-            "a RevoluteJoint or PrismaticJoint",
-            "pass the joint that is in the scene",
-        )
+        expected = "a RevoluteJoint or PrismaticJoint"
+        remedy = "pass the joint that is in the scene"
         require_type("leader", self.leader, HingeOrSlider, expected, remedy)
         require_type("follower", self.follower, HingeOrSlider, expected, remedy)
         require_continuous(self.function)
