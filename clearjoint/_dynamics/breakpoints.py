@@ -210,8 +210,8 @@ def coincide(system: System, instant: Scalar, t: Scalar) -> Condition:
 
 
 def _latest(system: System, row: Periodic, t: Scalar, later: int = 0) -> Scalar:
-    """Return the latest of periodic instants that is not after the time t of the scene, s, or one
-    that is `later` by some periods."""
+    """Return the latest instant of `row` that is not after the time t of the scene, s, by more than
+    rounding errors (`_is_after`); with `later`, the instant that many periods after it."""
     nearest = jnp.round((t - row.offset) / row.period)
     passed = jnp.where(_is_after(system, row.instant(nearest), t), nearest - 1.0, nearest)
     return row.instant(jax.lax.stop_gradient(passed) + later)

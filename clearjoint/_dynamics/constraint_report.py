@@ -213,7 +213,8 @@ def start_rows(
 
 
 def free_motions(scene: Scene, bodies: dict[str, BodyState]) -> Motions:
-    """Return the motions of states that may violate the constraints."""
+    """Return the motions of the bodies, each from its own state as if there were no joints: the
+    state may violate the constraints."""
     absolute = AbsoluteCoordinates()
     return absolute.motions(scene, absolute.encode(scene, bodies))
 

@@ -151,8 +151,11 @@ def overdamped_contacts(scene: Scene, state: State, t: Scalar) -> list[str]:
 
 
 def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
-    """Return the scene with joints replaced by those of the same names in `ideal`, whose reactions
-    press no friction."""
+    """Return the scene with joints replaced by the joints of the same names in `ideal`.
+
+    A `JointFriction` that is `pressed_by` a replaced joint keeps only its constant load, because
+    reactions of ideal joints do not press friction surfaces.
+    """
     joints = {**scene.joints, **ideal}
     for name, joint in joints.items():
         if isinstance(joint, JointFriction) and joint.pressed_by in ideal:

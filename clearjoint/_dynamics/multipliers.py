@@ -53,22 +53,23 @@ class ConstraintEquations:
             ]
         # The rows of D M^-1.
         self._solved_rows = [mechanics.solved(row) for row in rows]
-        # A further column of both factors of D M^-1 D^T for each compliance, with its root in its
-        # row, adds the compliance to the diagonal.
-        first = self._rows - len(compliances)
-        more = [
+        # Compliances are added to the diagonal of D M^-1 D^T: both factors get a further column for
+        # each, which has its square root in the row of the compliance, and zeros in the others.
+        first_elastic = self._rows - len(compliances)
+        further_columns = [
             [
                 multiply(1.0 if weights is None else weights[k], square_root(compliance))
-                if k == first + j
+                if k == first_elastic + j
                 else 0.0
                 for j, compliance in enumerate(compliances)
             ]
             for k in self._active
         ]
         factors = [
-            [[*row, *own] for row, own in zip(part, more, strict=True)]
+            [[*row, *own] for row, own in zip(part, further_columns, strict=True)]
             for part in (rows, self._solved_rows)
         ]
+        # Without active rows there is nothing to solve: `list` returns the empty right side.
         self._solve = solver.solving(gram_matrix(*factors)) if rows else list
 
     def corrected(self, targets: Sequence[Scalar], rates: Speeds) -> tuple[Speeds, list[Scalar]]:

@@ -308,8 +308,11 @@ def _looped(
 def _sums_of_products(
     start: np.ndarray, first: jax.Array, second: jax.Array, table: Sequence[_Step]
 ) -> jax.Array:
-    """Return the blocks `start` plus products A B^T of blocks A of `first` and B of `second`; the
-    table has the indices of the row of the sum, of the row of A, and of the block B."""
+    """Return the blocks `start` plus products A B^T of blocks A of `first` and B of `second`.
+
+    Each row of the table adds one row of a product. It has the index of the row that is added to,
+    the index of the row of A, and the index of the block B; rows are counted over all blocks.
+    """
 
     def step(sums: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
         target, a, b = row

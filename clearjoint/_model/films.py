@@ -286,7 +286,12 @@ class ButenschoenFilm(AbstractFilm):
 
 
 def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
-    """Return So_D/eps of `ButenschoenFilm`, from B/D and eps; finite for a centred journal."""
+    """Return the load number of rotation So_D of `ButenschoenFilm` over the eccentricity ratio. The
+    quotient is finite for a centred journal, for which So_D is zero.
+
+    **Arguments:** `width`: width of the film over the diameter of the bearing, B/D; `ratio`:
+    eccentricity ratio eps.
+    """
     numerator, shift = (polynomial(fit, width) for fit in LOAD)  # a1 and a2
     square = ratio * ratio
     # The closed form for a short bearing, which the fit corrects for a finite width.

@@ -148,7 +148,9 @@ class AbstractElasticity(AbstractConverting):
         """Return the stored energy, J: the integral of the force over the penetration."""
 
     def begins_flat(self, exponent: float) -> bool:
-        """Return whether the force begins with zero slope: it has no kink to be corrected for."""
+        """Return whether the derivative of the force by the penetration is zero at the onset, for
+        the law's `exponent` n; ``False`` by default. The solver then needs no correction at the
+        onset and the end of a contact (see `AbstractContactLaw.slope_jumps`)."""
         return False
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:

@@ -494,7 +494,8 @@ class PlanarMotion(AbstractTurning):
         return position[0], position[1], within_two_turns(position[2])
 
     def _in_child(self, across: tuple[Scalar, Scalar], position: Position) -> Vector:
-        """Return a vector in the child's axes from its components in the parent's plane."""
+        """Return a vector in the child's axes from its components `across` along the
+        `transverse_axes` of `normal_parent`."""
         first, second = transverse_axes(self.normal_parent)
         vector = first * across[0] + second * across[1]
         return self.rotation(position).transposed_times(vector)

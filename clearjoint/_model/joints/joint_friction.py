@@ -59,7 +59,8 @@ class JointFriction(AbstractPair, AbstractContactJoint):
     **Arguments:**
 
     - `first`, `second`: names of the bodies that the ideal joint connects.
-    - `friction`: law of the friction over the load. A law's speeds are those of the surfaces, m/s.
+    - `friction`: law that gives the ratio of the friction to the load. Its speeds are those of the
+      surfaces, m/s.
     - `load`: N, by which the surfaces are pressed together.
     - `axis`: (3,) in the first body's axes, any length: of a hinge, or direction of a slider;
       ``None`` for a ball, where friction resists every relative rotation.
