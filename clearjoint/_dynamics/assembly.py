@@ -212,7 +212,11 @@ def _with_motion(state: State, other: State) -> State:
 
 
 def _caution_striking(scene: Scene, state: State, moved: State) -> None:
-    """Warn if `moved`, where all journals rest in their bearings, has much less kinetic energy."""
+    """Warn if much of the kinetic energy of `state` is that of journals that move relative to their
+    bearings.
+
+    `moved` is the state with the nearest velocities at which no journal moves in its bearing.
+    """
     before, after = (float(_kinetic_energy(scene, at.bodies)) for at in (state, moved))
     lost = 1.0 - after / before if before > 0.0 else 0.0
     share, expected = round(100.0 * lost, 1), f"at most {100.0 * STRIKING:g} %"
@@ -247,6 +251,7 @@ def _in_bearings(
 
 
 def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
+    """Return a state near `state` that satisfies the constraints, by Newton steps."""
     bodies = state.bodies
     t = on_device(t)
     for _ in range(ITERATIONS):
@@ -275,6 +280,8 @@ def _with_velocities(scene: Scene, state: State, t: Scalar) -> State:
 
 
 def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndarray) -> None:
+    """Check that an initial state satisfies the constraints `names`: the values and rates of their
+    equations are at most `ACCEPTED_VIOLATION` in magnitude."""
     _require_satisfied(names, values, ACCEPTED_VIOLATION, "consistent", "positions")
     _require_satisfied(names, rates, ACCEPTED_VIOLATION, "consistent", "velocities")
 
@@ -332,11 +339,11 @@ def require_representable(
     variables: MotionVariables,
     represented: dict[str, np.ndarray],
 ) -> None:
-    """Check that coordinates have at least one variable, and that an assembled state keeps its
-    orientations in a `round_trip` (to `variables` and `represented`).
+    """Check that coordinates can represent an assembled state, and have at least one variable.
 
     Parallel and antiparallel axes, for example, both satisfy the constraints of a revolute joint,
-    but its angle as variable represents only parallel axes.
+    but its angle as variable represents only parallel axes. The state, converted to the coordinates
+    and back by `round_trip` (to `variables` and `represented`), must keep its orientations.
     """
     _require_something_moves(variables, coordinates)
     for name, body in state.bodies.items():
@@ -382,8 +389,11 @@ def round_trip(
 def _require_satisfied(
     names: tuple[str, ...], residuals: np.ndarray, tolerance: float, quality: str, part: str
 ) -> None:
-    """Check that all residuals are at most `tolerance` in magnitude; `quality` is "consistent" for
-    a state that the user gave, and "assembled" for a computed one."""
+    """Check that all residuals are at most `tolerance` in magnitude.
+
+    `quality` is "consistent" for a state that the user gave, and "assembled" for a computed one;
+    `part` is "positions" or "velocities".
+    """
     if residuals.size == 0:
         return
     # NaN counts as the worst residual.

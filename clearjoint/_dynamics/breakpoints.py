@@ -66,6 +66,7 @@ def breakpoints(scene: Scene) -> dict[str, list[Scalar | Increasing]]:
 
 
 def has_breakpoints(scene: Scene) -> bool:
+    """Return whether a scene has breakpoints, or instants of sampled forces."""
     return bool(breakpoints(scene) or sampled_forces(scene))
 
 

@@ -159,12 +159,14 @@ class StartRows(NamedTuple):
 
 
 def scene_order(names: tuple[RowName, ...], scene: Scene) -> list[int]:
+    """Return the indices of rows in the scene's order of joints."""
     rank = {name: k for k, name in enumerate(scene.joints)}
     return sorted(range(len(names)), key=lambda k: rank[names[k][0]])
 
 
 def row_residuals(scene: Scene, state: State, t: Scalar) -> StartRows:
-    """Return the rows without Jacobians, in a time proportional to the number of bodies."""
+    """Return values and rates of all rows, but no Jacobian, in a time proportional to the number of
+    bodies."""
     return start_rows_by_numpy(scene, None, state, on_device(t)).in_order_of(scene)
 
 

@@ -171,8 +171,11 @@ def _for_each_entry_speed(scene: Scene, entry_speed: Callable[[str, str], Scalar
 
 
 def closed(gaps: ContactGaps) -> Closed:
-    """Return whether each contact is closed. If steps end at contact events, a contact keeps this
-    state for a whole step: one that is open has no force even beyond the wall."""
+    """Return whether each contact is closed.
+
+    If steps end at contact events, each contact keeps this state for a whole step: one that is open
+    at the step's start has no force even beyond the wall, so that the motion is smooth.
+    """
     return each_label(lambda name, label: gaps[name][label].depth > 0.0, gaps)
 
 
@@ -228,8 +231,11 @@ def updated_entry_speeds(
     after: ContactGaps,
     second_rates: ByLabel[Scalar],
 ) -> EntrySpeeds:
-    """Return the entry speeds after an accepted step: of a contact that began in it the penetration
-    rate at the onset, of an open contact zero."""
+    """Return the entry speeds after an accepted step.
+
+    A contact that began in the step gets its penetration rate at the onset, an open contact gets
+    zero, and any other contact keeps its entry speed.
+    """
 
     def update(name: str, label: str) -> Scalar:
         end = after[name][label]

@@ -111,9 +111,9 @@ def resting_entry_speeds(
     """Return entry speeds for the closed contacts of the named joints, m/s, with which a journal
     that rests on the wall is damped moderately.
 
-    They are those of an impact whose energy is the elastic energy of the contact. With the law's
-    smallest entry speed, the damping would make the equations of motion stiff, and with an unknown
-    one there would be none.
+    They are those of an impact of the contact's effective mass whose energy is the elastic energy
+    of the contact. With the law's smallest entry speed instead, the damping would make the
+    equations of motion stiff, and with an unknown one there would be no damping.
     """
     laws = scene.laws()
     names = tuple(n for n in names if any(law.uses_entry_speed for law in laws[n].values()))
@@ -168,8 +168,14 @@ def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
 def require_in_bearings(
     scene: Scene, by_joint: ByLabel[Scalar], approaches: ByLabel[Scalar]
 ) -> None:
-    """Check the penetrations and approaches of an initial state, by `starting_contacts`: warn of
-    deep contacts, and of those that have begun before and have no entry speed."""
+    """Check the penetrations and approaches of an initial state, by `starting_contacts`.
+
+    **Raises:** `ValueError` if a contact is deeper than its limit in the joint's `deepest`.
+
+    **Warns:** `UnusualValueWarning` for a smaller penetration above `FAR_OUTSIDE` times the limit,
+    and for a contact that has begun before, approaches faster than `FAST_APPROACH`, and has no
+    entry speed.
+    """
     for name, family in approaches.items():
         label = max(family, key=lambda label: float(family[label]))
         rate, argument = float(family[label]), f"state.entry_speeds[{name!r}][{label!r}]"
@@ -202,7 +208,7 @@ def require_in_bearings(
 
 def require_centred(scene: Scene, state: State, names: Iterable[str]) -> None:
     """Check that no contact of the named joints, which `assemble` has centred, is deep in a wall,
-    such as a pin beyond the end of its slot."""
+    like that of a pin beyond the end of its slot."""
     by_joint, joints = depths(scene, state), scene.contact_joints()
     for name in names:
         for label, limit in joints[name].deepest().items():

@@ -316,6 +316,7 @@ bodies cancel in its factorisation.
 
 
 def is_small(bodies: int) -> bool:
+    """Return whether a tree of this number of bodies gets a mass matrix."""
     return bodies <= LARGEST_DENSE
 
 
