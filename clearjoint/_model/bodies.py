@@ -58,6 +58,7 @@ def _mass(mass: Number, density: Number, volume: Number) -> Number:
 
 
 def _inner(inner_diameter: Number, diameter: Number) -> Number:
+    """Return the checked diameter of a hole, m, zero for none."""
     inner = as_number(inner_diameter)
     require_positive("inner_diameter", inner, "give it in m", zero=True)
     expected = "less than the diameter, {1} m"

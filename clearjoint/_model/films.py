@@ -286,8 +286,8 @@ class ButenschoenFilm(AbstractFilm):
 
 
 def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
-    """Return the load number of rotation So_D of `ButenschoenFilm` over the eccentricity ratio. The
-    quotient is finite for a centred journal, for which So_D is zero.
+    """Return the load number of rotation So_D of `ButenschoenFilm` divided by the eccentricity
+    ratio. The quotient is finite for a centred journal, for which So_D is zero.
 
     **Arguments:** `width`: width of the film over the diameter of the bearing, B/D; `ratio`:
     eccentricity ratio eps.

@@ -350,6 +350,7 @@ class JournalInBearing(NamedTuple):
 def require_room(
     clearance: Scalar, bearing: AbstractProfile | None, journal: AbstractProfile | None
 ) -> None:
+    """Raise a `ValueError` if a centred journal may touch the wall at some relative rotation."""
     # Without profiles, any positive clearance leaves room.
     if bearing is None and journal is None:
         return
@@ -365,8 +366,9 @@ def caution_two_contacts(
 ) -> None:
     """Warn if the journal may touch the wall at two points that are close to each other.
 
-    It touches at one point at most if the smallest radius of curvature of the wall exceeds the
-    largest of the journal: R + h + h'' for a circle of radius R and a deviation h.
+    The model has one contact, the deepest. The journal touches at one point at most if the smallest
+    radius of curvature of the wall exceeds the largest of the journal: R + h + h'' for a circle of
+    radius R and a deviation h.
     """
     # Two circles touch at one point.
     if bearing is None and journal is None:

@@ -36,10 +36,12 @@ def involute(sine: Scalar, cosine: Scalar) -> Scalar:
 
 @dataclass(frozen=True)
 class LineOfCentres:
-    """The line from the first gear's centre to the second's. `axis` (of the first gear), `along`
-    (the line) and `across` are global unit vectors of a right-handed frame along, across, axis;
-    `distance` is the length of the line, and `height` that of the second centre above the first
-    along the axis, m."""
+    """The line from the first gear's centre to the second's, in the plane across the first's axis.
+
+    `axis` (of the first gear), `along` (the line) and `across` are global unit vectors of a
+    right-handed frame along, across, axis. `distance` is the length of the line, and `height` that
+    of the second gear's centre above the first's along the axis, m.
+    """
 
     axis: Vector
     along: Vector
@@ -48,7 +50,7 @@ class LineOfCentres:
     height: Scalar
 
     def angle_in(self, gear: Motion, axis: Vector) -> Scalar:
-        """Return the angle of `along` about a gear's axis, rad, from the first of its
+        """Return the angle of `along` about a gear's axis, rad in [-pi, pi], from the first of its
         `transverse_axes`."""
         start, quarter = transverse_axes(unit(axis))
         line = gear.components(self.along)
@@ -73,9 +75,11 @@ class MeshCycle:
     factor: tuple[Scalar, Scalar] | None
 
     def varied(self, gap: Gap, side: float, law: AbstractContactLaw) -> tuple[Gap, SideForce]:
-        """Return the gap of a flank with the parts due to the mesh cycle, and its `SideForce`. Of
-        `gap`, the depth includes the transmission error, the rate does not; `law` is without the
-        factor."""
+        """Return the gap of a flank with the parts due to the mesh cycle, and its `SideForce`.
+
+        **Arguments:** `gap`: its depth includes the transmission error, its rate does not; `side`:
+        of the flank, as in `FLANKS`; `law`: that of the mesh, without the factor.
+        """
         slope = elastic = ZERO
         if self.error_slope is not None:
             by_angle = -side * self.error_slope

@@ -82,6 +82,8 @@ class BlendedContactLaw(AbstractLawAround):
 
 
 def _of_dry_joint(name: str) -> PyTree:
+    """Return a method that calls the method `name` of the field `dry`."""
+
     @wraps(getattr(ClearanceJoint, name))
     def method(self: "LubricatedJoint", *arguments: PyTree, **options: PyTree) -> PyTree:
         return getattr(self.dry, name)(*arguments, **options)

@@ -106,6 +106,7 @@ class Stop(AbstractPair, AbstractFrictionJoint):
 
     @override
     def centred_joint(self) -> AbstractConstraint:
+        """Return a joint that keeps the point, or the edge, where it just touches the plane."""
         return self._ideal(0.0)
 
     @override

@@ -391,7 +391,11 @@ class AbstractElasticLaw(AbstractContactLaw):
 
 
 class AbstractPowerLaw(AbstractElasticLaw):
-    """Base class of laws with the elastic force K delta^n: `stiffness` K, `exponent` n."""
+    """Base class of laws with the elastic force K delta^n, N, for the penetration delta, m.
+
+    `stiffness` is K in N/m^n, or an `AbstractElasticity` whose force replaces K delta^n. `exponent`
+    is n.
+    """
 
     exponent: eqx.AbstractVar[float]
 
@@ -431,7 +435,10 @@ def require_instance(argument: str, value: object, *kinds: type, remedy: str = "
 
 
 def require_flat_law(law: object, surfaces: str) -> None:
-    """Raise a `ValueError` unless a law can be used between flat surfaces, which have no radii."""
+    """Raise a `ValueError` unless a law can be used between flat `surfaces`, such as "flanks".
+
+    The stiffness of an `AbstractElasticLaw` must be a number, since others may depend on radii.
+    """
     require_instance("law", law, AbstractContactLaw)
     # Whether a law of another class reads the radii is not visible from outside.
     if isinstance(law, AbstractElasticLaw):
@@ -539,7 +546,11 @@ class VaryingLaw(AbstractFactorLaw):
 
 
 def whole_law(law: AbstractContactLaw) -> AbstractContactLaw:
-    """Return the law that the user gave: the innermost of nested `AbstractLawAround` laws."""
+    """Return the law that the user gave, without any `AbstractLawAround` around it.
+
+    A `ClearanceJoint` with `line_points`, or a `LubricatedJoint` with a `transition`, computes with
+    a law around it.
+    """
     while isinstance(law, AbstractLawAround):
         law = law.law
     return law

@@ -101,7 +101,11 @@ class Polynomial(AbstractFunctionOfTime):
 
 
 class AbstractTable(AbstractFunctionOfTime):
-    """Base class of functions of time given by a table; fields as in `PiecewiseConstant`."""
+    """Base class of functions of time given by a table.
+
+    `times` are (N,) s, increasing, at least two, and `values` (N,), or (N, 3) for a force or torque
+    vector, in the SI unit of what the function prescribes.
+    """
 
     times: Column = quantity("s", table=True)
     values: TableRows = quantity("1", table=True)
@@ -275,28 +279,32 @@ ALTERNATIVES = "a table (PiecewiseConstant, PiecewiseLinear or Spline), or a fun
 
 
 def single_in_time(unit: str, **options: PyTree) -> PyTree:
-    """Declare a field that holds a number or a function of time."""
+    """Declare a field that holds a number or a function of time; `options` are those of
+    `quantity`."""
     return quantity(
         unit, converter=as_single_in_time, check=partial(_require_single, unit), **options
     )
 
 
 def triple_in_time(unit: str, **options: PyTree) -> PyTree:
-    """Declare a field that holds a `TripleInTime`."""
+    """Declare a field that holds a `TripleInTime`; `options` are those of `quantity`."""
     return quantity(
         unit, converter=as_triple_in_time, check=partial(_require_triple, unit), **options
     )
 
 
 def as_single_in_time(value: FunctionOfTime) -> SingleInTime:
-    """Return a number or function in the form in which a field stores it. An array of another shape
-    than () is refused later, when the element is made."""
+    """Convert a number or function to the form in which a field declared by `single_in_time` stores
+    it. An array of another shape than () is refused later, when the element is made."""
     return as_function_of_time(value) if callable(value) else as_number(value)
 
 
 def as_triple_in_time(value: PyTree) -> PyTree:
-    """Return a vector in the form in which a field stores it: a tuple if one of the components is a
-    function, otherwise an array. Their number is checked later, when the element is made."""
+    """Convert a vector to the form in which a field declared by `triple_in_time` stores it.
+
+    Components become a tuple if at least one of them is a function, otherwise an array. Their
+    number is checked later, when the element is made.
+    """
     if isinstance(value, tuple | list) and any(map(callable, value)):
         return tuple(map(as_single_in_time, value))
     return as_single_in_time(value)  # pyright: ignore[reportArgumentType]
@@ -341,8 +349,11 @@ def _shape(value: PyTree) -> tuple[int, ...] | None:
 
 
 def breakpoints_of(*contents: PyTree) -> PyTree:
-    """Return the breakpoints, s, of all functions of time in the given fields, one entry for each;
-    those of the tables of this module are `Increasing`."""
+    """Return the breakpoints, s, of all functions of time in the given fields, one entry for each.
+
+    Those of the tables of this module are `Increasing`. The entry of a Python function is empty,
+    because its breakpoints are unknown.
+    """
     # A vector may be a tuple of three components.
     parts = [p for field in contents for p in (field if isinstance(field, tuple) else (field,))]
     return tuple(_breakpoints(p) for p in parts if isinstance(p, AbstractFunctionOfTime))

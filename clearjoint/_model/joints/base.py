@@ -431,7 +431,9 @@ class AbstractPair(AbstractElement):
 class AbstractPairAtPoints(AbstractPair):
     """Base class of elements between a point of one body and a point of another.
 
-    `point_first` and `point_second` are in m from each body's centre of mass in its axes, (3,).
+    `first` and `second` are names of bodies, one of which may be the ground. `point_first` and
+    `point_second` are (3,) m from each body's centre of mass in its axes; on the ground from the
+    origin.
     """
 
     first: str = eqx.field(static=True)

@@ -104,7 +104,13 @@ class AbstractOrientedJoint(AbstractPairJoint):
 
 
 class AbstractDriveableJoint(AbstractPairJoint):
-    """Base class of ideal joints with one degree of freedom, which may have an `armature`."""
+    """Base class of ideal joints with one degree of freedom, which may have the `armature` of a
+    drive.
+
+    The armature is the rotor's moment of inertia, kg m^2 (its mass, kg, for a translation), times
+    the square of the gear ratio; ``None`` for none. It adds the kinetic energy armature q'^2/2,
+    with the rate q' of the joint's `position`.
+    """
 
     armature: eqx.AbstractVar[Single | None]  # pyright: ignore[reportGeneralTypeIssues]
 

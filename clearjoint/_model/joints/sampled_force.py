@@ -100,4 +100,5 @@ class AbstractSampledForce(AbstractForce):
 
     @override
     def breakpoints(self) -> tuple[()]:
+        # `instants` declare the times at which the force jumps.
         return ()

@@ -57,7 +57,8 @@ def four_bar(
     **Arguments:**
 
     - `clearance`: radial, m, by the pin's name; pins that are not named are ideal.
-    - `restitution`: requested of the default `law` of pins, that of Lankarani and Nikravesh.
+    - `restitution`: requested of the default `law` of the pins with clearance, that of Lankarani
+      and Nikravesh.
     - `lengths`: of crank, coupler and rocker, and the distance between the axes of crank and
       rocker, m.
     - `masses`: of crank, coupler and rocker, kg.
