@@ -142,6 +142,7 @@ class Parabola(NamedTuple):
         return self.start + x * (self.slope + x * self.bend)
 
     def extremes(self, a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
+        """Return the smallest and the largest value for x in [a, b]."""
         # Without curvature the vertex is arbitrary, which does no harm: clipped to [a, b], it is
         # one more point of the straight line.
         vertex = -0.5 * self.slope / jnp.where(self.bend == 0.0, 1.0, self.bend)
@@ -223,8 +224,10 @@ def highest_after(
 
     The function is evaluated twice: at the maximum of the parabola through the three points, and at
     the maximum of the cubic through these points and the first evaluation. The value of the result
-    is the largest known one. Between the ends, the position is the maximum of the parabola through
-    the highest point and its neighbours, which is nearer to the function's maximum than they are.
+    is the largest of the function's values at `first`, `last` and the two evaluations. The position
+    is that of an end if the end is higher than both evaluations. Otherwise it is the maximum of the
+    parabola through the higher evaluation and its neighbours, which is nearer to the function's
+    maximum than the evaluated points.
     """
     margin = GUESS_MARGIN * (last.x - first.x)
     # If the extrapolated parabola has no maximum, the search begins in the middle.
