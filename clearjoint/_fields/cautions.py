@@ -88,6 +88,7 @@ def caution(message: str, category: type[Warning]) -> None:
 
 
 def number_issued() -> int:
+    """Return the number of warnings that `caution` has issued in this thread."""
     return getattr(_ISSUED, "number", 0)
 
 

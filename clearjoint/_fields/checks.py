@@ -243,6 +243,8 @@ def require_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
 
 
 def require_array_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
+    """Raise a ``ValueError`` unless a value is a dictionary whose keys can name arrays in a Zarr
+    store, where the name of an array is that of a folder."""
     require_names(argument, given, remedy)
     for name in given:
         is_folder = "/" not in name and "\\" not in name and not name.startswith((".", "__"))
@@ -335,9 +337,12 @@ def recheck(tree: PyTree) -> None:
 
 def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]) -> None:
     """Repeat the checks of the constructors for the Equinox modules that contain a changed leaf,
-    without warnings: the faster form of `recheck` for a sweep. Modules of this package that contain
-    changed leaves only through a dictionary, list or tuple are left out, since their checks don't
-    depend on the numbers there."""
+    without warnings: the faster form of `recheck` for a sweep. `changed` tells of each leaf of the
+    tree, whose `structure` is given, whether it has changed.
+
+    Modules of this package that contain changed leaves only through a dictionary, list or tuple are
+    left out, since their checks don't depend on the numbers in these containers.
+    """
     with quiet():
         for path in _paths_to_changed(structure, changed):
             _check_here(reduce(_child, path, tree))

@@ -370,6 +370,7 @@ def _is_no_field(annotation: object) -> bool:
 
 
 def _declared(cls: type[AbstractConverting], name: str, annotation: object) -> Field:
+    """Return the dataclass field `name` of a class, static or with a converter."""
     # The class may have declared a field, or only a default value, or neither.
     value = cls.__dict__.get(name)
     if isinstance(value, Field):
