@@ -113,7 +113,8 @@ def _under(prefix: str, wanted: Mapping[str, PyTree]) -> dict[str, PyTree]:
 
 
 def impact_log(name: str, joint: str, contact: str) -> str:
-    """Return the name of a log, such as "hits/pin V". Names of outputs contain no slash."""
+    """Return the name of the log of one contact's impacts, such as "hits/pin V" for the output
+    "hits". Names of outputs contain no slash."""
     return f"{name}/{contact_label(joint, contact)}"
 
 
@@ -132,8 +133,9 @@ class Outcome(eqx.Module):
 def begin_lane(
     plan: Plan, scene: Scene, state: State, start_time: Scalar, request: LaneRequest
 ) -> Lane:
-    """Return a lane before its first step. One whose state violates the constraints, or cannot be
-    represented by the coordinates, gets the result code `not_assembled` and takes no step."""
+    """Return a lane before its first step, from a packed `state`. If the state violates the
+    constraints, or cannot be represented by the coordinates of the run, the lane gets the result
+    code `not_assembled` and takes no step."""
     # A compiled lane cannot raise an error. The result code ends this lane, and the others run.
     coordinates = plan.scheme.formulation.coordinates
     fits = assembled(scene, state, start_time, coordinates)
@@ -248,5 +250,6 @@ class Common(eqx.Module):
         return saved | lane.buffers()
 
     def scene(self, task: Task) -> Scene:
+        """Return the scene of a lane, in scalar form."""
         tree = eqx.combine(task.varied, self.folded_scene.tree)
         return unpack(ConstantFolded(tree, self.folded_scene.patterns))

@@ -291,6 +291,8 @@ class _Shared:
         self._lanes, self._begun = len(self.waiting), time.monotonic()
 
     def next_lanes(self, count: int) -> list[int]:
+        """Remove the next lanes to begin from `waiting`, at most `count`, and return their
+        numbers."""
         lanes: list[int] = []
         # Several threads take lanes at a time: to test for emptiness first would be a race.
         with suppress(IndexError):
@@ -421,7 +423,8 @@ class _Group:
             self._slots[column] = None
 
     def _log(self, name: str, rows: list[np.ndarray], task: np.ndarray) -> tuple[np.ndarray, int]:
-        """Convert the recorded rows of one lane to the cells of result columns, (blocks, cells)."""
+        """Convert the recorded `rows` of one log of a lane, (n, numbers) each, to cells of the
+        columns of the sweep's results, (blocks, cells), and return these and the number of rows."""
         rows_a_block, numbers = self._programs.blocks[name]
         count = sum(map(len, rows))
         # The compiled function takes blocks of a fixed size, so the last one is filled with zeros.

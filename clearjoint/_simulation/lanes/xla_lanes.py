@@ -33,6 +33,7 @@ leave more lanes idle, and returning earlier would copy the lanes more often."""
 
 
 def width() -> int:
+    """Return the number of lanes that one program computes side by side on JAX's default device."""
     return ON_CPU if jax.default_backend() == "cpu" else ON_ACCELERATOR
 
 

@@ -157,7 +157,8 @@ def _touch(
 
 
 def _slip_direction(slip: Vector, normal: Vector) -> Vector:
-    """Return the unit vector along the slip velocity; at zero slip, some direction across."""
+    """Return the unit vector along the slip velocity; at zero slip, some direction across the
+    `normal`."""
     speed, direction = norm_and_direction(slip)
     other, _ = transverse_axes(normal)
     rests = speed == 0.0
@@ -339,6 +340,8 @@ def require_restitution(scene: Scene, restitution: Scalar | None) -> None:
 
 
 def restitutions(scene: Scene, restitution: Scalar | None) -> dict[str, dict[str, Scalar]]:
+    """Return Newton's coefficient of restitution of each contact, as restitutions[joint][contact]:
+    the given one, or for ``None`` those of the contact laws."""
     laws = scene.laws()
     if restitution is not None:
         return each_label(lambda name, label: restitution, laws)

@@ -41,7 +41,8 @@ for this problem aim at much smaller residuals; a larger one means that they did
 
 
 class Rigid(eqx.Module):
-    """A system with rigid contacts, and restitution[joint][contact], Newton's coefficients."""
+    """A system with rigid contacts, and Newton's coefficient of restitution of each contact, as
+    restitution[joint][contact]."""
 
     system: System
     restitution: dict[str, dict[str, Scalar]]
@@ -210,6 +211,8 @@ def _displaced(
 def _accelerated(
     system: System, variables: MotionVariables, rates: MotionVariables, time: Scalar
 ) -> MotionVariables:
+    """Return variables with the speeds changed by `time`, s, times the `rates`, and the same
+    positions."""
     return system.with_speeds(variables, _plus(variables, rates, time))
 
 

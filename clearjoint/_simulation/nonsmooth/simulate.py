@@ -59,8 +59,8 @@ class RigidRun(eqx.Module):
 
 
 class RigidStop(eqx.Module):
-    """State of a run at a stop, a time to save at or the end; `bodies` is packed. For n stops, each
-    array has an additional first axis of length n."""
+    """State of a run at a stop, which is a time to save at or the end of the run; `bodies` is
+    packed. For n stops, each array has an additional first axis of length n."""
 
     bodies: dict[str, BodyState]
     totals: dict[str, dict[str, ContactTotals]]
@@ -145,7 +145,8 @@ def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> Ri
 
 def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: Scalar) -> RigidRun:
     """Return the run after equal steps, not longer than `longest`, from `start` to `stop`, all in
-    s, or as it was before a step that fails."""
+    s. If a step fails, the run stays as it was before this step, with the result code of the
+    failure."""
     # The factor is slightly below 1, because rounding of the span could otherwise add a step.
     count = jnp.ceil((stop - start) / longest * (1.0 - 1e-9))
     h = (stop - start) / jnp.maximum(count, 1.0)

@@ -141,7 +141,8 @@ class AbstractReduction(AbstractConverting):
 
 
 def result_name(name: str, part: str) -> str:
-    """Return the name of a part of an output, such as "force_time" for "time" of "force"."""
+    """Return the name of a part of an output, such as "force_time" for the part "time" of the
+    output "force"; "force" for the part ""."""
     return f"{name}_{part}" if part else name
 
 

@@ -282,7 +282,8 @@ def _stacked(
     text: str,
     attributes: Mapping[str, object] = {},
 ) -> Labelled:
-    """Return K series at N times as one variable, with NaN for a series that is ``None``."""
+    """Return K series at N times as one variable, (N, K), or (N, K, 3) for vectors. A series that
+    is ``None`` becomes NaN; not all may be."""
     shape = next(np.shape(row) for row in series if row is not None)
     lacking = np.full(shape, np.nan)
     values = np.stack([lacking if row is None else np.asarray(row) for row in series], 1)
@@ -387,7 +388,8 @@ def observe_compiled(
     times: Numbers,
     states: State,
 ) -> Observation:
-    """Return the observation at the first `count` of N times and states, without the ledger."""
+    """Return the observation at the first `count` of N times and states, without the integrals of
+    the energy ledger. `unique`: whether reactions are unique."""
     scene = unpack(folded_scene)
     system = System(scene, absolute)
 
@@ -471,6 +473,9 @@ def _modes(scene: Scene, dynamics: Dynamics) -> dict[str, Integers]:
 
 
 def _drift(dynamics: Dynamics) -> tuple[dict[str, Scalar], dict[str, Scalar]]:
+    """Return, by joint, the largest magnitude of the values of its constraint equations, and of
+    their time derivatives."""
+
     def largest(values: list[Scalar]) -> Scalar:
         return jnp.max(jnp.abs(jnp.stack([jnp.asarray(value) for value in values])))
 
@@ -508,6 +513,7 @@ def along_compiled(
     times: Numbers,
     states: State,
 ) -> Numbers:
+    """Return the results of `values_along` at the first `count` of N times and states."""
     system = System(unpack(folded_scene), absolute)
 
     def at(t: Scalar, state: State) -> Numbers:

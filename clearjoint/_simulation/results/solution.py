@@ -63,7 +63,8 @@ def by_contact(tables: Mapping[str, Mapping[str, T]]) -> dict[str, T]:
 
 
 def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict[str, Labelled]:
-    """Return states as arrays by variable; `rows` are the names of additional first dimensions."""
+    """Return states as arrays by name of variable, with the names `rows` of additional first
+    dimensions, such as ("time",), and with `prefix` in front of each variable's name."""
     # Arrays of single bodies or contacts are stacked along a new dimension, before that of the
     # components of vectors.
     arrays = {}
@@ -92,6 +93,7 @@ def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict
 
 
 def state_labels(states: State) -> dict[str, Labelled]:
+    """Return the labels along each dimension of the arrays of `state_arrays`."""
     labels = {"body": [*states.bodies], **LABELS}
     labels[CONTACTS] = [*by_contact(states.entry_speeds)]
     labels[BRISTLES] = [*by_contact(states.bristles)]
@@ -431,7 +433,8 @@ def is_abstract(tree: PyTree) -> bool:
 def run_text(
     run: FinishedRun, final: State, redundant: tuple[str, ...], lines: Sequence[str]
 ) -> str:
-    """Return the text that `repr` shows for the result of a run."""
+    """Return the text that `repr` shows for the result of a run, with `lines` after the first
+    line."""
     if redundant:
         names = ", ".join(map(repr, redundant))
         lines = [*lines, f"redundant constraints: {names}"]

@@ -64,7 +64,8 @@ def in_one_array(tree: PyTree) -> jax.Array:
 
 
 def like(example: PyTree, numbers: Numbers) -> PyTree:
-    """Invert `in_one_array`: return numbers with structure, shapes and dtypes of an example."""
+    """Invert `in_one_array`: return the PyTree with the given numbers, and with the structure,
+    shapes and dtypes of an example."""
     leaves, structure = jax.tree.flatten(example)
     made, start = [], 0
     for leaf in leaves:
@@ -78,7 +79,8 @@ def like(example: PyTree, numbers: Numbers) -> PyTree:
 
 
 class AcceptedSteps(AbstractRecorder[RowBuffer[jax.Array]]):
-    """Recorder of the accepted steps by `step_row`, into a buffer that the caller must empty."""
+    """Recorder of the accepted steps of a run, each as a row of the numbers of its `step_row`. The
+    caller must empty the buffer when it is full."""
 
     capacity: int = eqx.field(static=True)
 
@@ -148,6 +150,7 @@ class Adjoint(eqx.Module):
 
 @Native
 def begun(run: Adjoint, values: PyTree) -> tuple[Step, PyTree]:
+    """Return the first step of a run and the tallies of its reductions."""
     start = run.start(values, 1)
     return start.step, start.records[REDUCTIONS]
 
@@ -172,6 +175,7 @@ def segment(
 def ended(
     run: Adjoint, values: PyTree, step: Step, tallies: PyTree
 ) -> tuple[State, RESULTS, dict[str, dict[str, Scalar]]]:
+    """Return the final state, packed, the result code, and the results of the reductions."""
     return end_of(run.systems(values).system(), run.reductions, tallies, step, run.own_end)
 
 
@@ -189,14 +193,16 @@ def _linear_step(
 
 
 def _row_of(example: Step, row: jax.Array) -> tuple[Step, Scalar]:
-    """Return the recorded `Step`, with what is not recorded from an example, and its end."""
+    """Return the step that a row contains, and its end, s. What a row does not contain is taken
+    from `example`."""
     recorded, t1 = like(step_row(example, example.t), row)
     return eqx.combine(recorded, replace(example, tangents=None)), t1
 
 
 @Native
 def repeated(run: Adjoint, values: PyTree, example: Step, rows: Numbers) -> jax.Array:
-    """Compute N recorded steps again, and return the numbers, (N, k), of an `Attempt` for each."""
+    """Compute N recorded steps again, and return for each of them the numbers, (N, k), of the
+    `Attempt` from which dense output is computed."""
     method, system = run.scheme.method, run.systems(values).system()
 
     def again(_: None, row: jax.Array) -> tuple[None, jax.Array]:
@@ -223,6 +229,7 @@ def _attempt(
 
 
 def _attempt_of(run: Adjoint, example: Step, numbers: Numbers) -> Attempt:
+    """Return the `Attempt` whose numbers `repeated` has returned."""
     method, step = run.scheme.method, replace(example, tangents=None)
     assert isinstance(method.solver, UnrolledExplicit)
     information = method.solver.information_like(step.y)
@@ -342,7 +349,8 @@ def pulled(
 def backward(
     run: Adjoint, values: PyTree, example: Step, steps: PulledSteps, after: Pulled
 ) -> Pulled:
-    """Pull cotangents back through `after.count` steps, from the last one to the first."""
+    """Pull cotangents back through `after.count` steps, from the last one to the first, and return
+    those before the first."""
 
     def body(_: Scalar, now: Pulled) -> Pulled:
         return pulled(run, values, example, steps, now)

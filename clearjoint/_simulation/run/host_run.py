@@ -83,6 +83,7 @@ def begin(
     first_step: Scalar,
     recorders: Recorders,
 ) -> tuple[Step, Records, Status]:
+    """Return a run before its first step, from a packed `state`."""
     method, system = scheme.method, scheme.system(unpack(folded_scene))
     step = begin_run(method, system, state, t0, t_end, first_step)
     now = without_weak_types(RunLoop(method, system, t_end, recorders).start(step))
@@ -230,11 +231,13 @@ class Run:
         progress: bool,
         notes: Notes,
     ) -> tuple[Solution, bool, bool]:
-        """Run in segments to the end, or to a failure, the limit of attempts or an interruption.
-        The step stays in its flattened form, since Python has no use for it.
+        """Run in segments to the end, or to a failure, the limit of attempts or an interruption,
+        from the start that `begin` has returned. The step stays in its flattened form, since Python
+        has no use for it.
 
-        **Returns:** the solution, with the settings `notes`; whether Ctrl-C was pressed; and
-        whether a journal has slid out of its bearing in the final state.
+        **Returns:** the solution, with the settings `notes`; whether Ctrl-C was pressed, which
+        stops the run after the current segment; and whether a journal has slid out of its bearing
+        in the final state.
         """
         start = float(status.t)
         # The end time in the precision of the run. Rounded to float32, an end time such as 0.02 s
@@ -280,6 +283,8 @@ class Run:
         saved: "_SavedBySegments",
         notes: Notes,
     ) -> tuple[Solution, bool]:
+        """Return the solution of a run that has ended, and whether a journal has slid out of its
+        bearing there."""
         reductions = self.requested.reductions, records[REDUCTIONS]
         ending = self.scheme, self.folded_scene, *reductions, step, self.end
         final, result, slid_out, results = (part.tree for part in _end_compiled.in_parts(*ending))
@@ -310,7 +315,8 @@ class Run:
 
 
 class _SavedBySegments:
-    """What the segments of a run have saved, with samples at the first `count` of the times."""
+    """What the segments of a run have saved: samples at the first `count` of the times `save_at`,
+    (N,) s, states after steps, and the rows of impacts."""
 
     def __init__(self, save_at: np.ndarray | None) -> None:
         self.save_at = save_at
@@ -324,7 +330,8 @@ class _SavedBySegments:
         return self.save_at is None or self.count == len(self.save_at)
 
     def next_times(self, end: float) -> np.ndarray | None:
-        """Return the times of the next segment, filled up with the end to a fixed number."""
+        """Return the times to save at in the next segment, filled up with the end time, since a
+        segment receives a fixed number of times."""
         if self.save_at is None:
             return None
         following = self.save_at[self.count :][:SAVES_A_SEGMENT]

@@ -69,7 +69,8 @@ class ContactInstant(eqx.Module):
         return self.entry_speed > 0.0
 
     def speed(self) -> Scalar:
-        """Return the entry speed, m/s, or the present rate if the law uses none."""
+        """Return the entry speed, m/s, or the present rate of the depth if the law uses no entry
+        speed."""
         return self.gap.rate if self.entry_speed is None else self.entry_speed
 
 
@@ -126,6 +127,7 @@ def end_in_step(
 def _depths(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant
 ) -> tuple[Slope, Slope]:
+    """Return the depth, counted from the onset of the force, and its rate at two instants."""
     ahead = law.onset_offset()
     before, after = (Slope(at.gap.depth + ahead, at.gap.rate) for at in (start, end))
     return before, after
@@ -305,6 +307,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
 
 
 def _second_rates(method: Method, system: System, step: Step) -> ByLabel[Scalar]:
+    """Return the second time derivatives of all penetrations, m/s^2, by joint and contact."""
     if isinstance(method.solver, UnrolledExplicit):
         return step.second_rates
     # Other solvers do not keep the rates at the end of a step, so they are computed here.

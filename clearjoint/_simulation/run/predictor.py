@@ -250,7 +250,8 @@ def _gradients(runs: list[RecordedRun], cotangents: list[dict[str, np.ndarray]])
 
 
 def _batch_shape(examples: PyTree, arrays: PyTree) -> tuple[int, ...]:
-    """Return the lengths of the axes that arrays have before those of the `examples`."""
+    """Return the shape of a batch: the lengths of the axes that arrays have before those of the
+    `examples`, which are elements of the batch."""
     pairs = zip(jax.tree.leaves(examples), jax.tree.leaves(arrays), strict=True)
     return np.broadcast_shapes(
         *(np.shape(array)[: np.ndim(array) - len(np.shape(example))] for example, array in pairs)
@@ -258,7 +259,8 @@ def _batch_shape(examples: PyTree, arrays: PyTree) -> tuple[int, ...]:
 
 
 def _elements_of(examples: PyTree, arrays: PyTree, shape: tuple[int, ...]) -> list[PyTree]:
-    """Return the elements of a batch of the given shape, to which arrays are broadcast."""
+    """Return the elements, each like `examples`, of a batch of the given shape, to which the first
+    axes of `arrays` are broadcast."""
 
     def flat(example: PyTree, array: ArrayLike) -> np.ndarray:
         own = np.shape(example)

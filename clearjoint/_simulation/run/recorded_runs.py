@@ -98,6 +98,7 @@ class Recorder:
         self.has_lanes = is_native()
 
     def example_like(self, step: Step) -> Step:
+        """Return the first step that was passed here, as an example of the steps of all runs."""
         if self._example is None:
             self._example = keep_flattened(step)
         return self._example
@@ -207,6 +208,7 @@ class RecordedRun:
         return np.stack([rows[int(k)] for k in places])
 
     def values(self) -> dict[str, np.ndarray]:
+        """Return the quantities, (N,) each, at N times, and the results of the reductions."""
         return self._combined(self._sampled)
 
     @cached_property
@@ -224,6 +226,7 @@ class RecordedRun:
         return np.asarray(adjoint.repeated(self.recorder.run, self.at, self.example, rows))
 
     def _combined(self, sampled: dict[str, Numbers]) -> dict[str, Numbers]:
+        """Return the outputs from values of the quantities at the times of `_samples`."""
         outputs, first = self.recorder.outputs, len(self.recorder.times)
         combined = {name: sampled[name][:first] for name in outputs.quantities}
         for name, reduction in outputs.reductions.items():
@@ -236,7 +239,8 @@ class RecordedRun:
         return combined
 
     def pulled_outputs(self, cotangents: dict[str, np.ndarray]) -> "Seeds":
-        """Pull cotangents of the outputs back to the steps in which these are evaluated."""
+        """Pull cotangents of the outputs, (N,) for a quantity and numbers for a reduction, back to
+        the steps in which the outputs are evaluated."""
         recorder, samples = self.recorder, self._samples
         if recorder.outputs.reductions:
             (cotangents,) = jax.device_get(jax.vjp(self._combined, self._sampled)[1](cotangents))
@@ -252,6 +256,7 @@ class RecordedRun:
 
     @property
     def places(self) -> np.ndarray:
+        """Numbers of the steps in which quantities are evaluated."""
         return self._samples.places
 
     def is_kept(self) -> bool:
@@ -279,7 +284,8 @@ class RecordedRun:
         return self.gradient_from(now)
 
     def gradient_from(self, start: Pulled) -> PyTree:
-        """Return the derivatives from the cotangents before the first step."""
+        """Return the derivatives by all parameters; `start` has the cotangents of the tangents
+        before the first step."""
         before = jax.device_get(like(self.example.tangents, start.cotangents))
         first = self._rows_at(np.zeros(1, int))[0]
         along = adjoint.pulled_start(self.recorder.run, self.at, self.example, first, before)
@@ -356,7 +362,8 @@ def _recorded(recorder: Recorder, at: PyTree) -> _Recording:
 
 
 def _without_rows(segment: _Segment, times: np.ndarray) -> _Segment:
-    """Return a segment with the rows only of the first step, and of those in which times lie."""
+    """Return a segment that keeps only the rows of the first step, and of the steps in which some
+    of the times lie."""
     assert segment.rows is not None
     numbers = np.unique([0, *np.searchsorted(segment.ends, times)])
     last = len(segment.ends) - 1
@@ -434,7 +441,8 @@ class _RunningLane:
 
 
 def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Recording]:
-    """Record runs side by side, except those that are too long to be kept, by their numbers."""
+    """Record runs side by side, and return their recordings by their numbers, without those of runs
+    that are too long to be kept."""
     run, own = recorder.run, Cells(values[0])
     recordings: dict[int, _Recording] = {}
     begin_rows = _begun_lane.native.bound(run, values[0])
@@ -584,6 +592,7 @@ class Integrand(eqx.Module):
 
 
 def integrands_of(reductions: Mapping[str, AbstractReduction]) -> dict[str, Integrand]:
+    """Return the integrands of reductions, by names that no output can have."""
     return {
         f"{name}/integral {k}": Integrand(quantity)
         for name, reduction in reductions.items()

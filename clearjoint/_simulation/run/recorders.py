@@ -133,7 +133,8 @@ class LatestDenseStep(AbstractRecorder[DenseStep]):
 
 
 class TimedState(eqx.Module):
-    """A time, s, on the clock of the run's `System`, and the state then in scalar form."""
+    """A time `t`, s, on the clock of the run's `System`, and the `state` at that time in scalar
+    form."""
 
     t: Numbers
     state: State

@@ -161,6 +161,7 @@ class RejectedSteps:
 
 
 def rejections_of(record: RejectionRecord, origin: float = 0.0) -> Rejections:
+    """Return the table of a record. `origin` is the scene's time when the run's clock was 0, s."""
     start, length, numbers = (np.asarray(column) for column in record.rows.filled())
     reasons = np.array([REASONS[int(k)].value for k in numbers], dtype=object)
     counts = {reason.value: int(record.counts[reason]) for reason in REASONS}

@@ -105,7 +105,8 @@ def check_start(
     coordinates: AbstractCoordinates,
     flat: FlatArguments | None = None,
 ) -> tuple[str, ...]:
-    """Check a start as `check_numbers` and `check_structure`, and return the names of the redundant
+    """Check all numbers of a scene and a state, and the state against the constraints at
+    `start_time`, s, as `check_numbers` and `check_structure`, and return the names of the redundant
     constraints. `flat` are scene and state, if they are flattened already and all leaves are arrays
     of floats."""
     if not (isinstance(scene, Scene) and isinstance(state, State)):
@@ -247,8 +248,9 @@ def _passes(
 
 
 def assembled(scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates) -> Condition:
-    """Return whether a state satisfies the constraints of a scene and their time derivatives at a
-    time t, s, and the coordinates can represent it, for programs, which can't raise errors."""
+    """Return whether a state satisfies the constraints of a scene and their time derivatives, at a
+    time t, s, and whether the coordinates of a run can represent the state. Compiled programs,
+    which can't raise errors, use this instead of `check_structure`."""
     return _assembled(state, start_values.__wrapped__(scene, state, t, coordinates))
 
 
@@ -295,6 +297,8 @@ def _with_arrays(tree: PyTree) -> FlatArguments:
 
 
 class _Starts:
+    """Fast checks of starts by native programs, of which there is one for each structure."""
+
     def __init__(self) -> None:
         self._function = NativeFunction(_passes)
         # Number of starts so far, by structure; far below zero where native code cannot be used.

@@ -44,6 +44,8 @@ class RunStart:
 
     @cached_property
     def blank_attempt(self) -> Attempt:
+        """An `Attempt` that ends at the start with the initial state, and has zeros in its other
+        fields."""
         loop = self.loop
         return blank_attempt(
             loop.method, loop.system, self.step, loop.t_end, loop.family, loop.attempt
@@ -193,7 +195,8 @@ def _map_recorders(
 def begin_run(
     method: Method, system: System, state: State, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
-    """Return a run before its first step, from a packed `state`, which is completed."""
+    """Return the complete state of a run before its first step, from a packed `state`, whose entry
+    speeds, bristles, memories and ledger are initialised where it lacks them."""
     motion = system.encode(unpack(state.bodies))
     work = state.work if system.formulation.ledger else {}
     y = Variables(motion, work, unpack(state.bristles), state.memory)

@@ -113,6 +113,8 @@ def first_tangents(
     t_end: Scalar,
     initial: tuple[Initial, Initial],
 ) -> Tangents:
+    """Return the derivatives of the state before the first step, from those of the `initial`
+    variables and entry speeds."""
     (_, entry_speeds), (y_along, entry_speeds_along) = initial
 
     # The solver of an explicit method has a state of its own: the rates at the start of the step,
@@ -144,9 +146,9 @@ def look_at_tangents(
     method: Method, system: System, attempt: Attempt, t: Scalar, entry_speeds: EntrySpeeds
 ) -> tuple[Variables, EntrySpeeds]:
     """Return the derivatives of variables and entry speeds at a time t, s since the start of the
-    run, in the accepted step of an `attempt`, where `look_inside` has `entry_speeds`. Inside
-    the step they are derivatives of dense output, and at its end those of the stored state. The
-    correction by which `look_inside` satisfies the constraints is not differentiated."""
+    run, in the accepted step of an `attempt`; `entry_speeds` are those of `look_inside` there.
+    Inside the step the results are derivatives of dense output, and at its end those of the stored
+    state. The correction by which `look_inside` satisfies the constraints is not differentiated."""
     end, inside, last = attempt.step.t, attempt.tangents, attempt.step.tangents
     assert inside is not None and last is not None
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **inside.information)
@@ -316,6 +318,8 @@ def sampled(
 
 
 def _joined(runs: list[Sampled], count: int) -> Sampled:
+    """Join runs, each with derivatives by some of `count` parameters, to one result."""
+
     def together(*parts: jax.Array) -> jax.Array:
         return jnp.concatenate(parts, axis=-1)[..., :count]
 

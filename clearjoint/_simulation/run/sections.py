@@ -42,7 +42,8 @@ class Bracket(NamedTuple):
 
 
 class SectionRecord(eqx.Module):
-    """The section's `level` after the latest accepted step, and a row for each crossing so far."""
+    """Record of a section: its `level`, the value of the section's quantity after the latest
+    accepted step, and `rows`, one for each crossing so far."""
 
     level: Scalar
     rows: RowBuffer
@@ -226,7 +227,7 @@ class Section:
         return SectionRecorder(self.crossing, self._earliest, None, ROWS)
 
     def check(self, scene: Scene) -> None:
-        """Raise a `ValueError` if a scene lacks what `crossing` or a channel names."""
+        """Raise a `ValueError` if a scene lacks an element that `crossing` or a channel names."""
         check_quantity("crossing", self.crossing, scene)
         for name, (quantity, _) in self.pairs.items():
             check_quantity(f"channel {name!r}", quantity, scene)

@@ -260,6 +260,7 @@ def _checked_outputs(outputs: Mapping[str, Output], save: Saving | None) -> Requ
 def _reached_rows(
     run: Sampled, all_times: Float[np.ndarray, " N"], times: Float[np.ndarray, " some"]
 ) -> Int[np.ndarray, " reached"]:
+    """Return the indices in `all_times`, those of a run, of the `times` that the run reached."""
     rows = np.searchsorted(all_times, times)
     return rows[run.reached[rows]]
 
@@ -306,7 +307,8 @@ derivatives grow about as the time or its square."""
 
 
 def _growth_of_derivatives(run: Sensitivities) -> str | None:
-    """Return the error message of a run that failed because its derivatives have grown, if so."""
+    """Return the error message of a run that failed because its derivatives have grown, otherwise
+    ``None``."""
     stuck = [RESULTS.max_steps_reached, RESULTS.step_too_small]
     growth = 1.0
     for rows in run.derivatives.values():

@@ -167,12 +167,14 @@ def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]
 
 
 def ranges(parts: dict[str, Float[np.ndarray, "N bodies components"]]) -> dict[str, float]:
-    """Return the largest range of each array, at least `STILL`, and 1 for orientations."""
+    """Return the largest range of any component of each array from `columns`, but at least `STILL`,
+    and 1 for orientations."""
     sizes = {name: np.max(np.ptp(part, axis=0), initial=STILL) for name, part in parts.items()}
     return {**sizes, "orientation": 1.0}
 
 
 def strobe_of(states: State, phases: int) -> Strobe:
+    """Return a motion of n periods as a table, from states at `phases` instants of each period."""
     parts = columns(states)
     sizes = ranges({name: part[-phases * CONFIRMING :] for name, part in parts.items()})
     whole = [part.reshape(len(part) // phases, -1) for part in parts.values()]

@@ -143,7 +143,8 @@ def _with_smooth_drivers(
 def _with_limited_rotation(
     decision: _Decision, method: Method, system: System, step: Step, trial: Trial
 ) -> _Decision:
-    """Repeat a trial in which bodies rotate too far, since the rates have grown in it."""
+    """Repeat a trial in which bodies rotate too far. The rates at the start, which have limited the
+    length of the trial, may have grown in it."""
     rotation = rotation_in(method, system, step, trial)
     repeats = decision.keep & (rotation > LARGEST)
     shorter = step.t + jnp.clip(TARGET / rotation, SHORTER, 1.0) * (trial.t1 - step.t)
@@ -168,6 +169,8 @@ def _landed(
 def _made_jump(
     decision: _Decision, method: Method, system: System, step: Step, trial: Trial
 ) -> Condition:
+    """Return whether the next step must compute the rates at its start anew, or can reuse those at
+    the end of this one."""
     jumps = may_jump(method, system.scene)
     if slopes_may_jump(method, system.scene):
         # Rates are continuous here. But where a contact begins or ends, their derivatives jump, so
@@ -185,8 +188,9 @@ def _relative_tolerance(controller: diffrax.AbstractStepSizeController) -> Scala
 
 
 def _controller_decision(method: Method, system: System, step: Step, trial: Trial) -> _Decision:
-    """Return the decision of diffrax's step-size controller. Errors of tangents, which have the
-    same tolerance there, are first divided by `method.derivative_tolerance`."""
+    """Return the decision of diffrax's step-size controller about a trial step from `step`. The
+    controller gets the errors of variables and tangents together. Since it has one tolerance for
+    both, errors of tangents are first divided by `method.derivative_tolerance`."""
 
     def scaled(y: PyTree) -> PyTree:
         return with_relative_bristles(unstacked(y), system.scene) if has_bristles else y

@@ -138,6 +138,7 @@ def across_breakpoints(
 def _with_shares(
     system: System, before: Scalar, after: Scalar, shares: Mapping[str, Scalar]
 ) -> System:
+    """Return the system with each force whose name is in `shares` replaced by a `SwitchedForce`."""
     forces = {
         name: SwitchedForce(force, system.clock(before), system.clock(after), shares[name])
         for name, force in system.scene.forces.items()

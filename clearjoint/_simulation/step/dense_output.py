@@ -104,8 +104,9 @@ class Snapshot(eqx.Module):
         return Snapshot(step.t, step.y, step.entry_speeds)
 
     def instant(self, system: System, inside: Callable[[Scalar], Instant] | None = None) -> Instant:
-        """Return the snapshot as an `Instant`. `inside` returns that after a part, 0 to 1, of the
-        time of the step that ends here; ``None`` if quantities need no instants inside steps."""
+        """Return the snapshot as an `Instant`. `inside`: a function that returns the instant after
+        a part, 0 to 1, of the time of the step that ends here; ``None`` if quantities need no
+        instants inside steps."""
         y = self.y
         parts = y.motion, self.entry_speeds, y.work, y.bristles, y.memory
         return Instant(system, self.t, *parts, inside)
@@ -119,7 +120,8 @@ class Snapshot(eqx.Module):
         return {name: jnp.asarray(of(now), dtype=float) for name, of in quantities.items()}
 
     def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
-        """Return a row of a table of recorded states: the scene's time, s, and the `channels`."""
+        """Return a row of a table of recorded states, by name of the column: the scene's time in s
+        as "time", and the value of each quantity in `channels`, in its unit."""
         return {"time": self.instant(system).time, **self.values(system, channels)}
 
 
@@ -153,8 +155,9 @@ class DenseStep(eqx.Module):
         return dense.at(elapsed if self.time_map is None else self.time_map.fraction(elapsed))
 
     def within(self, method: Method, elapsed: Scalar) -> Snapshot:
-        """Return the snapshot after a part `elapsed`, 0 to 1, of the time, with the entry speeds of
-        the step's start and without stabilisation."""
+        """Return the snapshot after a part `elapsed`, 0 to 1, of the step's time, with the entry
+        speeds of the step's start and without correction by the stabilisation. Raise a `ValueError`
+        if the solver is not an explicit Runge-Kutta method."""
         require_dense(method.solver)
         t = self.start.t + elapsed * (self.end.t - self.start.t)
         return Snapshot(t, self.inside(method, elapsed), self.start.entry_speeds)

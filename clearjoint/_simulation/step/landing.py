@@ -32,6 +32,7 @@ class Landing(eqx.Module):
     tolerance: Scalar
 
     def _depth(self, rate: Scalar) -> Scalar:
+        """Return the depth, m, within which a step must land at a penetration `rate`, m/s."""
         return self.tolerance * jnp.clip(jnp.abs(rate) * (LATEST / self.tolerance), CLOSEST, 1.0)
 
     def time_to_next_event(

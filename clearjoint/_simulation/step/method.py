@@ -104,7 +104,8 @@ class SystemFamily(eqx.Module):
         primals: tuple[PyTree, ...],
         tangents: tuple[PyTree, ...],
     ) -> tuple[Value, Value]:
-        """Return the value of a function, as in `with_auxiliary`, and its derivatives."""
+        """Return the value of a function and its derivatives, as `with_auxiliary` does for a
+        function that also has an auxiliary result."""
         value, _, derivatives = self.with_auxiliary(
             lambda *arguments: (function(*arguments), None), primals, tangents
         )

@@ -62,6 +62,8 @@ def fastest_rotation(method: Method, system: System, motion: MotionVariables) ->
 
 
 def longest_step(method: Method, system: System, step: Step) -> Scalar:
+    """Return the length, s, of a step from `step` in which the fastest rotation is `TARGET` if it
+    is uniform; infinite without rotation."""
     return TARGET / fastest_rotation(method, system, step.y.motion)
 
 

@@ -40,7 +40,8 @@ def contacts_jump(scene: Scene) -> bool:
 
 
 def slopes_jump(scene: Scene) -> bool:
-    """Return whether the slope of a contact force over the penetration may jump there."""
+    """Return whether the slope of a contact force over the penetration may jump where the contact
+    begins or ends."""
     return any(law.slope_jumps() for family in scene.laws().values() for law in family.values())
 
 
@@ -117,7 +118,8 @@ def _changes(before: ContactGap, after: ContactGap) -> Condition:
 
 
 def any_changes(scene: Scene, before: ContactGaps, after: ContactGaps) -> Condition:
-    """Return whether a contact whose force, or its slope, may jump begins or ends in between."""
+    """Return whether a contact begins or ends between two instants, of those contacts whose force,
+    or its slope, may jump."""
     jumping = _jumping_contacts(scene)
     count = sum(map(len, jumping.values()))
     return any_of(
@@ -206,7 +208,8 @@ def _mean_force(
 
 
 def _multiplied(force: LoadedContact, factor: Scalar) -> LoadedContact:
-    """Return the contact with its forces multiplied by `factor`, and without bristle rates."""
+    """Return the contact with its forces and its friction moment multiplied by `factor`, and
+    without bristle rates."""
     forces = force.normal_force, force.elastic_force, force.friction, force.friction_moment
     # Friction and its moment may be ``None``, which has no leaves.
     normal, elastic, friction, moment = jax.tree.map(lambda number: number * factor, forces)

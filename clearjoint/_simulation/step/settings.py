@@ -170,7 +170,8 @@ class Settings:
         return self.rtol, self.atol, self.first_step, self.landing_tolerance
 
     def length_of_first_step(self, start_time: Scalar, end_time: Numbers) -> Numbers:
-        """Return the length of the first step, s; by default in the shape of the end times."""
+        """Return the length, s, of the first step of a run; the default has the shape of the end
+        times."""
         if self.first_step is None:
             return FIRST_SHARE * (end_time - start_time)
         return self.first_step

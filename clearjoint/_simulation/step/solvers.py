@@ -72,7 +72,8 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         return terms.vf(t0, y0, args)
 
     def information_like(self, y: PyTree) -> "DenseInformation":
-        """Return a placeholder of the data for dense output, the initial value of a loop."""
+        """Return a placeholder of the data for dense output of a step of the variables `y`, which a
+        loop needs as its initial value."""
         return {"y0": y, "stages": (stacked(y),) * self.method.tableau.num_stages}  # pyright: ignore[reportAttributeAccessIssue]
 
     @override
@@ -189,7 +190,8 @@ def _advanced(y0: Y, h: Scalar, weights: Weights, stages: Sequence[Y]) -> Y:
 
 
 def _weighted(weights: Weights, values: Sequence[Scalar]) -> Scalar:
-    """Return the weighted sum of `values`, without operations for weights of zero."""
+    """Return the weighted sum of `values`, without operations for weights of zero. At least one
+    weight must not be zero."""
     pairs = zip(weights, values, strict=True)
     return reduce(add, [multiply(float(w), value) for w, value in pairs if w != 0.0])
 
@@ -261,7 +263,8 @@ def largest_component(tree: PyTree[Scalar]) -> jax.Array:
 
 
 def require_ordinary(solver: diffrax.AbstractSolver) -> None:
-    """Check that a solver integrates ordinary differential equations, given as one term."""
+    """Raise a `ValueError` unless a solver integrates ordinary differential equations, given as one
+    term."""
     structure, kind = solver.term_structure, type(solver).__name__
     is_ordinary = isinstance(structure, type) and issubclass(diffrax.ODETerm, structure)
     expected = "a solver of ordinary differential equations without splitting"

@@ -87,8 +87,9 @@ def length_after_breakpoints(step: Step, t1: Scalar, keep: Condition, proposed: 
 
 
 def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
-    """Return the length of the next step without events, s: the `proposed` one, but after a step
-    that was cut short at least what that step would have had."""
+    """Return the length, s, that the next step would have without events: the `proposed` one, but
+    after a step that was cut short at least the length that the cut step would have had without
+    events."""
     return jnp.where(is_cut, jnp.maximum(proposed, last.full_length), proposed)
 
 
@@ -153,6 +154,7 @@ def largest(tree: PyTree[Scalar]) -> Scalar:
 
 
 def with_relative_bristles(y: Variables, scene: Scene) -> Variables:
-    """Return variables or errors with bristle deflections, m, divided by those at full friction."""
+    """Return variables, or errors of variables, with each bristle deflection, m, divided by the
+    deflection of its contact at full friction."""
     full = full_deflections(scene)
     return replace(y, bristles=jax.tree.map(lambda z, limit: z / limit, y.bristles, full))

@@ -181,9 +181,14 @@ def shapes_of(equations: Callable[[], Shapes], derivatives: bool) -> Shapes:
 def attempt(
     method: Method, system: System, step: Step, t_end: Scalar, family: SystemFamily | None = None
 ) -> Attempt:
-    """Try one step from the state `step`, which does not go beyond the end of the run, `t_end`, and
-    either accept it or propose a shorter one. `family`: the system as a function of the parameters,
-    if the step carries tangents."""
+    """Try one step, and either accept it or propose a shorter one.
+
+    **Arguments:** `step`: the state before the attempt; `t_end`: end of the run, beyond which no
+    step goes; `family`: the system as a function of the parameters, if the step carries tangents.
+
+    **Returns:** an `Attempt`, whose `step` is the next state if the trial was accepted; otherwise
+    the given state with a new proposal, result code and number of attempts.
+    """
     trial = try_step(method, system, step, end_of_step(method, system, step, t_end), family)
     keep, proposal, result, reasons = decide_step(method, system, step, trial, t_end)
     accepted = accepted_state(method, system, family, step, trial, keep)
@@ -364,8 +369,9 @@ def blank_attempt(
     family: SystemFamily | None = None,
     attempt: Callable[..., Attempt] = attempt,
 ) -> Attempt:
-    """Return the initial value of a loop over attempts: an `Attempt` with the given `step`, and
-    zeros in all other arrays. `attempt` is at most traced here for its shapes."""
+    """Return the initial value of a loop over attempts: an `Attempt` with the given `step`, zeros
+    in all other arrays, and ``rejected=None``. `attempt` is the function that the loop calls; it is
+    at most traced here for its shapes."""
     if isinstance(method.solver, UnrolledExplicit):
         # The structure is known. To trace an attempt only for its shapes would take as long as
         # tracing the whole loop.
@@ -389,4 +395,6 @@ def blank_attempt(
 
 
 def running(step: Step, t_end: Scalar, attempts: Scalar) -> Condition:
+    """Return whether a run goes on after `step`: it is before its end, has not failed, and has made
+    fewer than `attempts` trials."""
     return (step.t < t_end) & (step.result == RESULTS.successful) & (step.attempts < attempts)

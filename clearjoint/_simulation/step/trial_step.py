@@ -131,6 +131,7 @@ def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | Non
 def try_step(
     method: Method, system: System, step: Step, t1: Scalar, family: SystemFamily | None
 ) -> Trial:
+    """Compute `solved_step`, and have the controller reject a result that is not finite."""
     trial = solved_step(method, system, step, t1, family)
     outcome, tangents = trial.outcome, trial.tangents
     if tangents is None:
@@ -218,7 +219,8 @@ def _without_drift(
 
 
 def _or_rejected(finite: Condition, outcome: SolverStep, y: Variables) -> SolverStep:
-    """Replace a result that is not `finite` by the variables `y` and an error that is rejected."""
+    """Return the result of a step unchanged if it is `finite`; otherwise with the variables `y`, of
+    the start of the step, and with an error that lets the controller reject the trial."""
     error = jax.tree.map(lambda e: jnp.where(finite, e, REJECTED_ERROR), outcome.error)
     return replace(outcome, y=choose(finite, outcome.y, y), error=error)
 
