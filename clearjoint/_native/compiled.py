@@ -97,6 +97,8 @@ class Native(Generic[Arguments, Result]):
 
 
 def is_native() -> bool:
+    """Return whether programs are compiled to native code: on CPUs, unless `CLEARJOINT_NATIVE` is
+    0."""
     return os.environ.get(SWITCH, "1") != "0" and jax.default_backend() == "cpu"
 
 

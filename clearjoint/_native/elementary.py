@@ -253,6 +253,7 @@ def _exponential_of(x: Symbol, x_low: Symbol | float) -> tuple[Symbol, Symbol, S
 
 
 def _exponential_from(x: Symbol, x_low: Symbol | float) -> Symbol:
+    """Return exp(x + x_low)."""
     r, p, n = _exponential_of(x, x_low)
     one = r.like(1.0)
     y = one + r

@@ -42,6 +42,8 @@ IDENTITIES = ("copy", "stop_gradient", "optimization_barrier")
 
 
 def apply(ops: Operations, name: str, *values: Value, parameter: object = None) -> Value:
+    """Apply the rule of the primitive `name` to values, with its parameter named in
+    `PARAMETERS`."""
     arguments: list[object] = [Symbol(ops, value) for value in values]
     if parameter is not None:
         arguments.append(parameter)
@@ -99,7 +101,8 @@ def _extreme(name: str) -> Rule:
 
 
 def _is_number(a: Symbol) -> bool:
-    """Return whether a float, or each element of a vector, is known and not NaN."""
+    """Return whether a float, or each element of a vector, is known before the program runs, and
+    not NaN."""
     number = a.ops.repeated_number(a.value)
     return isinstance(number, float) and not math.isnan(number)
 
@@ -182,7 +185,8 @@ def _remainder(a: Symbol, b: Symbol) -> Symbol:
 
 
 def _select(index: Symbol, *cases: Symbol) -> Symbol:
-    """Select by a bool or an integer; an index out of range counts as the nearest."""
+    """Return one of the cases, selected by a bool or an integer; an index out of range counts as
+    the nearest."""
     if index.letter == "b":
         return index.select(cases[1], cases[0])
     result = cases[-1]

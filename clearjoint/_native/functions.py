@@ -127,6 +127,7 @@ class NativeProgram:
     def __call__(
         self, leaves: Sequence[ArrayLike], floats: np.ndarray | None = None
     ) -> list[np.ndarray]:
+        """Return the results of the jaxpr, for arguments as in `memory`."""
         # The results may be views of the memory, so each call has its own.
         memory = self.memory(leaves, floats)
         self.code.run(memory)
@@ -495,7 +496,8 @@ def _key_of_leaf(leaf: PyTree) -> Hashable:
 class NativeFunction:
     """A function of PyTrees that is compiled to machine code when it is first called. As with
     `equinox.filter_jit`, a change of anything other than the numbers in arrays compiles a further
-    program. Arrays in results are NumPy's. Calls raise `UnsupportedPrimitiveError`."""
+    program. Arrays in results are NumPy's. Calls raise `UnsupportedPrimitiveError` as those of
+    `NativeProgram` do."""
 
     def __init__(self, function: Callable[..., PyTree]):
         self._function, self._traced = function, begins_a_program(function)
@@ -503,6 +505,7 @@ class NativeFunction:
         self._count = 0
 
     def count(self) -> int:
+        """Return how many programs have been compiled or loaded from disk."""
         return self._count
 
     def __call__(self, *arguments: PyTree) -> PyTree:
@@ -513,6 +516,8 @@ class NativeFunction:
         return result(program(flat.arrays, flat.floats))
 
     def run_in_parts(self, flat: FlatArguments) -> tuple[FlatArguments, ...]:
+        """Return the parts of a result that is a tuple, each flattened, as arguments of a further
+        call."""
         program, result = self.program(flat)
         return result.in_parts(program(flat.arrays, flat.floats))
 

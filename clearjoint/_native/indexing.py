@@ -64,7 +64,8 @@ def _flat_index(lower: Lowering, indices: Sequence[Symbol], strides: Sequence[in
 def read_block(
     lower: Lowering, memory: InMemory, first: Value, offsets: np.ndarray, shape: tuple[int, ...]
 ) -> Array:
-    """Return a block of `memory`, wholly inside, as an array of the given shape."""
+    """Return a block of the array `memory`, which must be wholly inside, as an array of the given
+    shape."""
     ops = lower.ops
     if offsets.size <= LARGEST_UNROLLED:
         return lower.array(_elements(lower, memory, first, offsets), shape)
@@ -304,6 +305,7 @@ def _scatter(
 
 
 def _combination(lower: Lowering, equation: Equation, name: str) -> Callable[[Value, Value], Value]:
+    """Return the function of an element and an update whose result replaces the element."""
     if name:
         return lower.operation(name, aval_of(equation.invars[0]))
     # "scatter" has a jaxpr that returns the update or, for `x.at[k].apply`, a function of the

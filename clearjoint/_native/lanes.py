@@ -68,6 +68,7 @@ class AbstractLaneLoop(abc.ABC):
         columns.integers[self.occupied, lane] = 1
 
     def leave(self, columns: Memory, lane: int) -> None:
+        """Mark a column as not occupied."""
         columns.integers[self.occupied, lane] = 0
 
     def status_of(self, columns: Memory) -> dict[str, np.ndarray]:
@@ -206,6 +207,8 @@ def _traced(
     arrays: tuple[PyTree, PyTree, PyTree],
     static: tuple[PyTree, PyTree, PyTree],
 ) -> tuple[list[str], core.ClosedJaxpr, core.ClosedJaxpr]:
+    """Return the names of the scalars of `status`, and the jaxprs of `step` and `status`, both as
+    functions of the leaves of `arrays`."""
     leaves, structure = jax.tree.flatten(arrays)
     names: list[str] = []
 

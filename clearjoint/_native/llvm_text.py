@@ -381,7 +381,8 @@ class _Writer:
         return ordered
 
     def _needed(self, entry: Operation) -> tuple[Value, ...]:
-        """Return the values that an operation uses: of a fused product its factors."""
+        """Return the values that an operation uses, with the factors in place of a fused
+        product."""
         if self._products.keys().isdisjoint(entry.arguments):
             return entry.arguments
         groups = (self._products.get(value, (value,)) for value in entry.arguments)

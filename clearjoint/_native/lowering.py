@@ -245,6 +245,7 @@ class Lowering:
     # Forms of arrays.
 
     def region(self, aval: ShapedArray) -> Region:
+        """Reserve the cells of an array."""
         return Region.of(aval, self.ops.allocate(aval.size))
 
     def argument(self, region: Region) -> Array:
@@ -284,6 +285,7 @@ class Lowering:
         return InMemory(self.ops.allocate(math.prod(shape)), shape, kind, owned=True)
 
     def is_packed(self, shape: tuple[int, ...]) -> bool:
+        """Return whether an array of this shape is kept as a vector of tangents."""
         return self.ops.packed > 0 and shape == (self.ops.packed_length,)
 
     def values(self, array: Array) -> list[Value]:
@@ -310,7 +312,8 @@ class Lowering:
         return memory if memory.size > LARGEST_UNROLLED else self.read(memory)
 
     def read(self, memory: InMemory) -> Array:
-        """Load an array from memory, element by element."""
+        """Load an array, which must be short enough to be unrolled, from memory, element by
+        element."""
         return self.array(self.values(memory), memory.shape)
 
     def write(self, array: Array, start: int, index: Value | None = None) -> None:
@@ -446,7 +449,8 @@ class Lowering:
         return out
 
     def _by_one_loop(self, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
-        """Add a loop for each result of a jaxpr of `elementwise`, or of its derivatives by JAX."""
+        """Add a loop for each result of a jaxpr that was made by `elementwise`, or by JAX's
+        derivatives of one."""
         results: list[Array] = []
         for out in closed.jaxpr.outvars:
             # The derivatives of a linear function do not need its values, which have another shape.
@@ -467,6 +471,7 @@ class Lowering:
         return results
 
     def _element(self, jaxpr: core.Jaxpr, *values: Value) -> Value:
+        """Add the equations of a jaxpr for one element of each argument, or a vector of them."""
         arrays: dict[Atom, Array] = dict(zip(jaxpr.invars, values, strict=True))
         are_vectors = any(self.ops.kinds[value].endswith("p") for value in values)
         for equation in jaxpr.eqns:

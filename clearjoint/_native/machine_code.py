@@ -146,13 +146,15 @@ class Code:
         self._read_optimised()
 
     def memory(self) -> Memory:
-        """Return new memory for the program, with its constants and zeros."""
+        """Return new memory for the program, with its constants and with zeros in all other
+        cells."""
         memory = Memory(self._cells, self._lanes)
         for start, array in self._constants.items():
             memory.write(Region.of(array, start), array)
         return memory
 
     def run(self, memory: Memory) -> int:
+        """Execute the program, and return the number of `result`, or 0 without one."""
         engine, function = self._loaded  # The engine owns the code; it must live during the call.
         began = time.perf_counter()
         number = function(memory.address)
@@ -293,6 +295,8 @@ def load_or_make(
 
 
 def load(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> object:
+    """Load the program that `load_or_make` has saved for the same function and arguments; ``None``
+    if there is none, or if it cannot be read."""
     return _read_program(_place(function, arguments))
 
 

@@ -322,7 +322,8 @@ class Operations:
         return self.constants.get(value if element is None else element)
 
     def _is_all(self, value: Value, number: float) -> bool:
-        """Return whether a float, or each element of a vector, is `number`, zeros by their sign."""
+        """Return whether a float, or each element of a vector, is known to be `number`. Zeros of
+        different signs are different numbers here."""
         repeated = self.repeated_number(value)
         return (
             isinstance(repeated, float)
@@ -331,7 +332,8 @@ class Operations:
         )
 
     def _operand_of(self, name: str, value: Value) -> Value | None:
-        """Return the argument of the operation `name`, if it has computed a value."""
+        """Return the argument of the operation `name` that computed a value; ``None`` if another
+        operation did."""
         definition, arguments = self._definitions.get(value, ("", ()))
         return arguments[0] if definition == name else None
 
@@ -385,14 +387,16 @@ class Operations:
         return range(self._starts[after - 1], end)
 
     def load(self, kind: str, start: int, index: Value | None = None) -> Value:
-        """Add the read of a cell or, of a vector, of this cell and the following ones."""
+        """Add the read of the cell `start` + `index`, or `start` without an index. A vector is read
+        from this cell and the following ones."""
         cell, arguments = self._address(start, index)
         out = self.new(kind)
         self.block.append(Operation(out, "load", arguments, cell))
         return out
 
     def store(self, value: Value, start: int, index: Value | None = None) -> None:
-        """Add the write of a value, within `masked` only where its condition holds."""
+        """Add the write of a value to the cell `start` + `index`, or `start` without an index.
+        Within `masked`, only lanes in which its condition holds write."""
         if self._mask is not None:
             kind = self.kinds[value]
             value = self.emit("select", kind, self._mask, value, self.load(kind, start, index))
@@ -415,7 +419,8 @@ class Operations:
             self._mask = outer
 
     def _address(self, start: int, index: Value | None) -> tuple[int, tuple[Value, ...]]:
-        """Return cell and arguments that address `start` + `index`; a known index is added."""
+        """Return the cell and the arguments with which an operation addresses `start` + `index`; a
+        known index is added to the cell."""
         number = None if index is None else self.constants.get(index)
         if number is None:
             return start, () if index is None else (index,)
@@ -505,7 +510,8 @@ class Operations:
             self.of_vectors[function] = number
 
     def is_without_memory(self, function: int) -> bool:
-        """Return whether a pure function uses no memory, so that calls may be joined or moved."""
+        """Return whether a pure function, and those that it calls, neither read nor write memory,
+        so that calls may be joined or moved."""
         return function in self._without_memory
 
     def _uses_memory(self, block: Block) -> bool:
@@ -564,6 +570,7 @@ class Operations:
         return cell
 
     def allocate_for(self, kind: str) -> int:
+        """Reserve the cells of a value of a kind and return the first one."""
         return self.allocate(self.cells_of(kind))
 
     def cells_of(self, kind: str) -> int:

@@ -275,8 +275,8 @@ def _cumulate(lower: Lowering, equation: Equation, array: Array, name: str) -> l
 
 
 def _arg_extreme(lower: Lowering, equation: Equation, array: Array, compare: str) -> list[Array]:
-    """Return the indices of the largest ("gt") or smallest ("lt") elements along an axis: of equal
-    ones the first, and of NaNs."""
+    """Return the indices of the largest ("gt") or smallest ("lt") elements along an axis; of equal
+    elements, the first index. If there are NaNs, the index is that of the first NaN."""
     aval, (axis,) = _nonempty(equation), equation.params["axes"]
     out, ops = aval_of(equation.outvars[0]), lower.ops
     if isinstance(array, InMemory):
