@@ -43,7 +43,8 @@ def keeps_programs() -> bool:
 
 
 def cache_in_use() -> Path | None:
-    """Return the folder of JAX's compilation cache; ``None`` if it is off, or a URL."""
+    """Return the folder of JAX's compilation cache; ``None`` if the cache is off, or if its path is
+    a URL."""
     cache = jax.config.jax_compilation_cache_dir  # pyright: ignore
     if not (cache and jax.config.jax_enable_compilation_cache):  # pyright: ignore
         return None
@@ -88,7 +89,11 @@ def prepare_folder(folder: Path) -> str | None:
 
 def is_private(folder: Path) -> bool:
     """Return whether only the user of this process and the administrator may write to a folder, or
-    exchange it; always true without POSIX permissions, as on Windows."""
+    exchange it.
+
+    Anyone else who may do so could have code executed by this process. On systems without POSIX
+    permissions, such as Windows, the result is always ``True``.
+    """
     return _exposed(folder) is None
 
 
@@ -110,6 +115,7 @@ def _exposed(folder: Path) -> Path | None:
 
 
 def _is_ours(status: os.stat_result) -> bool:
+    """Return whether only the user of this process and the administrator may write."""
     return status.st_uid in (0, os.getuid()) and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
@@ -166,9 +172,9 @@ class ProgramStore:
         return content
 
     def write(self, key: str, content: bytes) -> None:
-        """Write content under a key, so that other processes read either all of it or nothing;
-        nothing to a folder to which other users may write. Raise an `OSError` if it cannot be
-        written."""
+        """Write content under a key, so that other processes read either all of it or nothing. To a
+        folder to which other users may write, nothing is written. Raise an `OSError` if the content
+        cannot be written."""
         self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         if not is_private(self._folder):
             return

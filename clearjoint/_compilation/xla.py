@@ -248,6 +248,7 @@ because no arguments are passed."""
 
 
 def are_many(calls: int) -> bool:
+    """Return whether a function with this number of calls is shared."""
     return calls >= FEWEST
 
 
@@ -295,6 +296,7 @@ def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> Traced:
 
 @contextmanager
 def collector_at_rest() -> Iterator[None]:
+    """Switch off Python's garbage collector within the context."""
     if not gc.isenabled():
         yield
         return
@@ -442,7 +444,8 @@ class HostFirst(Generic[Arguments, Result]):
         return self._compiled.programs()
 
     def _results(self, call: Callable[[], Result], is_new: bool) -> list[Result]:
-        """A list with the result, empty if NumPy cannot compute it."""
+        """A list with the result of `call`, empty if NumPy cannot compute it. `is_new`: it is not
+        yet known whether the function needs JAX."""
         results: list[Result] = []
         with np.errstate(all="ignore"):
             try:
