@@ -289,7 +289,8 @@ def report(
 
 
 class _Part(NamedTuple):
-    """A row of the page. Texts have their `height`, inches; figures share the rest in ratio."""
+    """A row of the page. Texts have exactly their `height`, inches; figures share the rest of the
+    page in proportion to theirs."""
 
     height: float
     draw: Callable[[SubFigure], None]
@@ -335,8 +336,8 @@ def _record(
 
 
 def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[Cells]) -> _Part:
-    """Return a row of the page with lines of text and, with `rows`, a table below, whose widest
-    columns are broken into lines if the page has too little space."""
+    """Return a row of the page with lines of text and, unless there are no `rows`, a table below,
+    whose widest columns are made narrower, with broken texts, if the page has too little space."""
     # Left end, as a fraction of the width; lines from the top; text; and weight of the letters.
     texts = [(0.0, float(k), text, weight) for k, text in enumerate(lines)]
     # The head of the table is 0.4 lines below the text, and its first row 1.3 lines below the head.

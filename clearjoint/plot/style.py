@@ -85,7 +85,8 @@ def dress(axes: Axes, x: str, y: str) -> Axes:
 def draw_lines(
     axes: Axes, curves: Iterable[tuple[str, ArrayLike, ArrayLike]], linewidth: float = 1.5
 ) -> None:
-    """Draw curves, each with label, x (N,) and y (N,), that differ in look from all on the axes."""
+    """Draw curves, each with label, x (N,) and y (N,), that differ by colour and line style, also
+    from lines already on the axes."""
     for label, x, y in curves:
         colour = next_colour(axes)
         style = dict(LINES)[colour]
@@ -250,7 +251,8 @@ def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
 
 
 def time_unit(times: np.ndarray, window: TimeSpan | None = None) -> tuple[float, str]:
-    """Return the factor from s to the unit of a time axis, and its text: ms below 2 s, else s."""
+    """Return the factor from s to the unit of a time axis, and its text: ms if all times, s, or the
+    window are below 2 s, else s."""
     last = np.abs(np.asarray(times if window is None else window, dtype=float)).max(initial=0.0)
     return (1e3, "ms") if last < 2.0 else (1.0, "s")
 
