@@ -138,6 +138,8 @@ def check_contact_joint(
 def _check_slopes(
     label: str, parameters: AbstractContactJoint, rows: list[jax.Array], slopes: list[jax.Array]
 ) -> None:
+    """Check that the derivatives of a contact's numbers are finite, and that the derivative of its
+    penetration by each parameter of the joint agrees with finite differences."""
     # The requests, in order: along the motion, along all numbers at once, along each parameter, and
     # along each parameter again with it increased and with it decreased.
     _, everything, exact, _, _ = slopes
@@ -335,8 +337,9 @@ def _force_failures(
 
 
 def _changes_of_parameters(parameters: AbstractContactJoint, point: jax.Array) -> jax.Array:
-    """Return a change of `point` for each parameter of the joint, as a row: in this number alone,
-    by the largest magnitude in its field, or by 1 if that is zero."""
+    """Return a matrix with a row for each parameter of the joint: a change of `point` in this
+    number alone, by the largest magnitude of the numbers in its field, or by 1 if they are all
+    zero."""
     leaves = jax.tree.leaves(parameters)
     sizes = jnp.concatenate([jnp.full(leaf.size, jnp.max(jnp.abs(leaf))) for leaf in leaves])
     sizes = jnp.where(sizes > 0.0, sizes, 1.0)
