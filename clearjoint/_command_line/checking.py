@@ -27,7 +27,11 @@ from .study import Study
 
 
 def description(study: Study) -> Iterator[str]:
-    """Yield lines that describe a study; a `ValueError` for what can't run."""
+    """Yield the lines of text in which `clearjoint check` describes a study.
+
+    **Raises:** `ValueError`, after the lines about the scene, for a state with which the scene
+    can't run, and for wrong entries of a section.
+    """
     scene, state, start = study.scene, study.state, study.parts.run.start
     report = constraint_report(scene, state, start)
     # The lines about the scene come first, so that they are printed even if a check below raises an
@@ -150,7 +154,8 @@ PLACEHOLDERS = {
 
 
 def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
-    """Return the texts of a mechanism's scene file and study file with these names."""
+    """Return the texts of the example scene file and study file of a mechanism. They mention the
+    names `scene` and `study` of these files."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "scene.toml"
         save(*MECHANISMS[mechanism](), path)
@@ -164,7 +169,10 @@ def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
 
 
 def write_example(mechanism: str, folder: Path) -> tuple[Path, Path]:
-    """Write both example files of a mechanism, unless one exists; return their paths."""
+    """Write the scene file and the study file of a mechanism into a folder; return their paths.
+
+    **Raises:** `ValueError` if one of the files exists; nothing is written then.
+    """
     names = f"{mechanism}.toml", f"{mechanism}_study.toml"
     scene, study = folder / names[0], folder / names[1]
     folder.mkdir(parents=True, exist_ok=True)

@@ -13,6 +13,8 @@ WELL, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
 class CommandResult(NamedTuple):
+    """Exit code of a command, its result in one line, and whether it has written results."""
+
     code: int
     line: str
     wrote: bool = True

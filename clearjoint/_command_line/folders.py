@@ -81,8 +81,11 @@ def write_scene(folder: Path, scene: Scene, state: State, name: str = SCENE) -> 
 
 
 def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = ()) -> None:
-    """Remove all figures, and tables and files of the given patterns, of earlier results, which the
-    new page would also show; nothing from a folder without a summary."""
+    """Remove the results of an earlier computation that the new page would also show: all figures,
+    and the tables and files whose names match the given patterns.
+
+    From a folder without a summary, and thus without results, nothing is removed.
+    """
     if (folder / SUMMARY).is_file():
         both = [f"{table}.{suffix}" for table in tables for suffix in ("nc", "csv")]
         for pattern in (f"{FIGURES}/*.png", *both, *files):
@@ -91,8 +94,11 @@ def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = 
 
 
 def file_name(name: str) -> str:
-    """Return the name, without suffix, of the file of a table or figure: without slashes, and as
-    short as file systems allow. A changed name gets a checksum, which keeps names different."""
+    """Return the name, without suffix, of the file of a table or figure.
+
+    Slashes are replaced, and names that are too long for file systems are shortened. A changed name
+    gets a checksum, so that different names give different files.
+    """
     safe = name.replace("/", "_")
     if len(safe.encode()) > 200:
         safe = f"{safe[:40]}_{safe[-20:]}"
@@ -108,7 +114,10 @@ def write_table(folder: Path, name: str, table: xr.Dataset) -> None:
 
 
 def read_table(folder: Path, name: str, needed: Iterable[str] = ()) -> xr.Dataset | None:
-    """Return a dataset, ``None`` without its file; a `ValueError` if it lacks a `needed` name."""
+    """Return the dataset in the file `name`.nc, or ``None`` if there is no such file.
+
+    **Raises:** `ValueError` if it lacks a variable, coordinate or attribute in `needed`.
+    """
     path = folder / f"{name}.nc"
     if not path.exists():
         return None

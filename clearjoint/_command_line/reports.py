@@ -241,8 +241,9 @@ def write_wear_report(folder: Path, dataset: xr.Dataset) -> None:
 
 
 def stage_table(dataset: xr.Dataset) -> pd.DataFrame:
-    """Return a table with depths and volumes before each stage of `clearjoint.wear`, and largest
-    forces during its run; the last row is the worn state at the end, whose forces may be NaN."""
+    """Return a table with a row for each stage of a result of `clearjoint.wear`: depths and volumes
+    before the stage, and the largest forces during the stage's run. The last row is the worn state
+    at the end, whose forces are NaN if no run follows it."""
     columns = {"cycles": dataset["cycles"].values}
     for joint in dataset["joint"].values:
         columns[f"force in {joint} [N]"] = dataset["force"].sel(joint=joint).values
@@ -256,7 +257,8 @@ def stage_table(dataset: xr.Dataset) -> pd.DataFrame:
 
 
 def write_page(folder: Path, *parts: str) -> None:
-    """Write the HTML page of a folder, with further `parts`; it loads nothing from the network."""
+    """Write the HTML page of a folder of results, with further `parts` in HTML, such as tables. The
+    page loads nothing from the network."""
     summary = folders.read_summary(folder)
     title = escape(str(summary.pop("title")))
 
@@ -304,7 +306,8 @@ def _table(title: str, frame: pd.DataFrame, rows: int) -> str:
 
 
 def lane_table(dataset: xr.Dataset) -> pd.DataFrame:
-    """Return a table of the lanes of a sweep: values of the axes, and outputs of one number."""
+    """Return a table with a row for each lane of a sweep: the values of the axes, and the outputs
+    that are single numbers."""
     dims = dataset["result"].dims
     table = dataset[[name for name in dataset.data_vars if dataset[name].dims == dims]]
     # A sweep over a grid has a dimension for each axis. The lanes become one list, in which the

@@ -108,7 +108,8 @@ def run(study: Study, folder: Path) -> CommandResult:
 
 
 def divided(times: np.ndarray, parts: int) -> np.ndarray:
-    """Return the times that divide each interval into `parts`, and exactly the given ones."""
+    """Divide each interval between the given times into `parts` equal ones, and return all times,
+    of which every `parts`-th is exactly a given one."""
     fractions = np.arange(parts * (len(times) - 1) + 1) / parts
     return np.interp(fractions, np.arange(len(times)), times)
 
@@ -116,7 +117,8 @@ def divided(times: np.ndarray, parts: int) -> np.ndarray:
 def _simulated(
     study: Study, settings: Settings, extremes: Mapping[str, AbstractReduction], times: np.ndarray
 ) -> tuple[Solution, int]:
-    """Return the solution of a run, also of a failed or interrupted one, and the exit code."""
+    """Run a study's scene, saving states at `times`, (N,) s. Return the solution, also of a failed
+    or interrupted run, and the exit code."""
     part = study.parts.run
     # Quantities are computed after the run, so that they don't change a bit of its states.
     recorded = {n: o for n, o in part.outputs.items() if not isinstance(o, AbstractQuantity)}
@@ -157,7 +159,11 @@ def _summary(study: Study, solution: Solution, interrupted: bool) -> dict[str, s
 
 
 def extremes_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduction]:
-    """Return two reductions for each output with a unit in `SHARP`; none without dense output."""
+    """Return two reductions for each output with a unit in `SHARP`, which find its largest and
+    smallest value, also between saved states.
+
+    The dictionary is empty if the solver has no dense output.
+    """
     extremes: dict[str, AbstractReduction] = {}
     for name, output in part.outputs.items():
         if isinstance(output, AbstractQuantity) and output.unit in SHARP:

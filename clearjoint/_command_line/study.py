@@ -1,6 +1,9 @@
-"""Study files: their sections, the numbers that they name, and how they are read. The fields of the
-dataclasses are the keys of the tables; `Annotated[float, "s"]` declares a unit. A path is a text
-such as "joints.pin.clearance" or "state.bodies.crank.position[0]"."""
+"""Study files: their sections, the numbers that they name, and how they are read.
+
+The fields of the dataclasses are the keys of a file's tables. `Annotated[float, "s"]` declares the
+unit of a number. A path is a text such as "joints.pin.clearance" or
+"state.bodies.crank.position[0]" that names a number of the scene or of the initial state.
+"""
 
 import inspect
 import time
@@ -62,9 +65,12 @@ Preset = Literal["preview", "default", "accurate", "reference", "derivatives", "
 class RunPart:
     """The section [run]: settings and outputs of a run.
 
-    - `end`: without it, the command line must give it. `save_every`: s, by default a thousandth of
-      the duration. `settings`: entries that replace those of the `preset`.
-    - `outputs`: extremes of forces and accelerations between saved states are found too.
+    - `start`, `end`: first and last time, s. Without `end`, the command line must give it.
+    - `save_every`: time between two saved states, s; by default a thousandth of the duration.
+    - `preset`: name of settings in `clearjoint.presets`; `settings`: entries that replace those of
+      the preset.
+    - `outputs`: quantities, evaluated at the saved states, or reductions, sections and tables. The
+      extremes of forces and accelerations between saved states are found too.
     - `sections`: further outputs that are sections, as in files of earlier versions.
     """
 
@@ -148,7 +154,11 @@ class SweepPart:
 
 @dataclass(frozen=True)
 class ColumnPart:
-    """A column of measurements, in `unit` if its header has none, with `noise` in it or a text."""
+    """A measured quantity: a column of the file of measurements.
+
+    - `unit`: of a column whose header has none.
+    - `noise`: standard deviation, a number in the column's unit or a text with a unit.
+    """
 
     quantity: AbstractQuantity
     noise: float | str
@@ -157,7 +167,12 @@ class ColumnPart:
 
 @dataclass(frozen=True)
 class ParameterPart:
-    """A number to estimate; several at a list of paths get the same value."""
+    """A number of the scene or of the initial state to estimate.
+
+    - `path`: one path, or several, whose numbers all get the same value.
+    - `scale`: on which the number is estimated.
+    - `guess`: a number in SI units, or a text with a unit.
+    """
 
     path: str | Sequence[str]
     scale: AbstractScale = field(default_factory=Linear)
@@ -169,8 +184,11 @@ class FitPart:
     """The section [fit]: parameters to estimate from measurements.
 
     - `measurements`: path of a CSV file, relative to the study's folder. `time`, `time_unit`,
-      `missing`: see `clearjoint.read_csv`; `comment`: character with which comment lines begin.
+      `missing`: see `clearjoint.read_csv`; `comment`: character with which comment lines begin, by
+      default none.
+    - `columns`: measured quantities, by the name of the column.
     - `grow`, `max_iterations`, `starts`: see `clearjoint.identify`.
+    - `start`: time at which runs begin, s; `preset`, `settings`: as in [run].
     """
 
     measurements: str
@@ -190,7 +208,11 @@ class FitPart:
 
 @dataclass(frozen=True)
 class WearPart:
-    """The section [wear]: arguments of `clearjoint.wear`, and settings as in [run]."""
+    """The section [wear]: wear of joints over many cycles of a periodic motion.
+
+    The keys are arguments of `clearjoint.wear`, except for `start`, the time at which runs begin,
+    s, and `preset` and `settings`, as in [run].
+    """
 
     rates: Mapping[str, WearRates]
     cycle: Annotated[float, "s"]
@@ -442,8 +464,8 @@ def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
 
 
 def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
-    """Make a change in the tables of the study or of the scene; return whether it is in the study,
-    and the keys of the changed value."""
+    """Make a change, such as "run.end=2", in the tables of the study or of the scene. Return
+    whether the study has been changed, and the keys of the changed value."""
     location = FileLocation(f"--set {change}")
     path, equals, text = change.partition("=")
     if not equals:
