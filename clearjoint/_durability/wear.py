@@ -414,8 +414,12 @@ class CycleRun:
     def measure(
         self, scene: Scene, state: State, depths: Float[np.ndarray, "joints 2 samples"]
     ) -> "_Measured":
-        """Run some cycles and measure the wear, which is zero if the run, or that of the
-        derivatives, failed. `depths` are those that the scene's joints have lost."""
+        """Run the cycles of one stage and return the wear per cycle, its derivatives and the state
+        after the run.
+
+        The wear is zero if the run, or that of the derivatives, failed; `failure` of the result
+        then says why. `depths` are those that the scene's joints have lost.
+        """
         first = self.start_time + self.settle * self.cycle
         middle, last = (first + part * self.measured * self.cycle for part in (0.5, 1.0))
         options = {"start_time": self.start_time, "throw": False, "progress": False}
@@ -491,7 +495,7 @@ class _Stages:
     """The stages computed so far.
 
     - `run`: the arguments of `wear`; `scene`: from `_with_splines`, before any wear.
-    - `cycles`: before each stage.
+    - `cycles`: number of cycles before each stage.
     - `depths`: for each stage, (1 + p, J, 2, samples) m, the depths that have worn off before it,
       bearing before journal, and their derivatives along the p `run.directions`.
     - `rates`, `extremes`: for each stage with a run, the depth per cycle and its derivatives, and
@@ -516,7 +520,7 @@ class _Stages:
 
     @staticmethod
     def first(run: CycleRun, scene: Scene, state: State) -> "_Stages":
-        """Return the only stage before any run, in which no joint has worn."""
+        """Return the stages before any run: one stage, in which no joint has worn."""
         shape = 1 + len(run.directions), len(run.rates), len(PARTS), run.samples
         return _Stages(run, scene, state, cycles=[0.0], depths=[np.zeros(shape)])
 
@@ -677,6 +681,7 @@ class _Stages:
         return True
 
     def _extrapolate(self, length: float) -> None:
+        """Append the number of cycles and the depths after a stage of at most `length` cycles."""
         run = self.run
         goal = float(run.cycles[run.cycles > self.cycles[-1]].min())
         left = goal - self.cycles[-1]
@@ -696,9 +701,11 @@ class _Stages:
         self.depths.append(depths)
 
     def _grown(self, length: float, end: list[JointWear] | None = None) -> tuple[np.ndarray, float]:
-        """Return the depths at the end of a stage of `length` cycles after the last run, corrected
-        by the wear `end` there, and its number of cycles, which is smaller if a depth ends the
-        computation before."""
+        """Return the depths at the end of a stage of `length` cycles after the last run, and its
+        number of cycles, which is smaller if a depth ends the computation before.
+
+        With the wear `end` at the end of the stage, the depths are corrected.
+        """
         run, begun = self.run, len(self.rates) - 1
         rows, per_cycle, pressed = self.depths[begun], self.rates[begun], self._pressed()
         rtol = INTEGRATION * run.stage_error
@@ -720,7 +727,7 @@ class _Stages:
         return depths, reached
 
     def contacts(self) -> dict[str, tuple]:
-        """Variables of a store, besides the result, from which a computation goes on."""
+        """Return what a store needs, besides the result, to continue a computation."""
         if not self.wears:
             return {}
         histories = np.stack([wear.history for wear in self.wears])
@@ -785,8 +792,9 @@ class _Store:
     digest: str
 
     def write(self, result: "xr.Dataset", contacts: Mapping[str, tuple]) -> None:
-        """Replace the store by one of a result and of the contacts that continue it. At any time,
-        also after a kill, `_folder` returns the folder of a complete store."""
+        """Replace the store by one of a result of `wear` and of the contacts that continue it. At
+        any time, `_folder` returns the folder of a complete store, the old or the new one, even if
+        the process is killed."""
         old = _old(self.path)
         remove_abandoned(self.path)
         with unfinished(self.path) as new:
@@ -798,6 +806,7 @@ class _Store:
         shutil.rmtree(old, ignore_errors=True)
 
     def read(self, first: _Stages) -> _Stages:
+        """Return the stored stages, or `first` if there is no store."""
         if not _folder(self.path).exists():
             return first
         stored, remedy = _opened(self.path), "pass another folder"
@@ -832,7 +841,8 @@ def _old(path: Path) -> Path:
 
 
 def _folder(path: Path) -> Path:
-    # Between the two renamings of `_Store.write`, only the old store is complete.
+    """Return the folder that contains the store: `path` or, between the two renamings of
+    `_Store.write`, the folder to which the old store has been renamed."""
     return _old(path) if _old(path).exists() and not path.exists() else path
 
 
@@ -881,6 +891,7 @@ def _opened(path: str | PathLike[str]) -> "xr.Dataset":
 
 
 def final_state(found: "xr.Dataset") -> State:
+    """Return the state after the last run whose wear was used, or the initial state."""
     numbers = {field.name: found[f"final_{field.name}"].values for field in fields(BodyState)}
     names = map(str, found["body"].values)
     return State({n: BodyState(*(v[j] for v in numbers.values())) for j, n in enumerate(names)})

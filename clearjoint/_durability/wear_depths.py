@@ -92,9 +92,13 @@ def wear_depths(
     times: Float[np.ndarray, " T"],
     samples: int,
 ) -> tuple[Float[np.ndarray, "2 samples"], Float[np.ndarray, "2"], Signals]:
-    """Return the wear of a joint during the `times` of `quadrature_times`: the depths that wear off
-    the wall and off the journal at evenly spaced angles, m; the largest penetration at an end of
-    the journal, m, and sum of both ends' normal forces, N; and `SIGNALS` at the times."""
+    """Return the wear of a joint with the wear `rates` of bearing and journal, m^2/N, during the
+    `times` from `quadrature_times`.
+
+    **Returns:** the depths that wear off the wall and off the journal at evenly spaced angles,
+    (2, samples) m; the largest penetration at an end of the journal, m, and sum of both ends'
+    normal forces, N, (2,); and `SIGNALS` at the times.
+    """
     assert solution.steps is not None, "`wear` saves all steps"
     values = values_along(scene, solution, AllSignals(joint), solution.steps.between(times))
     signals = dict(zip(SIGNALS, values.T, strict=True))
@@ -158,8 +162,8 @@ def _depths(
 
 
 def wall_angles(axes: PlanarAxes, samples: int) -> tuple[np.ndarray, jax.Array]:
-    """Return the directions, rad, in the bearing's frame, of evenly spaced points of the wall and,
-    (T, samples), of the journal, which rotates in that frame."""
+    """Return the directions, rad, in the bearing's frame, of evenly spaced points of the wall,
+    (samples,), and of the journal, which rotates in that frame, (T, samples)."""
     angles = np.arange(samples) * 2.0 * np.pi / samples
     along_x = axes.x_along_x * np.cos(angles) + axes.y_along_x * np.sin(angles)
     along_y = axes.x_along_y * np.cos(angles) + axes.y_along_y * np.sin(angles)

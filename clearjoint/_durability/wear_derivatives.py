@@ -70,10 +70,11 @@ class ParameterDirection:
     """Function that changes the scene and state along one parameter: its number, and with it all
     profiles that wear, by the effect of the parameter on the stages before.
 
-    - `index`: of the parameter in the `shifts` of each `MovingSpline`.
-    - `joints`: that wear.
+    - `index`: index of the parameter in the `shifts` of each `MovingSpline`.
+    - `joints`: names of the joints that wear.
     - `change`, `scale`: how the number is set from a coordinate; ``None`` for a wear rate, on which
       a run depends only through the profiles.
+    - `coordinate`: present coordinate of the parameter.
     """
 
     index: int
@@ -83,6 +84,7 @@ class ParameterDirection:
     coordinate: float = 0.0
 
     def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
+        """Return scene and state for the coordinate `coordinate` + `value`."""
         scene, state = self.without_profiles(scene, state, value)
         for name in self.joints:
             for field in PROFILES:

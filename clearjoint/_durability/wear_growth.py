@@ -1,9 +1,10 @@
 """Growth of the worn depths of a joint over many cycles, with the contacts of a run held fixed.
 
-Wear is stiff: after a change of depth by the elastic penetration, other material carries the load.
-An explicit step over more than that is therefore unstable. But forces, sliding speeds and
-directions of the contacts change little meanwhile. Here they are held fixed, the journal follows
-the wall, and an implicit method computes how the depths grow.
+Wear is stiff: the material that carries the load wears off first, and after a change of depth by
+the elastic penetration, other material carries it. An explicit step is therefore unstable if the
+depth changes by more than the penetration. But forces, sliding speeds and directions of the
+contacts change little meanwhile. Here they are held fixed, the journal follows the wall, and an
+implicit method computes how the depths grow.
 """
 
 from functools import partial
@@ -135,6 +136,7 @@ def _moved(joint: ClearanceJoint, field: str, change: jax.Array) -> ClearanceJoi
 def _wear_rows(
     joint: ClearanceJoint, rates: tuple[float, float], history: jax.Array, rows: jax.Array
 ) -> jax.Array:
+    """Return the depths per cycle and their derivatives from `rows`, the depths and theirs."""
 
     def wear(depths: jax.Array) -> jax.Array:
         return _wear(joint, rates, history, depths)
@@ -162,8 +164,9 @@ def _jacobian(
 class JointWear(NamedTuple):
     """Wear of one joint per cycle as a function of the depths that have worn off it.
 
-    - `joint`: unworn, with a spline for each part that wears.
+    - `joint`: the joint, unworn, with a spline for each part that wears.
     - `rates`: wear rates of bearing and journal, m^2/N.
+    - `history`: its contacts.
     - `direct`: (p, 2, samples) m per cycle, the derivatives of the depths per cycle by the
       parameters with the depths held fixed.
     """
@@ -180,7 +183,8 @@ class JointWear(NamedTuple):
         return per_cycle
 
     def jacobian(self, depths: Float[np.ndarray, "2 samples"]) -> Float[np.ndarray, "m m"]:
-        """Return the result of `_jacobian` approximately, from a part of the contacts."""
+        """Return approximately the derivatives of the depths per cycle of the parts that wear by
+        their depths, from a part of the contacts."""
         some = self.history[:, :, ::INSTANTS_PER_SAMPLE].copy()
         some[:, -1] *= INSTANTS_PER_SAMPLE
         return np.asarray(_jacobian(self.joint, self.rates, some, depths))
