@@ -27,9 +27,13 @@ Notes = tuple[tuple[str, str | int | float], ...]
 
 
 def describe(value: object) -> str:
-    """Return a text that describes a value, such as "Tsit5(scan_kind=None)", as results record it
-    and stores compare it: dataclasses by class and fields, functions and classes by name, other
-    objects by class, arrays cut off after `LONGEST` characters."""
+    """Return a text that describes a value, such as "Tsit5(scan_kind=None)".
+
+    Results record arguments and settings by such texts, and the store of a sweep compares them.
+    Instances of dataclasses are described by the name of their class and by their fields, functions
+    and classes by their names, and other objects by the name of their class alone. Arrays are cut
+    off after `LONGEST` characters.
+    """
     if isinstance(value, partial):
         return f"partial({describe([value.func, value.args, value.keywords])})"
     # Numbers are shown as in Python, since the `repr` of an array depends on NumPy's print options.
@@ -67,7 +71,8 @@ def _note(value: object) -> str | int | float:
 
 @cache
 def versions() -> dict[str, str]:
-    """Return versions under "version of <name>"; "unknown" for a package that is not installed."""
+    """Return the versions of clearjoint, JAX and diffrax, under "version of <name>"; "unknown" for
+    a package that is not installed."""
     by_package = {}
     for name in ("clearjoint", "jax", "diffrax"):
         try:
@@ -212,9 +217,14 @@ def header(name: str, attributes: dict) -> str:
 
 
 def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
-    """Return a data frame with a row for each label along a dimension, by default the first, and a
-    column for each combination of labels along the others, such as "arm.position.x [m]". Arrays
-    without the dimension are left out; numbers with "flag_meanings" become texts."""
+    """Return a data frame with a row for each label along the dimension `rows` of a dataset, by
+    default its first dimension.
+
+    A variable gets a column for each combination of labels along its other dimensions, such as
+    "arm.position.x [m]". Variables and coordinates without the dimension `rows` are left out. The
+    numbers of a variable with the attribute "flag_meanings", such as result codes, become texts:
+    their meanings, or their digits if they have none.
+    """
     import pandas as pd
 
     rows = next(iter(map(str, dataset.sizes))) if rows is None else rows

@@ -45,8 +45,8 @@ def estimates_table(
 
 
 def _digits(value: float, error: float) -> int:
-    """How many digits of a value show two of its error, 2 to 15; 4 for zeros and infinite
-    errors."""
+    """How many digits of a value to show, so that two digits of its error are visible, from 2 to
+    15; 4 if the value is zero, or if the error is not finite and positive."""
     if not 0.0 < error < math.inf or value == 0.0:
         return 4
     size = math.floor(math.log10(abs(value))) - math.floor(math.log10(error))
