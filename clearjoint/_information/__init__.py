@@ -1,1 +1,2 @@
-"""Information of measurements about parameters: identifiability, and the longest useful record."""
+"""Information that measurements contain about parameters: identifiability from planned sensors, and
+the longest record that a fit by a single run can use."""

@@ -54,9 +54,12 @@ class _Push:
 
 
 def disturbance(scene: Scene) -> Parameter:
-    """Return the size of a perturbation of the initial velocities, m/s, as a parameter, whose value
-    is zero. Where the perturbation violates the constraints of drivers or loops, their
-    stabilisation reduces it during the run."""
+    """Return the size of a perturbation of the initial velocities, m/s, as a parameter.
+
+    Its value is zero; derivatives by it show how small differences grow. The perturbation may
+    violate the constraints of drivers and of joints that close a loop. The stabilisation of these
+    constraints then reduces the perturbation during the run.
+    """
     return Parameter.change(_Push(tuple(radii_of_gyration(scene).items())), 0.0, unit="m/s")
 
 
@@ -82,15 +85,19 @@ def penetrations(scene: Scene) -> dict[str, Quantity]:
 
 
 def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) -> np.ndarray:
-    """Return the root mean square displacement, (T, p), per unit of each of p parameters."""
+    """Return the root mean square displacement, (T, p), per unit of each of p parameters, from the
+    `derivatives`, (T, p) by name, of the quantities `names` from `points`."""
     # The mean is over coordinates; three of them make a point, hence the factor 3.
     squares = [derivatives[name] ** 2 for name in names]
     return np.sqrt(3.0 * np.mean(squares, axis=0))
 
 
 def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
-    """Return the slope of a straight line through the logarithms of displacements from the time
-    `since` on, 1/s; NaN for fewer than two positive ones."""
+    """Return the rate of exponential growth of displacements from the time `since` on, 1/s: the
+    slope of a straight line that is fitted to their logarithms.
+
+    It is NaN for fewer than two positive displacements.
+    """
     used = (times >= since) & (size > 0.0)
     if used.sum() < 2:
         return float("nan")

@@ -47,7 +47,8 @@ def deviations_together(
 def correlation_together(
     root: Float[np.ndarray, "p p"], accuracy: float
 ) -> Float[np.ndarray, "p p"]:
-    """Return the correlations of the parameters' estimates; NaN where the bound is infinite."""
+    """Return the correlations of the parameters' estimates if all are estimated; NaN for a
+    parameter with an infinite bound in `deviations_together`."""
     parts = _parts_together(root, accuracy)
     half = np.where(np.isinf(parts).any(axis=0), np.nan, parts)
     return correlation(half.T @ half)
@@ -56,7 +57,8 @@ def correlation_together(
 def _parts_together(
     roots: Float[np.ndarray, "*T r p"], accuracy: float
 ) -> Float[np.ndarray, "*T k p"]:
-    """Contributions of the k singular directions to the p bounds, each of which is their norm."""
+    """Contributions of the k singular directions to the p bounds of `deviations_together`: a bound
+    is the norm of the k contributions to it."""
     # Columns of unit length make the test independent of the units of the parameters.
     lengths, values, directions = _equilibrated(roots)
     negligible = _negligible(values, accuracy)[..., None]
@@ -69,6 +71,7 @@ def _parts_together(
 
 
 def rank(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> np.ndarray:
+    """Return the number of independent combinations of parameters that the data determine."""
     return (~_negligible(_equilibrated(roots)[1], accuracy)).sum(axis=-1)
 
 
@@ -91,7 +94,11 @@ def floored(
     rows: Float[np.ndarray, "N p"],
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " k"], Float[np.ndarray, "k p"]]:
     """Return the column norms, singular values and directions of `_equilibrated`, none of them too
-    small as a divisor: at least `LEAST_SINGULAR_VALUE` times the largest, or times 1."""
+    small as a divisor.
+
+    Singular values are raised to at least `LEAST_SINGULAR_VALUE` times the largest, or times 1 if
+    that is larger. A norm of zero is replaced by such a multiple of the largest norm or of 1.
+    """
     lengths, values, directions = _equilibrated(rows)
     values = np.maximum(values, LEAST_SINGULAR_VALUE * max(values[0], 1.0))
     least = LEAST_SINGULAR_VALUE * max(lengths.max(), 1.0)
@@ -140,7 +147,11 @@ class Combination:
 
 
 def combinations(root: Float[np.ndarray, "p p"], accuracy: float) -> tuple[Combination, ...]:
-    """Return the p eigenvectors of the information, the most accurate combination first."""
+    """Return p combinations of the coordinates with independent estimates, the most accurate first.
+
+    They are the eigenvectors of the information. The data determine the last ones least, or not at
+    all.
+    """
     # The columns are not scaled here, because combinations are in the parameters' coordinates. A
     # small singular value means missing information only if scaled columns are deficient too.
     _, values, directions = np.linalg.svd(root)
@@ -169,6 +180,6 @@ def _equilibrated(
 
 
 def _negligible(values: Float[np.ndarray, "*T k"], accuracy: float) -> Bool[np.ndarray, "*T k"]:
-    """Whether the data don't determine the combination of each singular value, the largest
-    first."""
+    """For each singular value, the largest first: whether it is zero, or too small relative to the
+    largest for the data to determine its combination of parameters."""
     return (values <= accuracy * values[..., :1]) | (values == 0.0)

@@ -1,11 +1,15 @@
 """Longest record that a fit by a single run can use.
 
-Small differences grow from impact to impact, until the run of a wrong guess has another sequence of
-impacts than the data. A test finds whether a fit can descend from a wrong guess to the truth, along
-the straight line between them in the parameters' coordinates: if the misfit rises towards the truth
-somewhere, a local minimum or a ridge may stop the fit. Its slope is r^T J d, with the residuals r
-and their derivatives J at a point of the line, and the direction d from the truth to the guess. It
-is a sum over samples, so its cumulative sums are the slopes for records of every length.
+Small differences grow from impact to impact. From some length of the record on, the run of a wrong
+guess has another sequence of impacts than the data, and the fit may end in wrong parameters; and
+integration errors grow until the computed run differs from the true motion.
+
+The first limit is found by a test of whether a fit can descend from a wrong guess to the truth,
+along the straight line between them in the parameters' coordinates. If the misfit rises somewhere
+along this line towards the truth, a local minimum or a ridge may stop the fit. The slope of the
+misfit is r^T J d, with the residuals r and their derivatives J at a point of the line, and the
+direction d from the truth to the guess. It is a sum over samples, so its cumulative sums are the
+slopes for records of every length.
 """
 
 import itertools
@@ -274,7 +278,8 @@ def _weights(sensors: Mapping[str, Sensor], times: np.ndarray) -> dict[str, np.n
 def _near(
     run: Sensitivities, reference: Sensitivities, outputs: Mapping[str, Quantity]
 ) -> Sensitivities:
-    """Return a run whose periodic outputs are shifted by whole periods towards a reference run."""
+    """Return a run whose periodic outputs, such as angles, are shifted by whole periods to the
+    values nearest to a reference run."""
     values = dict(run.outputs)
     for name, output in outputs.items():
         if (period := getattr(output, "period", None)) is not None:
@@ -286,8 +291,9 @@ def _near(
 def _errors(
     run: Sensitivities, loose: Sensitivities, weights: Mapping[str, np.ndarray], p: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds of the errors of a run's values, over the noise, and of its derivatives by the p
-    parameters, over their norm in the record so far: the largest of outputs and of parameters."""
+    """Bounds of the errors of a run's values, and of its derivatives by the p parameters. The error
+    of the values is in units of the noise, the largest of all outputs. The error of derivatives is
+    relative to their norm over the record so far, the largest of all parameters."""
     values = [np.abs(run.outputs[n] - loose.outputs[n]) * w for n, w in weights.items()]
     # Errors of derivatives are compared with the derivatives of the whole record so far, because a
     # fit uses their sum over all samples.
