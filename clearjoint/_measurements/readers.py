@@ -187,7 +187,8 @@ def columns_of(
     source: "str | Path | pd.DataFrame", options: dict[str, Any]
 ) -> Callable[[str, str], TableColumn]:
     """Read a CSV or Parquet file, unless `source` is a table already, and return the function
-    ``column(name, argument)``, which finds a column; `argument` is the one that errors mention."""
+    ``column(name, argument)``, which finds a column by its name. `argument` is the user's argument
+    that errors about the name mention."""
     import pandas as pd
 
     file, names_in_file = "the table", []
@@ -293,7 +294,8 @@ def _read(path: str | Path, options: dict[str, Any]) -> "pd.DataFrame":
 
 
 def _read_parquet(path: str | Path, options: dict[str, PyTree]) -> "pd.DataFrame":
-    """Read a Parquet file; columns of lists become columns "state.0", "state.1" and so on."""
+    """Read a Parquet file. A column "state" of lists of equal lengths becomes the columns
+    "state.0", "state.1" and so on."""
     import pandas as pd
 
     try:
