@@ -1,1 +1,2 @@
-"""Parameters of a scene: paths, scales, and scenes and states as functions of parameters."""
+"""Parameters of a scene: paths that select numbers, the scales on which a fit changes them, and
+scenes and initial states as functions of parameters."""

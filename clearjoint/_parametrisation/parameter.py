@@ -386,6 +386,7 @@ def check_parameters(parameters: Mapping[str, Parameter]) -> None:
 
 
 def step_limits(parameters: Mapping[str, Parameter]) -> np.ndarray:
+    """Return the largest change of each parameter's coordinate in one step of a fit, (p,)."""
     return np.array([parameter.scale.max_step for parameter in parameters.values()])
 
 

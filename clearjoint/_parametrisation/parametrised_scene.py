@@ -108,8 +108,9 @@ class ParametrisedScene(AbstractSceneFamily):
     directions: Coordinates | None = None
 
     def in_groups(self, largest: int) -> "list[ParametrisedScene]":
-        """Return copies that share the parameters among them, at most `largest` each and equally
-        many; the last one repeats the last parameter if a remainder is left."""
+        """Return copies that share the parameters among them: each computes the derivatives by the
+        same number of parameters, at most `largest`. The last one repeats the last parameter if the
+        division leaves a remainder."""
         count = len(self.values)
         if count <= largest:
             return [self]
@@ -186,8 +187,13 @@ def parametrised(
 
 class DirectedScene(AbstractSceneFamily):
     """A scene and its initial state, in which any number of parameters set numbers, with
-    derivatives along one direction. `values`, `direction`: arrays or PyTrees of them by name, SI;
-    `base`: before any change; `changes`: names of parameters with the functions that set them."""
+    derivatives along a single direction of all parameters.
+
+    - `values`, `direction`: numbers by name of the parameter, SI, an array or a PyTree of arrays
+      each.
+    - `base`: scene and initial state before any change.
+    - `changes`: pairs of the name of a parameter and the function that sets it.
+    """
 
     values: dict[str, PyTree]
     direction: dict[str, PyTree]

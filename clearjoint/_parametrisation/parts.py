@@ -38,8 +38,13 @@ class PartSetter(AbstractLeafSetter):
 def parts_of(
     scene: Scene, state: State, paths: Mapping[str, Part]
 ) -> tuple[dict[str, PyTree], tuple[tuple[str, Change], ...]]:
-    """Return the numbers that paths select, SI, by name, of an element its arrays of floats, and
-    the functions that set them; a `ValueError` for paths without numbers."""
+    """Return the numbers that paths select, SI, by name, and the functions that set them.
+
+    The numbers of an element are its arrays of floats; all other leaves stay as in the scene.
+
+    **Raises:** `ValueError` for a path that selects no number, and for a parameter that is neither
+    a number of the scene or initial state nor has a value.
+    """
     require_names("paths", paths, _EXAMPLE)
     require(len(paths) > 0, "paths", {}, "not empty", _EXAMPLE)
     numbers: dict[str, PyTree] = {}
@@ -89,9 +94,12 @@ def _as_floats(array: PyTree) -> np.ndarray:
 
 
 def guard_direction(paths: Mapping[str, Part], numbers: Mapping[str, PyTree]) -> dict[str, PyTree]:
-    """Return a random direction in the space of all numbers, the same for the same numbers: normal,
-    with the standard deviation of a unit change of a `Parameter`'s coordinate, or of the root mean
-    square of an array (1 for zeros)."""
+    """Return a random direction in the space of all numbers, the same for the same numbers.
+
+    The components are normally distributed. Their standard deviation is, for a `Parameter`, the
+    change of its value for a unit of the coordinate on its scale; for an array the root mean square
+    of its numbers, or 1 if all are zero.
+    """
     random = np.random.default_rng(0)
 
     def of_array(array: np.ndarray) -> np.ndarray:

@@ -29,8 +29,11 @@ Leaf = jax.Array | np.ndarray | float
 @dataclass(frozen=True)
 class Number:
     """Location of a number in a scene or a state: index of the array in the list of
-    `jax.tree.leaves`, and indices into it, to which ``location[1]`` adds one. Indexing after a
-    slice is a `ValueError`."""
+    `jax.tree.leaves`, and indices into that array, empty for the whole array.
+
+    Indexing a location, as in ``location[1]``, returns the location of a component. A slice or an
+    ellipsis returns the location of several components; indexing this raises a `ValueError`.
+    """
 
     leaf: int
     component: tuple[Index, ...] = ()

@@ -64,8 +64,9 @@ def with_sensor_errors(
     elapsed: Row,
     coordinates: Row,
 ) -> tuple[dict[str, jax.Array], dict[str, jax.Array]]:
-    """Return the readings of all sensors, (T,) each, and their derivatives by the coordinates, (T,
-    p), from quantities (T,) and their derivatives; `elapsed`: time since the start, (T,) s."""
+    """Return the readings of all sensors, (T,) each, and their derivatives by the coordinates,
+    (T, p), from the quantities, (T,) `values`, and their `derivatives`; `elapsed`, (T,) s, is the
+    time since the start of the run."""
     readings, slopes = jax.tree.map(jnp.asarray, (dict(values), dict(derivatives)))
     # Without duplicates, since a sensor may have several errors.
     with_errors = dict.fromkeys(name for _, error in sensors.errors for name in error.series)
@@ -93,7 +94,8 @@ def readings_of_runs(
     elapsed: Float[jax.Array | np.ndarray, " T"],
     coordinates: Float[jax.Array | np.ndarray, "n p"],
 ) -> dict[str, jax.Array]:
-    """Return the readings of all sensors in n runs, (n, T) each; `elapsed` as above."""
+    """Return the readings of all sensors in n runs, (n, T) each, from the quantities `values`, the
+    times since the start, s, and the coordinates of each run."""
 
     def of_run(values: Mapping[str, Row], coordinates: Row) -> dict[str, jax.Array]:
         return {n: sensors.reading(n, row, elapsed, coordinates) for n, row in values.items()}

@@ -66,7 +66,7 @@ class AbstractNumber(AbstractVariation):
         require(callable(self.path), "path", self.path, "a function", f"pass {self.example}")
 
     def tree(self, scene: Scene, state: State) -> Scene | State:
-        """Return the argument of `path`."""
+        """Return the argument of `path`: the scene or the state."""
         return scene if self.in_scene else state
 
     @property
