@@ -139,6 +139,7 @@ class RobotFit(AbstractTabular):
         return labelled_dataset("fit of a robot", variables, labels)
 
     def _rows(self) -> dict[str, tuple[float, float, float, str]]:
+        """Return value, bounds and unit of each parameter."""
         fit, nan = self.fit, math.nan
         intervals = fit.intervals
         rows = {n: (fit.estimates[n], *intervals[n], fit.units[n]) for n in fit.parameters}
@@ -388,9 +389,13 @@ def _best_fit(
     grow: Sequence[float] | None,
     options: Mapping[str, PyTree],
 ) -> Fit:
-    """Return the fit with the lowest chi squared, with all searches: from several starts and,
-    unless the user has given windows to `grow`, of the whole log, of windows and from other
-    plays."""
+    """Return the best of several fits, the one with the lowest chi squared, with the searches of
+    all.
+
+    The fits begin in the middle and at both ends of the plays in which sides start. Unless the user
+    has given windows to `grow`, there are fits of the whole log at once, of growing windows, and
+    from other plays than the estimated ones.
+    """
     # Chi squared may have a minimum at either end of a play in which a side starts.
     places = _of_kind(problem, parameters, IN_PLAY)
     sides = (0.0, *ENDS) if places else (0.0,)
@@ -466,7 +471,8 @@ def _windows(
 
 
 def _doubled(problem: RobotProblem, share: float) -> list[float]:
-    """Return ends of windows, each twice as long as the one before; the first is a `share`."""
+    """Return ends of windows, each twice as long as the one before; the first has a `share` of the
+    log."""
     start, end = problem.log.start, float(problem.measurements.times()[-1])
     ends = []
     while 0.0 < share < 1.0:
@@ -505,6 +511,7 @@ def _undetermined(
 
 
 def _touched(problem: RobotProblem, parameters: Mapping[str, Parameter]) -> dict[str, set[str]]:
+    """Return which flanks of each backlash touch in a run."""
     values = {name: (p, float(p.value or 0.0)) for name, p in parameters.items()}
     scene, state = changed(problem.scene, problem.state, values)
     times, start = problem.measurements.times(), problem.log.start

@@ -95,7 +95,8 @@ class JointPosition(AbstractQuantity):
 
 @dataclass(frozen=True)
 class LinkInertia:
-    """Function that scales a body's inertia to a moment about an axis, kg m^2."""
+    """Function that scales a body's inertia so that its moment about an axis through the centre of
+    mass has a given value, kg m^2."""
 
     body: str
     axis: tuple[float, ...]
@@ -128,8 +129,11 @@ class FlankStiffness:
 
 @dataclass(frozen=True)
 class StartOfJoint:
-    """Function that gives a joint a position, or a speed, at the start. `follower` is the other
-    side of its drive train, if it is not logged; it carries the `load`, N m or N."""
+    """Function that gives a joint a position, or a speed, at the start.
+
+    `follower` is the other side of its drive train, if the log has only one of the two: it starts
+    where it carries the `load`, N m or N, which takes up play and compliance.
+    """
 
     robot: Robot
     joint: str
@@ -149,7 +153,7 @@ class StartOfJoint:
 @dataclass(frozen=True)
 class StartInPlay:
     """Function that gives the side of a drive train that is not logged its place in the play at the
-    start, from -1 to 1."""
+    start, from -1, at the lower end, to 1."""
 
     robot: Robot
     joint: str
@@ -288,8 +292,9 @@ def _require_joints(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy
 def _of_start(
     robot: Robot, log: RobotLog, name: str, q: Mapping[str, float], qd: Mapping[str, float]
 ) -> dict[tuple[str, str], Parameter]:
-    """Return the parameters of the start of a joint, by the joint and what it is of it; the place
-    of the other side in the play only unless that is logged or pressed to a flank."""
+    """Return the parameters of the start of a joint, by the joint and what it is of it: its
+    position, its speed unless it is at rest, and the place in the play of the other side of its
+    drive train, unless that is logged or pressed to a flank."""
     samples, unit = log.angles[name], "rad" if is_hinge(robot, name) else "m"
     noise = UNKNOWN_NOISE if samples.noise is None else samples.noise
     follower, load = _other_side(robot, log, name), 0.0
@@ -337,7 +342,8 @@ def _begins_at_rest(samples: Logged) -> bool:
 def _load_at_start(
     robot: Robot, q: Mapping[str, float], name: str, follower: str, noise: float
 ) -> float:
-    """Return the load with which a motor holds its link; zero if its sign is uncertain."""
+    """Return the torque, N m, or force, N, with which a motor holds its link at the start; zero if
+    its sign is uncertain."""
     joint = name if name in robot.drives else follower
     angles = {n: value for n, value in q.items() if n in robot.joints}
     loads = [
@@ -441,8 +447,11 @@ def _friction_name(robot: Robot, joint: str, kind: str) -> str:
 def _with_friction(
     robot: Robot, joint: str, kind: str, start: float | None, guess: float | None, unit: str
 ) -> tuple[Robot, Parameter]:
-    """Return the robot with friction or damping of a joint, of the size `guess` if neither it nor
-    the user has one, and the parameter."""
+    """Return the robot, with friction or damping of a joint also if its file gives none, and the
+    parameter of its size.
+
+    Where the file gives none, the size is `start`, which the user gives, or else `guess`.
+    """
     name, damper = _friction_name(robot, joint, kind), _damper(robot, joint)
     if kind == "damping" and damper is not None:
         return robot, Parameter(lambda s: s.forces[damper].damping, Log(), value=start, unit=unit)
@@ -531,7 +540,8 @@ def _of_gear(robot: Robot, joint: str, kind: str, start: float | None) -> Parame
 
 
 def _measured(robot: Robot, log: RobotLog, driven_by: DrivenBy) -> Measurements:
-    """Return positions that don't follow the log, and torques that make others follow it."""
+    """Return what a run predicts: positions that don't follow the log, and the torques that make
+    others follow it."""
     series: dict[str, Series] = {}
 
     def compare(name: str, channel: Quantity, samples: Logged, unit: str) -> None:
