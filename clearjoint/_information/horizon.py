@@ -309,8 +309,12 @@ def _errors(
 
 
 def offsets(uncertainty: Float[np.ndarray, " p"]) -> Iterator[Float[np.ndarray, " p"]]:
-    """Yield the offset of each wrong guess from the truth: each parameter is wrong alone, in both
-    directions, then all of several parameters together, see `ALL_CORNERS`."""
+    """Yield the offset of each wrong guess from the truth.
+
+    Each parameter is wrong alone, in both directions. Then several parameters are all wrong
+    together: in every combination of signs, or in eight random ones for more than `ALL_CORNERS`
+    parameters.
+    """
     p = len(uncertainty)
     for k in range(p):
         for sign in (1.0, -1.0):
