@@ -119,8 +119,11 @@ def family_names(families: tuple[type, ...]) -> str:
 def find_maker(
     name: object, families: tuple[type, ...], classes: Classes, location: FileLocation
 ) -> Maker:
-    """Return the maker that a file names; for "__main__:Class", as which a script saves its own
-    class, a class "Class" of any module, unless this package has one of that name."""
+    """Return the maker that a file names.
+
+    A script saves its own class as "__main__:Class"; for such a name, a class "Class" in `classes`
+    is found, whatever its module, unless this package has a class of that name.
+    """
     allowed = makers(families, classes)
     expected = f"one of {listed(allowed)}"
     # The errors below distinguish the mistakes, since each has a different remedy.
@@ -160,7 +163,8 @@ def arguments(make: Maker) -> dict[str, Expectation]:
 
 
 def _hints(owner: object) -> dict[str, Any]:
-    """Return the annotations of a class or function; as written if one is unknown at run time."""
+    """Return the annotations of a class or function by name; all as they were written if one of
+    them names a type that is unknown at run time."""
     try:
         return typing.get_type_hints(owner, include_extras=True)
     except NameError:

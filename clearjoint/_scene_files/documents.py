@@ -42,7 +42,8 @@ def split(text: str) -> tuple[str, ...]:
 
 
 def keys_of(text: str) -> tuple[str, ...]:
-    """Return the result of `split`; a `ValueError` for other characters and an empty path."""
+    """Return the result of `split`; raise a `ValueError` for a path that is empty or has characters
+    that `split` would skip."""
     expected = "names with dots between, such as joints.pin.clearance"
     remedy = "put names that contain dots into quotation marks"
     is_whole = text != "" and "".join(key[0] for key in KEY.finditer(text)) == text
@@ -79,15 +80,19 @@ def existing(content: object, keys: Sequence[str | int]) -> Keys:
 
 class Source:
     """The text of a file, for error messages that tell where a value is set. `changes` has the
-    options ``--set`` of the command line, by the keys of their values."""
+    options ``--set`` of the command line, by the keys of the value that each of them sets."""
 
     def __init__(self, text: str, suffix: str):
         self._text, self._is_toml = text, suffix == ".toml"
         self.changes: dict[Keys, str] = {}
 
     def where(self, keys: Keys) -> str:
-        """Return where the value at `keys` is set, as text after the name of the file: " with --set
-        run.end=2", or ", line 12" of the statement that sets it or the table around it."""
+        """Return where the value at `keys` is set, as a text that follows the name of the file in
+        messages.
+
+        It is " with --set run.end=2", or ", line 12": that of the statement that sets the value or,
+        if it is missing, the table around it. The text is empty if the line is unknown.
+        """
         for depth in range(1, len(keys) + 1):
             if keys[:depth] in self.changes:
                 return f" with --set {self.changes[keys[:depth]]}"
@@ -227,7 +232,8 @@ def _depth(content: object) -> int:
 
 
 def _parsed_json(text: str) -> object:
-    """Return the content of a JSON text. `json` would silently take the last of repeated keys."""
+    """Return the content of a JSON text. An object with a repeated key is refused as by `tomllib`:
+    the module `json` would silently take the last value."""
     numbers = count()
 
     def table(pairs: list[tuple[str, object]]) -> Document:

@@ -223,6 +223,7 @@ def _mimic(model: Model, follower: int, leader: int, coefficients: np.ndarray) -
 
 
 def _actuators(model: Model) -> tuple[dict[str, Actuator], list[str]]:
+    """Return the actuators of joints by name, and the names of others."""
     actuators: dict[str, Actuator] = {}
     others: list[str] = []
     for k in range(model.nu):

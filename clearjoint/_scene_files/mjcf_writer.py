@@ -1,7 +1,8 @@
 """Write scenes and robots as MJCF files, with play by MuJoCo's recipe.
 
-Bodies have the frames of the scene, and hinges and sliders its positions: the attribute `ref` has
-those of the pose that the file describes.
+A body's frame in the file is that of the scene: its origin is the centre of mass. Positions of
+hinges and sliders are those of the scene's joints: the attribute `ref` has those of the pose that
+the file describes.
 
 Flanks are limits of a hinge or, between bodies that are not parent and child, of a fixed tendon,
 whose length is a sum of hinges' angles. With the limit, MuJoCo accelerates the joint by
@@ -9,9 +10,10 @@ whose length is a sum of hinges' angles. With the limit, MuJoCo accelerates the 
     (1 - d) a - b v - k r,
 
 where d is the limit's impedance, a the acceleration without it, r the penetration and v its rate;
-the numbers of `solreflimit` are -k and -b. With an impedance near zero, the limit is a spring and
-damper, whose stiffness is k over the inverse inertia that MuJoCo computes when it compiles the file
-(`dof_invweight0`, `tendon_invweight0`), in any pose.
+the numbers of `solreflimit` are -k and -b. An impedance near one, as by default, fixes the
+acceleration: a load hardly deflects the limit. With an impedance near zero, the limit is a spring
+and damper, whose force does not depend on the load: its stiffness is k over the inverse inertia
+that MuJoCo computes when it compiles the file (`dof_invweight0`, `tendon_invweight0`), in any pose.
 """
 
 import math
@@ -187,6 +189,7 @@ class MjcfWriter:
         return FreeBranch(place.body, None)
 
     def _variables(self, state: State) -> dict[str, PyTree]:
+        """Return a `JointState` for each carried body, and a `BodyState` for each free one."""
         return variables_of(self._branches.values(), jax.tree.map(np.asarray, state))
 
     def motion(self, state: State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -266,6 +269,7 @@ class MjcfWriter:
         return _child(self.root, name) if section is None else section
 
     def _add(self, name: str, element: PyTree) -> None:
+        """Add an element that is no joint of the tree."""
         kind = type(element)
         if kind in ALONG:
             direction, axis, write = ALONG[kind]
@@ -279,7 +283,7 @@ class MjcfWriter:
     def _between(self, name: str, kind: str, element: PyTree, axis: Vector | None) -> FileJoint:
         """Return the joint or tendon whose position is that of the second body of an element
         relative to the first, about or along an axis of the first, by default that of the first
-        joint between them."""
+        joint between them; all must have this axis. `name`: of a new tendon."""
         first, second = element.pair()
         sides: dict[str, float] = defaultdict(float)
         for body, side in ((first, -1.0), (second, 1.0)):
@@ -484,6 +488,7 @@ class MjcfWriter:
             _child(self._section("equality"), tag, name=label, **ends, **HARD)
 
     def add_robot(self, robot: Robot) -> None:
+        """Add limits and actuators of a robot's file."""
         joints = {joint.name: joint.element for joint in self.joints.values()}
         for name, limits in robot.limits.items():
             if name not in joints:

@@ -41,7 +41,8 @@ NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)(?:
 def axis_and_angle(
     axis: Annotated[Float[np.ndarray, "3"], "1"], angle: Annotated[float, "rad"]
 ) -> tuple:
-    """Return the Euler parameters for which a table of `axis` and `angle` may stand."""
+    """Return the Euler parameters, scalar first, of a rotation about an axis: a table with the keys
+    `axis` and `angle` may replace them in a file."""
     return tuple(rotation(axis, angle).tolist())
 
 

@@ -333,6 +333,7 @@ class Robot:
         return {n: motor_name(n) for n in self.drives if motor_name(n) in names}
 
     def _by_joint(self, argument: str, values: Positions, speeds: bool) -> dict[str, JointNumbers]:
+        """Return the numbers of each joint: those of its position, or of its speeds."""
         if values is None:
             return {}
         if not isinstance(values, Mapping):
@@ -454,6 +455,7 @@ def _in_scalars(body: BodyState) -> BodyState:
 
 
 def _number(parts: Sequence[Scalar]) -> np.ndarray:
+    """Return the only number of a joint, or its several numbers on a last axis."""
     xp = library(parts)
     if len(parts) == 1:
         return xp.asarray(parts[0])

@@ -93,7 +93,8 @@ class Elements:
     - `ideal`: the ideal joint of each joint of the file, except those that are floating or within a
       body.
     - `mimics`: what joints follow, each after the joint that it follows.
-    - `omitted`: names of joints with an element that the scene lacks, by title.
+    - `omitted`: names of joints with an element of the file that the scene lacks, by the element's
+      title in messages.
     """
 
     def __init__(self, tree: LinkTree):
@@ -128,6 +129,7 @@ class Elements:
             self.joints[name] = element
 
     def scalar(self, name: str) -> HingeOrSlider | None:
+        """Return the ideal joint of a name if it is a hinge or slider."""
         joint = self.ideal.get(name)
         return joint if isinstance(joint, HingeOrSlider) else None
 
@@ -140,7 +142,7 @@ def scene_of(
     friction: FrictionLaw | None,
     gravity: TripleLike | None,
 ) -> tuple[Scene, State, Elements]:
-    """Return the scene of a robot (see `load_robot`), its state at zero, and its elements."""
+    """Return the scene of a robot, its state at rest with all joints at zero, and its elements."""
     location = tree.location
     hinges = [joint.name for joint in tree.joints.values() if joint.kind in HINGES]
     play = {
@@ -316,6 +318,7 @@ def prescribed(joint: HingeOrSlider, position: FunctionOfTime) -> AbstractConstr
 
 
 def _add_resistances(elements: Elements, friction: FrictionLaw | None) -> None:
+    """Add springs, dampers and dry friction of joints."""
     for name, joint in elements.tree.joints.items():
         if (ideal := elements.scalar(name)) is None:
             continue
@@ -359,8 +362,9 @@ def spring_of(
 
 
 def _add_stops(elements: Elements, stops: Mapping[str, Play]) -> None:
-    """Add stops at the limits of joints: a `Backlash` of a hinge, or a `PinInSlot` with ends of a
-    slider, whose play is the range of the joint."""
+    """Add stops at the limits of hinges and sliders, with the user's arguments `stops[joint]`. A
+    stop is an element with clearance whose play is the range of the joint: a `Backlash` of a hinge,
+    a `PinInSlot` with ends of a slider."""
     tree = elements.tree
     # Only joints of one degree of freedom with a finite range can have stops.
     ranges = {

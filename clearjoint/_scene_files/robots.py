@@ -1,9 +1,13 @@
 """Robots as trees of links and joints, whatever the format of their files, and their bodies.
 
-A joint is at zero where the file's position is zero. Links that are fixed to each other form one
-body, named after the first of them, the carrier. The frames of all bodies are parallel while all
-joints are at zero, see `load_robot`: with frames parallel to those of the links, a joint's frame
-that is turned about its axis would shift the zero of its angle.
+A joint gives the frame of its child link relative to the frame of its parent link while the joint
+is at zero, that is, where the file's position is zero. Links that are fixed to each other form one
+body, named after the first of them, the carrier.
+
+The frames of all bodies are parallel to the root link's frame while all joints are at zero. The
+components of a joint's axis are then the same in both bodies, and the angle of a joint, of a
+backlash and of a drive without `orientation` is zero where the file's is. With body frames parallel
+to those of the links, a joint's frame that is turned about its axis would shift the zero.
 """
 
 import math
@@ -76,8 +80,8 @@ class LinkPose:
 
 
 class Inertial(NamedTuple):
-    """Mass of a link, kg, its centre (3,), m, in the link's frame, and the tensor (3, 3), kg m^2,
-    about the centre in the link's axes; None if unknown."""
+    """Mass of a link, kg, its centre (3,), m, in the link's frame, and the inertia tensor (3, 3),
+    kg m^2, about the centre in the link's axes; None if unknown."""
 
     mass: float
     centre: np.ndarray
@@ -165,8 +169,11 @@ class Actuator:
 
 
 class Content(NamedTuple):
-    """Content of a robot's file; `omitted`: names of links and joints with an element that a scene
-    lacks, by its title in messages, none for elements of the robot itself."""
+    """Content of a robot's file: links and joints in its order, and what belongs to them.
+
+    - `omitted`: names of the links and joints with an element that a scene lacks, by the element's
+      title in messages; an empty list for an element of the robot itself.
+    """
 
     links: list[RobotLink]
     joints: list[RobotJoint]
@@ -178,6 +185,8 @@ class Content(NamedTuple):
 
 @dataclass(frozen=True)
 class Options:
+    """Choices of the user for the bodies of a robot, see `load_robot`."""
+
     merge_fixed: bool = True
     free_root: bool = False
     balance_inertia: bool = False
@@ -187,8 +196,11 @@ class Options:
 
 @dataclass
 class Carrier:
-    """Links that form one body, or belong to the ground. `pose`: (4, 4) m, from the frame of the
-    first link to that of the root at zero; `centre`: of mass, (3,) m in the frame of the first."""
+    """Links that form one body, or belong to the ground.
+
+    - `pose`: (4, 4) m, from the frame of the first link to that of the root at zero.
+    - `centre`: (3,) m, the body's centre of mass in the frame of the first link.
+    """
 
     body: str
     pose: np.ndarray
@@ -284,7 +296,8 @@ class LinkTree:
         return {name: inertial for name, inertial in inertials.items() if inertial is not None}
 
     def _centre(self, carrier: Carrier) -> np.ndarray:
-        """Return the centre of mass; if the mass is zero, that of the first <inertial>."""
+        """Return a carrier's centre of mass, m, in the frame of its first link; if the mass is
+        zero, that of the first <inertial>, or else the origin."""
         inertials = self.massive(carrier)
         centres = [moved(self.poses[name], part.centre) for name, part in inertials.items()]
         masses = np.array([part.mass for part in inertials.values()])
@@ -348,7 +361,9 @@ def bodies_of(tree: LinkTree, carriers: Iterable[Carrier]) -> dict[str, Body]:
 
 
 def _negligible(tree: LinkTree, carrier: Carrier) -> tuple[float, np.ndarray]:
-    """Return mass and inertia tensor of a body without mass between joints, as in MJCF."""
+    """Return the mass and the inertia tensor of a body without mass that carries other bodies, such
+    as one between two joints of a body of MJCF: a small share of those of the bodies that it
+    carries."""
     (joint,) = [j for j in tree.joints.values() if j.child == carrier.links[0]] or [None]
     inertias = [(part, tree.massive(part)) for part in tree.carried(carrier)]
     masses = [part.mass for _, inertials in inertias for part in inertials.values()]
@@ -385,7 +400,8 @@ def _is_possible(tensor: np.ndarray) -> bool:
 
 
 def _balanced(inertial: Inertial) -> Inertial:
-    """Return the inertia that MuJoCo's `balanceinertia` makes, the same object if possible."""
+    """Return the inertia that MuJoCo's `balanceinertia` makes: the principal moments are their mean
+    if no rigid body has them; otherwise it is the same object."""
     tensor = inertial.tensor
     if tensor is None or _is_possible(tensor):
         return inertial

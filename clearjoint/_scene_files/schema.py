@@ -41,7 +41,8 @@ def scene_properties(catalogue: "Catalogue") -> Schema:
 @dataclass(frozen=True)
 class Catalogue:
     """Makes the schema of a file. `definitions` collects the schemas to which it refers: that of
-    `ROWS`, and those of makers by their names in files."""
+    numbers, under `ROWS`, and those of makers, by their names in files, each added when another
+    schema first refers to it."""
 
     classes: Classes
     definitions: Schema = field(
@@ -131,7 +132,8 @@ def _any_of(ways: list[Schema]) -> Schema:
 
 
 def _numbers(shapes: tuple[tuple[int, ...], ...]) -> list[Schema]:
-    """Return the schemas of arrays of given shapes; without shapes, flags are allowed too."""
+    """Return the schemas of arrays of the given shapes, whose numbers may be texts with units.
+    Without shapes, any are allowed, and true and false too, since a flag has none."""
     if not shapes:
         return [{"type": "boolean"}, _reference(ROWS)]
     schemas = []
