@@ -150,6 +150,7 @@ def statistics_derivatives(
 
 
 def _coefficients(parameters: int) -> int:
+    """Number of coefficients of the regression."""
     return 1 + 3 * parameters + parameters * (parameters - 1) // 2
 
 
@@ -180,8 +181,8 @@ def _points(uncertain: Mapping[str, Uncertain], draws: int, seed: int) -> np.nda
 
 
 class Estimate(NamedTuple):
-    """Derivatives of an output's mean by standardised nominal coordinates, their standard errors
-    and the degrees of freedom of these."""
+    """Derivatives of an output's mean by the nominal values in standardised coordinates, their
+    standard errors and the degrees of freedom of these errors."""
 
     derivatives: Float[np.ndarray, " p"]
     errors: Float[np.ndarray, " p"]

@@ -136,6 +136,7 @@ def _component(state: State, body: str, part: str, k: int) -> float:
 
 
 def velocities_of(bodies: Sequence[str], state: State) -> Float[np.ndarray, " v"]:
+    """Return velocity (m/s, global) and spin (rad/s, body axes) of each of the `bodies`."""
     states = [state.bodies[name] for name in bodies]
     return np.concatenate([[*body.velocity, *body.spin] for body in states]).astype(float)
 
