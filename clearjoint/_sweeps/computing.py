@@ -137,6 +137,7 @@ class _Writer:
         self._write_seconds = 0.0
 
     def add(self, lanes: np.ndarray, results: LaneArrays) -> None:
+        """Add lanes that have ended, and write those that are due."""
         chunks = np.array([self._chunk_of[lane] for lane in lanes.tolist()])
         for chunk in np.unique(chunks).tolist():
             rows = chunks == chunk
@@ -145,6 +146,7 @@ class _Writer:
         self.write_if_due()
 
     def write_if_due(self) -> None:
+        """Write complete chunks and, unless that would take too long, incomplete ones."""
         since = time.monotonic() - self._last_write
         if since * WRITE_SHARE >= self._write_seconds:
             self.write_all()
@@ -159,6 +161,7 @@ class _Writer:
         self._write_seconds = self._last_write - start
 
     def _is_complete(self, chunk: int) -> bool:
+        """Whether all lanes of a chunk that are not written yet have ended."""
         return sum(len(lanes) for lanes, _ in self._waiting[chunk]) == self._unwritten[chunk]
 
     def _write(self, chunks: Sequence[int]) -> None:

@@ -127,8 +127,9 @@ def run_chunks(
     Only a few chunks at a time are submitted, and none after an error. Until the first result,
     `on_start` is called every second with the time since the call.
 
-    **Raises:** `ValueError` for an unsuitable executor; `ChunkError`, after the chunks already
-    submitted have ended.
+    **Raises:** `ValueError` if `executor` has another type, or forks its processes. `ChunkError` if
+    a chunk raises an error, its worker dies (with Dask: repeatedly), or the executor cancels it,
+    after the chunks already submitted have ended.
     """
     pool, waiting = _Pool(executor, task), deque(chunks)
     running: dict[Future, int] = {}
@@ -203,8 +204,8 @@ class _Pool:
 
 
 def _payload(task: ChunkFunction) -> bytes:
-    # The function is encoded separately, because a worker adopts the runtime settings before it
-    # decodes the function.
+    """Return the runtime settings of this process and the encoded function as bytes. The function
+    is encoded separately, because a worker adopts the settings before it decodes the function."""
     file = io.BytesIO()
     _Pickler(file).dump(task)
     return pickle.dumps((in_force(), file.getvalue()))
@@ -215,6 +216,7 @@ _decoding = Lock()
 
 @lru_cache(maxsize=1)
 def _decoded(payload: bytes) -> ChunkFunction:
+    """Adopt the runtime settings in the bytes of `_payload`, and return the function."""
     _end_with_parent()
     values, task = pickle.loads(payload)
     adopt(values)

@@ -285,7 +285,7 @@ class LaneMargins:
         return doubtful
 
     def falls(self, tolerance: float) -> bool:
-        """Return whether the margins only fall.
+        """Return whether the margins only fall as the coordinate rises.
 
         A rise counts only if the lower end of a margin's confidence interval exceeds the upper end
         of that at a smaller coordinate by more than `tolerance`, a relative change of the peak.

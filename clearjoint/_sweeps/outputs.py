@@ -67,6 +67,7 @@ class Variable(NamedTuple):
         return fills.get(np.dtype(self.dtype).kind, np.nan)
 
     def pending(self, lanes: int) -> np.ndarray:
+        """Return the entries for a number of lanes that have not been computed."""
         return np.full((lanes, *self.shape), self.fill, self.dtype)
 
     @property
@@ -147,6 +148,7 @@ class Layout:
         return {axis.name: column for axis, column in zip(self.axes, columns, strict=True)}
 
     def pending(self) -> LaneArrays:
+        """Return the results of all lanes before any of them has been computed."""
         return {name: variable.pending(self.lanes) for name, variable in self.variables.items()}
 
 
@@ -175,7 +177,8 @@ def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
 
 
 def _with_array(coordinate: Coordinate) -> Coordinate:
-    # Values other than numbers and truth values become texts without unit.
+    """A coordinate with an array of numbers or truth values; other values become texts without
+    unit."""
     values = np.asarray(coordinate.values)
     if values.dtype.kind in "biuf":
         return coordinate._replace(values=values)

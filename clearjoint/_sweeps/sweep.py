@@ -172,7 +172,10 @@ def notes_for_readers(
     axes: Mapping[str, Axis],
     lanes: Lanes,
 ) -> dict[str, str]:
-    """Return the arguments of a sweep and the numbers that all lanes share, for attributes."""
+    """Return, as texts by name, the arguments of a sweep and the numbers that all lanes share.
+
+    They become attributes of the results, which a store does not compare.
+    """
     # For each leaf of the state, whether it differs between lanes.
     states = jax.tree.map(lambda rows: bool((rows != rows[0]).any()), lanes.states)
     names = ("solver", "controller", "first_step", "stabilisation", "redundant")
@@ -196,6 +199,7 @@ def notes_for_readers(
 
 
 def _constant_numbers(tree: PyTree, varied: PyTree[bool], name: str) -> dict[str, str]:
+    """Numbers of a scene or state that all lanes share, as texts by name."""
     varies = {key: any(jax.tree.leaves(flags)) for key, (flags, _) in parameters(varied).items()}
     # netCDF allows no quotes in names: bodies['rod'].mass becomes bodies.rod.mass.
     return {

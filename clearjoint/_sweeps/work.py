@@ -122,6 +122,11 @@ class Chunks:
     trace: Callable[[], Mapping[str, str]] | None = None
 
     def __call__(self, chunk: int) -> LaneArrays:
+        """Return the results of the lanes of a chunk, in the order of `lanes[chunk]`.
+
+        **Raises:** `RuntimeError` if this process would run other code than the process that made
+        the sweep.
+        """
         self._require_same_code()
         parts: list[tuple[np.ndarray, LaneArrays]] = []
         self.work.run(self.lanes[chunk], lambda *part: parts.append(part))

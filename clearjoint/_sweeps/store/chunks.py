@@ -142,8 +142,8 @@ def write(path: Path, array: "zarr.Array", values: np.ndarray) -> None:
 
 
 def read(path: Path, array: "zarr.Array") -> tuple[np.ndarray, dict[int, str]]:
-    """Return the values of an array, and the faults of its files by chunk, whose values are the
-    fill value."""
+    """Read an array of a group. Return its values, and the faults of its files by chunk; the values
+    of such a chunk are the fill value."""
     values, faults = np.full(array.shape, array.fill_value, _dtype(array)), {}
     for chunk, first in enumerate(range(0, array.shape[0], array.chunks[0])):
         rows = read_chunk(path, array, chunk)

@@ -97,8 +97,9 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
 
 
 def _move_all(new: Path, path: Path) -> None:
-    """Move the files of a group that `path` does not have already. The file `ROOT` lists the arrays
-    and is moved last: until then the group reads as before. Result codes are moved before it."""
+    """Move the files of the group at `new` to the folder `path`, except those that it has already.
+    The file `ROOT` lists the arrays and is moved last: until then the group reads as before. Result
+    codes are moved after all other arrays."""
     files = [file.relative_to(new) for file in new.rglob("*") if file.is_file()]
     for file in sorted(files, key=lambda file: (file == Path(ROOT), file.parts[0] == RESULT)):
         if not _same(new / file, path / file):
@@ -199,6 +200,7 @@ def contents_of(path: Path) -> Contents:
 
 
 def _opened(path: Path) -> "tuple[zarr.Group, dict[str, Any]]":
+    """Open a store, and return its group `by_lane` and the attributes of this group."""
     file = path / BY_LANE / ROOT
     try:
         # Older versions stored the lanes where the grid is now.
@@ -228,6 +230,7 @@ def _digest(root: Mapping[str, Any]) -> str:
 
 
 def _write(path: Path, contents: Contents) -> None:
+    """Write the group `by_lane` of a new or extended store, without results."""
     import zarr
 
     layout, identity, order, added = contents

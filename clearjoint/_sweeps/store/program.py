@@ -69,6 +69,8 @@ def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTr
     """Return the digests and shapes of the entries of the dictionary that a function returns.
 
     Digests depend on structure, shapes and types of the arguments, but not on their numbers.
+
+    **Raises:** `ValueError` if the function calls a Python function that JAX doesn't trace.
     """
     program, shapes, _ = program_of(function, *arguments)
     named = jax.tree_util.tree_flatten_with_path(arguments)[0]
@@ -87,6 +89,7 @@ def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTr
 
 
 def _results(jaxpr: Jaxpr, constants: Sequence[str], inputs: Sequence[str]) -> list[str]:
+    """Digests of a program's results, from those of its constants and inputs."""
     digests = dict(zip(jaxpr.invars, inputs, strict=True))
     digests |= zip(jaxpr.constvars, constants, strict=True)
 

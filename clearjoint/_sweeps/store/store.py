@@ -216,6 +216,10 @@ class SweepStore:
 
         A store with fewer lanes or variables than the requested sweep is extended, and one with the
         same lanes along other axes gets the axes of the requested sweep, unless it is read only.
+
+        **Raises:** `ValueError` if there is something other than an intact store of this version at
+        the path, or if the stored sweep differs from the requested one as `differences` lists;
+        `OSError` if the store can't be created or extended, for example without permission.
         """
         path = Path(path)
         # Processes that were killed may have left partly written stores beside the path.
@@ -357,8 +361,12 @@ def open_sweep(path: str | os.PathLike) -> "xr.Dataset":
 
 
 def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
-    """Return the wanted contents, in which stored lanes keep their rows and others get rows at the
-    end. An error lists the `differences`."""
+    """Return the wanted contents, with the order of lanes that the store will have.
+
+    The stored lanes keep their rows, and lanes that the store lacks get rows at the end.
+
+    **Raises:** `ValueError` that lists the `differences`.
+    """
     # Lanes are recognised by the digests of the numbers from which they start.
     digests = wanted.identity.lanes[RUN]
     matches = matching_lanes(stored.identity.lanes[RUN][stored.order], digests)
@@ -381,8 +389,8 @@ def _same_axes(layout: Layout, other: Layout) -> bool:
 
 
 def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list[int]]:
-    """Numbers of the pending lanes, by number of their chunk, from the result code and the lane of
-    each row."""
+    """Numbers of the pending lanes, by number of their chunk, from the result code and the number
+    of the lane in each row, and the number of rows in a chunk."""
     pending: dict[int, list[int]] = {}
     for row in np.flatnonzero(codes == PENDING):
         pending.setdefault(int(row) // chunk, []).append(int(order[row]))
