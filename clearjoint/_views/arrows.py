@@ -23,8 +23,8 @@ MODE_NAMES = {
 
 
 class Arrows(NamedTuple):
-    """`scale`: length divided by force, m/N, before long arrows are cut; 1 without forces. `note`:
-    text on the scale, for the legend."""
+    """Arrows of the forces. `scale`: length divided by force, m/N, before long arrows are cut; 1
+    without forces. `note`: text on the scale, for the legend."""
 
     parts: list[DrawnPart]
     scale: float
@@ -90,8 +90,10 @@ def _contact_forces(
     pen: SketchingPen, observation: Observation
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Return the point, (N, 3) m, at which each contact force acts, and the force on the second
-    body of the joint, (N, 3) N, by names such as "pin V". Joints that draw nothing, such as
-    `Backlash`, whose contacts transmit a couple, are left out."""
+    body of the joint, (N, 3) N, by names such as "pin V" for the contact "V" of the joint "pin".
+
+    Joints that draw nothing, such as `Backlash`, whose contacts transmit a couple, are left out.
+    """
     result = {}
     for joint, family in observation.contacts.items():
         if joint not in pen.drawn:

@@ -115,11 +115,13 @@ class Film:
             self._time_text.set_text(_time_text(self._times[k], self._times[-1] - self._times[0]))
 
     def _order(self, part: DrawnPart, k: int) -> tuple[bool, float]:
-        # The transparent parts last, from the farthest to the nearest, over what is behind them.
+        """Return the key by which parts are sorted before they are painted: the transparent ones
+        last, from the farthest to the nearest, over what is behind them."""
         centre = part.mesh.moved(part.pose(k)).vertices.mean(axis=0)
         return part.opacity < 1.0, float(centre @ self._view[2])
 
     def save(self, file: Path, frames: Sequence[int]) -> None:
+        """Write an animation of some frames to a GIF or, with ffmpeg, an MP4 file."""
         writer = PillowWriter(FRAMES_PER_SECOND)
         if file.suffix.lower() == ".mp4":
             has_ffmpeg = shutil.which("ffmpeg") is not None

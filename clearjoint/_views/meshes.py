@@ -180,6 +180,11 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def as_mesh(argument: str, value: MeshLike) -> Mesh:
+    """Check a mesh that a user passes as the given argument, and return it as a `Mesh`.
+
+    **Raises:** `ValueError` for a missing file, another type, and wrong arrays; the errors of
+    trimesh for a file that it can't read.
+    """
     remedy = "give a file that trimesh reads, a trimesh object, or (vertices in m, faces)"
     # A file becomes an object with triangles, and such an object becomes a pair of arrays.
     if isinstance(value, str | Path):
@@ -264,7 +269,8 @@ CLEAR = 0.3
 class DrawnPart:
     """A solid of a view, with its pose in each frame.
 
-    - `name`: of its body, joint or force; for the arrow of a contact force, with the contact.
+    - `name`: name of its body, joint or force; for the arrow of a contact force, that of the joint
+      and the label of the contact.
     - `mesh`: triangles in the solid's own axes, m.
     - `poses`: (N, 4, 4), one for each frame, or (1, 4, 4) for a solid at rest. They may also
       stretch the solid.

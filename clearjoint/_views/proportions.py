@@ -58,8 +58,9 @@ def proportions(
     bearing_scale: float | None,
     clearance_scale: float | None,
 ) -> Proportions:
-    """Return the sizes and scales for a view of a scene, by its first frame. Scales that are None
-    are chosen so that bearings and clearances are visible.
+    """Return the sizes and scales for a view of a scene, by its first frame. `noted` has the points
+    and axes of the scene's elements (markers), and the radii and clearances of its bearings and
+    sockets (bores). Scales that are None are chosen so that bearings and clearances are visible.
 
     **Raises:** `ValueError` for scales that are not positive, or if a drawn clearance would exceed
     0.9 times the drawn radius of its bearing.
@@ -87,7 +88,7 @@ def proportions(
 
 
 class BodySolid(NamedTuple):
-    """A homogeneous box or cylinder.
+    """A homogeneous box or cylinder with the mass and moments of inertia of a body.
 
     - `axes`: unit vectors along the axes of the solid as columns, in body axes. `sides`: (3,) m.
     - `round`: whether the solid is a cylinder about the third axis; the first two sides are then
@@ -139,7 +140,8 @@ def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
 
 
 def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
-    """Return the main direction of the joint axes, and whether nearly all are parallel."""
+    """Return the main direction of the joint axes in the first frame, and whether nearly all are
+    parallel; the Z axis and false without joint axes."""
     turning = [marker for marker in noted.markers if marker.axis is not None]
     axes = [poses.direction(marker.body, marker.along())[0] for marker in turning]
     if not axes:

@@ -64,7 +64,10 @@ class DrawnJournal:
         self, position: float, normal: Float[np.ndarray, "N 3"]
     ) -> Float[np.ndarray, "N 3"]:
         """Return the point at which the drawn journal touches the drawn bearing in each frame.
-        `position`: of the contact on the journal's axis, from -1 at base V to 1 at base W."""
+
+        **Arguments:** `position`: of the contact on the journal's axis, from -1 at base V to 1 at
+        base W; `normal`: unit vectors from the axis to the contact points.
+        """
         centre = 0.5 * ((1.0 - position) * self.ends[0] + (1.0 + position) * self.ends[1])
         if self.profile is None:
             return centre + self.radius * normal

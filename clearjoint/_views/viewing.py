@@ -257,6 +257,7 @@ def _at(recorded: T, chosen: np.ndarray) -> T:
 
 
 def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory:
+    """Return the saved states of a run, or the states at its steps if no states were saved."""
     if isinstance(motion, Trajectory):
         return motion
     remedy = "pass a State, the result of simulate(), or a Trajectory"
