@@ -107,6 +107,7 @@ class QuadraticTest:
 
     @property
     def differing(self) -> Bool[np.ndarray, " n"]:
+        """Whether the rise at each point disagrees with the model."""
         return _differing(self.predicted, self.actual)
 
     @property
@@ -164,6 +165,7 @@ class Exploration:
 
     @property
     def lowest(self) -> float:
+        """Smallest chi squared of all points and minima."""
         return min(float(self.chi_squared.min()), *(minimum.chi_squared for minimum in self.minima))
 
     def intervals(self) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
@@ -236,11 +238,11 @@ class _CountedRuns:
 
     @property
     def searched(self) -> int:
-        """Runs with derivatives."""
+        """Number of runs with derivatives."""
         return sum(search.evaluations for search in self.searches)
 
     def left(self) -> float:
-        """Further runs without derivatives within the limit."""
+        """Return the number of further runs without derivatives within the limit."""
         # One with derivatives by p parameters costs about as much as 1 + p without.
         each = 1 + len(self.compared.parameters)
         return self.most - self.points - each * self.searched
@@ -386,7 +388,8 @@ class LikelihoodCheck:
       represent it.
     - `searches`: the local searches of the exploration. If one of them has lowered chi squared by
       more than `FLOOR`, a more accurate search from there is the last.
-    - `runs`: without those of the posterior; `seconds`: with that of the posterior.
+    - `runs`: number of runs, except those of the posterior.
+    - `seconds`: computing time, including that of the posterior.
     - `difference`: chi squared at the estimates in a run without derivatives, less that in the run
       with derivatives. Above 1, the rise at a distance of one standard error, integration errors
       are too large.
@@ -512,7 +515,7 @@ def _small_posterior(
 ) -> Posterior | None:
     """Return the posterior for a uniform prior in a box; ``None`` if its few points don't represent
     it, if it needs more than `most_runs`, or if no points could be drawn. `lowest` is the smallest
-    known chi squared."""
+    known chi squared, and the number of points is proportional to `number`."""
     before = bar.n
 
     def on_step(time: float, runs: int) -> None:
@@ -574,7 +577,8 @@ def _largest_offsets(
 def _early_covariances(
     best: RunMisfit, compared: Comparison, horizon: float
 ) -> list[Float[np.ndarray, "p p"]]:
-    """Return the covariances of fits to the record up to `horizon`, s, and to half of this part."""
+    """Return the covariances of fits to the record up to `horizon`, s, and up to half way between
+    its start and `horizon`; none if `horizon` is infinite."""
     if not math.isfinite(horizon):
         return []
     start, rows = float(compared.runs.start_time), best.jacobian

@@ -50,6 +50,7 @@ class Comparison:
     measurements; empty at first. A list, because the class is frozen."""
 
     def of(self, measurements: Measurements) -> "Comparison":
+        """Return the comparison with other measurements of the same channels and times."""
         return replace(self, data=samples(measurements, len(self.runs.times)))
 
     @property
@@ -63,7 +64,8 @@ class Comparison:
         return int(np.flatnonzero(self.data.weights.any(axis=0))[-1]) + 1
 
     def time(self, count: float) -> float:
-        """Return the last of the first `count` sample times, s, rounded up; for 0, the start."""
+        """Return the last of the first `count` sample times, s, where a fraction is rounded up; for
+        0, the start of the run."""
         times = int(np.ceil(count))
         return float(self.times[times - 1]) if times else float(self.runs.start_time)
 
@@ -204,6 +206,7 @@ def comparison(
 def _scenes_and_states(
     runs: Experiment, varied: PyTree[bool], coordinates: Float[np.ndarray | jax.Array, "n p"]
 ) -> tuple[PyTree, State]:
+    """Return n scenes, with ``None`` for the leaves that are not `varied`, and n initial states."""
     scenes, states = jax.vmap(runs.family.scene_and_state)(coordinates)
     return eqx.filter(scenes, varied), states
 

@@ -183,8 +183,9 @@ class Fit(AbstractTabular):
 
     @property
     def _interval_widening(self) -> Float[np.ndarray, " p"]:
-        """`widening`, times a factor of Student's distribution where it is above 1, because the
-        variance of correlated noise is estimated from few independent samples."""
+        """Factor by which each interval is widened: `widening`, times a factor of Student's
+        distribution, because the variance of correlated noise is estimated from few independent
+        samples; 1 where `widening` is 1."""
         noises = self._correlated_noise.values()
         fewest = min((noise.effective for noise in noises), default=math.inf)
         factor = statistics.student_factor(fewest) if math.isfinite(fewest) else 1.0
@@ -633,7 +634,7 @@ def _explanation(
     """Find a few errors of a sensor that together explain most of the misfit of its series.
 
     Errors are added one by one, each time the one with which the residuals become smallest, until
-    they explain the share `MOST` of the series' chi squared. `residuals` are those
+    the errors together explain the share `MOST` of the series' chi squared. `residuals` are those
     of all series, `part` the rows of the sensor's series, and `effects` the derivatives of
     `residuals` by each kind of error.
 
@@ -669,7 +670,8 @@ def _explanation(
 def _effects_of_errors(
     fit: Fit, name: str
 ) -> dict[type[AbstractSeriesVariation], Float[np.ndarray, " N"]]:
-    """Derivatives of the residuals of a series by each kind of error of an ideal sensor."""
+    """Derivatives of the residuals of a series by each kind of error that its sensor may have, at
+    an ideal sensor."""
     series = fit.measurements[name]
     quantity, times = fit.predictions[name], np.asarray(series.times)
     instants = [*zip(quantity.tolist(), (times - fit.start_time).tolist(), strict=True)]

@@ -299,8 +299,12 @@ class _Problem:
     def _search(
         self, compared: Comparison, start: np.ndarray, on_iteration: OnFitIteration
     ) -> Search:
-        """Search window by window, each from the result of the one before. After Ctrl-C, the search
-        has `Ending.INTERRUPTED` and the best run so far, if a run has ended."""
+        """Search from coordinates, window by window, each from the result of the one before.
+
+        After Ctrl-C, the search has `Ending.INTERRUPTED` and the best run so far.
+
+        **Raises:** `KeyboardInterrupt` if Ctrl-C comes before the first run has ended.
+        """
         max_changes, runs = step_limits(compared.parameters), compared.runs
         windows, at = [], start
         best: RunMisfit | None = None
@@ -376,7 +380,8 @@ def _with_prior(
 def iteration_callback(
     progress: bool | OnIteration, parameters: Mapping[str, Parameter], searches: int
 ) -> Iterator[OnFitIteration]:
-    """Yield the function to call after each run: the user's, or one that updates a bar."""
+    """Yield the function to call after each run: the user's, or one that updates a bar, which is
+    hidden if `progress` is false. `searches` is the total number of searches."""
     if callable(progress):
         yield lambda _, iteration: progress(iteration)
         return

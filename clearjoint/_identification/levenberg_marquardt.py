@@ -110,6 +110,7 @@ class Search:
 
     @property
     def evaluations(self) -> int:
+        """Number of iterations in all windows."""
         return sum(len(window.iterations) for window in self.windows)
 
 
@@ -258,8 +259,11 @@ def search_with_damping(
 
 def _triangular(misfit: RunMisfit, scales: np.ndarray) -> tuple[jax.Array, jax.Array]:
     """Return p + 1 residuals and their Jacobian, in scaled coordinates, that have the same sum of
-    squares as the M residuals at all coordinates: one compiled program serves data of any size. A
-    QR decomposition gives them; fewer than p + 1 rows are followed by zeros."""
+    squares as the M residuals at all coordinates.
+
+    A QR decomposition gives them: it rotates the rows. So one compiled program serves data of any
+    size. Fewer than p + 1 rows are followed by zeros.
+    """
     table = np.column_stack([misfit.jacobian / scales, misfit.residuals])
     rows = np.zeros((table.shape[1], table.shape[1]))
     triangle = np.linalg.qr(table, mode="r")

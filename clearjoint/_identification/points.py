@@ -50,7 +50,7 @@ def chi_squared_over(curves: Float[np.ndarray, "n T"], count: float) -> Float[np
 def last_where(holds: Callable[[float], bool], low: float, high: float) -> float:
     """Return the last number at which a condition holds that holds at `low`, but not at `high`.
 
-    It is bisected until no number is between its ends: a step of a posterior may be as
+    The interval is bisected until no number is between its ends: a step of a posterior may be as
     short as 1e-30, because the logarithm of a prior that is 1e15 times narrower than the box varies
     by 1e30 over the box.
     """

@@ -227,6 +227,7 @@ class Samples(eqx.Module):
 
     @property
     def count(self) -> int:
+        """Number of samples in all series."""
         return int(np.count_nonzero(self.weights))
 
     def until(self, times: ArrayLike, end_time: float) -> "Samples":
@@ -282,6 +283,7 @@ class RunMisfit:
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "p p"]:
+        """Covariance of the coordinates for residuals of unit variance."""
         return covariance(self.jacobian)
 
 

@@ -68,6 +68,7 @@ class Starts:
 def half_widths(
     spread: float | Mapping[str, float], names: Sequence[str]
 ) -> Float[np.ndarray, " p"]:
+    """Return half the width of the box in which random points are drawn, for each parameter."""
     if not isinstance(spread, Mapping):
         return np.full(len(names), float(spread))
     _require_known("spread", spread, names)

@@ -258,7 +258,10 @@ class ImpossiblePointsError(ValueError):
 
 
 class TooManyRunsError(ArithmeticError):
-    """Error of `drawn_posterior` before more runs than its argument `most_runs`."""
+    """Error of `drawn_posterior` if a posterior needs more runs than its argument `most_runs`.
+
+    It is raised before the runs that would exceed this number, and no result is returned.
+    """
 
 
 def _log_prior(

@@ -4,9 +4,10 @@ A cloud of points is drawn from the prior. Then the record enters the likelihood
 samples, or of a fraction of one. After each step the points are weighted, resampled and moved, so
 that they are distributed as the posterior of the record so far (N. Chopin, *A sequential particle
 filter method for static models*, 2002; adaptive steps as by A. Jasra et al., *Inference for
-Lévy-driven stochastic volatility models via adaptive sequential Monte Carlo*, 2011). Over few
-impacts chi squared is smooth, so that the cloud finds the region of the truth. Growing powers of
-the likelihood of the whole record, as usual, would have to find it in the rough chi squared.
+Lévy-driven stochastic volatility models via adaptive sequential Monte Carlo*, 2011). Over a part of
+the record with few impacts, chi squared is smooth, so that the cloud finds the region of the truth
+before later impacts make it rough. Growing powers of the likelihood of the whole record, as usual,
+would have to find this region in the rough chi squared.
 
 The cloud serves only to find the region, because a small cloud loses the ends of a curved region.
 The points of the result and the evidence come from rounds of importance sampling (O. Cappé et al.,
@@ -267,6 +268,7 @@ def along_record(
 
 
 def evaluated(target: Target, points: Float[np.ndarray, "n p"], ahead: int) -> Cloud:
+    """Return points, all in the box, with their chi squared over the first `ahead` times."""
     return Cloud(points, target.curves(points, ahead), target.log_prior(points))
 
 
@@ -309,8 +311,10 @@ def normalised(logarithms: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, "
 
 
 def effective_number(points: Float[np.ndarray, "n p"], weights: Float[np.ndarray, " n"]) -> float:
-    """Return 1 / (sum of the squared weights). Equal points count as one: copies of a point tell
-    nothing more about a distribution."""
+    """Return the effective number of weighted points, 1 / (sum of their squared weights).
+
+    Equal points count as one: copies of a point tell nothing more about a distribution.
+    """
     return 1.0 / float((_distinct(points, weights)[1] ** 2).sum())
 
 
