@@ -60,7 +60,8 @@ class Signal(eqx.Module):
 
 
 class AllSignals(eqx.Module):
-    """Quantity: all `SIGNALS` of a joint, in their order."""
+    """Quantity: the numbers that determine the wear of a joint, an array in the order of
+    `SIGNALS`."""
 
     joint: str = eqx.field(static=True)
 

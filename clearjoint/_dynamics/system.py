@@ -71,7 +71,8 @@ class System(eqx.Module):
 
     @staticmethod
     def prepared(scene: Scene, formulation: Formulation, origin: Scalar | None = None) -> "System":
-        """Return the system of a scene whose contact laws are `prepared`, for many evaluations."""
+        """Return the system of a scene for many evaluations. What its contact laws compute from
+        their parameters alone is computed once, see `AbstractContactLaw.prepared`."""
         leaves, structure = jax.tree.flatten(scene, is_leaf=_is_single_law)
         laws = [leaf.prepared() if _is_single_law(leaf) else leaf for leaf in leaves]
         if any(law is not leaf for law, leaf in zip(laws, leaves, strict=True)):

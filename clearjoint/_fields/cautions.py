@@ -42,8 +42,8 @@ class LeftBearingWarning(UserWarning):
 
 
 class NotCarriedOverWarning(UserWarning):
-    """Warns that an imported file (URDF, MJCF) contains data that a scene cannot represent, or a
-    scene data that an MJCF file cannot, and that they are left out or replaced.
+    """Warns that data are left out or replaced: data of an imported file (URDF, MJCF) that a scene
+    cannot represent, or data of a scene that an MJCF file cannot represent.
 
     >>> import warnings
     >>> warnings.filterwarnings("error", category=cj.NotCarriedOverWarning)  # raise it

@@ -107,7 +107,7 @@ class QuadraticTest:
 
     @property
     def differing(self) -> Bool[np.ndarray, " n"]:
-        """Whether the rise at each point disagrees with the model."""
+        """Whether the rise of chi squared at each point disagrees with the quadratic model."""
         return _differing(self.predicted, self.actual)
 
     @property

@@ -256,7 +256,8 @@ def loop(
 
 
 def _move_to(lower: Lowering, places: Sequence[Array], results: Sequence[Array]) -> None:
-    """Copy results in memory to the cells of `places`, where later operations read them."""
+    """Copy those `results` that are arrays in memory to the cells of the arrays `places`, from
+    which later operations read them. Other results need no copy, since they are values."""
     # Arrays may exchange their cells or parts of them. They are copied to new cells first, so that
     # none is overwritten before it is read.
     taken = [old for old in places if isinstance(old, InMemory)]

@@ -562,8 +562,9 @@ class Operations:
         self.block.append(Operation(None, "call", (), function))
 
     def pass_on(self, value: Value, cell: int | None = None) -> int:
-        """Add the write of a value to a cell, by default a new one, from which a function or its
-        caller reads it, and return the cell. All lanes write, also within `masked`."""
+        """Add an operation that writes a value to a cell, by default a new one, and return the
+        cell. It passes an argument or a result of a function, so all lanes write, even within
+        `masked`."""
         if cell is None:
             cell = self.allocate_for(self.kinds[value])
         self.block.append(Operation(None, "store", (value,), cell))
@@ -649,12 +650,12 @@ def _operator(
 
 
 class Symbol:
-    """A value of a program, for formulas: Python's operators add operations to the program.
+    """A value of a program on which Python's operators act: they add operations to the program.
 
     The kind of the first operand decides which operation an operator adds: `+` is "fadd" for floats
     and "add" for integers. Sum, difference and product of bools are "or", "xor" and "and". The
-    second operand may be a number. `letter` is the first letter of the kind, which a vector of
-    tangents shares with its elements.
+    second operand may be a number. `letter` is the first letter of the kind, the kind of a single
+    element: "f" for a vector of tangents, whose kind is "fp".
     """
 
     __slots__ = ("kind", "letter", "ops", "value")

@@ -136,8 +136,9 @@ class Division:
                 yield Operation(None, "store", (operation.out,), self._cells[operation.out])
 
     def _call(self, block: Block) -> None:
-        """Put calls in the places of `_Pieces`. Values that the pieces use are written before the
-        calls, and those that they compute for other operations are read after them."""
+        """Replace each `_Pieces` in a block by the calls of its pieces. Before the calls, values
+        that the pieces use are written to their cells; after them, values that the pieces compute
+        for undivided operations are read from theirs."""
         new: Block = []
         for entry in block:
             if not isinstance(entry, _Pieces):
@@ -146,13 +147,15 @@ class Division:
                 new.append(entry)
                 continue
             numbers = entry.numbers
-            # Pieces write their own values, and unchanged cells already have theirs.
+            # Not written here: values that a piece computes, since it writes them itself, and
+            # values loaded from unchanged cells, which the pieces read from the same cells.
             for value, cell in self._cells.items():
                 if value in self._definers or value in self._unchanged:
                     continue
                 if not self._users[value].isdisjoint(numbers):
                     new.append(Operation(None, "store", (value,), cell))
             new += [Operation(None, "call", (), number) for number in numbers]
+            # Among the users of a value, `None` stands for operations outside the pieces.
             for value, cell in self._cells.items():
                 if self._definers.get(value) in numbers and None in self._users[value]:
                     new.append(Operation(value, "load", (), cell))

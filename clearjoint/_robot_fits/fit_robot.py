@@ -427,7 +427,8 @@ def _of_kind(problem: RobotProblem, parameters: Iterable[str], kind: str) -> lis
 
 
 def _inside(problem: RobotProblem, fit: Fit) -> dict[str, float]:
-    """Return the estimates, with places in a play that are not at its ends."""
+    """Return the estimates, as values from which another fit can start: initial positions in a
+    play, from -1 to 1, are limited to `CLOSEST`, because their scale is infinite at the ends."""
     places = _of_kind(problem, fit.parameters, IN_PLAY)
     limited = {name: min(max(fit.estimates[name], -CLOSEST), CLOSEST) for name in places}
     return {**fit.estimates, **limited}

@@ -326,8 +326,12 @@ class MjcfWriter:
         self._limit(name, on, joint.law, offset, joint.travel, 1.0)
 
     def _limit(self, name: str, on: FileJoint, law: AbstractContactLaw, *numbers: Scalar) -> None:
-        """Add flanks. The numbers: displacement of the pose from their middle, and their play, rad
-        or m; and the lever, m, over which a displacement is the law's penetration."""
+        """Limit a joint or tendon by the two flanks of a play, whose contact has the given law.
+
+        The `numbers`: `offset`, the displacement from the middle of the play in the written pose,
+        and `play`, both in rad or m; and `lever`, the law's penetration over the displacement,
+        m/rad or 1.
+        """
         offset, play, lever = map(float, numbers)
         if (other := self._flanks.get(on.element)) is not None:
             # Of two, such as a play and the stops of the joint, the narrower one acts.
@@ -336,6 +340,8 @@ class MjcfWriter:
                 return
         middle = on.position - on.sign * offset
         on.element.set("range", _text((middle - 0.5 * play, middle + 0.5 * play)))
+        # MuJoCo's limits are linear springs. The spring stores the same energy as the law at
+        # `depth`; for a nonlinear law, the stiffness from half the depth differs.
         depth = LARGEST_PENETRATION * play * lever
         stiffness, half = (
             2.0 * float(law.stored_energy(Gap(x, 0.0))) / x**2 for x in (depth, 0.5 * depth)
@@ -343,6 +349,9 @@ class MjcfWriter:
         if abs(stiffness - half) > 1e-9 * stiffness:
             self.omitted["nonlinear stiffness"].append(name)
 
+        # A function, since MuJoCo computes the inertia at the joint from the complete file. Except
+        # for a linear dashpot, the damping is that which gives the law's coefficient of
+        # restitution, if need be at the impact speed for which the spring reaches `depth`.
         def damping(inertia: float) -> float:
             mass = inertia / lever**2
             if isinstance(law, AbstractDashpotLaw) and law.damping_exponent == 0.0:

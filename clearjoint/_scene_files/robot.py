@@ -226,13 +226,15 @@ class Robot:
           array (..., n) in the order of `joints`. Joints without an entry are at zero and at rest,
           or follow their leader. Entries may be arrays, for many states at a time. A ball joint has
           four Euler parameters from the child's to the parent's frame, scalar first, and as speeds
-          the spin, (3,), in the child's axes. A motor of `with_drive` turns with its joint, in the
-          middle of the play, unless it has its own entry: with "elbow motor" at that of "elbow"
-          plus half the play, the link rests on the lower flank, and minus half on the upper.
+          the spin, (3,), in the child's axes. A motor of `with_drive` has by default the position
+          of its joint, which is then in the middle of the play. If the entry of "elbow motor" is
+          that of "elbow" plus half the play, the link rests on the lower flank of the play; if it
+          is that of "elbow" minus half the play, on the upper flank.
         - `free`: `body_state` of bodies that no joint holds, by name; by default at rest where the
           file puts them.
 
-        **Raises:** `ValueError` if a joint or body is unknown, or a joint does not follow.
+        **Raises:** `ValueError` if a joint or body is unknown, or if the entry of a joint with a
+        leader contradicts the one of its leader.
         """
         _, motions, orientations = self._moved(q, qd, free)
         bodies = {

@@ -318,11 +318,12 @@ def _statistics(
     levels: Float[np.ndarray, " q"],
     quantities: Collection[str],
 ) -> "xr.Dataset":
-    """Return the statistics over the draws at each point.
+    """Return the statistics over the draws at each point of the grid of axis values.
 
+    - `results`: of a zipped sweep, whose lanes are in C order along `shape`.
     - `labels`: coordinates of the dataset along the axes.
-    - `shape`: number of values of each axis, then number of draws, which are successive lanes.
-    - `levels`: those of the quantiles.
+    - `shape`: the number of values of each axis, then the number of draws at a point.
+    - `levels`: probabilities of the quantiles.
     - `quantities`: names of the outputs at sample times.
     """
     import xarray as xr

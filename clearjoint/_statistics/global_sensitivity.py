@@ -113,7 +113,8 @@ def _groups(p: int, draws: int, seed: int) -> np.ndarray:
 
     A group has two independent points A and B, and for each parameter the point A with this
     parameter's coordinate from B. Groups come one after the other, so that a larger `draws` appends
-    to the runs of a stored sweep. Group i belongs to the randomisation i modulo their number.
+    to the runs of a stored sweep. The points come from R independently scrambled Sobol sequences
+    (see `RANDOMISATIONS`): those of group i from sequence i modulo R.
     """
     randomisations = min(RANDOMISATIONS, draws)
     seeds = np.random.SeedSequence(seed).generate_state(randomisations)

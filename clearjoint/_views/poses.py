@@ -80,8 +80,8 @@ def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
 def require_bodies(
     states: State, bodies: Mapping[str, object], times: np.ndarray | None = None
 ) -> None:
-    """Raise a `ValueError` unless `states` has exactly the given bodies and, with `times`, one
-    position of each body for each time, which a user's trajectory may lack."""
+    """Raise a `ValueError` unless `states` has exactly the given bodies and, if `times` are given,
+    one position of each body at each time. A trajectory made by a user may have other shapes."""
     in_motion, in_scene = sorted(states.bodies), sorted(bodies)
     remedy = "pass a state or a solution of this scene"
     require(in_motion == in_scene, "motion", in_motion, f"of the scene's bodies {in_scene}", remedy)

@@ -144,7 +144,9 @@ def _symmetric(entry: Callable[[int, int], Scalar]) -> Matrix:
 
 
 def product(first: Twist, second: Twist) -> Scalar:
-    """Return a product: the power of a load and a twist, or that of a momentum and a column."""
+    """Return the sum of the products of the components, angular times angular and linear times
+    linear: for a load and a twist, this is the power. A column is the twist for a unit of a joint's
+    speed, so its product with a load is the generalised force."""
     return add(first.angular.dot(second.angular), first.linear.dot(second.linear))
 
 
@@ -267,8 +269,12 @@ class LoadedJoint:
 def absorbed(
     joint: LoadedJoint, load: Twist, carrier: Twist, forces: Speeds
 ) -> tuple[Speeds, Twist]:
-    """Return the rates r that a load and generalised forces cause if the carrier does not
-    accelerate, and the load on the `carrier` plus the part that the joint transmits."""
+    """Return the rates r of a joint if its carrier does not accelerate, and the total load on the
+    carrier: `carrier`, the load on it so far, plus what the joint transmits to it.
+
+    `load` is the total load on the carried body, and `forces` are the generalised forces in the
+    joint.
+    """
     along = [product(column, load) for column in joint.columns]
     alone = joint.factors.solve([add(f, a) for f, a in zip(forces, along, strict=True)])
     transmitted = constrained(joint.columns, load, along)

@@ -400,7 +400,7 @@ class Mixture:
     def around(
         points: Float[np.ndarray, "n p"], weights: Float[np.ndarray, " n"], wider: float = 1.0
     ) -> "Mixture":
-        """Return a mixture that follows a cloud of n distinct points.
+        """Return a mixture that follows a cloud of n weighted points.
 
         There is one distribution around each point, with the covariance of the points near it and
         the weight of the point, and a wide one around all points. All standard deviations are
@@ -409,8 +409,8 @@ class Mixture:
         """
         points, weights = _distinct(points, weights)
         count, p = points.shape
-        # `RIDGE` would turn their covariance into one of rounding errors, and all later points
-        # would equal one of these, with equal weights.
+        # The covariance of p points or fewer is singular. `RIDGE` would only hide this: in at
+        # least one direction, the spread of later points would be that of `RIDGE`.
         if np.count_nonzero(weights) <= p:
             raise np.linalg.LinAlgError(
                 f"{np.count_nonzero(weights)} distinct points with a weight"

@@ -344,7 +344,11 @@ def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array
 def _load(
     joint: LubricatedJoint, speed: Scalar, offset: jax.Array, velocity: jax.Array
 ) -> tuple[jax.Array, Scalar]:
-    """Return the force on the journal, (2,) N, and the moment about its axis, N m."""
+    """Return the force on the journal, (2,) N, and the moment about its axis, N m.
+
+    `offset` and `velocity`, (2,) m and m/s, are those of the journal's axis relative to the
+    bearing's, and `speed` is the angular velocity of the journal, rad/s.
+    """
     dry = joint.dry
     position, own_velocity = (Vector(row[0], row[1], 0.0) for row in (offset, velocity))
     eccentricity = position * (1.0 / dry.clearance)

@@ -219,8 +219,9 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
         if self.integral is not None:
             integral = memory["integral"] + self.integral * error / self.rate
             if largest is not None:
-                # An integral that grew at the limit would have to shrink again before the torque
-                # could leave it.
+                # Against windup, the integral keeps its value while the torque is beyond a limit
+                # and the error would move it further. The limits are `largest` and what the motor
+                # can drive at its present speed, which `present_torque` enforces at all times.
                 lowest, highest = self._drivable(motions) or (-largest, largest)
                 beyond = torque + integral > jnp.minimum(highest, largest)
                 below = torque + integral < jnp.maximum(lowest, -largest)

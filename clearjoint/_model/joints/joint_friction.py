@@ -71,10 +71,10 @@ class JointFriction(AbstractPair, AbstractContactJoint):
       mass by default. It matters only if the first body rotates.
     - `viscosity`: coefficient of a viscous part, N s/m at the surfaces (N m s/rad with
       ``radius=1``); none by default.
-    - `pressed_by`, `load_ratio`: name of another element of the scene whose force presses the
-      surfaces together too, and the further load over this force. Take them for losses of a gear:
-      of a contact joint such as a `Backlash`, the elastic part of the normal forces, N, counts; of
-      a `TorsionalSpring` the magnitude of the elastic torque, N m.
+    - `pressed_by`, `load_ratio`: name of another element of the scene, and a ratio: the load is
+      increased by the ratio times the force of this element, for example to model the losses of a
+      gear. The force of a contact joint such as a `Backlash` is the elastic part of its normal
+      forces, N; that of a `TorsionalSpring` is the magnitude of its elastic torque, N m.
 
     This hinge holds 0.6 N m at rest, and resists with 0.5 N m when it turns:
 

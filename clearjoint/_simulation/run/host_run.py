@@ -283,8 +283,8 @@ class Run:
         saved: "_SavedBySegments",
         notes: Notes,
     ) -> tuple[Solution, bool]:
-        """Return the solution of a run that has ended, and whether a journal has slid out of its
-        bearing there."""
+        """Return the solution of a run that has ended after `step`, and whether a journal has slid
+        out of its bearing in the final state."""
         reductions = self.requested.reductions, records[REDUCTIONS]
         ending = self.scheme, self.folded_scene, *reductions, step, self.end
         final, result, slid_out, results = (part.tree for part in _end_compiled.in_parts(*ending))

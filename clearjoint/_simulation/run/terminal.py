@@ -93,8 +93,8 @@ class ProgressBar(tqdm):
     @property
     @override
     def format_dict(self) -> dict[str, object]:
-        """The values of the fields in the text; `left` is the time left, such as "02:15",
-        or "?"."""
+        """Values of the fields in `bar_format`: tqdm's, and `left`, the time left, such as "02:15",
+        or "?" if it is unknown."""
         fields = super().format_dict
         left = self.seconds_left
         return {**fields, "left": "?" if left is None else self.format_interval(left)}
