@@ -9,6 +9,7 @@ from collections.abc import Hashable
 import equinox as eqx
 import jax
 from jaxtyping import Float, PyTree
+from typing_extensions import override
 
 from .vectors import Scalar
 
@@ -22,6 +23,18 @@ class Stacked(eqx.Module):
 
     array: Float[jax.Array, "... n"]
     structure: Hashable = eqx.field(static=True)
+
+    @override
+    def __reduce__(self) -> tuple[object, ...]:
+        # A structure of JAX with classes of Equinox does not equal its pickled copy, so that a
+        # program from disk could not be used beside a new one.
+        structure: PyTree = self.structure
+        example = jax.tree.unflatten(structure, [...] * structure.num_leaves)
+        return _with_structure_of, (self.array, example)
+
+
+def _with_structure_of(array: jax.Array, example: PyTree) -> Stacked:
+    return Stacked(array, jax.tree.structure(example))
 
 
 def stacked(tree: PyTree[Scalar]) -> PyTree:
