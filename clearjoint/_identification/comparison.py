@@ -21,7 +21,7 @@ from .._math.vectors import fold_constants
 from .._measurements.series import Measurements
 from .._model.bodies import State
 from .._model.scene import Scene
-from .._parametrisation.parameter import Parameter
+from .._parametrisation.parameter import HeldParameter, Parameter
 from .._parametrisation.readings import readings_of_runs, units_of
 from .._simulation.lanes.lane import SAVED, Common, Plan, Task
 from .._simulation.lanes.scheduler import Batch, Ended
@@ -38,7 +38,7 @@ class Comparison:
     posteriors and the test of a fit's covariance.
 
     - `data`: the samples, at T times followed by padding, like the times of `runs`.
-    - `units`: unit of each parameter's value, by name.
+    - `parameters`, `units`: the free parameters, and the unit of each one's value, by name.
     """
 
     runs: Experiment
@@ -79,7 +79,7 @@ class Comparison:
         reduced. Each residual is replaced by the mean of `smoothing` residuals up to its time;
         those before the first time are zero.
         """
-        runs = self.runs
+        runs, coordinates = self.runs, self.runs.with_held(coordinates)
         instants, sample_indices = self._instants(coordinates, count)
         curves = np.zeros((len(coordinates), count + 1))
         # Predictions (S, T) of the lanes that have ended and are not in `curves` yet.
@@ -198,8 +198,9 @@ def comparison(
     runs = experiment(scene, state, parameters, outputs, times, start_time, settings)
     data = samples(measurements, len(runs.times))
     series_units = {name: s.unit for name, s in series.items()}
-    units = units_of(parameters, scene, state, series_units)
-    return Comparison(runs, data, dict(parameters), units)
+    free = {name: p for name, p in parameters.items() if not isinstance(p, HeldParameter)}
+    units = units_of(free, scene, state, series_units)
+    return Comparison(runs, data, free, units)
 
 
 @Compiled

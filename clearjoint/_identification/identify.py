@@ -200,7 +200,7 @@ def identify_many(
     # All sets have the same channels and times, so that one compiled program serves all fits.
     compared = comparison(scene, state, first, parameters, start_time, settings)
     around = starts if isinstance(starts, Starts) else None
-    rows, coarse = start_coordinates(scene, state, parameters, guess, around), compared
+    rows, coarse = start_coordinates(scene, state, compared.parameters, guess, around), compared
     if isinstance(starts, Screening):
         require(len(rows) == 1, "guess", len(rows), "one guess, for a screening", "pass one")
         # A screening only ranks points, for which cheaper runs are accurate enough.
@@ -210,7 +210,8 @@ def identify_many(
     limits = tolerance, max_iterations, check_runs, horizon
     problem = _Problem(compared, coarse, rows, starts, ends, *limits)
     fits: list[Fit] = []
-    with iteration_callback(progress, parameters, len(measurements) * len(rows)) as on_iteration:
+    searches = len(measurements) * len(rows)
+    with iteration_callback(progress, compared.parameters, searches) as on_iteration:
         for measured in measurements:
             fit, stopped = problem.fit(measured, on_iteration, progress is True)
             fits += [] if fit is None else [fit]
@@ -280,7 +281,7 @@ class _Problem:
                 return None, True
             best, stopped = best_search(searches), True
         runs = compared.runs
-        scene, state = runs.family.scene_and_state(best.best.coordinates)
+        scene, state = runs.family.scene_and_state(runs.with_held(best.best.coordinates))
         fit = Fit(
             scene=scene,
             state=state,

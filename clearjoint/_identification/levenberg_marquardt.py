@@ -7,7 +7,7 @@ changes by more than the `max_step` of its scale in a step, and a step that incr
 never accepted.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -31,6 +31,11 @@ standard deviation of an estimate, is smaller in magnitude than this fraction of
 NEARLY = 0.1
 """Gauss-Newton step in standard deviations. A search that finds no better point counts as converged
 below this step, because integration errors prevent a higher accuracy."""
+ROUGH, SLOW = 2.0, 5
+"""A search also ends if, at Gauss-Newton steps of less than `ROUGH` standard deviations, as many
+iterations as `SLOW` have together lowered chi squared by less than `NEARLY` squared. Where chi
+squared has kinks, as at plays of light links, whose flanks touch or don't, a search otherwise goes
+on until its limit of iterations, without a change of the estimates that matters."""
 UNDETERMINED = 1e-12
 """Two limits: the data don't determine a direction whose singular value of the Jacobian is less
 than this share of the largest; and a coordinate whose column's norm is less than this share of the
@@ -217,6 +222,7 @@ def search_with_damping(
     never `Ending.FAILED`: the caller must check whether the best run reaches the last sample.
     """
     iterations: list[Iteration] = []
+    lowest: list[float] = []
     best = latest = evaluate(start)
     try:
         # Each coordinate is scaled by the norm of its column; a column that is negligible gets the
@@ -245,7 +251,8 @@ def search_with_damping(
             )
             iterations.append(iteration)
             on_iteration(iteration)
-            if bool(done):
+            lowest.append(best.chi_squared)
+            if bool(done) or _is_slow(iterations, lowest):
                 # Rejected steps also end a search at a rough or imprecise chi squared, which is no
                 # convergence.
                 near = iteration.decrement < max(NEARLY, tolerance)
@@ -255,6 +262,13 @@ def search_with_damping(
             latest = evaluate(np.asarray(arrays.y_eval) / scales)
     except KeyboardInterrupt:
         return best, tuple(iterations), Ending.INTERRUPTED
+
+
+def _is_slow(iterations: Sequence[Iteration], lowest: Sequence[float]) -> bool:
+    """Return whether a search goes on without a change of the estimates that matters; `lowest` is
+    chi squared at the best point after each iteration."""
+    is_near = all(iteration.decrement < ROUGH for iteration in iterations[-SLOW:])
+    return len(lowest) > SLOW and is_near and lowest[-1 - SLOW] - lowest[-1] < NEARLY**2
 
 
 def _triangular(misfit: RunMisfit, scales: np.ndarray) -> tuple[jax.Array, jax.Array]:

@@ -25,7 +25,13 @@ from .._math.vectors import Scalar
 from .._measurements.series import Measurements
 from .._model.bodies import State
 from .._model.scene import Scene
-from .._parametrisation.parameter import PASS_PARAMETERS, Parameter, check_parameters
+from .._parametrisation.parameter import (
+    PASS_PARAMETERS,
+    HeldParameter,
+    Parameter,
+    check_parameters,
+    coordinates_of,
+)
 from .._parametrisation.parametrised_scene import ParametrisedScene, parametrised
 from .._parametrisation.readings import (
     NO_ERRORS,
@@ -68,6 +74,8 @@ class Experiment(eqx.Module):
     - `times`: the sample times, s. The last one is repeated until their number is 64, 512, 4096 and
       so on, so that records of similar length share a program.
     - `sensors`: errors of the sensors, such as a delay, that are parameters.
+    - `free`, `whole`: indices of the parameters that are no `HeldParameter`, if there is one, and
+      coordinates (p,) with those of held ones.
     """
 
     scheme: Scheme
@@ -79,9 +87,20 @@ class Experiment(eqx.Module):
     max_steps: jax.Array
     names: tuple[str, ...] = eqx.field(static=True)
     sensors: SensorErrors = NO_ERRORS
+    free: tuple[int, ...] | None = eqx.field(static=True, default=None)
+    whole: np.ndarray | None = None
+
+    def with_held(self, coordinates: ArrayLike) -> np.ndarray:
+        """Return coordinates (..., p) of all parameters for those of the free ones."""
+        given = np.asarray(coordinates)
+        if self.free is None or self.whole is None:
+            return given
+        every = np.broadcast_to(self.whole, (*given.shape[:-1], len(self.whole))).copy()
+        every[..., self.free] = given
+        return every
 
     def run(self, coordinates: ArrayLike, end_time: Scalar) -> Sampled:
-        """Run the scene at coordinates (p,) of the parameters, and return readings of the sensors.
+        """Run the scene at coordinates of the free parameters, and return readings of the sensors.
 
         `end_time` is the time of the last sample to compare, s; readings at later times are
         meaningless. An output with a delay is evaluated at `times` minus the delay, but not before
@@ -89,7 +108,7 @@ class Experiment(eqx.Module):
         fails early, readings that it misses are meaningless and `reached` is false there; with
         delays, they are NaN and `reached` is true everywhere.
         """
-        at, end_time = on_device(coordinates), on_device(end_time)
+        at, end_time = on_device(self.with_held(coordinates)), on_device(end_time)
         delayed = _instants(self, at, end_time) if self.sensors.delays else None
         # Every output is evaluated at all of the rising times, whatever its delay.
         times, end = (self.times, end_time) if delayed is None else (delayed[0], delayed[3])
@@ -98,13 +117,17 @@ class Experiment(eqx.Module):
         run = sampled(*program, times, *span, recorders=NO_RECORDERS)
         if delayed is not None:
             run = _delayed(self, at, *delayed[:3], run)
-        if not self.sensors.of_values:
+        if self.sensors.of_values:
+            elapsed = self.times - self.start_time
+            readings, slopes = with_sensor_errors(
+                self.sensors, run.values, run.derivatives, elapsed, at
+            )
+            run = replace(run, values=readings, derivatives=slopes)
+        if self.free is None:
             return run
-        elapsed = self.times - self.start_time
-        readings, slopes = with_sensor_errors(
-            self.sensors, run.values, run.derivatives, elapsed, at
-        )
-        return replace(run, values=readings, derivatives=slopes)
+        free = list(self.free)
+        slopes = {name: np.asarray(rows)[:, free] for name, rows in run.derivatives.items()}
+        return replace(run, derivatives=slopes)
 
 
 @Compiled
@@ -210,7 +233,11 @@ def experiment(
     first_step = on_device(settings.length_of_first_step(start_time, end_time))
     steps = on_device(start_time), first_step, on_device(settings.max_steps, int)
     at = on_device(padded(rising, end_time))
-    return Experiment(scheme, family, dict(outputs), at, *steps, tuple(outputs), sensors)
+    runs = Experiment(scheme, family, dict(outputs), at, *steps, tuple(outputs), sensors)
+    free = [k for k, p in enumerate(parameters.values()) if not isinstance(p, HeldParameter)]
+    if len(free) == len(parameters):
+        return runs
+    return replace(runs, free=tuple(free), whole=coordinates_of(scene, state, parameters))
 
 
 class Samples(eqx.Module):

@@ -381,6 +381,11 @@ def _of_sensors(
 PASS_PARAMETERS = 'pass {"clearance": cj.Parameter(lambda scene: scene.joints["pin"].clearance)}'
 
 
+class HeldParameter(Parameter):
+    """A parameter that a fit holds at its first guess, and leaves out of its result. Its runs have
+    the compiled programs of a fit in which the parameter is free."""
+
+
 def check_parameters(parameters: Mapping[str, Parameter]) -> None:
     require_types("parameters", parameters, Parameter, "a Parameter", PASS_PARAMETERS)
 

@@ -15,11 +15,11 @@ from typing_extensions import override
 from .._compilation import tell_tangents
 from .._fields.objects import with_arrays
 from .._fields.types import ArrayLike
-from .._math.vectors import ConstantFolded, fold_constants, unpack
+from .._math.vectors import ConstantFolded, Scalar, fold_constants, unpack
 from .._model.bodies import State
 from .._model.scene import Scene
 from .parameter import AbstractScale, Parameter
-from .variations import Change, NumberSetter, changed
+from .variations import Change, NumberSetter, changed, changed_in_steps
 
 Coordinates = jax.Array | np.ndarray
 
@@ -95,17 +95,21 @@ class ParametrisedScene(AbstractSceneFamily):
 
     - `values`: (p,) coordinates of the parameters on their scales.
     - `base`: scene and initial state before any change.
-    - `changes`, `scales`: function that sets the value of each parameter, and its scale.
+    - `changes`, `scales`: function that sets the value of each parameter, and its scale. Arrays of
+      a function that is a PyTree are arguments of compiled programs.
     - `directions`: (n, p), n directions in the space of coordinates along which derivatives are
       computed; ``None`` for those by each parameter.
+    - `in_scene`: number of changes up to the last one that changes the scene, not only the state;
+      ``None`` for all.
     """
 
     values: Coordinates
     base: tuple[Scene, State]
-    changes: tuple[Change, ...] = eqx.field(static=True)
+    changes: tuple[Change, ...]
     scales: tuple[AbstractScale, ...] = eqx.field(static=True)
     patterns: tuple[PyTree, ...] = eqx.field(static=True)
     directions: Coordinates | None = None
+    in_scene: int | None = eqx.field(static=True, default=None)
 
     def in_groups(self, largest: int) -> "list[ParametrisedScene]":
         """Return copies that share the parameters among them: each computes the derivatives by the
@@ -130,21 +134,50 @@ class ParametrisedScene(AbstractSceneFamily):
 
     @override
     def scene_and_state(self, values: Coordinates) -> tuple[Scene, State]:
+        return changed(*self.base, self._pairs(values))
+
+    @override
+    def scene(self, values: Coordinates) -> Scene:
+        scene, _ = changed(*self.base, self._pairs(values)[: self.in_scene])
+        return unpack(ConstantFolded(scene, self.patterns))
+
+    def _pairs(self, values: Coordinates) -> list[tuple[Change, Scalar]]:
         numbers = [scale.value(values[k]) for k, scale in enumerate(self.scales)]
-        return changed(*self.base, zip(self.changes, numbers, strict=True))
+        return [*zip(self.changes, numbers, strict=True)]
 
     @override
     def varied(self) -> PyTree[bool]:
+        return self.effects()[0]
+
+    def effects(self) -> tuple[PyTree[bool], int | None]:
+        """Return what `varied` does, and the number `in_scene`."""
         structure = jax.tree.structure(self.base[0])
         # If all parameters are numbers, their locations tell which leaves change: each
         # `NumberSetter` has the indices of the leaves that it sets.
         setters = [change for change in self.changes if isinstance(change, NumberSetter)]
         if len(setters) == len(self.changes):
             in_scene = (setter for setter in setters if setter.in_scene)
-            changed = {number.leaf for setter in in_scene for number in setter.numbers}
-            leaves = range(structure.num_leaves)
-            return jax.tree.unflatten(structure, [k in changed for k in leaves])
-        return super().varied()
+            leaves = {number.leaf for setter in in_scene for number in setter.numbers}
+            varied = [k in leaves for k in range(structure.num_leaves)]
+            return jax.tree.unflatten(structure, varied), None
+        # A user's function may change any leaf. JAX traces the functions here without computing
+        # numbers, and each leaf that depends on a parameter becomes a tracer.
+        found: list[tuple[PyTree[bool], int]] = []
+
+        def trace(values: Coordinates) -> Coordinates:
+            (leaves, structure), last = jax.tree.flatten(self.base[0]), 0
+            for count, (scene, _) in changed_in_steps(*self.base, self._pairs(values)):
+                before, kept = leaves, structure
+                leaves, structure = jax.tree.flatten(scene)
+                is_kept = structure == kept
+                if not is_kept or any(a is not b for a, b in zip(leaves, before, strict=True)):
+                    last = count
+            traced = [isinstance(leaf, Tracer) for leaf in leaves]
+            found.append((jax.tree.unflatten(structure, traced), last))
+            return values
+
+        jax.eval_shape(trace, self.values)
+        return found[0]
 
     @override
     def with_derivatives(
@@ -182,7 +215,9 @@ def parametrised(
     unfolded = ParametrisedScene(
         values=values, base=(scene, state), changes=changes, scales=scales, patterns=()
     )
-    return replace(unfolded, patterns=fold_constants(scene, unfolded.varied()).patterns)
+    varied, in_scene = unfolded.effects()
+    patterns = fold_constants(scene, varied).patterns
+    return replace(unfolded, patterns=patterns, in_scene=in_scene)
 
 
 class DirectedScene(AbstractSceneFamily):

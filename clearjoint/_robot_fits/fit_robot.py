@@ -1,9 +1,9 @@
 """Fit of a robot's joints to its log: what the log determines, and the estimates."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property, partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -28,7 +28,8 @@ from .._measurements.robot_logs import RobotLog
 from .._model.bodies import State
 from .._model.joints.base import AbstractForce
 from .._model.scene import Scene
-from .._parametrisation.parameter import Parameter
+from .._parametrisation import variations
+from .._parametrisation.parameter import HeldParameter, Parameter
 from .._parametrisation.variations import AbstractSeriesVariation, SeriesDelay
 from .._scene_files.robot import Robot
 from .._simulation.results.observe import observe
@@ -40,6 +41,8 @@ from .._simulation.step.settings import Settings, settings_or
 from .problem import (
     IN_PLAY,
     KINDS,
+    OF_START,
+    POSITION,
     STILL,
     DrivenBy,
     Find,
@@ -94,7 +97,8 @@ class RobotFit(AbstractTabular):
     - `robot`: the robot with the estimates.
     - `log`, `driven_by`: as given.
     - `undetermined`: for each parameter that the log doesn't determine, a sentence that says why.
-      Each was held at its start, `held`, in its unit.
+      Each was held at its start, `held`, in its unit; a position or speed at the start of the log
+      at its last estimate.
 
     ```python
     import clearjoint as cj
@@ -199,7 +203,7 @@ class RobotFit(AbstractTabular):
         starts = {n: (p, float(p.value or 0.0)) for n, p in problem.parameters.items()}
         for name, (parameter, value) in starts.items():
             side, kind = problem.subjects[name]
-            if kind == "start position":
+            if kind == POSITION:
                 zero, one = (float(reading(f"{side} position", x, 0.0)) for x in (0.0, 1.0))
                 starts[name] = parameter, (value - zero) / (one - zero)
         scene, state = changed(problem.scene, problem.state, starts)
@@ -351,7 +355,7 @@ def fit_robot(
         "progress": progress,
         "start_time": log.start,
     }
-    fit, undetermined = None, {}
+    fit, undetermined, held = None, {}, {}
     for _ in range(ROUNDS):
         present = {n: Parameter(p.variation, p.scale, value=values[n]) for n, p in free.items()}
         # A delay is no number of the scene, by which a run could be differentiated beforehand.
@@ -361,13 +365,16 @@ def fit_robot(
         if fit is not None and reasons.keys() == undetermined.keys():
             break
         undetermined = reasons
-        rest = {name: p for name, p in present.items() if name not in reasons}
         expected = f"determined by the log. {' '.join(reasons.values())}"
-        require(bool(rest), "find", [*find], expected, "log another motion")
-        held = {name: starts[name] for name in reasons}
-        base = changed(scene, state, {name: (free[name], value) for name, value in held.items()})
-        fit = _best_fit(problem, *base, rest, settings, grow, options)
-        values = {**starts, **_inside(problem, fit)}
+        require(len(reasons) < len(present), "find", [*find], expected, "log another motion")
+        # A position or speed at the start is held at its last estimate: the first one, from a few
+        # samples, may be so wrong that it makes estimates that depend on it wrong too.
+        begins = _of_kind(problem, reasons, *OF_START)
+        held = {name: (values if name in begins else starts)[name] for name in reasons}
+        for name, value in held.items():
+            present[name] = HeldParameter(free[name].variation, free[name].scale, value=value)
+        fit = _best_fit(problem, present, settings, grow, options)
+        values = {**values, **held, **_inside(problem, fit)}
     assert fit is not None
     warn_of([fit])
     units = {name: free[name].variation.unit_in(scene, state) for name in undetermined}
@@ -376,14 +383,12 @@ def fit_robot(
         for family in (fit.scene.joints, fit.scene.forces)
     )
     fitted = replace(robot, scene=replace(fit.scene, joints=joints, forces=forces))
-    held = {name: (starts[name], unit) for name, unit in units.items()}
+    held = {name: (value, units[name]) for name, value in held.items()}
     return RobotFit(fit, fitted, log, dict(driven_by), undetermined, held)
 
 
 def _best_fit(
     problem: RobotProblem,
-    scene: Scene,
-    state: State,
     parameters: Mapping[str, Parameter],
     settings: Settings,
     grow: Sequence[float] | None,
@@ -397,12 +402,13 @@ def _best_fit(
     from other plays than the estimated ones.
     """
     # Chi squared may have a minimum at either end of a play in which a side starts.
-    places = _of_kind(problem, parameters, IN_PLAY)
+    free = {name: p for name, p in parameters.items() if not isinstance(p, HeldParameter)}
+    places = _of_kind(problem, free, IN_PLAY)
     sides = (0.0, *ENDS) if places else (0.0,)
     starts = [dict.fromkeys(places, side) for side in sides]
 
     def fitted(windows: Sequence[float], guesses: Sequence[Guess] = starts) -> Fit:
-        arguments = scene, state, problem.measurements, parameters, settings
+        arguments = problem.scene, problem.state, problem.measurements, parameters, settings
         with quiet():
             return identify(*arguments, grow=windows, guess=guesses, **options)
 
@@ -413,17 +419,17 @@ def _best_fit(
     fit = _lowest(*fits, fitted(()))
     if fit.p_value < UNLIKELY:
         # Only a poor fit is worth the many runs that find out how long a record may be.
-        windows = _windows(fit, parameters, problem, settings)
+        windows = _windows(fit, free, problem, settings)
         fit = _lowest(fit, fitted(windows)) if windows else fit
-    if plays := _of_kind(problem, parameters, "play"):
+    if plays := _of_kind(problem, free, "play"):
         near = _inside(problem, fit)
         others = [{**near, **{name: factor * near[name] for name in plays}} for factor in PLAYS]
         fit = _lowest(fit, fitted((), others))
     return fit
 
 
-def _of_kind(problem: RobotProblem, parameters: Iterable[str], kind: str) -> list[str]:
-    return [name for name in parameters if problem.subjects.get(name, ("", ""))[1] == kind]
+def _of_kind(problem: RobotProblem, parameters: Iterable[str], *kinds: str) -> list[str]:
+    return [name for name in parameters if problem.subjects.get(name, ("", ""))[1] in kinds]
 
 
 def _inside(problem: RobotProblem, fit: Fit) -> dict[str, float]:
@@ -444,10 +450,12 @@ def changed(
     scene: Scene, state: State, parameters: Mapping[str, tuple[Parameter, float]]
 ) -> tuple[Scene, State]:
     """Return scene and state with values of parameters; errors of sensors change neither."""
-    for parameter, value in parameters.values():
-        if not isinstance(parameter.variation, AbstractSeriesVariation):
-            scene, state = parameter.variation.setter(scene, state, 0.0)(scene, state, value)
-    return scene, state
+    changes = [
+        (parameter.variation.setter(scene, state, 0.0), value)
+        for parameter, value in parameters.values()
+        if not isinstance(parameter.variation, AbstractSeriesVariation)
+    ]
+    return variations.changed(scene, state, changes)
 
 
 def _windows(
@@ -487,7 +495,7 @@ def _undetermined(
 ) -> dict[str, str]:
     """Return, for each parameter that the log does not determine, a sentence that says why."""
     names, reasons = [*report.names], {}
-    flanks: dict[str, set[str]] | None = None
+    flanks = cache(partial(_touched, problem, parameters))
     while names:
         columns = [report.names.index(name) for name in names]
         part = replace(
@@ -504,8 +512,6 @@ def _undetermined(
         # of its own is left out first: the others may be determined without it.
         alone = np.where(ratios > 1.0, part.deviations_alone / part.limits, 0.0)
         k = int(alone.argmax())
-        if flanks is None:
-            flanks = _touched(problem, parameters)
         reasons[names[k]] = _reason(names[k], part, k, problem, flanks)
         del names[k]
     return reasons
@@ -530,13 +536,14 @@ def _reason(
     report: Identifiability,
     k: int,
     problem: RobotProblem,
-    flanks: Mapping[str, set[str]],
+    flanks: Callable[[], Mapping[str, set[str]]],
 ) -> str:
     joint, kind = problem.subjects.get(name, ("", name))
     subject = f"The {kind} of {joint}" if joint else f"Parameter {name!r}"
     head = f"{subject} cannot be determined"
-    touched = flanks.get(backlash_name(joint))
-    if kind in ("play", "stiffness") and touched is not None and len(touched) < 2:
+    # The run with contacts is another program, which is compiled only if it may be the reason.
+    touched = flanks().get(backlash_name(joint)) if kind in ("play", "stiffness") else None
+    if touched is not None and len(touched) < 2:
         if not touched:
             return f"{head}: its flanks never touch in the motion."
         if kind == "play":

@@ -1,7 +1,7 @@
 """Robots from URDF and MJCF files: their scene, and states from the positions of joints."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -432,6 +432,13 @@ def variables_of(branches: Iterable[TreeBranch], state: State) -> dict[str, PyTr
         poses[branch.body] = body.orientation, free_motion(body, None)
         variables[branch.body] = branch.encode(poses[branch.parent], poses[branch.body])
     return variables
+
+
+def kinematics(robot: Robot) -> Hashable:
+    """Return what is equal for robots of which all bodies move alike for the same positions and
+    speeds of their joints."""
+    limits, mimics = frozenset(robot.limits.items()), frozenset(robot._mimics.items())
+    return robot.joints, tuple(robot._branches), limits, mimics, frozenset(robot.drives)
 
 
 def _zero(branch: JointedBranch) -> JointState:

@@ -120,6 +120,25 @@ def test_endings():
     np.testing.assert_array_equal(best.coordinates, np.log([0.3, 6.0]))
 
 
+def test_a_search_ends_where_chi_squared_no_longer_falls():
+    """Steps of a third of the right ones come closer by a third of the way each."""
+    data, start = noisy(), np.log([1.8, 1.4])
+
+    def slow(at):
+        found = decay(at, data)
+        return misfit(at, found.residuals, 3.0 * found.jacobian)
+
+    best, iterations, ending = run(slow, start, tolerance=1e-9)
+    lowest = 2.0 * least_squares(lambda at: decay(at, data).residuals, start).cost
+    assert ending is cj.results.Ending.CONVERGED
+    assert 0.0 < best.chi_squared - lowest < 0.1**2
+    chi_squared = [i.chi_squared for i in iterations]
+    assert all(i.accepted for i in iterations)
+    # Of which the last five steps take less than a hundredth, and no five before them.
+    falls = np.subtract(chi_squared[:-5], chi_squared[5:])
+    assert falls[-1] < 0.1**2 < falls[:-1].min()
+
+
 def test_a_parameter_without_effect_stays_where_it_is():
     data = noisy()
 
