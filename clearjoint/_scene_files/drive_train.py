@@ -56,8 +56,7 @@ class Drive:
       flank. ``None`` is rigid, and not possible with play.
     - `damping`: N m s/rad, parallel to the stiffness; with play, while a flank is pressed, by the
       law `SpringDashpot`.
-    - `restitution`: of the flanks in place of a damping, 0.5 by default (see `Backlash`). A run of
-      many joints takes several times as long with it as with a damping.
+    - `restitution`: of the flanks in place of a damping, 0.5 by default (see `Backlash`).
     - `friction`, `viscosity`: dry friction, N m, and its viscous part, N m s/rad, between the rotor
       and the joint's first body.
     - `loss`: further dry friction of the rotor, over the torque that flanks or compliance transmit:
