@@ -40,10 +40,10 @@ def logs_part(folder: Path, output: Output) -> list[str]:
 
 
 def arm_part(output: Output) -> list[str]:
-    """Return the table of fits of an arm with play in all joints; draw the first one."""
-    rows, first = arm.measure(output.quick)
+    """Return the tables of fits of an arm with play in all joints; draw the first one."""
+    tables, first = arm.measure(output.quick)
     output.save(arm.figure(first), "arm")
-    return [f"\n{markdown(rows)}"]
+    return [f"\n{markdown(table)}" for table in tables]
 
 
 def main(arguments: Sequence[str] | None = None) -> list[str]:

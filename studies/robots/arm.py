@@ -4,7 +4,8 @@ frictions does one motion determine?"""
 import importlib
 import tempfile
 import time
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from scipy.interpolate import CubicSpline
 
 import clearjoint as cj
 from clearjoint.plot import style
+from studies.robots.draws import COVERAGE, Draw, coverage
 
 LINKS = {
     # Axis, origin in the parent's frame, m, centre of mass, m, mass, kg, and length, m, of a
@@ -50,7 +52,10 @@ RATE, NOISE = 200.0, 1e-4
 """Samples per second, Hz, and noise of the encoders of the motors, rad."""
 REST, END = 0.06, 1.0
 """Time at rest, and length of the log, s."""
-DRAWS, GUESS = 10, "0.4 deg"
+DRAWS, GUESS = 20, "0.4 deg"
+KINDS = "play", "friction"
+SETTINGS = replace(cj.presets.identification, rtol=1e-7, derivative_tolerance=100.0)
+"""Errors of runs are below 1e-4 of the noise, and runs take 0.6 of the time of the default."""
 COULOMB = cj.frictions.RegularisedCoulomb(1.0, regularisation_speed=1e-4)
 
 
@@ -146,10 +151,14 @@ class SimulatedArm:
         return arm
 
     def fitted(
-        self, seed: int, start: cj.results.RobotFit | None = None
-    ) -> tuple[cj.results.RobotFit, float]:
+        self,
+        seed: int,
+        start: cj.results.RobotFit | None = None,
+        kinds: Sequence[str] = KINDS,
+        max_iterations: int = 40,
+    ) -> Draw:
         """Return the fit of plays and frictions to the motors' positions with noise, from another
-        fit if one is given, and its processor time, s."""
+        fit if one is given."""
         begun, generator = time.process_time(), np.random.default_rng(seed)
         arm = self.robot() if start is None else start.robot
         noisy = self.motion + NOISE * generator.standard_normal(self.motion.shape)
@@ -164,37 +173,63 @@ class SimulatedArm:
             for k, name in enumerate(self.names)
         }
         log = cj.RobotLog.read(table, angles=columns)
-        find = {name: ["play", "friction"] for name in self.names}
-        found = cj.fit_robot(arm, log, find, drives, grow=(), max_iterations=40, progress=False)
-        return found, time.process_time() - begun
+        find = dict.fromkeys(self.names, kinds)
+        options: dict[str, Any] = {"settings": SETTINGS, "max_iterations": max_iterations}
+        options["progress"] = False
+        found = cj.fit_robot(arm, log, find, drives, grow=(), **options)
+        truth = {f"{name} play": PLAY[k] for k, name in enumerate(self.names)}
+        truth |= {f"{name} friction": FRICTION[k] for k, name in enumerate(self.names)}
+        return Draw(found, truth, time.process_time() - begun)
 
 
-def measure(quick: bool) -> tuple[list[tuple[str, ...]], cj.results.RobotFit]:
-    """Return the table of true values, estimates and coverage, head first, and the first fit."""
+def measure(quick: bool) -> tuple[list[list[tuple[str, ...]]], cj.results.RobotFit]:
+    """Return the tables of coverage and, unless `quick`, of inertias, and the first fit."""
     arm = SimulatedArm(1, 0.4) if quick else SimulatedArm(len(LINKS), END)
-    fits = [arm.fitted(0)]
+    draws = [arm.fitted(0)]
     for seed in range(1, 1 if quick else DRAWS):
-        fits.append(arm.fitted(seed, fits[0][0]))
-        print(f"draw {seed}: {fits[-1][1]:.0f} s", flush=True)
-    first = fits[0][0]
-    rows = [("parameter", "true", "estimate", "95 %", f"of {len(fits)} intervals hold it")]
-    for kind, values, unit in (("play", np.degrees(PLAY), "deg"), ("friction", FRICTION, "N m")):
-        factor = np.degrees(1.0) if unit == "deg" else 1.0
-        for name, true in zip(arm.names, values, strict=False):
-            label, title = f"{name} {kind}", f"{name} {kind}, {unit}"
-            if label in first.held:
-                rows.append((title, f"{true:.3g}", first.undetermined[label], "", ""))
-                continue
-            every = [found.fit.intervals.get(label, (np.nan, np.nan)) for found, _ in fits]
-            held = sum(low * factor <= true <= high * factor for low, high in every)
-            ends = " to ".join(f"{end * factor:.4g}" for end in every[0])
-            value = f"{first.fit.estimates[label] * factor:.4g}"
-            rows.append((title, f"{true:.3g}", value, ends, str(held)))
-    mean_square = np.mean(np.concatenate([*first.fit.residuals.values()]) ** 2)
-    rows.append(("mean square of the residuals", "1", f"{mean_square:.2f}", "", ""))
-    times = [f"{seconds:.0f} s" for seconds in (fits[0][1], fits[-1][1])]
-    rows.append(("processor time, first and last fit", "", times[0], "", times[1]))
-    return rows, first
+        draws.append(arm.fitted(seed, draws[0].found))
+        print(f"draw {seed}: {draws[-1].seconds:.0f} s", flush=True)
+    first = draws[0].found
+    return [table(draws), *([] if quick else [inertias(arm, first)])], first
+
+
+def inertias(arm: SimulatedArm, first: cj.results.RobotFit) -> list[tuple[str, ...]]:
+    """Return the table of the masses and moments of inertia that the first log would determine
+    together with plays and frictions, head first: their standard deviations over their values."""
+    kinds = "mass", "inertia"
+    fit = arm.fitted(0, first, (*KINDS, *kinds), max_iterations=1).found.fit
+    rows: list[tuple[str, ...]] = [("link of", *(f"deviation of the {kind}" for kind in kinds))]
+    for name in arm.names:
+        cells = []
+        for label in (f"{name} {kind}" for kind in kinds):
+            cells.append("not determined")
+            if label in fit.parameters:
+                cells[-1] = f"{fit.standard_errors[label] / fit.estimates[label]:.2g}"
+        rows.append((name, *cells))
+    return rows
+
+
+def table(draws: Sequence[Draw]) -> list[tuple[str, ...]]:
+    """Return the table of true values, of estimates and intervals of the first of several draws,
+    and of the coverage of all."""
+    first = draws[0].found
+    rows: list[tuple[str, ...]] = [("parameter", "true", "estimate", "95 %", *COVERAGE)]
+    for label, true in draws[0].truth.items():
+        factor, unit = (np.degrees(1.0), "deg") if label.endswith("play") else (1.0, "N m")
+        title = f"{label}, {unit}"
+        if label in first.held:
+            rows.append((title, f"{true * factor:.3g}", first.undetermined[label], "", "", ""))
+            continue
+        ends = " to ".join(f"{end * factor:.4g}" for end in first.fit.intervals[label])
+        value = f"{first.fit.estimates[label] * factor:.4g}"
+        rows.append((title, f"{true * factor:.3g}", value, ends, *coverage(draws, label)))
+    mean_square = f"{draws[0].mean_square:.2f}"
+    rows.append(("mean square of the residuals", "1", mean_square, "", "", ""))
+    for what, some in (("first", draws[:1]), ("further", draws[1:])):
+        if some:
+            seconds = f"{np.median([draw.seconds for draw in some]):.0f} s"
+            rows.append((f"processor time, {what} fits", "", seconds, "", "", ""))
+    return rows
 
 
 def figure(found: cj.results.RobotFit) -> Figure:
@@ -210,6 +245,6 @@ def figure(found: cj.results.RobotFit) -> Figure:
         )
         below.plot(series.times, found.fit.residuals[name], ".", color=colour, markersize=3)
     above.set_ylabel("angle of the motor, rad")
-    above.legend(ncols=2, fontsize="small")
+    above.legend(ncols=6, fontsize="small", loc="lower center", bbox_to_anchor=(0.5, 1.0))
     below.set(xlabel="time, s", ylabel="residual over noise")
     return canvas

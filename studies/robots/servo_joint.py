@@ -3,7 +3,6 @@ with play are simulated by SciPy, and fitted with `cj.Servo`, and with the conti
 
 import tempfile
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ from matplotlib.figure import Figure
 
 import clearjoint as cj
 from clearjoint.plot import style
+from studies.robots.draws import COVERAGE, Draw, coverage
 from studies.robots.geared_joint import COUNTS, NOISE, RATE, URDF, GearedJoint, counted, swinging
 from studies.robots.sampled_servo import SampledPid
 
@@ -65,9 +65,8 @@ def robot() -> cj.results.Robot:
         return cj.load_robot(path).with_drive("elbow", drive)
 
 
-def fitted(table: pd.DataFrame, sampled: bool = True) -> tuple[cj.results.RobotFit, float]:
-    """Return the fit of a log by a `Servo`, or by a `Motor` with the same gains, and its processor
-    time, s."""
+def fitted(table: pd.DataFrame, sampled: bool = True) -> Draw:
+    """Return the fit of a log by a `Servo`, or by a `Motor` with the same gains."""
     rig, begun = robot(), time.process_time()
     gains: dict[str, Any] = {"proportional": PROPORTIONAL, "derivative": DERIVATIVE}
     side = rig.motor_side("elbow")
@@ -82,51 +81,19 @@ def fitted(table: pd.DataFrame, sampled: bool = True) -> tuple[cj.results.RobotF
         goals={"elbow": "goal"},
     )
     found = cj.fit_robot(rig, log, FIND, {"elbow": drive}, progress=False)
-    return found, time.process_time() - begun
-
-
-@dataclass(frozen=True)
-class Draw:
-    """A fit of one simulated log, and its processor time, s."""
-
-    found: cj.results.RobotFit
-    seconds: float
-
-    def estimate(self, name: str) -> float:
-        """Return an estimate, or the start of what the log doesn't determine."""
-        held = self.found.held
-        return held[name][0] if name in held else self.found.fit.estimates[name]
-
-    def holds(self, name: str) -> bool:
-        """Return whether the 95 % interval holds the true value."""
-        low, high = self.found.fit.intervals.get(name, (np.inf, -np.inf))
-        return low <= TRUTH[name] <= high
-
-    def error(self, name: str) -> float:
-        """Return the error of an estimate over its standard error; NaN if it is not determined."""
-        deviation = self.found.fit.standard_errors.get(name, np.nan)
-        return (self.estimate(name) - TRUTH[name]) / deviation
-
-    @property
-    def mean_square(self) -> float:
-        """Mean square of the residuals over their noise."""
-        residuals = np.concatenate([*self.found.fit.residuals.values()])
-        return float(np.mean(residuals**2))
+    return Draw(found, TRUTH, time.process_time() - begun)
 
 
 def measure(quick: bool) -> tuple[list[tuple[str, ...]], Draw]:
     """Return the table of true values, estimates and coverage, head first, and the first draw."""
     end = 1.5 if quick else END
-    draws = [Draw(*fitted(servo_log(seed, end))) for seed in range(1 if quick else DRAWS)]
-    first, by_motor = draws[0], Draw(*fitted(servo_log(0, end), sampled=False))
-    over = "error over standard error, mean ± deviation"
-    rows = [("parameter", "true", "by `Servo`", "intervals that hold it", over, "by `Motor`")]
+    draws = [fitted(servo_log(seed, end)) for seed in range(1 if quick else DRAWS)]
+    first, by_motor = draws[0], fitted(servo_log(0, end), sampled=False)
+    head = "parameter", "true", "by `Servo`", *COVERAGE, "by `Motor`"
+    rows: list[tuple[str, ...]] = [head]
     for name, value in TRUTH.items():
-        held = f"{sum(draw.holds(name) for draw in draws)} of {len(draws)}"
         servo, motor = (f"{draw.estimate(name):.4g}" for draw in (first, by_motor))
-        errors = [draw.error(name) for draw in draws]
-        spread = f"{np.mean(errors):.2f} ± {np.std(errors):.2f}"
-        rows.append((name, f"{value:.4g}", servo, held, spread, motor))
+        rows.append((name, f"{value:.4g}", servo, *coverage(draws, name), motor))
     servo, motor = (f"{draw.mean_square:.3g}" for draw in (first, by_motor))
     rows.append(("mean square of the residuals", "1", servo, "", "", motor))
     median, motor = np.median([draw.seconds for draw in draws]), by_motor.seconds

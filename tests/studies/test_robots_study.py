@@ -82,10 +82,9 @@ def test_mujoco_standard_joint_is_fitted():
 @pytest.mark.slow
 def test_a_joint_of_the_arm_is_fitted():
     pytest.importorskip("pinocchio")
-    found, _ = SimulatedArm(1, 0.4).fitted(0)
-    for name, value in {"pan play": np.radians(0.2), "pan friction": 4.0}.items():
-        low, high = found.fit.intervals[name]
-        assert low < value < high
+    draw = SimulatedArm(1, 0.4).fitted(0)
+    assert draw.truth == {"pan play": np.radians(0.2), "pan friction": 4.0}
+    assert all(draw.holds(name) for name in draw.truth)
 
 
 @pytest.mark.slow

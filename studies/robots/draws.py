@@ -1,0 +1,58 @@
+"""Fits of simulated logs, and how often their intervals hold the true values."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+import clearjoint as cj
+
+
+@dataclass(frozen=True)
+class Draw:
+    """A fit of one simulated log, the true values by name, and its processor time, s."""
+
+    found: cj.results.RobotFit
+    truth: Mapping[str, float]
+    seconds: float
+
+    def estimate(self, name: str) -> float:
+        """Return an estimate, or the start of what the log doesn't determine."""
+        held = self.found.held
+        return held[name][0] if name in held else self.found.fit.estimates[name]
+
+    def holds(self, name: str) -> bool:
+        """Return whether the 95 % interval holds the true value."""
+        low, high = self.found.fit.intervals.get(name, (np.inf, -np.inf))
+        return low <= self.truth[name] <= high
+
+    def error(self, name: str) -> float:
+        """Return the error of an estimate's logarithm over its standard error; NaN if it is not
+        determined."""
+        fit = self.found.fit
+        if name not in fit.parameters:
+            return np.nan
+        k = [*fit.parameters].index(name)
+        deviation = np.sqrt(fit.covariance[k, k])
+        return (fit.coordinates[k] - np.log(self.truth[name])) / deviation
+
+    @property
+    def mean_square(self) -> float:
+        """Mean square of the residuals over their noise."""
+        residuals = np.concatenate([*self.found.fit.residuals.values()])
+        return float(np.mean(residuals**2))
+
+
+COVERAGE: tuple[str, str] = (
+    "intervals that hold it",
+    "error over standard error, mean ± deviation",
+)
+"""Head of the columns by `coverage`."""
+
+
+def coverage(draws: Sequence[Draw], name: str) -> tuple[str, str]:
+    """Return how many intervals hold the true value of a parameter, and the spread of the errors
+    over the standard errors."""
+    held = sum(draw.holds(name) for draw in draws)
+    errors = [draw.error(name) for draw in draws]
+    return f"{held} of {len(draws)}", f"{np.nanmean(errors):.2f} ± {np.nanstd(errors):.2f}"
