@@ -27,11 +27,8 @@ class Draw:
         return low <= self.truth[name] <= high
 
     def error(self, name: str) -> float:
-        """Return the error of an estimate's logarithm over its standard error; NaN if it is not
-        determined."""
+        """Return the error of an estimate's logarithm over its standard error."""
         fit = self.found.fit
-        if name not in fit.parameters:
-            return np.nan
         k = [*fit.parameters].index(name)
         deviation = np.sqrt(fit.covariance[k, k])
         return (fit.coordinates[k] - np.log(self.truth[name])) / deviation
@@ -51,8 +48,10 @@ COVERAGE: tuple[str, str] = (
 
 
 def coverage(draws: Sequence[Draw], name: str) -> tuple[str, str]:
-    """Return how many intervals hold the true value of a parameter, and the spread of the errors
-    over the standard errors."""
-    held = sum(draw.holds(name) for draw in draws)
-    errors = [draw.error(name) for draw in draws]
-    return f"{held} of {len(draws)}", f"{np.nanmean(errors):.2f} ± {np.nanstd(errors):.2f}"
+    """Return how many of the intervals hold the true value of a parameter, without those of draws
+    that don't determine it, and the spread of the errors over the standard errors."""
+    known = [draw for draw in draws if name in draw.found.fit.parameters]
+    if not known:
+        return "none", ""
+    held, errors = sum(draw.holds(name) for draw in known), [draw.error(name) for draw in known]
+    return f"{held} of {len(known)}", f"{np.mean(errors):.2f} ± {np.std(errors):.2f}"
