@@ -21,7 +21,7 @@ from .._math.vectors import fold_constants
 from .._measurements.series import Measurements
 from .._model.bodies import State
 from .._model.scene import Scene
-from .._parametrisation.parameter import HeldParameter, Parameter
+from .._parametrisation.parameter import Parameter, free_parameters
 from .._parametrisation.readings import readings_of_runs, units_of
 from .._simulation.lanes.lane import SAVED, Common, Plan, Task
 from .._simulation.lanes.scheduler import Batch, Ended
@@ -198,7 +198,7 @@ def comparison(
     runs = experiment(scene, state, parameters, outputs, times, start_time, settings)
     data = samples(measurements, len(runs.times))
     series_units = {name: s.unit for name, s in series.items()}
-    free = {name: p for name, p in parameters.items() if not isinstance(p, HeldParameter)}
+    free = free_parameters(parameters)
     units = units_of(free, scene, state, series_units)
     return Comparison(runs, data, free, units)
 

@@ -27,10 +27,10 @@ from .._model.bodies import State
 from .._model.scene import Scene
 from .._parametrisation.parameter import (
     PASS_PARAMETERS,
-    HeldParameter,
     Parameter,
     check_parameters,
     coordinates_of,
+    free_parameters,
 )
 from .._parametrisation.parametrised_scene import ParametrisedScene, parametrised
 from .._parametrisation.readings import (
@@ -74,7 +74,7 @@ class Experiment(eqx.Module):
     - `times`: the sample times, s. The last one is repeated until their number is 64, 512, 4096 and
       so on, so that records of similar length share a program.
     - `sensors`: errors of the sensors, such as a delay, that are parameters.
-    - `free`, `whole`: indices of the parameters that are no `HeldParameter`, if there is one, and
+    - `free`, `whole`: indices of the parameters that are not `held`, if one is, and
       coordinates (p,) with those of held ones.
     """
 
@@ -234,7 +234,8 @@ def experiment(
     steps = on_device(start_time), first_step, on_device(settings.max_steps, int)
     at = on_device(padded(rising, end_time))
     runs = Experiment(scheme, family, dict(outputs), at, *steps, tuple(outputs), sensors)
-    free = [k for k, p in enumerate(parameters.values()) if not isinstance(p, HeldParameter)]
+    numbers = {name: k for k, name in enumerate(parameters)}
+    free = [numbers[name] for name in free_parameters(parameters)]
     if len(free) == len(parameters):
         return runs
     return replace(runs, free=tuple(free), whole=coordinates_of(scene, state, parameters))

@@ -4,7 +4,7 @@ which it works: a typical change of a coordinate is of the order of 1, whatever 
 import abc
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import jax
@@ -239,6 +239,7 @@ class Parameter:
     variation: AbstractVariation
     scale: AbstractScale
     value: float | None
+    _is_held: bool = field(default=False, repr=False)
 
     def __init__(
         self,
@@ -381,9 +382,17 @@ def _of_sensors(
 PASS_PARAMETERS = 'pass {"clearance": cj.Parameter(lambda scene: scene.joints["pin"].clearance)}'
 
 
-class HeldParameter(Parameter):
-    """A parameter that a fit holds at its first guess, and leaves out of its result. Its runs have
+def held(parameter: Parameter, value: float) -> Parameter:
+    """Return a parameter that a fit holds at a value and leaves out of its result. Its runs have
     the compiled programs of a fit in which the parameter is free."""
+    copy = Parameter(parameter.variation, parameter.scale, value=value)
+    object.__setattr__(copy, "_is_held", True)
+    return copy
+
+
+def free_parameters(parameters: Mapping[str, Parameter]) -> dict[str, Parameter]:
+    """Return the parameters that are not `held`."""
+    return {name: p for name, p in parameters.items() if not p._is_held}
 
 
 def check_parameters(parameters: Mapping[str, Parameter]) -> None:

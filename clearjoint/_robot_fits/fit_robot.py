@@ -29,7 +29,7 @@ from .._model.bodies import State
 from .._model.joints.base import AbstractForce
 from .._model.scene import Scene
 from .._parametrisation import variations
-from .._parametrisation.parameter import HeldParameter, Parameter
+from .._parametrisation.parameter import Parameter, free_parameters, held
 from .._parametrisation.variations import AbstractSeriesVariation, SeriesDelay
 from .._scene_files.robot import Robot
 from .._simulation.results.observe import observe
@@ -355,7 +355,7 @@ def fit_robot(
         "progress": progress,
         "start_time": log.start,
     }
-    fit, undetermined, held = None, {}, {}
+    fit, undetermined, fixed = None, {}, {}
     for _ in range(ROUNDS):
         present = {n: Parameter(p.variation, p.scale, value=values[n]) for n, p in free.items()}
         # A delay is no number of the scene, by which a run could be differentiated beforehand.
@@ -370,11 +370,10 @@ def fit_robot(
         # A position or speed at the start is held at its last estimate: the first one, from a few
         # samples, may be so wrong that it makes estimates that depend on it wrong too.
         begins = _of_kind(problem, reasons, *OF_START)
-        held = {name: (values if name in begins else starts)[name] for name in reasons}
-        for name, value in held.items():
-            present[name] = HeldParameter(free[name].variation, free[name].scale, value=value)
+        fixed = {name: (values if name in begins else starts)[name] for name in reasons}
+        present |= {name: held(free[name], value) for name, value in fixed.items()}
         fit = _best_fit(problem, present, settings, grow, options)
-        values = {**values, **held, **_inside(problem, fit)}
+        values = {**values, **fixed, **_inside(problem, fit)}
     assert fit is not None
     warn_of([fit])
     units = {name: free[name].variation.unit_in(scene, state) for name in undetermined}
@@ -383,8 +382,8 @@ def fit_robot(
         for family in (fit.scene.joints, fit.scene.forces)
     )
     fitted = replace(robot, scene=replace(fit.scene, joints=joints, forces=forces))
-    held = {name: (value, units[name]) for name, value in held.items()}
-    return RobotFit(fit, fitted, log, dict(driven_by), undetermined, held)
+    at = {name: (value, units[name]) for name, value in fixed.items()}
+    return RobotFit(fit, fitted, log, dict(driven_by), undetermined, at)
 
 
 def _best_fit(
@@ -402,7 +401,7 @@ def _best_fit(
     from other plays than the estimated ones.
     """
     # Chi squared may have a minimum at either end of a play in which a side starts.
-    free = {name: p for name, p in parameters.items() if not isinstance(p, HeldParameter)}
+    free = free_parameters(parameters)
     places = _of_kind(problem, free, IN_PLAY)
     sides = (0.0, *ENDS) if places else (0.0,)
     starts = [dict.fromkeys(places, side) for side in sides]
