@@ -4,6 +4,7 @@ frictions does one motion determine?"""
 import importlib
 import tempfile
 import time
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -197,7 +198,9 @@ def inertias(arm: SimulatedArm, first: cj.results.RobotFit) -> list[tuple[str, .
     """Return the table of the masses and moments of inertia that the first log would determine
     together with plays and frictions, head first: their standard deviations over their values."""
     kinds = "mass", "inertia"
-    fit = arm.fitted(0, first, (*KINDS, *kinds), max_iterations=1).found.fit
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", cj.PoorFitWarning)  # One run is no fit yet.
+        fit = arm.fitted(0, first, (*KINDS, *kinds), max_iterations=1).found.fit
     rows: list[tuple[str, ...]] = [("link of", *(f"deviation of the {kind}" for kind in kinds))]
     for name in arm.names:
         cells = []
@@ -225,10 +228,10 @@ def table(draws: Sequence[Draw]) -> list[tuple[str, ...]]:
         rows.append((title, f"{true * factor:.3g}", value, ends, *coverage(draws, label)))
     mean_square = f"{draws[0].mean_square:.2f}"
     rows.append(("mean square of the residuals", "1", mean_square, "", "", ""))
-    for what, some in (("first", draws[:1]), ("further", draws[1:])):
+    for what, some in (("the first fit", draws[:1]), ("a further fit, median", draws[1:])):
         if some:
             seconds = f"{np.median([draw.seconds for draw in some]):.0f} s"
-            rows.append((f"processor time, {what} fits", "", seconds, "", "", ""))
+            rows.append((f"processor time of {what}", "", seconds, "", "", ""))
     return rows
 
 
