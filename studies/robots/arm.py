@@ -53,7 +53,7 @@ RATE, NOISE = 200.0, 1e-4
 """Samples per second, Hz, and noise of the encoders of the motors, rad."""
 REST, END = 0.06, 1.0
 """Time at rest, and length of the log, s."""
-DRAWS, GUESS = 20, "0.4 deg"
+DRAWS, GUESS = 15, "0.4 deg"
 KINDS = "play", "friction"
 SETTINGS = replace(cj.presets.identification, rtol=1e-7, derivative_tolerance=100.0)
 """Errors of runs are below 1e-4 of the noise, and runs take 0.6 of the time of the default."""
