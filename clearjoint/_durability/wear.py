@@ -422,8 +422,16 @@ class CycleRun:
         """
         first = self.start_time + self.settle * self.cycle
         middle, last = (first + part * self.measured * self.cycle for part in (0.5, 1.0))
-        options = {"start_time": self.start_time, "throw": False, "progress": False}
-        solution = simulate(scene, state, last, self.settings, Saving(steps=True), **options)
+        solution = simulate(
+            scene,
+            state,
+            last,
+            self.settings,
+            Saving(steps=True),
+            start_time=self.start_time,
+            throw=False,
+            progress=False,
+        )
         result, shape = solution.result, (len(self.rates), len(PARTS), self.samples)
         halves = np.zeros((2, 1 + len(self.directions), *shape))
         extremes = np.zeros((2, len(self.rates), len(EXTREMES)))
@@ -437,15 +445,25 @@ class CycleRun:
             times = [quadrature_times(solution, *span, longest) for span in spans]
             for k, instants in enumerate(times):
                 for j, (name, of_parts) in enumerate(rates.items()):
-                    found = wear_depths(scene, solution, name, of_parts, instants, self.samples)
-                    halves[k, 0, j], extremes[k, j], signals = found
-                    joint, cycles = _clearance_joint(scene, name), self.measured
-                    history = contact_history(joint, depths[j], instants, signals, cycles)
-                    histories[j].append(history)
+                    halves[k, 0, j], extremes[k, j], signals = wear_depths(
+                        scene, solution, name, of_parts, instants, self.samples
+                    )
+                    joint = _clearance_joint(scene, name)
+                    histories[j].append(
+                        contact_history(joint, depths[j], instants, signals, self.measured)
+                    )
             # `simulate` computes no derivatives. They need another run, which gives no wear.
             if self.directions:
-                others = times, rates, self.directions, self.settings, self.samples
-                derivatives, result = derivatives_in_spans(scene, state, self.start_time, *others)
+                derivatives, result = derivatives_in_spans(
+                    scene,
+                    state,
+                    self.start_time,
+                    times,
+                    rates,
+                    self.directions,
+                    self.settings,
+                    self.samples,
+                )
                 if derivatives is not None:
                     halves[:, 1:] = derivatives
         return _Measured(
@@ -893,8 +911,11 @@ def _opened(path: str | PathLike[str]) -> "xr.Dataset":
 def final_state(found: "xr.Dataset") -> State:
     """Return the state after the last run whose wear was used, or the initial state."""
     numbers = {field.name: found[f"final_{field.name}"].values for field in fields(BodyState)}
-    names = map(str, found["body"].values)
-    return State({n: BodyState(*(v[j] for v in numbers.values())) for j, n in enumerate(names)})
+    bodies = {
+        str(name): BodyState(**{field: of_bodies[j] for field, of_bodies in numbers.items()})
+        for j, name in enumerate(found["body"].values)
+    }
+    return State(bodies)
 
 
 def _stacked(found: "xr.Dataset", name: str) -> Float[np.ndarray, "stages rows joints 2 samples"]:

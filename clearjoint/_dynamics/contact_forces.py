@@ -4,6 +4,7 @@ The rates of bristles' deflections follow from the same slip velocity as their f
 computed here.
 """
 
+import operator
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
@@ -168,20 +169,22 @@ def contact_wrenches(
     # Without friction, the force may act at any point of its line of action, and points are chosen
     # that take less arithmetic.
     on_first, on_second = contact.points_of_force(friction is not None)
-    moment = None if friction_moment is None else contact.normal * friction_moment
+    # The forces on each body, each with the point at which it acts.
+    forces = {second: [(push, on_second)], first: [(-push, on_first)]}
     side = contact.side
-    # The force beside the normal force acts at a point of its own.
-    side_force = None if side is None else side.on_second(normal_force)
-    for name, arm, is_second in ((second, on_second, True), (first, on_first, False)):
-        if name != GROUND:
-            motion = motions[name]
-            wrench = motion.wrench(push if is_second else -push, arm)
-            if side is not None and side_force is not None:
-                beside = (side_force, side.arm_second), (side_force * -1.0, side.arm_first)
-                wrench = wrench + motion.wrench(*beside[0 if is_second else 1])
-            yield name, wrench
-            if moment is not None:
-                yield name, motion.torque(moment if is_second else -moment)
+    if side is not None:
+        # The force beside the normal force acts at a point of its own.
+        side_force = side.on_second(normal_force)
+        forces[second].append((side_force, side.arm_second))
+        forces[first].append((side_force * -1.0, side.arm_first))
+    for name, of_body in forces.items():
+        if name == GROUND:
+            continue
+        wrenches = [motions[name].wrench(force, arm) for force, arm in of_body]
+        yield name, reduce(operator.add, wrenches)
+        if friction_moment is not None:
+            moment = contact.normal * friction_moment
+            yield name, motions[name].torque(moment if name == second else -moment)
 
 
 def contact_force(

@@ -46,7 +46,7 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
     contains numbers, NumPy takes a bool as 0 or 1, without an error.
     """
     if isinstance(value, jax.Array) and jnp.issubdtype(value.dtype, jnp.number):
-        if not jnp.issubdtype(value.dtype, jnp.complexfloating):
+        if jnp.isrealobj(value):
             return value
     elif isinstance(value, list | tuple):
         # NumPy can't make an array of traced numbers. Testing each type once, instead of each

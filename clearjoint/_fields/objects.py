@@ -108,7 +108,16 @@ def quantity(
     >>> Blade(0.1)
     Blade(coefficient=0.1)
     """
-    declared = Declaration(unit, shape, positive, zero, within, usual, check, remedy)
+    declared = Declaration(
+        unit,
+        shape=shape,
+        positive=positive,
+        zero=zero,
+        within=within,
+        usual=usual,
+        check=check,
+        remedy=remedy,
+    )
     metadata = {"unit": unit, "table": table, "declared": declared}
     return eqx.field(**{"converter": as_number, "metadata": metadata, **options})
 

@@ -227,8 +227,9 @@ class _CountedRuns:
         end = float(self.compared.times[-1])
         misfit = partial(run_misfit, self.compared.runs, self.compared.data, end)
         max_changes = step_limits(self.compared.parameters)
-        options = max_changes, near, steps, self.on_iteration
-        lowest, iterations, ending = search_with_damping(misfit, start, *options)
+        lowest, iterations, ending = search_with_damping(
+            misfit, start, max_changes, near, steps, self.on_iteration
+        )
         # An interruption, which `search_with_damping` catches, ends the whole check.
         if ending is Ending.INTERRUPTED:
             raise KeyboardInterrupt

@@ -207,8 +207,9 @@ def identify_many(
         looser = settings.looser(LOOSER)
         coarse = comparison(scene, state, first, parameters, start_time, looser)
     ends = (*grow, float(first.times()[-1]))
-    limits = tolerance, max_iterations, check_runs, horizon
-    problem = _Problem(compared, coarse, rows, starts, ends, *limits)
+    problem = _Problem(
+        compared, coarse, rows, starts, ends, tolerance, max_iterations, check_runs, horizon
+    )
     fits: list[Fit] = []
     searches = len(measurements) * len(rows)
     with iteration_callback(progress, compared.parameters, searches) as on_iteration:
@@ -418,10 +419,11 @@ def _check(
     first = measurements[0]
     first.check(scene)
     for k, measured in enumerate(measurements):
-        same = list(measured.series) == list(first.series)
-        for name, series in measured.series.items() if same else ():
-            same = same and series.channel == first[name].channel
-            same = same and np.array_equal(series.times, first[name].times)
+        same = list(measured.series) == list(first.series) and all(
+            series.channel == first[name].channel
+            and np.array_equal(series.times, first[name].times)
+            for name, series in measured.series.items()
+        )
         expected = "measurements of the same channels and times as the first"
         require(same, f"measurements[{k}]", list(measured.series), expected, "fit them separately")
     ends = [start_time, *grow, first.times()[-1]]

@@ -92,12 +92,12 @@ class Experiment(eqx.Module):
 
     def with_held(self, coordinates: ArrayLike) -> np.ndarray:
         """Return coordinates (..., p) of all parameters for those of the free ones."""
-        given = np.asarray(coordinates)
+        of_free = np.asarray(coordinates)
         if self.free is None or self.whole is None:
-            return given
-        every = np.broadcast_to(self.whole, (*given.shape[:-1], len(self.whole))).copy()
-        every[..., self.free] = given
-        return every
+            return of_free
+        of_all = np.broadcast_to(self.whole, (*of_free.shape[:-1], len(self.whole))).copy()
+        of_all[..., self.free] = of_free
+        return of_all
 
     def run(self, coordinates: ArrayLike, end_time: Scalar) -> Sampled:
         """Run the scene at coordinates of the free parameters, and return readings of the sensors.
@@ -112,9 +112,17 @@ class Experiment(eqx.Module):
         delayed = _instants(self, at, end_time) if self.sensors.delays else None
         # Every output is evaluated at all of the rising times, whatever its delay.
         times, end = (self.times, end_time) if delayed is None else (delayed[0], delayed[3])
-        span = self.start_time, end, self.first_step, self.max_steps
-        program = self.scheme, self.family.at(at), self.outputs
-        run = sampled(*program, times, *span, recorders=NO_RECORDERS)
+        run = sampled(
+            self.scheme,
+            self.family.at(at),
+            self.outputs,
+            times,
+            self.start_time,
+            end,
+            self.first_step,
+            self.max_steps,
+            recorders=NO_RECORDERS,
+        )
         if delayed is not None:
             run = _delayed(self, at, *delayed[:3], run)
         if self.sensors.of_values:
@@ -230,10 +238,17 @@ def experiment(
     sensors = sensor_errors(parameters, outputs)
     # The zeros are placeholders for coordinates that `Experiment.run` receives.
     family = parametrised(scene, state, in_scene(parameters), np.zeros(len(parameters)))
-    first_step = on_device(settings.length_of_first_step(start_time, end_time))
-    steps = on_device(start_time), first_step, on_device(settings.max_steps, int)
-    at = on_device(padded(rising, end_time))
-    runs = Experiment(scheme, family, dict(outputs), at, *steps, tuple(outputs), sensors)
+    runs = Experiment(
+        scheme,
+        family,
+        dict(outputs),
+        on_device(padded(rising, end_time)),
+        on_device(start_time),
+        on_device(settings.length_of_first_step(start_time, end_time)),
+        on_device(settings.max_steps, int),
+        tuple(outputs),
+        sensors,
+    )
     numbers = {name: k for k, name in enumerate(parameters)}
     free = [numbers[name] for name in free_parameters(parameters)]
     if len(free) == len(parameters):

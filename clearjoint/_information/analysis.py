@@ -370,7 +370,12 @@ def identifiability_from(
     # In order of time, the samples of a shorter record are the first rows.
     sample_times = np.concatenate(times)
     order = np.argsort(sample_times, kind="stable")
-    scales = tuple(parameter.scale for parameter in parameters.values())
-    samples = np.array(names)[order], sample_times[order], np.concatenate(rows)[order]
-    accuracy = ACCURACY_OF_DERIVATIVES * settings.rtol
-    return Identifiability(tuple(parameters), scales, coordinates, *samples, accuracy)
+    return Identifiability(
+        tuple(parameters),
+        tuple(parameter.scale for parameter in parameters.values()),
+        coordinates,
+        np.array(names)[order],
+        sample_times[order],
+        np.concatenate(rows)[order],
+        ACCURACY_OF_DERIVATIVES * settings.rtol,
+    )

@@ -25,8 +25,16 @@ if TYPE_CHECKING:
 TableOfTime = TypeVar("TableOfTime", bound=PiecewiseLinear | PiecewiseConstant)
 Missing = Literal["refuse", "drop"]
 PASS_CHANNEL = "pass cj.Channel(quantity, noise=...)"
-_FIRST_LINE = dict.fromkeys(("header", "usecols", "dtype", "converters"), None)
-_FIRST_LINE |= {"nrows": 1, "index_col": False, "parse_dates": False, "skipfooter": 0}
+_FIRST_LINE = {
+    "header": None,
+    "nrows": 1,
+    "index_col": False,
+    "usecols": None,
+    "dtype": None,
+    "converters": None,
+    "parse_dates": False,
+    "skipfooter": 0,
+}
 """Options with which `pandas.read_csv` reads the header alone, as a row of texts."""
 
 

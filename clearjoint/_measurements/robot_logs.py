@@ -193,8 +193,11 @@ class RobotLog:
                 logged[joint] = samples
             return logged
 
-        logged = read("angles", angles, ANGLES), read("torques", torques, TORQUES)
-        return RobotLog(*logged, read("goals", goals, ANGLES))
+        return RobotLog(
+            read("angles", angles, ANGLES),
+            read("torques", torques, TORQUES),
+            read("goals", goals, ANGLES),
+        )
 
     @property
     def end(self) -> float:
@@ -226,7 +229,7 @@ class RobotLog:
                 shorter[name] = samples._replace(times=times, values=values)
             return shorter
 
-        return RobotLog(cut(self.angles), cut(self.torques), cut(self.goals))
+        return RobotLog(angles=cut(self.angles), torques=cut(self.torques), goals=cut(self.goals))
 
 
 def _since_first(column: TableColumn, unit: str | None) -> Float[np.ndarray, " N"]:

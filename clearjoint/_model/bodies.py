@@ -508,8 +508,12 @@ def body_state(
     >>> cj.body_state(position=(0.5, 0, 0), velocity=(0, 1, 0)).velocity
     array([0., 1., 0.])
     """
-    names = "position", "orientation", "velocity", "spin"
-    numbers = BodyState(*map(as_number, (position, orientation, velocity, spin), names))
+    numbers = BodyState(
+        position=as_number(position, "position"),
+        orientation=as_number(orientation, "orientation"),
+        velocity=as_number(velocity, "velocity"),
+        spin=as_number(spin, "spin"),
+    )
     for name in ("position", "velocity", "spin"):
         require_shape(name, getattr(numbers, name), (3,), "pass three numbers")
     require_euler_parameters("orientation", numbers.orientation)

@@ -305,8 +305,7 @@ class FlatArguments:
 
     @staticmethod
     def of(arguments: tuple[PyTree, ...]) -> "FlatArguments":
-        """Flatten arguments. An argument that is an object of this class stands for what it is the
-        flattened form of."""
+        """Flatten arguments, some of which may be flattened already."""
         return FlatArguments.joined(tuple(map(flattened, arguments)))
 
     @staticmethod

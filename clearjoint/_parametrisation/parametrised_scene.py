@@ -162,7 +162,7 @@ class ParametrisedScene(AbstractSceneFamily):
             return jax.tree.unflatten(structure, varied), None
         # A user's function may change any leaf. JAX traces the functions here without computing
         # numbers, and each leaf that depends on a parameter becomes a tracer.
-        found: list[tuple[PyTree[bool], int]] = []
+        effects: list[tuple[PyTree[bool], int]] = []
 
         def trace(values: Coordinates) -> Coordinates:
             (leaves, structure), last = jax.tree.flatten(self.base[0]), 0
@@ -173,11 +173,11 @@ class ParametrisedScene(AbstractSceneFamily):
                 if not is_kept or any(a is not b for a, b in zip(leaves, before, strict=True)):
                     last = count
             traced = [isinstance(leaf, Tracer) for leaf in leaves]
-            found.append((jax.tree.unflatten(structure, traced), last))
+            effects.append((jax.tree.unflatten(structure, traced), last))
             return values
 
         jax.eval_shape(trace, self.values)
-        return found[0]
+        return effects[0]
 
     @override
     def with_derivatives(

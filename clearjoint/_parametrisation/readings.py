@@ -106,8 +106,11 @@ def readings_of_runs(
 def sensor_errors(
     parameters: Mapping[str, Parameter], outputs: Mapping[str, object]
 ) -> SensorErrors:
-    """Return the errors of sensors among the parameters of a run with given outputs; a `ValueError`
-    for unknown outputs and two errors of one kind of an output."""
+    """Return the errors of sensors among the parameters of a run with given outputs.
+
+    **Raises:** `ValueError` for the error of an unknown output, and for two errors of the same kind
+    for one output.
+    """
     errors, taken = [], set()
     for number, (label, parameter) in enumerate(parameters.items()):
         error = parameter.variation

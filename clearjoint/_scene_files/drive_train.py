@@ -176,18 +176,18 @@ def _require_together(
     expected = f"given, since joint {name!r} has none in the file"
     remedy = "give the moment of inertia of the rotor, or leave play and stiffness out"
     check("armature", not is_elastic or armature is not None, expected, remedy)
-    given = not has["play"] or has["stiffness"]
-    check("stiffness", given, "given with a play", "give that of a pressed flank")
-    omitted, remedy = has["play"] or not has["restitution"], "leave it out, or give a play"
-    check("restitution", omitted, "omitted without a play", remedy)
-    omitted = not (has["restitution"] and has["damping"])
-    check("restitution", omitted, "omitted with a damping", "leave one of the two out")
-    omitted = has["stiffness"] or not has["damping"]
+    is_valid = not has["play"] or has["stiffness"]
+    check("stiffness", is_valid, "given with a play", "give that of a pressed flank")
+    is_valid = has["play"] or not has["restitution"]
+    check("restitution", is_valid, "omitted without a play", "leave it out, or give a play")
+    is_valid = not (has["restitution"] and has["damping"])
+    check("restitution", is_valid, "omitted with a damping", "leave one of the two out")
+    is_valid, expected = has["stiffness"] or not has["damping"], "omitted without a stiffness"
     remedy = "give a stiffness, or a viscosity in place of the damping"
-    check("damping", omitted, "omitted without a stiffness", remedy)
-    omitted = not has["loss"] or has["play"] or (is_elastic and not is_slider)
+    check("damping", is_valid, expected, remedy)
+    is_valid = not has["loss"] or has["play"] or (is_elastic and not is_slider)
     expected = "omitted without a play or, of a hinge, a stiffness"
-    check("loss", omitted, expected, "leave it out, or give one of them")
+    check("loss", is_valid, expected, "leave it out, or give one of them")
 
 
 def _flanks(between: HingeOrSlider, numbers: Mapping[str, PyTree]) -> AbstractContactJoint:

@@ -325,14 +325,21 @@ class MjcfWriter:
         offset = apart.dot(slot.direction(unit(joint.slot_axis)))
         self._limit(name, on, joint.law, offset, joint.travel, 1.0)
 
-    def _limit(self, name: str, on: FileJoint, law: AbstractContactLaw, *numbers: Scalar) -> None:
+    def _limit(
+        self,
+        name: str,
+        on: FileJoint,
+        law: AbstractContactLaw,
+        offset: Scalar,
+        play: Scalar,
+        lever: Scalar,
+    ) -> None:
         """Limit a joint or tendon by the two flanks of a play, whose contact has the given law.
 
-        The `numbers`: `offset`, the displacement from the middle of the play in the written pose,
-        and `play`, both in rad or m; and `lever`, the law's penetration over the displacement,
-        m/rad or 1.
+        **Arguments:** `offset`: displacement from the middle of the play in the written pose, rad
+        or m; `play`: rad or m; `lever`: the law's penetration over the displacement, m/rad or 1.
         """
-        offset, play, lever = map(float, numbers)
+        offset, play, lever = float(offset), float(play), float(lever)
         if (other := self._flanks.get(on.element)) is not None:
             # Of two, such as a play and the stops of the joint, the narrower one acts.
             self.omitted["wider limits"].append(name if other.play < play else other.name)

@@ -234,8 +234,13 @@ def _backlash(
 
 
 def backlash_of(hinge: RevoluteJoint, **options: PyTree) -> Backlash:
-    axes = {"axis_first": hinge.axis_first, "axis_second": hinge.axis_second}
-    return Backlash(hinge.first, hinge.second, **axes, **options)
+    return Backlash(
+        hinge.first,
+        hinge.second,
+        axis_first=hinge.axis_first,
+        axis_second=hinge.axis_second,
+        **options,
+    )
 
 
 def _arguments_of_play(settings: Play) -> dict[str, Expectation]:
@@ -344,14 +349,16 @@ def spring_of(
     joint: HingeOrSlider, stiffness: PyTree, damping: PyTree, rest: PyTree
 ) -> AbstractForce:
     """Return the spring and damper of a hinge or slider, relaxed at the position `rest`."""
-    ends = joint.first, joint.second
     if isinstance(joint, RevoluteJoint):
-        return TorsionalSpring(*ends, joint.axis_first, stiffness, damping, rest)
+        return TorsionalSpring(
+            joint.first, joint.second, joint.axis_first, stiffness, damping, rest
+        )
     axis = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
     across = [pack(vector) for vector in transverse_axes(Vector(*axis.tolist()))]
     along = euler_parameters(np.column_stack([axis, *across]))
     return Bushing(
-        *ends,
+        joint.first,
+        joint.second,
         point_first=joint.point_first + rest * axis,
         point_second=joint.point_second,
         stiffness=(stiffness, 0.0, 0.0),

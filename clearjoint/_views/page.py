@@ -37,9 +37,15 @@ def page(
     k3d = needed("k3d")
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Given trait value dtype")  # k3d's own conversions
-        off = dict.fromkeys(("camera_auto_fit", "grid_visible", "menu_visibility"), False)
-        look = {"camera_fov": FIELD_OF_VIEW, "background_color": 0xFFFFFF}
-        plot = k3d.plot(height=height, name=legend.title, **look, **off)
+        plot = k3d.plot(
+            camera_auto_fit=False,
+            grid_visible=False,
+            menu_visibility=False,
+            camera_fov=FIELD_OF_VIEW,
+            background_color=0xFFFFFF,
+            height=height,
+            name=legend.title,
+        )
         plot.snapshot_type = "full"  # the file contains k3d's own script, too
         for part in parts:
             plot += _drawable(part, k3d)
@@ -64,9 +70,15 @@ def _script(name: str) -> str:
 
 
 def _drawable(part: DrawnPart, k3d):
-    triangles = part.mesh.vertices.astype(np.float32), part.mesh.faces.astype(np.uint32)
-    look = {"color": _number(part.colour_at(0)), "opacity": part.opacity, "side": "double"}
-    mesh = k3d.mesh(*triangles, name=part.name, flat_shading=True, **look)
+    mesh = k3d.mesh(
+        part.mesh.vertices.astype(np.float32),
+        part.mesh.faces.astype(np.uint32),
+        color=_number(part.colour_at(0)),
+        opacity=part.opacity,
+        flat_shading=True,
+        side="double",
+        name=part.name,
+    )
     # k3d animates a property that is a dictionary, with frame numbers as keys, and keeps any other
     # property constant.
     matrices = part.poses.astype(np.float32)

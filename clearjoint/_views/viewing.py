@@ -205,8 +205,16 @@ def view(
     if force_arrows.parts:
         notes.append(force_arrows.note)
     legend = Legend(title, tuple(entries), (*notes, *_missed(motion, observed)))
-    scales = sizes.clearance_scale, sizes.bearing_scale, force_arrows.scale
-    return View(parts, poses.times, legend, *scales, _camera=camera(parts, sizes), _height=height)
+    return View(
+        parts,
+        poses.times,
+        legend,
+        clearance_scale=sizes.clearance_scale,
+        bearing_scale=sizes.bearing_scale,
+        force_scale=force_arrows.scale,
+        _camera=camera(parts, sizes),
+        _height=height,
+    )
 
 
 def _poses(

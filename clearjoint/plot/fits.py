@@ -46,9 +46,15 @@ def fitted(fit: Fit, series: list[str] | None = None) -> np.ndarray:
     require(is_valid, "series", names, "names of series", f"choose from {', '.join(measured)}")
     columns = min(2, len(names))
     blocks = -(-len(names) // columns)  # rows of series, rounded up
-    size = {"figsize": (4.4 * columns, 3.8 * blocks), "layout": "constrained"}  # inches
-    heights = {"height_ratios": [2.0, 1.0] * blocks, "sharex": True}
-    figure, grid = plt.subplots(2 * blocks, columns, squeeze=False, **size, **heights)
+    figure, grid = plt.subplots(
+        2 * blocks,
+        columns,
+        figsize=(4.4 * columns, 3.8 * blocks),  # inches
+        height_ratios=[2.0, 1.0] * blocks,
+        sharex=True,
+        squeeze=False,
+        layout="constrained",
+    )
     # Pairs of axes, one above the other. The last row may have fewer series than columns.
     pairs = grid.reshape(blocks, 2, columns).swapaxes(0, 1).reshape(2, -1)
     axes = pairs[:, : len(names)]
@@ -189,14 +195,25 @@ def _over_time(
     times = horizon.times * 1e3  # ms
     # A logarithmic axis has no zero: values of zero, as at the start, are gaps.
     draw_lines(axes, ((name, times, np.where(y > 0.0, y, np.nan)) for name, y in curves))
-    guesses, integration = (horizon.convergence, DARK), (horizon.numerical, GREY)
-    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
-    place = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points", "bbox": box}
-    look = {"rotation": 90, "ha": "right", "va": "top"}
-    for label, (time, colour) in (("guesses fail", guesses), ("integration fails", integration)):
+    limits = {
+        "guesses fail": (horizon.convergence, DARK),
+        "integration fails": (horizon.numerical, GREY),
+    }
+    for label, (time, colour) in limits.items():
         if np.isfinite(time):  # a limit that the record does not reach is infinite
             axes.axvline(1e3 * time, color=colour, linewidth=1.0, linestyle="--")
-            axes.annotate(label, (1e3 * time, 0.98), (-3, 0), color=colour, **place, **look)
+            axes.annotate(
+                label,
+                (1e3 * time, 0.98),
+                xycoords=("data", "axes fraction"),
+                xytext=(-3, 0),
+                textcoords="offset points",
+                rotation=90,
+                ha="right",
+                va="top",
+                color=colour,
+                bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
+            )
     axes.set_yscale("log")
     axes.legend(frameon=False, title=title, loc="lower right")
     return dress(axes, "time, ms", quantity)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import fields
-from functools import partial
 from pathlib import Path
 from textwrap import fill, wrap
 from typing import NamedTuple
@@ -363,11 +362,17 @@ def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[
     def draw(row: SubFigure) -> None:
         axes = row.add_subplot()
         axes.set_axis_off()
-        place = {"xycoords": "axes fraction", "textcoords": "offset points", "va": "top"}
-        write = partial(axes.annotate, annotation_clip=False, **place)
         for x, down, text, weight in texts:
-            below = 0.0, -72.0 * LINE * down  # an inch has 72 points
-            write(text, (x, 1.0), below, weight=weight)
+            axes.annotate(
+                text,
+                (x, 1.0),
+                (0.0, -72.0 * LINE * down),  # an inch has 72 points
+                xycoords="axes fraction",
+                textcoords="offset points",
+                va="top",
+                weight=weight,
+                annotation_clip=False,
+            )
         if rows:  # a rule below the head, just above the first row
             shift = ScaledTranslation(0.0, -LINE * (head + 1.1), row.dpi_scale_trans)
             look = {"color": GREY, "linewidth": 0.6, "clip_on": False}

@@ -111,8 +111,14 @@ def legend_above(
         room.set_in_layout(False)
         room.set_navigate(False)
         room.set_axes_locator(lambda *arguments: _legend_box(axes, *arguments))
-    look = {"loc": "lower center", "frameon": False, "handlelength": handlelength}
-    axes.legend(handles=handles, bbox_to_anchor=(0.5, height), ncols=columns, **look)
+    axes.legend(
+        handles=handles,
+        loc="lower center",
+        bbox_to_anchor=(0.5, height),
+        ncols=columns,
+        frameon=False,
+        handlelength=handlelength,
+    )
 
 
 ROOM = "room of the legend"

@@ -60,9 +60,15 @@ def mark_failed(
     """Draw crosses for lanes, at `positions` (L,), that failed or have not run yet."""
     missing = positions[~successful]
     if missing.size:
-        heights = np.full(missing.shape, 0.02)  # fractions of the height of the axes
-        look = {"color": colour, "clip_on": False, "label": f"failed or pending: {missing.size}"}
-        axes.plot(missing, heights, "x", transform=axes.get_xaxis_transform(), **look)
+        axes.plot(
+            missing,
+            np.full(missing.shape, 0.02),  # a fraction of the height of the axes
+            "x",
+            color=colour,
+            transform=axes.get_xaxis_transform(),
+            clip_on=False,
+            label=f"failed or pending: {missing.size}",
+        )
 
 
 def require_names(dataset: xr.Dataset, names: tuple[str, ...]) -> None:
@@ -110,9 +116,16 @@ def against(
     # Axes of an earlier call already have labels, with the units to which values are converted.
     x = scaled(dataset[axis], axes.get_xlabel())
     y = scaled(of_lanes(dataset, variable, (axis,)), axes.get_ylabel())
-    alpha = 1.0 if median is None else 0.45  # the line of medians is seen over faint points
-    look = {"color": colour, "markersize": 4, "markeredgewidth": 0, "label": label}
-    axes.plot(x.values, y.values, "o", alpha=alpha, **look)
+    axes.plot(
+        x.values,
+        y.values,
+        "o",
+        color=colour,
+        markersize=4,
+        markeredgewidth=0,
+        alpha=1.0 if median is None else 0.45,  # the line of medians is seen over faint points
+        label=label,
+    )
     if median is not None:
         line = running_median(x.values, y.values, median)
         axes.plot(*line, color=colour, linewidth=2, label=f"median of {median} neighbours")

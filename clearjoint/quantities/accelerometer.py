@@ -155,10 +155,15 @@ def accelerometer(
     # The spring's free length is long compared with its deflection, so that it acts linearly along
     # the axis although it is a spring between two points.
     angular_frequency = 2.0 * math.pi * frequency
-    stiffness = mass * angular_frequency**2
-    damping = 2.0 * damping_ratio * mass * angular_frequency
-    points = position - ARM * direction, np.zeros(3)
-    spring = SpringDamper(body, name, *points, stiffness, damping, free_length=ARM)
+    spring = SpringDamper(
+        body,
+        name,
+        position - ARM * direction,
+        np.zeros(3),
+        stiffness=mass * angular_frequency**2,
+        damping=2.0 * damping_ratio * mass * angular_frequency,
+        free_length=ARM,
+    )
     slide = PrismaticJoint(body, name, position, np.zeros(3), direction)
     # Making the new scene checks all elements again: don't repeat the warnings of the given scene.
     with quiet():

@@ -140,10 +140,15 @@ class JointMechanics(AbstractMechanics):
     def free_rates(self, wrenches: Wrenches) -> Speeds:
         loads = {}
         for k, branch in enumerate(self._branches):
-            wrench, link = wrenches.get(branch.body, NO_WRENCH), self._links[k]
-            inertia = self._central[k], self._bodies[branch.body].mass, self._weights[k]
-            evaluate = self._evaluate[k]
-            loads[k] = evaluate(_effective_load, wrench, link, self._axes[k], *inertia)
+            loads[k] = self._evaluate[k](
+                _effective_load,
+                wrenches.get(branch.body, NO_WRENCH),
+                self._links[k],
+                self._axes[k],
+                self._central[k],
+                self._bodies[branch.body].mass,
+                self._weights[k],
+            )
         return self._rates(loads, self._by_link([0.0] * self._firsts[-1]))
 
     @override

@@ -84,8 +84,16 @@ class BallInSocket(AbstractCentredJoint):
         on_ball = self.ball_point + ball.components(normal * subtract(gap.journal_radius, shift))
         slip = self._slip(socket, ball, on_socket, on_ball, normal)
         # Without friction the force acts at the two centres, which are on its line of action.
-        centres = {"line_first": self.socket_point, "line_second": self.ball_point}
-        return {CONTACT: Contact(gap, normal, on_socket, on_ball, slip, **centres)}
+        contact = Contact(
+            gap,
+            normal,
+            on_socket,
+            on_ball,
+            slip,
+            line_first=self.socket_point,
+            line_second=self.ball_point,
+        )
+        return {CONTACT: contact}
 
     @override
     def deepest_penetration(self) -> Scalar:

@@ -241,8 +241,14 @@ class SliderInGuide(AbstractFrictionJoint):
         return None if offset is None else self._ideal(self.guide_point + offset)
 
     def _ideal(self, point: Triple) -> AbstractConstraint:
-        directions = self.guide_normal, self.slider_axis
-        return LineInPlaneJoint(*self.pair(), point, self.slider_point, *directions)
+        return LineInPlaneJoint(
+            self.guide_body,
+            self.slider_body,
+            point_first=point,
+            point_second=self.slider_point,
+            normal=self.guide_normal,
+            axis=self.slider_axis,
+        )
 
     @override
     def draw(self, pen: AbstractPen) -> None:

@@ -97,8 +97,9 @@ def andrews_squeezer() -> tuple[Scene, State]:
     # point on a line along Z, act as pins without repeating these constraints.
     for name, point in P.items():
         joints[f"K2-{name}"] = InlineJoint("K2", name, (*P_OF_K2, 0.0), (*point, 0.0), Z_AXIS)
-    ends = (*HOOK, 0.0), (*SPRING_END, 0.0)
-    spring = SpringDamper(GROUND, "K3", *ends, stiffness=4530.0, free_length=0.07785)
+    spring = SpringDamper(
+        GROUND, "K3", (*HOOK, 0.0), (*SPRING_END, 0.0), stiffness=4530.0, free_length=0.07785
+    )
     motor = DriveTorque(GROUND, "K1", Z_AXIS, torque=0.033)
     return Scene(bodies, joints, {"spring": spring, "motor": motor}), State(states)
 

@@ -140,8 +140,9 @@ def begin_lane(
     coordinates = plan.scheme.formulation.coordinates
     fits = assembled(scene, state, start_time, coordinates)
     system = plan.scheme.system(scene)
-    method, ends = plan.scheme.method, (request.end_time, request.first_step)
-    step = begin_run(method, system, state, start_time, *ends)
+    step = begin_run(
+        plan.scheme.method, system, state, start_time, request.end_time, request.first_step
+    )
     step = replace(step, result=RESULTS.where(fits, step.result, RESULTS.not_assembled))
     saved = RowBuffer.like(Snapshot.of(step), ROWS) if plan.saves else None
     return without_weak_types(Lane(plan.loop(system, request).start(step), saved))

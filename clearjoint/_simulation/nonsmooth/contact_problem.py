@@ -142,8 +142,15 @@ def _touch(
         contact = replace(contact, side=replace(contact.side, elastic=ZERO))
     if contact.turning is not None or contact.side is not None:
         normal = Row(0.0, dict(contact_wrenches(joint, contact, 1.0, None, motions)), 0.0)
-    gap = contact.gap
-    touch = Touch(name, label, -gap.depth, gap.clearance, normal, slip=(), coefficient=0.0)
+    touch = Touch(
+        joint=name,
+        label=label,
+        gap=-contact.gap.depth,
+        clearance=contact.gap.clearance,
+        normal=normal,
+        slip=(),
+        coefficient=0.0,
+    )
     if contact.slip is None:
         return touch
     along = _slip_direction(contact.slip, contact.normal)
@@ -298,15 +305,31 @@ class ContactProblem:
             residual = largest([normal_residual, slip_residual, opening])
             factor, turns = _extrapolation(now, change), now.turns + 1
             following = [a + factor * b for a, b in zip(tried, change, strict=True)]
-            return Alternation(normal, tangential, residual, turns, following, change, factor)
+            return Alternation(
+                normal=normal,
+                tangential=tangential,
+                residual=residual,
+                turns=turns,
+                tried=following,
+                change=change,
+                factor=factor,
+            )
 
         def goes(now: Alternation) -> Condition:
             return (now.residual > TOLERANCE) & (now.turns < ALTERNATIONS)
 
         # The first turn is taken before the loop, because no residual is known until then.
-        zero, turns = jnp.zeros(()), jnp.zeros((), int)
+        zero = jnp.zeros(())
         still = [zero] * (size - count)
-        start = Alternation([zero] * count, still, zero, turns, still, still, factor=zero + 1)
+        start = Alternation(
+            normal=[zero] * count,
+            tangential=still,
+            residual=zero,
+            turns=jnp.zeros((), int),
+            tried=still,
+            change=still,
+            factor=zero + 1,
+        )
         last = jax.lax.while_loop(goes, go, go(start))
         return [*last.normal, *last.tangential], last.residual
 

@@ -128,7 +128,7 @@ def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> Ri
     # For each joint with breakpoints, the first entry tells whether one of them is in the span,
     # and thus at its end, `stop`. Forces have breakpoints too, but prescribe no velocities.
     since = since_breakpoints(system, start, stop)
-    joints = [found for name, (found, _) in since.items() if name in system.scene.joints]
+    joints = [has_one for name, (has_one, _) in since.items() if name in system.scene.joints]
     if not joints:
         return now
     # Where a driver's velocity jumps, the change of the speeds has the least kinetic energy.
@@ -165,7 +165,14 @@ def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: 
 
 def _first(rigid: Rigid, variables: MotionVariables, t: Scalar) -> RigidRun:
     zero, no_count = jnp.zeros(()), jnp.zeros((), int)
-    no_totals = ContactTotals(no_count, *[zero] * 5)
+    no_totals = ContactTotals(
+        impacts=no_count,
+        impulse=zero,
+        dissipated=zero,
+        hardest=zero,
+        fastest=zero,
+        penetration=zero,
+    )
     laws = rigid.system.scene.laws()
     return RigidRun(
         t=t,
@@ -323,8 +330,10 @@ def simulate_nonsmooth(
     formulation = Formulation(coordinates, redundant=are_redundant)
     between = jnp.asarray([] if times is None else times)
     stops = jnp.concatenate([_array(start_time)[None], between, _array(end_time)[None]])
-    numbers = _array(step), None if restitution is None else _array(restitution)
-    run = run_compiled(fold_constants(scene), formulation, state, stops, *numbers, admissible)
+    chosen = None if restitution is None else _array(restitution)
+    run = run_compiled(
+        fold_constants(scene), formulation, state, stops, _array(step), chosen, admissible
+    )
     inner = None if times is None else stops[1:-1]
     solution = _solution(*run, inner, formulation, redundant_constraints)
     if traced:

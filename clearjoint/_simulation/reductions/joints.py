@@ -109,9 +109,13 @@ class AbstractLossReduction(AbstractWindowedReduction):
 
     @override
     def start(self, now: Instant) -> LossTally:
-        lost = _lost(now)
-        end = (None, None) if self._window(now).is_whole else (now.time, lost)
-        return LossTally(now.time, lost, *end)
+        lost, whole = _lost(now), self._window(now).is_whole
+        return LossTally(
+            begin=now.time,
+            at_begin=lost,
+            time=None if whole else now.time,
+            at_end=None if whole else lost,
+        )
 
     @override
     def update(self, tally: LossTally, now: Instant) -> LossTally:

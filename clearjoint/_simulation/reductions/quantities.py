@@ -103,7 +103,14 @@ class Peak(AbstractQuantityReduction):
         highest = value
         if not window.is_whole:
             highest = jnp.where(window.holds(now.time), value, -jnp.inf)
-        return PeakTally(highest, now.time, value, now.time, value, now.time)
+        return PeakTally(
+            highest=highest,
+            time=now.time,
+            end_value=value,
+            end_time=now.time,
+            start_value=value,
+            start_time=now.time,
+        )
 
     @override
     def update(self, tally: PeakTally, now: Instant) -> PeakTally:

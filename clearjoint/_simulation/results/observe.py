@@ -418,9 +418,18 @@ def observe_compiled(
             }
             for joint in dynamics.rows
         }
-        contacts, modes = _contacts(scene, dynamics), _modes(scene, dynamics)
-        series = contacts, modes, reactions, accelerations, drift, drift_rate, energies
-        return jax.tree.map(jnp.asarray, Observation(t, *series, reactions_unique=unique))
+        observation = Observation(
+            times=t,
+            contacts=_contacts(scene, dynamics),
+            modes=_modes(scene, dynamics),
+            reactions=reactions,
+            accelerations=accelerations,
+            drift=drift,
+            drift_rate=drift_rate,
+            energies=energies,
+            reactions_unique=unique,
+        )
+        return jax.tree.map(jnp.asarray, observation)
 
     return over_rows(at, count, times, states)
 

@@ -7,7 +7,7 @@ segment.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from operator import and_
 from typing import NamedTuple, TypeAlias, TypeVar
@@ -178,11 +178,20 @@ class Run:
     redundant: tuple[str, ...]
 
     def in_one_piece(
-        self, step: Step, records: Records, save_at: jax.Array | None, max_steps: int
+        self,
+        step: Step,
+        records: Records,
+        admissible: Condition | None,
+        save_at: jax.Array | None,
+        max_steps: int,
     ) -> Solution:
         """Run to the end inside a computation that JAX traces, such as under `jax.vmap`, and return
         a `Solution` of traced arrays, without steps and impacts. Saved states and values of
-        quantities at times `save_at`, (N,) s, that the run did not reach are meaningless."""
+        quantities at times `save_at`, (N,) s, that the run did not reach are meaningless. With
+        numbers that are not `admissible`, the run ends at once, with the result `domain`."""
+        if admissible is not None:
+            # With another result than `successful`, the loop of steps takes no step.
+            step = replace(step, result=RESULTS.where(admissible, step.result, RESULTS.domain))
         # The end is a further time to save at, so that the run continues after the last of the
         # requested times.
         times = None if save_at is None else jnp.append(save_at, self.end)

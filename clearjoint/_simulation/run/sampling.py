@@ -250,9 +250,6 @@ def _sampled_from(
     # Index of the first of equal times, of which the quantities are copied.
     firsts = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
     values, derivatives = jax.tree.map(lambda leaf: leaf[firsts], sampled)
-    # Nothing is amplified if no position depends on the parameter.
-    peak: TangentPeak = records[PEAK]
-    positions = jnp.where(peak.positions > 0.0, peak.positions, jnp.inf)
     return Sampled(
         values=values,
         derivatives=derivatives,
@@ -264,8 +261,14 @@ def _sampled_from(
         accepted=step.accepted,
         states=states,
         records={name: records[name] for name in recorders},
-        amplification=peak.size * (step.t - peak.time) / positions,
+        amplification=_amplification(step, records[PEAK]),
     )
+
+
+def _amplification(step: Step, peak: TangentPeak) -> jax.Array:
+    # Nothing is amplified if no position depends on the parameter.
+    positions = jnp.where(peak.positions > 0.0, peak.positions, jnp.inf)
+    return peak.size * (step.t - peak.time) / positions
 
 
 def _scanned(

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from typing import Any
 
-import equinox as eqx
 import numpy as np
 
 from ..._compilation import one_call
@@ -158,13 +157,10 @@ def simulate(
         # 3. The steps, in one piece if JAX traces the run, otherwise in segments.
         run = Run(folded_scene, scheme, requested, recorders, end, redundant)
         if traced:
-            first = step.tree
-            if admissible is not None:
-                # With another result than `successful`, the loop of steps takes no step.
-                result = RESULTS.where(admissible, first.result, RESULTS.domain)
-                first = eqx.tree_at(lambda step: step.result, first, result)
             save_at = None if times is None else on_device(times)
-            return run.in_one_piece(first, records.tree, save_at, settings.max_steps)
+            return run.in_one_piece(
+                step.tree, records.tree, admissible, save_at, settings.max_steps
+            )
         notes = setting_notes(vars(settings))
         solution, interrupted, left_bearing = run.on_host(
             step, records.tree, status.tree, times, settings.max_steps, progress, notes

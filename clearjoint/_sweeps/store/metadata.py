@@ -264,17 +264,7 @@ def _write(path: Path, contents: Contents) -> None:
     labels = [(coordinate, LANE, layout.chunk) for coordinate in along_lanes]
     labels += [(c, c.name, max(len(c.values), 1)) for c in layout.coordinates]
     for coordinate, dim, chunk in labels:
-        values, attrs = coordinate.values, dict[str, Any](coordinate.attributes)
-        array = group.create_array(
-            coordinate.name,
-            shape=values.shape,
-            chunks=(chunk,),
-            dtype=str if values.dtype.kind == "U" else values.dtype,
-            compressors=compressors(),
-            dimension_names=(dim,),
-            attributes=attrs,
-        )
-        write(path, array, values)
+        _write_label(path, group, coordinate, dim, chunk)
     for name, variable in layout.variables.items():
         group.create_array(
             name,
@@ -297,6 +287,24 @@ def _write(path: Path, contents: Contents) -> None:
     root = json.loads((path / ROOT).read_text())
     root["attributes"][_DIGEST] = _digest(root)
     (path / ROOT).write_text(json.dumps(root, indent=2))
+
+
+def _write_label(
+    path: Path, group: "zarr.Group", coordinate: Coordinate, dim: str, chunk: int
+) -> None:
+    """Write an array of labels along a dimension, in chunks of the given length."""
+    values = coordinate.values
+    attributes: dict[str, Any] = dict(coordinate.attributes)
+    array = group.create_array(
+        coordinate.name,
+        shape=values.shape,
+        chunks=(chunk,),
+        dtype=str if values.dtype.kind == "U" else values.dtype,
+        compressors=compressors(),
+        dimension_names=(dim,),
+        attributes=attributes,
+    )
+    write(path, array, values)
 
 
 def _values(path: Path, group: "zarr.Group", name: str) -> np.ndarray:
