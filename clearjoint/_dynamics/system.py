@@ -1,7 +1,7 @@
 """Evaluation of a scene's equations of motion at an instant, in chosen coordinates."""
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import equinox as eqx
@@ -10,8 +10,8 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from .._fields.leaves import with_leaves
-from .._math.vectors import ZERO, Condition, Scalar, add, is_zero
-from .._model.bodies import BodyState, Motion
+from .._math.vectors import ZERO, Condition, Matrix, Scalar, Vector, add, is_zero
+from .._model.bodies import GROUND, GROUND_MOTION, BodyState, Motion
 from .._model.contact.laws import AbstractContactLaw, AbstractLawAround
 from .._model.joints.base import ByLabel, Motions, Row, each_label
 from .._model.joints.constraint_rows import row_rate
@@ -40,6 +40,11 @@ and tolerances, the violations are about a thousandth of this value."""
 
 def _is_single_law(part: PyTree) -> bool:
     return isinstance(part, AbstractContactLaw) and not isinstance(part, AbstractLawAround)
+
+
+def _depends_on_time(row: Row) -> bool:
+    # The rate of other rows is the Python number zero.
+    return not is_zero(row.time_rate)
 
 
 class System(eqx.Module):
@@ -270,9 +275,25 @@ class System(eqx.Module):
             [1.0 / armature for _, armature in rotors],
         )
 
-    def is_constrained(self, variables: MotionVariables, t: Scalar) -> bool:
+    def is_constrained(self, t: Scalar) -> bool:
         """Return whether any constraint remains that the coordinates do not eliminate."""
-        return bool(jax.eval_shape(lambda: self.rows(self.motions(variables), t)))
+        return self._has_row(t, lambda row: True)
+
+    def is_driven(self, t: Scalar) -> bool:
+        """Return whether any such constraint depends on time."""
+        return self._has_row(t, _depends_on_time)
+
+    def _has_row(self, t: Scalar, of_kind: Callable[[Row], bool]) -> bool:
+        # For bodies at any place: to trace the motion of all bodies for this question was a tenth
+        # of the tracing of a long chain.
+        def chosen(motions: Motions) -> list[Scalar]:
+            rows = flattened(self.rows({GROUND: GROUND_MOTION, **motions}, t))
+            return [row.value for row in rows if of_kind(row)]
+
+        number: PyTree = jax.ShapeDtypeStruct((), jnp.result_type(float))
+        vector = Vector(number, number, number)
+        motion = Motion(vector, Matrix(vector, vector, vector), vector, vector)
+        return bool(jax.eval_shape(chosen, dict.fromkeys(self.scene.bodies, motion)))
 
     def prescribed(self, variables: MotionVariables, t: Scalar) -> ByLabel[Row]:
         """Return the constraint rows that depend on time, without Jacobians, for bodies at rest:
@@ -284,15 +305,14 @@ class System(eqx.Module):
         prescribed: ByLabel[Row] = {}
         for name, family in self.rows(motions, t).items():
             for label, row in family.items():
-                # The rate is the Python number zero for a row that does not depend on time.
-                if not is_zero(row.time_rate):
+                if _depends_on_time(row):
                     prescribed.setdefault(name, {})[label] = replace(row, jacobian={})
         return prescribed
 
     def constraints_violated(self, variables: MotionVariables, t: Scalar) -> Condition | None:
         """Return whether a constraint's value is NaN or exceeds in magnitude 1e-3 (m, rad or 1) or,
         if less, the smallest radial clearance in m; ``None`` if there are no constraints."""
-        if not self.is_constrained(variables, t):
+        if not self.is_constrained(t):
             return None
         motions = self.motions(variables)
         values = [jnp.abs(row.value) for row in flattened(self.rows(motions, t))]

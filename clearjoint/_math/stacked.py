@@ -46,14 +46,12 @@ def stacked(tree: PyTree[Scalar]) -> PyTree:
     shape, dtype = leaves[0].shape, leaves[0].dtype
     if any(leaf.shape != shape or leaf.dtype != dtype for leaf in leaves):
         return tree
-    columns = [jax.lax.reshape(leaf, (*shape, 1)) for leaf in leaves]
-    return Stacked(jax.lax.concatenate(columns, len(shape)), structure)
+    return Stacked(jax.lax.stack(leaves, axis=len(shape)), structure)
 
 
 def unstacked(tree: PyTree) -> PyTree[Scalar]:
     """Return the PyTree that was `stacked`; any PyTree other than a `Stacked` is unchanged."""
     if not isinstance(tree, Stacked):
         return tree
-    *shape, count = tree.array.shape
-    columns = jax.lax.split(tree.array, (1,) * count, axis=len(shape))
-    return jax.tree.unflatten(tree.structure, [jax.lax.reshape(c, shape) for c in columns])
+    scalars = jax.lax.unstack(tree.array, axis=tree.array.ndim - 1)
+    return jax.tree.unflatten(tree.structure, scalars)

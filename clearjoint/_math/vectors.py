@@ -370,27 +370,26 @@ def _leaves_in_tables(node: PyTree, in_table: bool) -> list[bool]:
     return flags
 
 
-def _component(leaf: jax.Array, index: tuple[int, ...], leading: int) -> Scalar:
-    """Return the component at an index after `leading` axes, by primitives if the leaf is traced:
-    JAX traces them in half of the time of an index."""
-    if leading or not isinstance(leaf, Tracer):
-        return leaf[(slice(None),) * leading + index]
-    part = jax.lax.slice(leaf, index, [k + 1 for k in index])
-    return jax.lax.squeeze(part, range(len(index)))
-
-
 def _unpack_leaf(leaf: jax.Array, pattern: Pattern, leading: int) -> PyTree:
     shape = jnp.shape(leaf)[leading:]
-    if shape == (4,):
-        return EulerParameters(*(_component(leaf, (k,), leading) for k in range(4)))
-    if shape not in ((3,), (3, 3)):
+    if shape not in ((3,), (4,), (3, 3)):
         return leaf
-    indices = [(k,) for k in range(3)] if shape == (3,) else list(np.ndindex(3, 3))
-    constants = (None,) * len(indices) if pattern is None else pattern
+    constants = (None,) * math.prod(shape) if pattern is None else pattern
+    if isinstance(leaf, Tracer):
+        # One equation for all components, where an index would be two for each.
+        components = jax.lax.unstack(jax.lax.collapse(leaf, leading), axis=leading)
+    else:
+        axes = (slice(None),) * leading
+        components = [
+            leaf[axes + index] if constant is None else constant
+            for index, constant in zip(np.ndindex(shape), constants, strict=True)
+        ]
     parts = [
-        _component(leaf, i, leading) if k is None else k
-        for i, k in zip(indices, constants, strict=True)
+        component if constant is None else constant
+        for component, constant in zip(components, constants, strict=True)
     ]
+    if shape == (4,):
+        return EulerParameters(*parts)
     rows = [Vector(*parts[k : k + 3]) for k in range(0, len(parts), 3)]
     return rows[0] if shape == (3,) else Matrix(*rows)
 

@@ -324,7 +324,7 @@ def power(base: Symbol, exponent: Symbol) -> Symbol:
     return _with_library("pow", fits, usual, base, exponent)
 
 
-def arc_tangent(y: Symbol, x: Symbol) -> Symbol:
+def _arc_tangent(y: Symbol, x: Symbol) -> Symbol:
     """Return the angle of the point (x, y) with the x axis, -pi to pi rad."""
     across, along = y.emit("abs"), x.emit("abs")
     steep = across.compare("gt", along)
@@ -359,7 +359,7 @@ def arc_tangent(y: Symbol, x: Symbol) -> Symbol:
     return _with_library("atan2", fits, usual.emit("copysign", y), y, x)
 
 
-ELEMENTARY: dict[str, Callable[[Symbol], Symbol]] = {
+ELEMENTARY: dict[str, Callable[..., Symbol]] = {
     "sin": _sine,
     "cos": lambda angle: _sine(angle, "cos"),
     "exp": _exponential,
@@ -367,6 +367,7 @@ ELEMENTARY: dict[str, Callable[[Symbol], Symbol]] = {
     "tanh": _tanh,
     "log": _logarithm,
     "log1p": _log1p,
-    "atan": lambda slope: arc_tangent(slope, slope.like(1.0)),
+    "atan": lambda slope: _arc_tangent(slope, slope.like(1.0)),
+    "atan2": _arc_tangent,
 }
 """Functions that add a primitive's operations to the program, by the names of the primitives."""

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import DTypeLike
 
-from .elementary import ELEMENTARY, arc_tangent
+from .elementary import ELEMENTARY
 from .elementary import power as float_power
 from .llvm_text import LIBRARY
 from .operations import KINDS, Operations, Symbol, Value
@@ -241,7 +241,6 @@ RULES: dict[str, Rule] = {
     "square": lambda a: a * a,
     "one_minus_square": _one_minus_square,
     "pow": lambda a, b: float_power(a, convert(b, "f")),
-    "atan2": arc_tangent,
     "rsqrt": lambda a: a.like(1) / a.emit("sqrt"),
     "round": lambda a, method: a.emit("round_even" if int(method) == 1 else "round_away"),
     "clamp": _clamp,
@@ -253,6 +252,5 @@ RULES: dict[str, Rule] = {
     "convert_element_type": _convert,
     **{name: _direct(name) for name in ("sqrt", "floor", "ceil", "not", "and", "or", "xor")},
     **{name: _direct(name) for name in LIBRARY if name not in ("fmod", "pow", "atan2")},
-    **ELEMENTARY,
-}
+} | ELEMENTARY
 """Rules by the names of primitives."""

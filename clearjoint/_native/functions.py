@@ -146,7 +146,7 @@ class _Reading:
         order = [k for ks in by_shape.values() for k in ks]
         self._cells = _indices(regions[k].cells for k in order)
         self._groups = [(shape, len(ks)) for shape, ks in by_shape.items()]
-        others = [k for k in range(len(regions)) if k not in set(order)]
+        others = sorted(set(range(len(regions))) - set(order))
         self._others = [regions[k] for k in others]
         # The arrays are read in the order [*order, *others]; this is the place of each in it.
         self._places = np.argsort([*order, *others]).tolist() if regions else []

@@ -239,6 +239,8 @@ class Lowering:
         # Functions that every block can call: those of shared jaxprs by the jaxpr and the forms of
         # its arguments, and elementary functions by their names and the kind of their arguments.
         self._shared: dict[Hashable, PureFunction] = {}
+        self._reads: dict[int, tuple[dict[Atom, int], bool]] = {}
+        # Jaxprs whose identity is a key above. They are kept, so that no other one gets it.
         self._jaxprs: list[core.Jaxpr] = []
         self._count_of_elementary = 0
 
@@ -494,20 +496,32 @@ class Lowering:
         closed = jaxpr if isinstance(jaxpr, core.ClosedJaxpr) else core.ClosedJaxpr(jaxpr, ())
         opened = closed.jaxpr
         constants = [self.constant(const) for const in closed.consts]
-        self._repeated |= repeated_calls(opened)
+        last_reads, has_repeated = self._reads_of(opened)
+        if has_repeated:
+            self._repeated |= repeated_calls(opened)
         arrays: dict[Atom, Array] = dict(zip(opened.constvars, constants, strict=True))
         arrays |= dict(zip(opened.invars, arguments, strict=True))
-        # An array may be overwritten by the last equation that reads it; the results are read last.
-        reads = [*(equation.invars for equation in opened.eqns), opened.outvars]
-        last_reads = {
-            atom: number
-            for number, atoms in enumerate(reads)
-            for atom in atoms
-            if not isinstance(atom, core.Literal)
-        }
         for number, equation in enumerate(opened.eqns):
             self._add_equation(equation, arrays, last_reads, number)
         return [self._atom(atom, arrays) for atom in opened.outvars]
+
+    def _reads_of(self, jaxpr: core.Jaxpr) -> tuple[dict[Atom, int], bool]:
+        """Return the number of the last equation that reads each variable of a jaxpr, which may
+        overwrite an array, and whether the jaxpr has `repeated_calls`."""
+        # The jaxpr of a kind of branches is inlined for each of them.
+        known = self._reads.get(id(jaxpr))
+        if known is None:
+            # The results are read last.
+            reads = [*(equation.invars for equation in jaxpr.eqns), jaxpr.outvars]
+            last_reads: dict[Atom, int] = {
+                atom: number
+                for number, atoms in enumerate(reads)
+                for atom in atoms
+                if not isinstance(atom, core.Literal)
+            }
+            known = self._reads[id(jaxpr)] = last_reads, bool(repeated_calls(jaxpr))
+            self._jaxprs.append(jaxpr)
+        return known
 
     def _atom(self, atom: Atom, arrays: dict[Atom, Array]) -> Array:
         if not isinstance(atom, core.Literal):
@@ -664,7 +678,6 @@ class Lowering:
                 return self.inline(closed, arguments)
             function = self._shared_function(partial(self.inline, closed), arguments, kinds)
             self._shared[key] = function
-            # The jaxpr is kept, so that no other one gets its identity.
             self._jaxprs.append(closed.jaxpr)
         return self.unflatten(self._called(function, values), function.results)
 
@@ -696,29 +709,29 @@ class Lowering:
         values_by_name = dict(zip(function.computed, computed, strict=True))
         return [values_by_name.get(value, value) for value in self.flatten(function.results)]
 
-    def _elementary(self, name: str, argument: Value) -> Value:
-        """Add the operations of an elementary function of a float or, after `MOST_ELEMENTARY` of
+    def _elementary(self, name: str, *values: Value) -> Value:
+        """Add the operations of an elementary function of floats or, after `MOST_ELEMENTARY` of
         them, a call of a function of machine code. One such function returns both sine and cosine,
         which have most of their operations in common."""
         ops = self.ops
-        # A known number is not counted: its sine, for instance, needs no operation.
-        if ops.number(argument) is not None:
-            return apply(ops, name, argument)
+        # Functions of known numbers are not counted: a sine, for instance, needs no operation then.
+        if all(ops.number(value) is not None for value in values):
+            return apply(ops, name, *values)
         self._count_of_elementary += 1
         if self._count_of_elementary <= MOST_ELEMENTARY:
-            return apply(ops, name, argument)
+            return apply(ops, name, *values)
         names = ("sin", "cos") if name in ("sin", "cos") else (name,)
-        kind = ops.kinds[argument]
-        key = names, kind, ops.width
+        kinds = [ops.kinds[value] for value in values]
+        key = names, *kinds, ops.width
         function = self._shared.get(key)
         if function is None:
 
             def add(arguments: list[Array]) -> list[Array]:
-                return [apply(ops, each, scalar(arguments[0])) for each in names]
+                return [apply(ops, each, *map(scalar, arguments)) for each in names]
 
-            function = self._shared_function(add, [argument], [kind])
+            function = self._shared_function(add, list(values), kinds)
             self._shared[key] = function
-        return self._called(function, [argument])[names.index(name)]
+        return self._called(function, list(values))[names.index(name)]
 
     def operation(
         self, name: str, aval: ShapedArray, parameter: object = None

@@ -267,6 +267,10 @@ class Operations:
                 half = _RANGE[kind]
                 number = (int(number) + half) % (2 * half) - half
             return self.constant(kind, number)
+        # Neither a known number nor a vector, which may repeat one: so are most operands.
+        is_unknown = kind == "f" and known.count(None) == len(known)
+        if is_unknown and name in ("fmul", "fdiv", "fma"):
+            return None
         first, *others = arguments
         # The negation of a negation is its operand.
         if name in ("fneg", "not"):
@@ -289,9 +293,7 @@ class Operations:
                     # is True.
                     return other if bool(number) == (name == "and") else value
         elif name == "fmul":
-            for x, other, number in zip(arguments, arguments[::-1], known, strict=True):
-                if number is None and kind == "f":  # most factors
-                    continue
+            for x, other in (arguments, arguments[::-1]):
                 if self._is_all(x, 1.0):
                     return other
                 if self._is_all(x, -1.0):
@@ -301,14 +303,14 @@ class Operations:
         elif name == "fadd":
             # x + -0.0 is x, and x + (-y) is x - y.
             for x, other in (arguments, arguments[::-1]):
-                if self._is_all(x, -0.0):
+                if not is_unknown and self._is_all(x, -0.0):
                     return other
                 negated = self._operand_of("fneg", x)
                 if negated is not None:
                     return self.emit("fsub", kind, other, negated)
         elif name == "fsub":
             # x - 0.0 is x, and x - (-y) is x + y.
-            if self._is_all(others[0], 0.0):
+            if not is_unknown and self._is_all(others[0], 0.0):
                 return first
             negated = self._operand_of("fneg", others[0])
             if negated is not None:

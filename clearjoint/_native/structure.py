@@ -69,6 +69,13 @@ def _slice(lower: Lowering, equation: Equation, array: Array) -> list[Array]:
     return _rearranged(lower, equation, array, lambda indices, _: [indices[part]])
 
 
+def _unstack(lower: Lowering, equation: Equation, array: Array) -> list[Array]:
+    if aval_of(equation.outvars[0]).shape == ():
+        return list(lower.values(array))
+    axis = equation.params.get("axis", 0)
+    return _rearranged(lower, equation, array, lambda k, _: [*np.moveaxis(k, axis, 0)])
+
+
 def _broadcast_in_dim(lower: Lowering, equation: Equation, array: Array) -> list[Array]:
     shape, dimensions = equation.params["shape"], equation.params["broadcast_dimensions"]
     if isinstance(array, int) and lower.is_packed(tuple(shape)):
@@ -337,7 +344,6 @@ _REARRANGED: dict[str, Rearrange] = {
     "split": lambda indices, parameters: np.split(
         indices, np.cumsum(parameters["sizes"])[:-1], parameters["axis"]
     ),
-    "unstack": lambda indices, parameters: [*np.moveaxis(indices, parameters.get("axis", 0), 0)],
 }
 _JOINED: dict[str, Join] = {
     "concatenate": lambda indices, parameters: np.concatenate(indices, parameters["dimension"]),
@@ -350,6 +356,7 @@ RULES: dict[str, EquationRule] = {
     "reshape": _reshape,
     "expand_dims": _reshape,
     "slice": _slice,
+    "unstack": _unstack,
     "broadcast_in_dim": _broadcast_in_dim,
     **{name: partial(_rearranged, rearrange=f) for name, f in _REARRANGED.items()},
     **{name: partial(_joined, join=join) for name, join in _JOINED.items()},

@@ -33,7 +33,7 @@ from ..step.solvers import DenseInformation, UnrolledExplicit
 from ..step.step_state import Attempt, Step, Tangents, TangentsInside
 from ..step.stepping import accepted_state, attempt
 from ..step.time_map import AbstractTimeMap
-from ..step.trial_step import solved_step, term_of, time_map_of
+from ..step.trial_step import solved_step, term_of, time_map_of, with_gaps
 from ..step.types import Integers, Numbers
 from .host_run import end_of
 from .outputs import REDUCTIONS
@@ -186,7 +186,7 @@ def _linear_step(
     as a linear function of those at its start and of the direction of the parameters."""
     method, systems = run.scheme.method, run.systems(values, direction)
     system, step = systems.system(), replace(step, tangents=tangents)
-    trial = solved_step(method, system, step, t1, systems)
+    trial = with_gaps(system, solved_step(method, system, step, t1, systems))
     end = accepted_state(method, system, systems, step, trial, jnp.asarray(True)).tangents
     assert end is not None and trial.tangents is not None
     return end, TangentsInside(tangents.entry_speeds, trial.tangents.information)
@@ -207,7 +207,7 @@ def repeated(run: Adjoint, values: PyTree, example: Step, rows: Numbers) -> jax.
 
     def again(_: None, row: jax.Array) -> tuple[None, jax.Array]:
         step, t1 = _row_of(example, row)
-        trial = solved_step(method, system, step, t1, None)
+        trial = with_gaps(system, solved_step(method, system, step, t1, None))
         after = accepted_state(method, system, None, step, trial, jnp.asarray(True))
         return None, in_one_array(_attempt(step, after, trial.outcome.information, trial.time_map))
 

@@ -46,7 +46,12 @@ def slopes_jump(scene: Scene) -> bool:
 
 
 def across_contacts(
-    system: System, before: ContactGaps, y: Variables, entry_speeds: EntrySpeeds, t: Scalar
+    system: System,
+    before: ContactGaps,
+    y: Variables,
+    entry_speeds: EntrySpeeds,
+    t: Scalar,
+    differentiated: bool,
 ) -> Variables:
     """Return the variables at the end of a step, corrected for contacts that begin or end there.
 
@@ -54,7 +59,7 @@ def across_contacts(
     saltation to their derivatives.
 
     **Arguments:** `before`, `entry_speeds`: those at the start of the step; `y`, `t`: variables and
-    time at its end.
+    time at its end; `differentiated`: whether the result will be differentiated.
     """
     motions, joints = system.motions(y.motion), system.scene.contact_joints()
     times = _contact_times(system.scene, before, contact_gaps(system.scene, motions))
@@ -73,7 +78,9 @@ def across_contacts(
     # are left out: they are multiplied by the times, which are rounding errors, so that they are a
     # rounding error of the other term. They were 8 % of the text of a run with tangents of 30
     # joints.
-    fixed, motion = constant((holding(system, y.memory), y.motion))
+    fixed, motion = holding(system, y.memory), y.motion
+    if differentiated:
+        fixed, motion = constant((fixed, motion))
     mechanics = fixed.mechanics(motion)
 
     def rates(times: ByLabel[Scalar]) -> Variables:

@@ -322,7 +322,8 @@ def _across_discontinuities(
         # The forces are those before a breakpoint at the end; `across_breakpoints` needs those on
         # both sides.
         time = one_sided_time(system, step.t, t1)
-        return across_contacts(system, step.contact_gaps, y, entry_speeds, time)
+        before = step.contact_gaps
+        return across_contacts(system, before, y, entry_speeds, time, family is not None)
 
     # Bristles come last, because they depend on the corrected motion.
     def others_corrected(system: System, y: Variables, entry_speeds: EntrySpeeds) -> Variables:

@@ -141,15 +141,16 @@ def try_step(
         finite = all_finite((outcome.y, outcome.error, tangents.y, tangents.error))
         tangents = _or_rejected(finite, tangents, step.tangents.y)
     outcome = _or_rejected(finite, outcome, step.y)
-    gaps = system.contact_gaps(outcome.y.motion)
-    return replace(trial, outcome=outcome, tangents=tangents, gaps=gaps, finite=finite)
+    trial = replace(trial, outcome=outcome, tangents=tangents, finite=finite)
+    return with_gaps(system, trial)
 
 
 def solved_step(
     method: Method, system: System, step: Step, t1: Scalar, family: SystemFamily | None
 ) -> Trial:
     """Compute the solver's step from `step` to `t1`, s, correct its result by the stabilisation of
-    the constraints, and normalise the variables. All numbers are taken to be finite."""
+    the constraints, and normalise the variables. All numbers are taken to be finite. The contact
+    gaps are left out, see `with_gaps`."""
     # With the Python value False, the solver reuses the rates of the last step without a branch.
     made_jump = step.proposal.made_jump if may_jump(method, system.scene) else False
     time_map = time_map_of(method, step, t1)
@@ -197,8 +198,11 @@ def solved_step(
         assert step.tangents is not None
         along = step.tangents.y, step.tangents.entry_speeds, step.tangents.solver_state
         outcome, result, tangents = family.with_auxiliary(advance, start, along)
-    gaps = system.contact_gaps(outcome.y.motion)
-    return Trial(t1, time_map, outcome, tangents, gaps, jnp.asarray(True), result)
+    return Trial(t1, time_map, outcome, tangents, {}, jnp.asarray(True), result)
+
+
+def with_gaps(system: System, trial: Trial) -> Trial:
+    return replace(trial, gaps=system.contact_gaps(trial.outcome.y.motion))
 
 
 def _without_drift(

@@ -300,6 +300,8 @@ def structural(x, y, table, k):
         "rows of a table": jnp.split(table, [7, 70])[1],
         "columns of a table": jnp.split(table, [1], axis=1)[1],
         "unstacked": jnp.unstack(table, axis=1)[1],
+        "elements": jnp.unstack(x),
+        "elements of a table": jnp.unstack(jnp.ravel(table))[5:9],
         "table turned": table.T,
         "large outer product": jnp.outer(x, y).reshape(9, 1) @ jnp.outer(x, y).reshape(1, 9) + 1.0,
         "batches": jnp.einsum("ij,kjl->ikl", jnp.outer(x, y), jnp.ones((2, 3, 2))),

@@ -25,7 +25,7 @@ def inner(x, k):
 def alike(x, v, k):
     """An element of which a program has many."""
     slope = jnp.where(x > 0.0, jnp.exp(-x * k), 1.0)
-    return 0.01 * jnp.sin(x + k) * slope - 0.02 * jnp.tanh(v * k), 0.5
+    return 0.01 * jnp.arctan2(jnp.sin(x + k), k * v) * slope - 0.02 * jnp.tanh(v * k), 0.5
 
 
 alike.__name__ = SHARED
