@@ -2,7 +2,7 @@
 
 In a step that ends at a breakpoint, the element is evaluated just before it, and in a step that
 starts there, just after it, so that it does not matter whether the element compares time with < or
-<=. Times named t are on the clock of the system; breakpoints are times of the scene.
+<=. Public functions take times t since the system's origin; breakpoints are times of the scene.
 """
 
 import math
@@ -259,8 +259,8 @@ def _passed(system: System, table: Increasing, t: Scalar) -> jax.Array:
 def _extreme(
     system: System, t: Scalar, function: Callable[[jax.Array], jax.Array], after: bool
 ) -> Scalar | None:
-    """Return the smallest value of an increasing function at the breakpoints after the scene's time
-    t, infinity if there are none; without `after`, the largest value at all other breakpoints, or
+    """Return the smallest value of an increasing function at the breakpoints after t, a time of the
+    scene, infinity if there are none; without `after`, the largest at all other breakpoints, or
     minus infinity. ``None`` if the scene has no breakpoints. It is not differentiated, since the
     solution does not depend on where steps end."""
     choice, none = (jnp.minimum, jnp.inf) if after else (jnp.maximum, -jnp.inf)

@@ -329,14 +329,14 @@ class Lowering:
 
     def is_packed(self, shape: tuple[int, ...]) -> bool:
         """Return whether an array of this shape is kept as a vector of tangents."""
-        return self.ops.packed > 0 and shape == (self.ops.packed_length,)
+        return self.ops.padded_tangents > 0 and shape == (self.ops.tangents,)
 
     def values(self, array: Array) -> list[Value]:
         """Return the elements of an array in row-major order, each as a value of its own."""
         if isinstance(array, int):
             return [array]
         if isinstance(array, Packed):
-            return [self.ops.element(array.value, k) for k in range(self.ops.packed_length)]
+            return [self.ops.element(array.value, k) for k in range(self.ops.tangents)]
         if isinstance(array, InMemory):
             return [self.ops.load(array.kind, array.start + k) for k in range(array.size)]
         return array.ravel().tolist()
@@ -348,7 +348,7 @@ class Lowering:
         if isinstance(array, int) and self.ops.kinds[array].endswith("p"):
             return array
         values = self.values(array)
-        return self.ops.pack(values * (self.ops.packed_length if len(values) == 1 else 1))
+        return self.ops.pack(values * (self.ops.tangents if len(values) == 1 else 1))
 
     def in_usual_form(self, memory: InMemory) -> Array:
         """Return an array in memory, or the values of one that is short enough to be unrolled."""
@@ -475,7 +475,7 @@ class Lowering:
             ]
             ops.store(rule(*values), out.start, index)
 
-        step = ops.packed if by_vectors and ops.packed else 1
+        step = ops.padded_tangents if by_vectors and ops.padded_tangents else 1
         if step == 1:
             ops.repeat(out.size, partial(apply_to, "", forms))
             return out
