@@ -65,10 +65,7 @@ def depths(joint: AbstractContactJoint, motions: dict[str, Motion]) -> np.ndarra
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "joint",
-    [
-        backlash(middle=0.4),
-        backlash(axis_first=(1, 2, 0.5), axis_second=(0.3, 1, -1)),
-    ],
+    [backlash(middle=0.4), backlash(axis_first=(1, 2, 0.5), axis_second=(0.3, 1, -1))],
     ids=["along z", "along others"],
 )
 def test_joints_conform_in_motion(joint):

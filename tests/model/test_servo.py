@@ -163,12 +163,7 @@ def rates_with_play(t, y, u, play=PLAY, drag=0.1):
             load += side * FLANK * depth * max(1.0 + DAMPED * rate, 0.0)
     x = y[3] / SPEED
     rub = drag * (np.tanh(4.0 * x) + 0.3 * x / (0.25 * x * x + 0.75) ** 2)
-    return [
-        y[2],
-        y[3],
-        (u + load) / ROTOR,
-        (-load - rub - 0.02 * y[3] - WEIGHT * y[1]) / LINK,
-    ]
+    return [y[2], y[3], (u + load) / ROTOR, (-load - rub - 0.02 * y[3] - WEIGHT * y[1]) / LINK]
 
 
 def swing(t):

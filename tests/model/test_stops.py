@@ -280,10 +280,7 @@ def test_rigid_balls_part_as_newton_says():
     velocity = np.array([2.0, 0.5, 0.3])
     time = 0.01
     state = cj.State(
-        {
-            "a": cj.body_state(-time * velocity, velocity=velocity),
-            "b": cj.body_state(centres),
-        }
+        {"a": cj.body_state(-time * velocity, velocity=velocity), "b": cj.body_state(centres)}
     )
     normal = centres / radii.sum()
     exchanged = (1.0 + restitution) * (velocity @ normal) / (1.0 / masses).sum()
@@ -535,11 +532,7 @@ def woodpecker(start: Sequence[float]) -> tuple[cj.Scene, cj.State]:
             *("sleeve", "bird"), (HINGE, 0, 0), (-ARM, 0, 0), (0, 0, 1), (0, 0, 1)
         ),
         "beak": stopping(
-            *("ground", "bird"),
-            PECK,
-            point=(POLE, 0, 0),
-            normal=(1, 0, 0),
-            point_second=(*BEAK, 0),
+            *("ground", "bird"), PECK, point=(POLE, 0, 0), normal=(1, 0, 0), point_second=(*BEAK, 0)
         ),
     }
     for side in (1.0, -1.0):

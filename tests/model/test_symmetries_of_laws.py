@@ -98,9 +98,7 @@ def gap_in_units(gap: cj.extend.Gap, scale: symmetries.Scale) -> cj.extend.Gap:
     return cj.extend.Gap(metre * gap.depth, metre / second * gap.rate, *lengths)
 
 
-NO_UNITS = {
-    "PereiraCylinder": "its published formula holds for numbers in mm and N alone",
-}
+NO_UNITS = {"PereiraCylinder": "its published formula holds for numbers in mm and N alone"}
 """Laws that are not tested in other units, and the reason."""
 
 

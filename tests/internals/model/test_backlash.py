@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from clearjoint._dynamics.contact_forces import contact_wrenches
-from clearjoint.extend import (
-    unpack,
-)
+from clearjoint.extend import unpack
 from clearjoint.testing.contact_joints import _positions
 from tests.model.test_backlash import MOTIONS, backlash, depths, spinning
 

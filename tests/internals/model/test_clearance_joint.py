@@ -3,11 +3,7 @@
 import jax
 import numpy as np
 
-from clearjoint import (
-    GROUND,
-    BodyState,
-    EndPlay,
-)
+from clearjoint import GROUND, BodyState, EndPlay
 from clearjoint._dynamics.contact_forces import contact_forces
 from clearjoint.extend import EulerParameters
 from clearjoint.laws import Hertz

@@ -6,11 +6,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._dynamics.breakpoints import (
-    next_breakpoint,
-    one_sided_time,
-    since_breakpoints,
-)
+from clearjoint._dynamics.breakpoints import next_breakpoint, one_sided_time, since_breakpoints
 from clearjoint._math.vectors import fold_constants
 from clearjoint._simulation.step.discontinuities import require_declared
 from clearjoint.extend import UNIT_X, unpack

@@ -9,13 +9,7 @@ from scipy.spatial.transform import Rotation
 import clearjoint as cj
 from clearjoint._model.joints.constraint_rows import row_rate
 from clearjoint.extend import unpack
-from studies.catalogue.machines import (
-    ORIGIN,
-    X,
-    Y,
-    Z,
-    hooke,
-)
+from studies.catalogue.machines import ORIGIN, X, Y, Z, hooke
 from tests.model.test_joint_catalogue import AT_REST, turned_about
 
 

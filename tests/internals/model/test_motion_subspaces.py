@@ -4,14 +4,7 @@ import numpy as np
 import pytest
 
 from clearjoint._model.joints.constraint_rows import row_rate
-from clearjoint.extend import (
-    Motion,
-    Relative,
-    normalised,
-    pack,
-    rotation_matrix,
-    unpack,
-)
+from clearjoint.extend import Motion, Relative, normalised, pack, rotation_matrix, unpack
 from clearjoint.testing import moving
 from tests.model.test_motion_subspaces import JOINTS, both, each, numbers, subspace_and_state
 
