@@ -9,15 +9,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.extend import (
-    AbstractContactJoint,
-    EulerParameters,
-    Gap,
-    Motion,
-    Vector,
-    rotation_matrix,
-    unpack,
-)
+from clearjoint.extend import AbstractContactJoint, Motion, Vector, unpack
 from clearjoint.testing import check_constraint, check_contact_joint, moving
 
 LAW = cj.laws.HuntCrossley(0.5, 1e8)
@@ -193,7 +185,7 @@ def test_derivatives_by_the_play_are_exact_and_finite_at_the_flank():
 def _at(angle):
     zero = Vector(0.0, 0.0, 0.0)
     parts = jnp.cos(0.5 * angle), 0.0, 0.0, jnp.sin(0.5 * angle)
-    return zero, rotation_matrix(EulerParameters(*parts)), zero, zero
+    return zero, cj.extend.rotation_matrix(cj.extend.EulerParameters(*parts)), zero, zero
 
 
 @pytest.mark.parametrize(
@@ -247,7 +239,7 @@ def test_a_backlash_wider_than_the_pitch_is_refused():
 def test_a_torsional_stiffness_is_the_torque_by_the_angle():
     bodies = "ground", "link"
     backlash = cj.Backlash(*bodies, play=1e-3, torsional_stiffness=2e4, restitution=0.3)
-    gap = Gap(backlash.radius * 1e-3, 0.0)
+    gap = cj.extend.Gap(backlash.radius * 1e-3, 0.0)
     assert float(backlash.radius * backlash.law.force(gap, 0.0)) == pytest.approx(20.0, rel=1e-12)
     assert float(backlash.law.delivered_restitution()) == pytest.approx(0.3, rel=1e-6)
     law = cj.laws.HuntCrossley(0.5, 1e8)

@@ -9,20 +9,15 @@ from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from tests.support.andrews_equations import PUBLISHED, angles
+from tests.support.shaft import angle_about
 
 FINE = cj.Settings(solver=diffrax.Dopri8(), rtol=1e-13, atol=1e-13, stabilisation=cj.Projection())
 
 
-def turn(body):
-    """The angle about Z of bodies that turn about it only, rad."""
-    return 2.0 * np.arctan2(body.orientation[..., 3], body.orientation[..., 0])
-
-
 def squeezed(bodies):
     """The seven angles of the literature."""
-    k = {name: turn(body) for name, body in bodies.items()}
-    own = [k["K1"], k["K2"], k["K3"], k["K4"], k["K5"], k["K6"], k["K7"]]
-    return np.array(own) - np.array([0, k["K1"], 0, k["K5"], 0, k["K7"], 0])
+    own = np.array([angle_about(bodies[f"K{k}"]) for k in range(1, 8)])
+    return own - [0, own[0], 0, own[4], 0, own[6], 0]
 
 
 @pytest.mark.slow

@@ -6,17 +6,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.extend import (
-    EulerParameters,
-    JointState,
-    Relative,
-    Twist,
-    Vector,
-    normalised,
-    pack,
-    rotation_matrix,
-    unpack,
-)
+from clearjoint.extend import EulerParameters, JointState, Vector, normalised, pack, unpack
 
 POINTS, AXES = ((0.1, 0.2, -0.3), (-0.2, 0.4, 0.1)), ((1.0, 2.0, 2.0), (0.5, -1.0, 0.3))
 UNIT = np.array([0.5, -0.1, 0.7, 0.5])
@@ -61,7 +51,7 @@ def later(subspace, state, time):
     """The state after a short time at constant speeds, to first order, and its rotation matrix."""
     rates = subspace.rates(state)
     position = jax.tree.map(lambda value, rate: value + time * rate, state.position, rates)
-    turned = rotation_matrix(normalised(subspace.orientation(position)))
+    turned = cj.extend.rotation_matrix(normalised(subspace.orientation(position)))
     return JointState(position, state.speeds), np.asarray(pack(turned))
 
 
@@ -89,6 +79,6 @@ def test_a_screw_s_advance_tells_its_revolutions(turns):
     subspace, _ = subspace_and_state("screw", "a")
     angle = 2.0 * np.pi * turns + 0.4
     advance = subspace.axis * (-0.7 / (2.0 * np.pi) * angle)
-    still = Twist(Vector(0.0, 0.0, 0.0), Vector(0.0, 0.0, 0.0))
-    found = subspace.encode(Relative(subspace.orientation(angle), advance, still))
+    still = cj.extend.Twist(Vector(0.0, 0.0, 0.0), Vector(0.0, 0.0, 0.0))
+    found = subspace.encode(cj.extend.Relative(subspace.orientation(angle), advance, still))
     assert float(found.position) == pytest.approx(angle, rel=1e-13)
