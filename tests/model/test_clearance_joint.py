@@ -1,7 +1,5 @@
 """The clearance joint: geometry of the paper, balance of its forces, and its axial policies."""
 
-import types
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -13,6 +11,7 @@ import clearjoint as cj
 from clearjoint.extend import EulerParameters, Formulation, System, Vector, pack, unpack
 from clearjoint.testing import moving
 from tests.support.motions import AT_REST
+from tests.support.observations import observed
 
 RANDOM = np.random.default_rng(8)
 N = 30
@@ -222,17 +221,8 @@ def test_power_on_the_bodies_is_force_times_rate(options):
     np.testing.assert_allclose(power, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
-def test_forces_push_the_bodies_apart():
-    """The journal's share of a base's force points from the wall to the bearing's axis."""
-    found = dynamics()
-    expected = -sum(
-        pack(part.contact.normal) * np.asarray(part.normal_force)[:, None]
-        for part in found.contact_forces["pin"].values()
-    )
-    np.testing.assert_allclose(loads(found)[1][0], expected, rtol=1e-12, atol=1e-11)
-
-
 PIN = {"bearing_radius": 10e-3, "clearance": 0.5e-3, "journal_length": 20e-3}
+MODE = cj.results.MotionMode
 
 
 def pin_scene(law, **options):
@@ -265,11 +255,11 @@ def test_centred_journal_has_finite_values_and_derivatives():
 
 
 MODES = {
-    "free flight": (0.3, 0.0, cj.results.MotionMode.FREE_FLIGHT),
-    "V alone": (0.3, -0.3, cj.results.MotionMode.ONE_BASE),
-    "W alone": (0.3, 0.3, cj.results.MotionMode.ONE_BASE),
-    "line": (0.6, 0.0, cj.results.MotionMode.LINE_CONTACT),
-    "opposite sides": (0.0, 0.6, cj.results.MotionMode.OPPOSITE_SIDES),
+    "free flight": (0.3, 0.0, MODE.FREE_FLIGHT),
+    "V alone": (0.3, -0.3, MODE.ONE_BASE),
+    "W alone": (0.3, 0.3, MODE.ONE_BASE),
+    "line": (0.6, 0.0, MODE.LINE_CONTACT),
+    "opposite sides": (0.0, 0.6, MODE.OPPOSITE_SIDES),
 }
 """Shift of the journal's centre and further shift of base W against it along X, mm; the mode."""
 
@@ -281,10 +271,7 @@ def tilted(shift, tilt):
 
 def test_motion_modes_and_eccentricities_of_constructed_states():
     states = [tilted(shift, tilt) for shift, tilt, _ in MODES.values()]
-    batch = jax.tree.map(lambda *leaves: np.stack(leaves), *states)
-    run = types.SimpleNamespace(formulation=Formulation(), redundant_constraints=())
-    trajectory = cj.results.Trajectory(np.arange(5.0), cj.State({"journal": batch}))
-    found = cj.observe(pin_scene(cj.laws.Hertz(1e9)), run, trajectory)
+    found = observed(pin_scene(cj.laws.Hertz(1e9)), "journal", states)
     expected = [mode for _, _, mode in MODES.values()]
     np.testing.assert_array_equal(found.modes["pin"], expected)
     for base, sign in (("V", -1), ("W", 1)):

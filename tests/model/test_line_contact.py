@@ -1,20 +1,18 @@
 """Contact along the length of a tilted journal, against integrals along its axis by SciPy."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import NamedTuple
 
-import jax
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from clearjoint import GROUND
-from clearjoint.extend import Formulation
 from clearjoint.plot.report_page import joint_rows
 from clearjoint.results import MotionMode
 from tests.support.dropped_rod import dropped_rod
+from tests.support.observations import observed
 
 RADIUS, CLEARANCE, LENGTH, STIFFNESS = 10e-3, 0.2e-3, 30e-3, 1e8
 AXIS = np.array([2.0, 1.0, -2.0]) / 3.0
@@ -81,13 +79,10 @@ def test_modes_change_where_an_end_meets_the_wall(modes):
     into_line = modes[1] is MotionMode.LINE_CONTACT
     poses = [pose(shift, lean + (-step if into_line else step)) for step in (-NEAR, NEAR)]
     states = [cj.body_state(p.centre, p.turn.as_quat(scalar_first=True)) for p in poses]
-    batch = jax.tree.map(lambda *leaves: np.stack(leaves), *states)
     scene = cj.Scene({"shaft": cj.Body(1.0, (1.0, 1.0, 1.0))}, {"pin": pin(9)})
-    run = SimpleNamespace(formulation=Formulation(), redundant_constraints=())
-    path = cj.results.Trajectory(np.arange(2.0), cj.State({"shaft": batch}))
-    observed = cj.observe(scene, run, path)
-    assert tuple(observed.modes["pin"]) == modes
-    contacts = [observed.contacts["pin"][label] for label in pin(9).contact_labels()]
+    found = observed(scene, "shaft", states)
+    assert tuple(found.modes["pin"]) == modes
+    contacts = [found.contacts["pin"][label] for label in pin(9).contact_labels()]
     touching = np.array([one.normal_force > 0.0 for one in contacts]).T
     signs = np.array([np.sign(one.normal @ ACROSS) for one in contacts]).T * touching
     for mode, row, sides in zip(modes, touching, signs, strict=True):
@@ -99,11 +94,9 @@ def test_modes_change_where_an_end_meets_the_wall(modes):
             MotionMode.OPPOSITE_SIDES: (2, 2, {-1.0, 0.0, 1.0}),
         }[mode]
         assert (sum(ends), changes, set(sides)) == expected
-    offsets_seen = np.array([np.asarray(one.offset) for one in contacts])
-    depths = np.array([np.asarray(one.penetration) for one in contacts])
-    np.testing.assert_allclose(
-        np.linalg.norm(offsets_seen[..., :2], axis=2), depths + CLEARANCE, rtol=1e-12
-    )
+    distances = [np.linalg.norm(one.offset[:, :2], axis=1) for one in contacts]
+    depths = np.array([one.penetration for one in contacts])
+    np.testing.assert_allclose(distances, depths + CLEARANCE, rtol=1e-12)
 
 
 @pytest.mark.parametrize("points", [1, 65, 2.0, True, "5"])
@@ -125,8 +118,7 @@ END, START = 0.06, cj.State({"shaft": cj.body_state((0.0, 0.0, -0.02), spin=(0.0
 def overhung(points, law):
     """A shaft that falls in its bearing while it spins, and whose centre is beside the bearing."""
     joint = cj.ClearanceJoint(
-        GROUND,
-        "shaft",
+        *(GROUND, "shaft"),
         **SIZES,
         journal_point=(0.0, 0.0, 0.02),
         law=law,

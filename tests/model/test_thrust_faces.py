@@ -15,8 +15,7 @@ def shaft_on_face(axis=AXIS, house=GROUND):
     """A shaft whose weight presses it on the lower shoulder of a bearing."""
     friction = cj.frictions.LinearCoulomb(COEFFICIENT, FULL_SPEED)
     joint = cj.ClearanceJoint(
-        house,
-        "shaft",
+        *(house, "shaft"),
         bearing_axis=axis,
         journal_axis=axis,
         bearing_radius=10e-3,

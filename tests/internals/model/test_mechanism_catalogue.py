@@ -130,7 +130,7 @@ STARTS = {
     "slider-crank": (lambda play: cj.mechanisms.slider_crank(play, angle=0.7, speed=30.0), PLAY),
     "guided": (lambda play: cj.mechanisms.guided_slider_crank(play, speed=20.0), PLAY),
     "guided, pin": (lambda play: cj.mechanisms.guided_slider_crank(None, play, speed=20.0), PLAY),
-    "quick return": (lambda play: cj.mechanisms.quick_reangle_about(play, angle=0.3), PLAY / 2),
+    "quick return": (lambda play: cj.mechanisms.quick_return(play, angle=0.3), PLAY / 2),
     "spatial four-bar": (lambda play: cj.mechanisms.spatial_four_bar(play, speed=40.0), PLAY),
     "robot arm": (
         lambda play: cj.mechanisms.robot_arm(play, angles=(0.3, -0.2, 0.5), speeds=(2, -1, 3)),
