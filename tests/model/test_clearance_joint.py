@@ -1,5 +1,7 @@
 """The clearance joint: geometry of the paper, balance of its forces, and its axial policies."""
 
+import functools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -73,9 +75,11 @@ def random_scene(bearing_body="a", **options):
 MEMORY = {"pin": {"V": np.full(N, 0.4), "W": np.full(N, 0.7)}}
 
 
-def dynamics(**options):
-    scene = random_scene(**options)
-    return System(scene, Formulation(COORDINATES)).dynamics(random_states(), MEMORY, 0.0)
+def dynamics(changed=None, **options):
+    """In the random states, but for those of some bodies."""
+    system = System(random_scene(**options), Formulation(COORDINATES))
+    states = system.encode({**random_states(), **(changed or {})})
+    return system.dynamics(states, MEMORY, 0.0)
 
 
 def turned(body, rows):
@@ -221,6 +225,19 @@ def test_power_on_the_bodies_is_force_times_rate(options):
     np.testing.assert_allclose(power, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
+def test_bearing_on_the_ground_is_a_bearing_on_a_body_at_rest():
+    """Pruning what the ground makes zero changes nothing for the journal's body."""
+    options = {"friction": FRICTION, "axial": cj.EndPlay(PLAY, cj.laws.Hertz(30.0))}
+    zero = vector(np.zeros((N, 3)))
+    still = cj.BodyState(zero, EulerParameters(np.ones(N), *zero), zero, zero)
+    on_body, on_ground = (
+        dynamics({"a": still}, **options),
+        dynamics(bearing_body="ground", **options),
+    )
+    close = functools.partial(np.testing.assert_allclose, rtol=1e-11, atol=1e-11)
+    jax.tree.map(close, on_ground.contact_forces, on_body.contact_forces)
+
+
 PIN = {"bearing_radius": 10e-3, "clearance": 0.5e-3, "journal_length": 20e-3}
 MODE = cj.results.MotionMode
 
@@ -266,12 +283,13 @@ MODES = {
 
 def tilted(shift, tilt):
     turn = Rotation.from_rotvec([0.0, np.arcsin(tilt / 10.0), 0.0])
-    return cj.body_state((shift * 1e-3, 0, 0), turn.as_quat(scalar_first=True))
+    body = cj.body_state((shift * 1e-3, 0, 0), turn.as_quat(scalar_first=True))
+    return cj.State({"journal": body})
 
 
 def test_motion_modes_and_eccentricities_of_constructed_states():
     states = [tilted(shift, tilt) for shift, tilt, _ in MODES.values()]
-    found = observed(pin_scene(cj.laws.Hertz(1e9)), "journal", states)
+    found = observed(pin_scene(cj.laws.Hertz(1e9)), *states)
     expected = [mode for _, _, mode in MODES.values()]
     np.testing.assert_array_equal(found.modes["pin"], expected)
     for base, sign in (("V", -1), ("W", 1)):

@@ -15,11 +15,9 @@ from scipy.spatial.transform import Rotation
 import clearjoint as cj
 from clearjoint import quantities as Q  # noqa: N812
 from clearjoint.extend import unpack
-from clearjoint.testing import moving
 from studies.catalogue import joints as study
 from studies.catalogue import machines as of
-from studies.catalogue.machines import ORIGIN, X, Z
-from tests.support.motions import AT_REST
+from studies.catalogue.machines import ORIGIN, X, Y, Z
 from tests.support.shaft import angle_about
 
 
@@ -28,15 +26,67 @@ def turned_about(axis, angle, speed, frame=None, position=ORIGIN, velocity=ORIGI
     rotation = Rotation.from_rotvec(angle * np.asarray(axis))
     rotation = rotation if frame is None else rotation * frame
     spin = rotation.inv().apply(speed * np.asarray(axis))
-    return moving(position, rotation.as_quat(scalar_first=True), velocity, spin)
+    return cj.body_state(position, rotation.as_quat(scalar_first=True), velocity, spin)
+
+
+AT_REST = cj.body_state(ORIGIN)
+
+
+def constraints(joint, **states):
+    """Values and rates of the joint's constraint equations."""
+    bodies = {name: cj.Body(1.0, (1.0, 1.0, 1.0)) for name in states}
+    report = cj.constraint_report(cj.Scene(bodies, {"it": joint}), cj.State(states))
+    return report.values, report.rates
+
+
+def held(joint, tolerance=1e-12, **states):
+    """Assert that the joint allows a motion."""
+    values, rates = constraints(joint, **states)
+    np.testing.assert_allclose(values, 0.0, atol=tolerance)
+    np.testing.assert_allclose(rates, 0.0, atol=1e-11)
 
 
 def test_the_error_of_a_gear_out_of_mesh_is_reported():
-    joint = unpack(cj.GearJoint("ground", "a", "b", Z, Z, 10, 30))
-    motions = {"ground": AT_REST, "a": turned_about(Z, 0.1, 0.0), "b": AT_REST}
-    assert float(joint.rows(motions, 0.0)["mesh"].value) == pytest.approx(0.1)
-    motions["a"] = turned_about(Z, 0.1 + 2.0 * math.pi * 7 / 10, 0.0)
-    assert float(joint.rows(motions, 0.0)["mesh"].value) == pytest.approx(0.1)
+    joint = cj.GearJoint("ground", "a", "b", Z, Z, 10, 30)
+    for angle in (0.1, 0.1 + 2.0 * math.pi * 7 / 10):
+        values, _ = constraints(joint, a=turned_about(Z, angle, 0.0), b=AT_REST)
+        assert values == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7, 2.9, -1.3])
+def test_universal_joint_turns_as_hookes(angle):
+    tilt, speed = 0.6, 3.0
+    second, ratio = of.hooke(angle, tilt)
+    frame = Rotation.from_rotvec(tilt * Y)
+    driven = turned_about(frame.apply(Z), second, speed * ratio, frame)
+    joint = cj.UniversalJoint("a", "b", ORIGIN, ORIGIN, X, Y)
+    held(joint, a=turned_about(Z, angle, speed), b=driven)
+
+
+@pytest.mark.parametrize("turns", [0.1, 0.5, 17.3, -4000.9])
+@pytest.mark.parametrize("lead", [0.004, -0.25])
+def test_screw_advances_by_its_lead_in_a_turn(turns, lead):
+    speed, angle = 5.0, 2.0 * math.pi * turns
+    along = {"position": turns * lead * X, "velocity": speed * lead / (2.0 * math.pi) * X}
+    joint = cj.ScrewJoint("a", "b", ORIGIN, ORIGIN, X, X, lead)
+    held(joint, 1e-11, a=AT_REST, b=turned_about(X, angle, speed, **along))
+
+
+@pytest.mark.parametrize("turns", [0.03, 12.4, -700.7])
+@pytest.mark.parametrize("internal", [False, True])
+def test_gears_turn_by_their_teeth(turns, internal):
+    """Over many turns, on an arm that turns itself: relative to the arm 17 : 51 and 19 : 44."""
+    for first, second in ((17, 51), (19, 44)):
+        angle, speed = 2.0 * math.pi * turns, 7.0
+        ratio = (1.0 if internal else -1.0) * first / second
+        axis = np.array([0.6, 0.0, 0.8])
+        joint = cj.GearJoint("arm", "a", "b", axis, axis, first, second, internal, 0.3)
+        held(
+            joint,
+            arm=turned_about(axis, 0.4, 2.0),
+            a=turned_about(axis, 0.4 + angle + 0.3, 2.0 + speed),
+            b=turned_about(axis, 0.4 + angle * ratio, 2.0 + speed * ratio),
+        )
 
 
 @pytest.mark.parametrize(

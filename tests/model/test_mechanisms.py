@@ -1,48 +1,12 @@
 """Ideal mechanisms against published and independently computed values."""
 
-from typing import Any
-
 import diffrax
-import equinox as eqx
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
-from clearjoint.extend import quantity
 from clearjoint.mechanisms import bricard, double_four_bar
-from studies.catalogue.joints import PENDULUM
-
-
-class PendulumRod(cj.extend.AbstractConstraint):
-    """A user-defined joint: a massless rod from the origin to a body's centre of mass."""
-
-    body: str = eqx.field(static=True)
-    length: Any = quantity("m")
-
-    def body_names(self):
-        return "ground", self.body
-
-    def rows(self, motions, t):
-        def residual(ground, body):
-            apart = body[0] - ground[0]
-            return (0.5 * (apart.dot(apart) - self.length**2),)
-
-        return cj.extend.rows_from_residual(
-            ("ground", self.body), ("length",), residual, motions["ground"], motions[self.body]
-        )
-
-
-@pytest.mark.slow
-def test_iftomm_simple_pendulum():
-    """Benchmark A01: a point mass on a massless bar, released from the horizontal."""
-    bodies, joints = {"mass": cj.Body(1.0, (1.0, 1.0, 1.0))}, {"bar": PendulumRod("mass", 1.0)}
-    scene = cj.Scene(bodies, joints, gravity=(0.0, -9.81, 0.0))
-    state = cj.State({"mass": cj.body_state((-1.0, 0.0, 0.0))})
-    settings = cj.Settings(rtol=1e-12, atol=1e-12, stabilisation=cj.Projection())
-    solution = cj.simulate(scene, state, 10.0, settings, save=cj.Saving([9.99, 10.0]))
-    np.testing.assert_allclose(solution.states.bodies["mass"].position[:, :2], PENDULUM, atol=1e-8)
-
 
 FINE = cj.Settings(solver=diffrax.Dopri8(), rtol=1e-10, stabilisation=cj.Projection())
 

@@ -1,12 +1,14 @@
 """Mechanisms with clearance in guides, slots and sockets: published motions and closed forms."""
 
 import math
+import warnings
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 import clearjoint as cj
+from tests.support.observations import penetrations
 from tests.support.shaft import angle_about
 
 FINE = cj.Settings(rtol=1e-10, atol=1e-12)
@@ -138,6 +140,31 @@ def first_contact(shaft: float, play: float, sense: float) -> float:
         if distance(sense * 0.01) > 0.0:
             found.append(brentq(distance, 0.0, sense * 0.01, xtol=1e-16))
     return min(found, key=abs)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shaft", [0.0, 0.3, 2.0])
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_the_backlash_of_a_cycloid_stage_is_that_of_its_pins(shaft, sense):
+    """One pin touches at the angle at which the geometry has it touch, and the others are free."""
+    play = 0.02e-3
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scene, state = cj.mechanisms.cycloid_stage(play, angle=shaft)
+    report = cj.constraint_report(scene, state)
+    assert report.degrees_of_freedom() == 1
+    assert np.abs(report.values).max() < 1e-12 and np.abs(report.rates).max() < 1e-12
+    turn = first_contact(shaft, play, sense)
+    # To first order by the formula of the docstring: a pin moves across its radius.
+    directions = -shaft / 10 + np.pi / 2 + 2.0 * np.pi * np.arange(6) / 6
+    cosine = np.abs(np.cos(directions - shaft)).max()
+    assert abs(turn) == pytest.approx(play / 25e-3 / cosine, rel=0.02)
+    angle = -shaft / 10 + turn
+    output = cj.body_state((0.0, 0.0, 0.0), cj.rotation((0.0, 0.0, 1.0), angle))
+    gaps = penetrations(scene, cj.State({**state.bodies, "output": output}))
+    deepest = sorted(family["V"] for family in gaps.values())
+    assert deepest[-1] == pytest.approx(0.0, abs=1e-14)
+    assert deepest[-2] < -1e-7 or shaft == 0.0  # by symmetry, two pins touch at once then
 
 
 @pytest.mark.slow

@@ -62,6 +62,11 @@ def test_the_first_harmonic_shifts_the_circle(part):
     np.testing.assert_allclose(found.gap.rate, shifted.gap.rate, atol=1e-12)
 
 
+def aligned(x, y):
+    """At rest, its axis parallel to the bearing's."""
+    return moving((x, y, 0.0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+
+
 class Ellipse(AbstractProfile):
     """Support function of an ellipse with half axes `a` and `b`, less the radius of a circle."""
 
@@ -89,7 +94,7 @@ def test_a_journal_touches_an_elliptic_bearing_on_the_ellipse(angle):
     a, b = RADIUS + 30e-6, RADIUS - 20e-6
     joint = pin(Ellipse(a, b, RADIUS), friction=RegularisedCoulomb(0.1))
     centre = 0.55e-3 * np.array([np.cos(angle), np.sin(angle)])
-    found = contact(joint, moving((*centre, 0.0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0)))
+    found = contact(joint, aligned(*centre))
     normal = found.normal[:2]
     wall = found.arm_first[:2] - 0.5 * found.gap.depth * normal
     surface = centre + (RADIUS - CLEARANCE) * normal
@@ -100,6 +105,25 @@ def test_a_journal_touches_an_elliptic_bearing_on_the_ellipse(angle):
     support = np.hypot(a * np.cos(t), b * np.sin(t))
     along = centre[0] * np.cos(t) + centre[1] * np.sin(t) + RADIUS - CLEARANCE
     assert found.gap.depth == pytest.approx((along - support).max(), abs=1e-12)
+
+
+def test_of_many_waves_the_deepest_is_found():
+    """The search by 48 angles finds the largest of several maxima."""
+    wall, t = Harmonics([0.0] * 5 + [50e-6]), np.linspace(0.0, 2.0 * np.pi, 20_001)
+    for x, y in np.random.default_rng(5).normal(size=(5, 2)) * 0.4e-3:
+        along = x * np.cos(t) + y * np.sin(t) - 50e-6 * np.cos(6 * t)
+        found = contact(pin(wall), aligned(x, y)).gap.depth
+        assert float(found) == pytest.approx(along.max() - CLEARANCE, abs=1e-10)
+
+
+def test_a_journal_rests_where_its_load_presses_it():
+    """Both bases carry half of the load there, and the wall's normal is along the load."""
+    joint = pin(Harmonics([0.0, 30e-6, -10e-6], [0.0, 20e-6, 0.0]))
+    load = np.array([3.0, -2.0, 0.5])
+    x, y, _ = joint.resting_joint(load).attachments()[0][2]
+    found, size = contact(joint, aligned(x, y)), np.hypot(*load[:2])
+    assert 2.0 * float(joint.law.elastic_force(found.gap)) == pytest.approx(size, rel=1e-9)
+    np.testing.assert_allclose(found.normal[:2], load[:2] / size, atol=1e-12)
 
 
 @pytest.mark.slow
@@ -146,7 +170,7 @@ def test_a_two_lobed_bearing_has_its_equilibrium_and_two_stiffnesses(along, sign
     centre[along] = eccentricity
 
     def force(centre):
-        arm = moving((centre[0], centre[1], 0.0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+        arm = aligned(*centre)
         touch = joint.contacts({GROUND: AT_REST, "arm": arm})["V"]
         size = joint.law.force(touch.gap, None)
         return jnp.stack([touch.normal.x * size, touch.normal.y * size])

@@ -14,11 +14,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
-from clearjoint._math import block_matrices
 from clearjoint._math.rotations import transverse_axes
 from clearjoint._model.joints import ideal
 from clearjoint._model.joints.constraint_rows import row_following
-from clearjoint.extend import Matrix, Motion, Row, System, Vector, pack, unpack
+from clearjoint.extend import Matrix, Motion, Row, Vector, pack, unpack
 from tests.support.motions import AT_REST
 
 RANDOM = np.random.default_rng(6)
@@ -312,34 +311,6 @@ def test_a_tilted_joint_violates_its_rows(case):
         rows = unpack(joint).rows(joined(joint, (tilt * start).as_matrix()).motions(), 0.0)
         size = np.linalg.norm([np.ravel(row.value)[0] for row in rows.values()])
         assert size == pytest.approx(1e-3, rel=1e-2)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("redundant", [False, True])
-def test_large_systems_solve_the_same_equations(monkeypatch, redundant):
-    """Large systems are solved in blocks; here a small one is as well.
-
-    The revolute joint is there twice where redundant multipliers of least norm are sought.
-    """
-    joints = {"hinge": REVOLUTE, "ball": cj.SphericalJoint("ground", "b", P1, A1)}
-    joints |= {"again": REVOLUTE} if redundant else {}
-    bodies = {"a": cj.Body(2.0, (1.0, 1.2, 1.4)), "b": cj.Body(0.5, np.eye(3))}
-    scene = unpack(cj.Scene(bodies, joints))
-    variables = {
-        name: unpack(cj.body_state(p, QUATERNION, A1, A2)) for name, p in (("a", P1), ("b", P2))
-    }
-
-    def found(most_multiplications):
-        monkeypatch.setattr(block_matrices, "MOST_MULTIPLICATIONS", most_multiplications)
-        formulation = cj.extend.Formulation(cj.AbsoluteCoordinates(), redundant=redundant)
-        return System(scene, formulation).dynamics(variables, {}, 0.0)
-
-    unrolled, blocks = found(1e9), found(0)
-    close = functools.partial(np.testing.assert_allclose, rtol=1e-4, atol=1e-4)
-    jax.tree.map(close if redundant else compare, unrolled.multipliers, blocks.multipliers)
-    jax.tree.map(compare, unrolled.accelerations, blocks.accelerations)
-    if redundant:
-        jax.tree.map(close, blocks.multipliers["hinge"], blocks.multipliers["again"])
 
 
 def test_assembly_knows_every_joint_that_holds_an_orientation():
