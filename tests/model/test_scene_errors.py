@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint import frictions, laws
 
 NAN = float("nan")
 BODY = cj.Body(1.0, (1.0, 1.0, 1.0))
@@ -23,10 +24,12 @@ pin = functools.partial(
     "rod",
     bearing_radius=0.01,
     journal_length=0.02,
-    law=cj.laws.Hertz(1e9),
+    law=laws.Hertz(1e9),
 )
-revolute = functools.partial(cj.RevoluteJoint, "ground", "rod", ZERO, ZERO)
-spring = functools.partial(cj.SpringDamper, "ground", "rod", ZERO, ZERO)
+BETWEEN = "ground", "rod", ZERO, ZERO
+revolute = functools.partial(cj.RevoluteJoint, *BETWEEN)
+driver = functools.partial(cj.PrescribedRotation, "ground", "rod")
+spring = functools.partial(cj.SpringDamper, *BETWEEN)
 
 CONSTRUCTION = [
     (lambda: cj.Body(0.0, (1, 1, 1)), "`mass` ... positive ... 0.0 ... give the mass in kg"),
@@ -35,10 +38,7 @@ CONSTRUCTION = [
     (lambda: cj.Body((1, 2), (1, 1, 1)), "`mass` ... () ... [1.0, 2.0] ... single number"),
     (lambda: cj.Body(1, (1, NAN, 1)), "`inertia`" + NOT_A_NUMBER),
     (lambda: cj.Body(1, (1, 1)), "`inertia` ... (3,) or (3, 3) ... [1.0, 1.0] ... give"),
-    (
-        lambda: cj.Body(1, (1, -1, 1)),
-        "`inertia` ... positive definite ... -1.0 ... give every body",
-    ),
+    (lambda: cj.Body(1, (1, -1, 1)), "`inertia` ... positive definite ... -1.0 ... every body"),
     (lambda: cj.Body(1, (1, 1, 2.1)), "`inertia` ... exceeds the sum ... 2.1 ... check the order"),
     (lambda: cj.Body(1, np.diag([0.1, 3, 1])), "`inertia` ... exceeds the sum ... 3.0 ... units"),
     (
@@ -80,22 +80,16 @@ CONSTRUCTION = [
         lambda: cj.SphericalJoint("ground", "rod", (1, 2), ZERO),
         "`point_first` ... (3,) ... [1.0, 2.0] ... three coordinates in m",
     ),
-    (lambda: cj.PrismaticJoint("ground", "rod", ZERO, ZERO, ZERO), "`axis`" + NO_LENGTH),
-    (lambda: cj.InlineJoint("ground", "rod", ZERO, ZERO, ZERO), "`axis`" + NO_LENGTH),
-    (
-        lambda: cj.PrismaticJoint("ground", "rod", ZERO, ZERO, AXIS, (1, 1, 0, 0)),
-        "`orientation`" + NO_ROTATION,
-    ),
+    (lambda: cj.PrismaticJoint(*BETWEEN, ZERO), "`axis`" + NO_LENGTH),
+    (lambda: cj.InlineJoint(*BETWEEN, ZERO), "`axis`" + NO_LENGTH),
+    (lambda: cj.PrismaticJoint(*BETWEEN, AXIS, (1, 1, 0, 0)), "`orientation`" + NO_ROTATION),
     (
         lambda: cj.PrescribedRotation("rod", "rod", AXIS, 1.0),
         "`second` ... another body ... 'rod' ... name two bodies",
     ),
-    (lambda: cj.PrescribedRotation("ground", "rod", ZERO, 1.0), "`axis`" + NO_LENGTH),
-    (lambda: cj.PrescribedRotation("ground", "rod", AXIS, NAN), "`speed`" + NOT_A_NUMBER),
-    (
-        lambda: cj.PrescribedRotation("ground", "rod", AXIS, 1.0, (0.0, 1.0)),
-        "`initial_angle` ... () ... [0.0, 1.0] ... rad",
-    ),
+    (lambda: driver(ZERO, 1.0), "`axis`" + NO_LENGTH),
+    (lambda: driver(AXIS, NAN), "`speed`" + NOT_A_NUMBER),
+    (lambda: driver(AXIS, 1.0, (0.0, 1.0)), "`initial_angle` ... () ... [0.0, 1.0] ... rad"),
     (
         lambda: cj.DriveTorque("ground", "rod", AXIS, (0, 0, 1)),
         "`torque` ... () ... [0.0, 0.0, 1.0] ... N m",
@@ -104,10 +98,7 @@ CONSTRUCTION = [
         lambda: cj.DriveTorque("ground", "rod", AXIS, 1.0, (1, 1, 0, 0)),
         "`orientation`" + NO_ROTATION,
     ),
-    (
-        lambda: cj.FixedJoint("ground", "rod", ZERO, ZERO, (1, 1, 0, 0)),
-        "`orientation`" + NO_ROTATION,
-    ),
+    (lambda: cj.FixedJoint(*BETWEEN, (1, 1, 0, 0)), "`orientation`" + NO_ROTATION),
     (lambda: spring(-1.0), "`stiffness` ... zero or positive ... -1.0 ... SI units"),
     (
         lambda: pin(journal_radius=0.01),
@@ -139,40 +130,37 @@ CONSTRUCTION = [
     ),
     (lambda: pin(clearance=1e-4, friction=0.1), "`friction` ... AbstractFriction ... 0.1 ... pass"),
     (
-        lambda: cj.EndPlay(0.01, cj.laws.Hertz(cj.laws.RavnStiffness(2e11, 0.3))),
+        lambda: cj.EndPlay(0.01, laws.Hertz(laws.RavnStiffness(2e11, 0.3))),
         "`law` ... explicit stiffness ... RavnStiffness ... N/m^n",
     ),
-    (lambda: cj.EndPlay(-0.01, cj.laws.Hertz(1e9)), "`play` ... zero or positive ... -0.01 ... m"),
+    (lambda: cj.EndPlay(-0.01, laws.Hertz(1e9)), "`play` ... zero or positive ... -0.01 ... m"),
     (
-        lambda: cj.laws.LankaraniNikravesh(1.1, 1e9),
+        lambda: laws.LankaraniNikravesh(1.1, 1e9),
         "`restitution` ... in [0.0, 1.0] ... 1.1 ... 1 is elastic",
     ),
     (
-        lambda: cj.laws.HuntCrossley(-0.1, 1e9),
+        lambda: laws.HuntCrossley(-0.1, 1e9),
         "`restitution` ... in [0.0, 1.0] ... -0.1 ... 0 is plastic",
     ),
     (
-        lambda: cj.laws.Flores2011(0.0, 1e9),
+        lambda: laws.Flores2011(0.0, 1e9),
         "`restitution` ... positive for this law ... 0.0 ... small value",
     ),
-    (lambda: cj.laws.Hertz(-1e9), "`stiffness` ... positive ... -1 ... give K"),
-    (lambda: cj.laws.Hertz(1e9, 0.5), "`exponent` ... at least 1 ... 0.5 ... 1.5"),
-    (lambda: cj.laws.Hertz(1e9, smoothing=0.0), "`smoothing` ... positive ... 0.0 ... None"),
+    (lambda: laws.Hertz(-1e9), "`stiffness` ... positive ... -1 ... give K"),
+    (lambda: laws.Hertz(1e9, 0.5), "`exponent` ... at least 1 ... 0.5 ... 1.5"),
+    (lambda: laws.Hertz(1e9, smoothing=0.0), "`smoothing` ... positive ... 0.0 ... None"),
     (
-        lambda: cj.laws.HuntCrossley(0.9, 1e9, entry_speed_floor=0),
+        lambda: laws.HuntCrossley(0.9, 1e9, entry_speed_floor=0),
         "`entry_speed_floor` ... positive ... 0.0 ... e.g. 1e-6",
     ),
+    (lambda: laws.RavnStiffness(2e11, 0.6), "`poisson_ratio` ... [-1.0, 0.5] ... 0.6 ... give nu"),
+    (lambda: laws.RavnStiffness(0, 0.3), "`young_modulus` ... positive ... 0.0 ... Pa"),
     (
-        lambda: cj.laws.RavnStiffness(2e11, 0.6),
-        "`poisson_ratio` ... [-1.0, 0.5] ... 0.6 ... give nu",
-    ),
-    (lambda: cj.laws.RavnStiffness(0, 0.3), "`young_modulus` ... positive ... 0.0 ... Pa"),
-    (
-        lambda: cj.frictions.RegularisedCoulomb(-0.1),
+        lambda: frictions.RegularisedCoulomb(-0.1),
         "`coefficient` ... zero or positive ... -0.1 ... give mu",
     ),
     (
-        lambda: cj.frictions.Ambrosio(0.1, 1e-3, 1e-4),
+        lambda: frictions.Ambrosio(0.1, 1e-3, 1e-4),
         "`upper_speed` ... above lower_speed = 0.001 ... 0.0001 ... give v1 > v0",
     ),
     (lambda: cj.Baumgarte(-5.0), "`alpha` ... zero or positive ... -5.0 ... 1/s"),
