@@ -1,6 +1,5 @@
 """Profiles of bearings and journals: contact geometry, equilibria, derivatives and refusals."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -255,10 +254,3 @@ def test_unsuitable_profiles_are_refused(make, message):
 def test_a_wall_that_touches_twice_gives_a_warning():
     with pytest.warns(cj.UnusualValueWarning, match="several points of contact"):
         pin(Harmonics([0.0] * 7 + [10e-6]))
-
-
-def test_profiles_are_saved_with_their_scene(tmp_path):
-    scene, state = dropped(Harmonics([0.0, 20e-6], [1e-6, 0.0]))
-    cj.save(scene, state, tmp_path / "scene.toml")
-    loaded, _ = cj.load(tmp_path / "scene.toml")
-    assert eqx.tree_equal(loaded.joints["pin"], scene.joints["pin"])
