@@ -9,6 +9,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.extend import quantity
+from tests.support.differences import by_differences
 from tests.support.shaft import INERTIA, ON_SHAFT, ORIGIN, SHAFT, Z, angle_about, shaft, turned
 
 ACCURATE = cj.Settings(rtol=1e-8, ledger=True)
@@ -176,15 +177,14 @@ def test_sensitivities_across_a_kink_are_those_of_the_motion():
     outputs = {axis: cj.quantities.Position("arm", axis) for axis in "xy"}
     found = cj.sensitivities(scene, state, 0.3, parameters, outputs, [0.3])
 
-    def ended(place, value):
-        changed = cj.set_value(scene, place, value)
-        final = cj.simulate(changed, state, 0.3, cj.Settings(rtol=1e-11)).final
+    def ended(scene):
+        final = cj.simulate(scene, state, 0.3, cj.Settings(rtol=1e-11)).final
         return final.bodies["arm"].position[:2]
 
-    for k, (name, value, step) in enumerate((("start", 0.1, 1e-4), ("speed", 10.0, 1e-2))):
-        around = [ended(places[name], value + sign * step) for sign in (1, -1)]
+    for k, (name, step) in enumerate((("start", 1e-4), ("speed", 1e-2))):
         slopes = [found.derivatives[axis][0, k] for axis in "xy"]
-        np.testing.assert_allclose(slopes, (around[0] - around[1]) / (2 * step), rtol=1e-5)
+        numeric = by_differences(ended, scene, places[name], step)
+        np.testing.assert_allclose(slopes, numeric, rtol=1e-5)
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ from scipy.special import beta
 import clearjoint as cj
 from clearjoint.extend import IDENTITY, unpack
 from clearjoint.testing import check_constraint, check_contact_joint
+from tests.support.differences import by_differences
 from tests.support.motions import AT_REST, NEAR_EACH_OTHER
 
 TIGHT = cj.Settings(rtol=1e-10, atol=1e-13)
@@ -277,14 +278,11 @@ def test_sensitivities_to_the_backlash_agree_with_differences(make, options, end
     given = {"play": cj.Parameter(place)}
     found = cj.sensitivities(scene, state, end, given, outputs, [end], TIGHT)
 
-    def final(size: float) -> np.ndarray:
-        changed = cj.set_value(scene, place, size)
-        run = cj.sensitivities(changed, state, end, given, outputs, [end], TIGHT)
-        return np.array([run.outputs[x][-1] for x in "xy"])
+    def final(scene: cj.Scene) -> list[float]:
+        run = cj.sensitivities(scene, state, end, given, outputs, [end], TIGHT)
+        return [run.outputs[x][-1] for x in "xy"]
 
-    value = float(place(scene))
-    step = 1e-4 * value
-    numeric = (final(value + step) - final(value - step)) / (2 * step)
+    numeric = by_differences(final, scene, place, 1e-4 * float(place(scene)))
     exact = np.array([found.derivatives[x][-1, 0] for x in "xy"])
     assert np.abs(numeric).max() > 0.1
     np.testing.assert_allclose(exact, numeric, rtol=1e-5, atol=1e-5 * np.abs(numeric).max())

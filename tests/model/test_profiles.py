@@ -14,6 +14,7 @@ from clearjoint.frictions import RegularisedCoulomb
 from clearjoint.laws import Hertz
 from clearjoint.profiles import Harmonics, PeriodicSpline
 from clearjoint.testing import check_contact_joint, moving
+from tests.support.differences import by_differences
 from tests.support.motions import AT_REST
 
 RADIUS, CLEARANCE, STIFFNESS = 10e-3, 0.5e-3, 1e9
@@ -218,22 +219,16 @@ def dropped(profile):
 def test_derivatives_by_the_coefficients_agree_with_differences():
     scene, state = dropped(Harmonics([0.0, 20e-6, 5e-6]))
 
-    def end(cosines):
-        changed = dropped(Harmonics(cosines))[0]
-        return cj.simulate(changed, state, 8e-3).final.bodies["arm"].position[:2]
+    def ended(scene):
+        return cj.simulate(scene, state, 8e-3).final.bodies["arm"].position[:2]
 
-    start, step = np.array([0.0, 20e-6, 5e-6]), 1e-9
-    named = {
-        f"wave {k}": cj.Parameter(lambda s, k=k: s.joints["pin"].bearing_profile.cosines[k])
-        for k in (1, 2)
-    }
+    paths = [lambda s, k=k: s.joints["pin"].bearing_profile.cosines[k] for k in (1, 2)]
+    named = {f"wave {k}": cj.Parameter(path) for k, path in enumerate(paths)}
     outputs = {x: cj.quantities.Position("arm", x) for x in "xy"}
     found = cj.sensitivities(scene, state, 8e-3, named, outputs, [8e-3], progress=False)
-    for j, k in enumerate((1, 2)):
-        change = step * np.eye(3)[k]
-        difference = (end(start + change) - end(start - change)) / (2.0 * step)
-        slopes = [found.derivatives[x][0, j] for x in "xy"]
-        np.testing.assert_allclose(slopes, difference, rtol=1e-4)
+    for k, path in enumerate(paths):
+        slopes = [found.derivatives[x][0, k] for x in "xy"]
+        np.testing.assert_allclose(slopes, by_differences(ended, scene, path, 1e-9), rtol=1e-4)
 
 
 @pytest.mark.parametrize(

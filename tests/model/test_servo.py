@@ -7,11 +7,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from studies.robots.sampled_servo import SampledPid
+from tests.support.differences import by_differences
 from tests.support.shaft import INERTIA, ON_SHAFT, ORIGIN, Z, shaft, turned
 from tests.support.symmetry_transformations import euler
 
@@ -76,11 +78,8 @@ CASES = {
 }
 
 
-FAST = ("saturated",)
-
-
 @pytest.mark.parametrize(
-    "name", [n if n in FAST else pytest.param(n, marks=pytest.mark.slow) for n in CASES]
+    "name", [n if n == "saturated" else pytest.param(n, marks=pytest.mark.slow) for n in CASES]
 )
 def test_it_moves_as_scipy_says_from_sample_to_sample(name):
     """PD and PID of a damped inertia, with a goal that changes between samples."""
@@ -281,15 +280,9 @@ def test_the_voltage_limits_the_torque_between_samples_too(coordinates):
             return 0.5 - (excess + width) ** 2 / (4.0 * width)
         return 0.5 - max(excess, 0.0)
 
-    # With many small steps of Euler's midpoint rule the error is far below 1e-7.
-    count, speed, speeds = 90_000, 0.0, [0.0]
-    h = 0.09 / count
-    for k in range(1, count + 1):
-        half = speed + 0.5 * h * limited(speed) / INERTIA
-        speed += h * limited(half) / INERTIA
-        if k % 10_000 == 0:
-            speeds.append(speed)
-    np.testing.assert_allclose(found.outputs["speed"], speeds[: len(times)], atol=1e-6)
+    options = {"method": "DOP853", "t_eval": times, "rtol": 1e-11, "max_step": 1e-4}
+    path = solve_ivp(lambda t, y: [limited(y[0]) / INERTIA], (0.0, 0.09), [0.0], **options)
+    np.testing.assert_allclose(found.outputs["speed"], path.y[0], atol=1e-6)
     assert found.outputs["torque"][1] == 0.5 and found.outputs["torque"][-1] < 0.4
 
 
@@ -298,26 +291,20 @@ SERVO = cj.Servo(
 )
 
 
-def changed(numbers, base=SERVO):
-    """The servo with other numbers, and the inertia of its shaft."""
-    servo = base
-    for name, value in numbers.items():
-        if name != "inertia":
-            servo = cj.set_value(servo, lambda s, name=name: getattr(s, name), value)
-    return one_inertia(servo, numbers.get("inertia", INERTIA), damping=0.03)
-
-
-def slopes(name, found):
-    """Of what a run with another value of a number finds, by central differences."""
-    middle = float(PATHS[name](changed({})))
-    low, high = (found(changed({name: middle * (1.0 + 1e-4 * sign)})) for sign in (-1.0, 1.0))
-    return (high - low) / (2e-4 * middle)
+SCENE, START_STATE = one_inertia(SERVO, damping=0.03), turned(0.1, 0.7)
 
 
 PATHS = {
     name: lambda scene, name=name: getattr(scene.forces["servo"], name)
     for name in ("proportional", "derivative", "integral", "delay", "rate", "offset")
 } | {"inertia": lambda scene: scene.bodies["shaft"].inertia[2]}
+
+
+def slopes(name, found):
+    """Of what a run finds by a number, by central differences."""
+    return by_differences(found, SCENE, PATHS[name], 1e-4 * float(PATHS[name](SCENE)))
+
+
 START = 0.0137
 """Between two samples."""
 
@@ -327,14 +314,11 @@ def test_derivatives_are_those_of_the_sampled_motion():
     times = np.array([0.08131, 0.14, 0.2007])
     outputs = {"angle": cj.quantities.JointAngle("bearing")}
     parameters = {name: cj.Parameter(path) for name, path in PATHS.items()}
-    start = {"start_time": START}
-    scene = changed({})
-    found = cj.sensitivities(
-        scene, turned(0.1, 0.7), 0.21, parameters, outputs, times, TIGHT, **start, **QUIET
-    ).derivatives["angle"]
+    run = SCENE, START_STATE, 0.21, parameters, outputs, times, TIGHT
+    found = cj.sensitivities(*run, start_time=START, **QUIET).derivatives["angle"]
 
     def angles(scene):
-        return motion(scene, turned(0.1, 0.7), 0.21, times, **start).outputs["angle"]
+        return motion(scene, START_STATE, 0.21, times, start_time=START).outputs["angle"]
 
     for k, name in enumerate(PATHS):
         np.testing.assert_allclose(found[:, k], slopes(name, angles), rtol=1e-5, err_msg=name)
@@ -343,7 +327,7 @@ def test_derivatives_are_those_of_the_sampled_motion():
 @pytest.mark.slow
 def test_reverse_mode_has_the_same_derivatives():
     """Also of the integral of the squared torque, which jumps at instants that parameters move."""
-    scene, times = changed({}), np.array([0.08131, 0.14, 0.2007])
+    times = np.array([0.08131, 0.14, 0.2007])
     torque = cj.quantities.MotorTorque("servo")
 
     def square(now):
@@ -353,10 +337,10 @@ def test_reverse_mode_has_the_same_derivatives():
     parameters = {name: cj.Parameter(path) for name, path in PATHS.items()}
     options = {"settings": TIGHT, "start_time": START}
     found = cj.sensitivities(
-        scene, turned(0.1, 0.7), 0.21, parameters, outputs, times, **options, **QUIET
+        SCENE, START_STATE, 0.21, parameters, outputs, times, **options, **QUIET
     )
-    predict = cj.predictor(scene, turned(0.1, 0.7), 0.21, PATHS, outputs, times, **options)
-    here = {name: jnp.asarray(path(scene)) for name, path in PATHS.items()}
+    predict = cj.predictor(SCENE, START_STATE, 0.21, PATHS, outputs, times, **options)
+    here = {name: jnp.asarray(path(SCENE)) for name, path in PATHS.items()}
     backward = jax.jacrev(predict)(here)
     for name in outputs:
         for k, parameter in enumerate(PATHS):
@@ -364,11 +348,11 @@ def test_reverse_mode_has_the_same_derivatives():
                 backward[name][parameter], found.derivatives[name][:, k], rtol=1e-8, atol=1e-9
             )
     effort = {"effort": cj.Integral(square, "N^2 m^2")}
-    predict = cj.predictor(scene, turned(0.1, 0.7), 0.21, PATHS, effort, **options)
+    predict = cj.predictor(SCENE, START_STATE, 0.21, PATHS, effort, **options)
     gradient = jax.grad(lambda values: predict(values)["effort"])(here)
 
     def efforts(scene):
-        run = cj.simulate(scene, turned(0.1, 0.7), 0.21, TIGHT, outputs=effort, start_time=START)
+        run = cj.simulate(scene, START_STATE, 0.21, TIGHT, outputs=effort, start_time=START)
         return run.outputs["effort"]
 
     for name in PATHS:
@@ -396,25 +380,25 @@ def test_derivatives_with_play_are_those_of_scipy():
 
 def test_a_run_continues_from_a_state_in_the_middle():
     """Also at an instant of a sample, where the memory is that after the sample."""
-    scene, times = changed({}), np.array([0.05, 0.1, 0.2])
-    whole = motion(scene, turned(0.1, 0.7), 0.2, times)
+    times = np.array([0.05, 0.1, 0.2])
+    whole = motion(SCENE, START_STATE, 0.2, times)
     for middle in (0.0874, 0.086):
-        first = motion(scene, turned(0.1, 0.7), middle, [middle])
-        second = motion(scene, first.final, 0.2, times[1:], start_time=middle)
+        first = motion(SCENE, START_STATE, middle, [middle])
+        second = motion(SCENE, first.final, 0.2, times[1:], start_time=middle)
         for name, values in second.outputs.items():
             np.testing.assert_allclose(values, whole.outputs[name][1:], rtol=1e-9)
     # Without the memory it is a servo that is switched on.
     other = cj.State(first.final.bodies)
-    assert motion(scene, other, 0.2, times[1:], start_time=middle).outputs["angle"][0] != (
+    assert motion(SCENE, other, 0.2, times[1:], start_time=middle).outputs["angle"][0] != (
         pytest.approx(whole.outputs["angle"][1], rel=1e-6)
     )
     given = {"servo": {"torque": 0.0, "command 0": 0.0, "command 1": 0.0}}
     idle = cj.State(turned().bodies, memory=given)
-    assert motion(scene, idle, 0.003, [0.003]).outputs["angle"] == pytest.approx(0.0, abs=1e-15)
+    assert motion(SCENE, idle, 0.003, [0.003]).outputs["angle"] == pytest.approx(0.0, abs=1e-15)
 
 
 def test_lanes_of_a_sweep_equal_single_runs():
-    scene, times = changed({}), np.array([0.05, 0.101, 0.2])
+    times = np.array([0.05, 0.101, 0.2])
     rates = [90.0, 200.0, 310.0]
     axes = {"rate": cj.Axis(PATHS["rate"], rates)}
     outputs = {
@@ -422,9 +406,9 @@ def test_lanes_of_a_sweep_equal_single_runs():
         "torque": cj.quantities.MotorTorque("servo"),
     }
     save = cj.Saving(times, states=False)
-    swept = cj.sweep(scene, turned(0.1, 0.7), 0.2, axes, outputs, TIGHT, save, **QUIET)
+    swept = cj.sweep(SCENE, START_STATE, 0.2, axes, outputs, TIGHT, save, **QUIET)
     for k, rate in enumerate(rates):
-        alone = motion(changed({"rate": rate}), turned(0.1, 0.7), 0.2, times).outputs
+        alone = motion(cj.set_value(SCENE, PATHS["rate"], rate), START_STATE, 0.2, times).outputs
         for name in outputs:
             np.testing.assert_allclose(swept[name][k], alone[name], rtol=1e-9)
 
@@ -544,20 +528,19 @@ def test_wrong_arguments_are_refused(options, words):
 )
 def test_a_memory_of_another_name_is_refused(memory, words):
     with pytest.raises(ValueError, match=words):
-        cj.simulate(changed({}), cj.State(turned().bodies, memory=memory), 0.1, **QUIET)
+        cj.simulate(SCENE, cj.State(turned().bodies, memory=memory), 0.1, **QUIET)
 
 
 def test_servos_are_refused_where_they_do_not_belong():
-    scene = changed({})
     with pytest.raises(ValueError, match="without sampled forces, but is .'servo'.: take simulate"):
-        cj.simulate_nonsmooth(scene, turned(), 0.1, step=1e-3)
+        cj.simulate_nonsmooth(SCENE, turned(), 0.1, step=1e-3)
     axes = {"delay": cj.Axis(PATHS["delay"], [0.001, 0.011])}
     outputs = {"top": cj.Peak(cj.quantities.JointAngle("bearing"), "rad")}
     with pytest.warns(UserWarning, match="Lane 1: Argument `delay` must be at most"):
-        cj.sweep(scene, turned(), 0.1, axes, outputs, **QUIET)
+        cj.sweep(SCENE, turned(), 0.1, axes, outputs, **QUIET)
     for quantity in (cj.quantities.MotorCurrent("servo"), cj.quantities.MotorTorque("servos")):
         with pytest.raises(ValueError, match="`drive` must be one of"):
-            quantity.check(scene)
+            quantity.check(SCENE)
 
 
 @pytest.mark.slow

@@ -14,6 +14,7 @@ from scipy.special import beta
 import clearjoint as cj
 from clearjoint.extend import IDENTITY, unpack
 from clearjoint.testing import check_contact_joint
+from tests.support.differences import by_differences
 from tests.support.motions import AT_REST, NEAR_EACH_OTHER
 
 G, Z = 9.81, (0.0, 0.0, 1.0)
@@ -613,16 +614,14 @@ def test_derivatives_of_a_tumble_agree_with_differences():
     exact = cj.sensitivities(*given, progress=False).derivatives
     predict = cj.predictor(*given)
     reverse = jax.jacrev(predict)(predict.values)
+
+    def ended(scene: cj.Scene) -> np.ndarray:
+        bodies = cj.simulate(scene, state, end, settings, progress=False).final.bodies
+        return np.r_[bodies["ball"].position, bodies["rod"].position]
+
     for k, (name, path) in enumerate(paths.items()):
-        value = float(path(scene))
-        step = 1e-6 * max(abs(value), 1.0)
-
-        def final(number: float, path: Any = path) -> np.ndarray:
-            other = cj.set_value(scene, path, number)
-            bodies = cj.simulate(other, state, end, settings, progress=False).final.bodies
-            return np.r_[bodies["ball"].position, bodies["rod"].position]
-
-        numeric = (final(value + step) - final(value - step)) / (2.0 * step)
+        step = 1e-6 * max(abs(float(path(scene))), 1.0)
+        numeric = by_differences(ended, scene, path, step)
         forward = np.array([exact[output][-1, k] for output in outputs])
         backward = np.array([float(reverse[output][name][-1]) for output in outputs])
         size = np.abs(numeric).max()
