@@ -44,9 +44,15 @@ def test_force_at_eight_micrometres(law):
 def test_the_penetration_of_the_force_is_the_one_given(law):
     contact = cylinder(law)
     depths = np.array([1e-12, 1e-9, 1e-6, 8e-6, 1e-4, 0.98 * float(contact.deepest(gap(0.0)))])
-    loads = np.asarray(contact.force(gap(depths), 1.5)) / LENGTH
+
+    def load(depth):
+        return contact.force(gap(depth), 1.5) / LENGTH
+
     _, formula = FORMULAS[law]
-    np.testing.assert_allclose(formula(loads), depths, rtol=1e-12)
+    np.testing.assert_allclose(formula(load(depths)), depths, rtol=1e-12)
+    step = 1e-6 * depths
+    numeric = (load(depths + step) - load(depths - step)) / (2 * step)
+    np.testing.assert_allclose(jax.vmap(jax.grad(load))(depths), numeric, rtol=1e-6)
 
 
 @pytest.mark.parametrize("law", LIMITS)

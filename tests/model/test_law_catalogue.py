@@ -1,7 +1,5 @@
 """The catalogue of laws: delivered restitution by closed forms and quadrature, and by Exudyn."""
 
-import warnings
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -59,14 +57,13 @@ def test_infinite_damping_is_refused(law):
         law(0.0, K)
 
 
+@pytest.mark.filterwarnings("ignore::clearjoint.LawRangeWarning")
 @pytest.mark.parametrize("law", TABLES)
 def test_published_numbers(law):
     """Exudyn's, of contactSphereSphereTest.py, to what their integration leaves; Ye's and those of
     Pant and Wijeyewickrema to three digits."""
     _, against, expected = TABLES[law]
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", cj.LawRangeWarning)
-        factors = np.array([float(law(c, K).damping_factor()) for c in FIVE])
+    factors = np.array([float(law(c, K).damping_factor()) for c in FIVE])
     known = ~np.isnan(expected)
     found = cj.laws.delivered_restitution(factors[known])
     atol = 5e-5 if "Exudyn" in against else 6e-4
@@ -193,10 +190,9 @@ LAWS = [
 @pytest.mark.parametrize(
     "law", LAWS, ids=lambda law: f"{type(law).__name__} {type(law.stiffness).__name__}"
 )
+@pytest.mark.filterwarnings("error")
 def test_laws_conform(law):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        check_law(law)
+    check_law(law)
 
 
 @pytest.mark.slow

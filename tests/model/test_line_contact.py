@@ -14,6 +14,7 @@ import clearjoint as cj
 from clearjoint import GROUND
 from clearjoint.plot.report_page import joint_rows
 from clearjoint.results import MotionMode
+from clearjoint.testing import check_law
 from tests.support import many_states
 from tests.support.differences import by_differences
 from tests.support.dropped_rod import dropped_rod
@@ -221,6 +222,15 @@ def test_modes_change_where_an_end_meets_the_wall(modes):
 def test_other_numbers_of_points_are_refused(points):
     with pytest.raises(ValueError, match=f"`line_points` must be .*, but is {points!r}: give the"):
         pin(points)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("error")
+def test_the_law_of_a_point_conforms():
+    """A law that has a part of the load."""
+    stiffness = cj.laws.RavnStiffness(207e9, 0.3)
+    law = cj.laws.LankaraniNikravesh(0.9, stiffness, smoothing=1e-7)
+    check_law(next(iter(pin(4, law=law).laws().values())))
 
 
 @pytest.mark.parametrize("exponent", ORDERS)

@@ -4,7 +4,6 @@ A law knows depths and speeds only; that joints give it the right ones in any sc
 `tests/dynamics/test_symmetries_of_elements.py`.
 """
 
-import warnings
 from typing import Any
 
 import numpy as np
@@ -34,28 +33,24 @@ def contact_laws(lossless: bool = False) -> list[cj.extend.AbstractContactLaw]:
     with a damping of zero if it is to be lossless.
     """
     laws, restitution, damped = cj.laws, 1.0 if lossless else 0.75, 0.0 if lossless else 1.0
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", cj.LawRangeWarning)
-        return [
-            *(kind(restitution, STIFFNESS) for kind in WITH_RESTITUTION.values()),
-            laws.Hertz(STIFFNESS),
-            laws.MemorylessHuntCrossley(restitution, STIFFNESS, 0.2),
-            laws.KelvinVoigt(restitution, 1e5, 0.7),
-            laws.SpringDashpot(1e5, 50.0 * damped),
-            laws.Tsuji(restitution, STIFFNESS, 0.7),
-            laws.Jankowski(restitution, STIFFNESS, 0.7),
-            laws.KuwabaraKono(STIFFNESS, 1e4 * damped),
-            laws.BordbarHyppanen(STIFFNESS, 1e4 * damped),
-            laws.Ristow(STIFFNESS, 20.0 * damped),
-            laws.ElastoGap(1e5, 50.0 * damped),
-            laws.ImpactFunction(STIFFNESS, 50.0 * damped, 1e-5),
-            laws.FloresKelvinVoigt(restitution, 1e5),
-            *(laws.Hertz(kind(1e8, 0.3, length=20e-3)) for kind in CYLINDERS.values()),
-            laws.Hertz(laws.RavnStiffness(1e8, 0.3)),
-            laws.RoughCylinders(
-                laws.GreenwoodTripp(1e-6, 1e8, 0.1, 0.1), 20e-3, laws.Hertz(STIFFNESS)
-            ),
-        ]
+    return [
+        *(kind(restitution, STIFFNESS) for kind in WITH_RESTITUTION.values()),
+        laws.Hertz(STIFFNESS),
+        laws.MemorylessHuntCrossley(restitution, STIFFNESS, 0.2),
+        laws.KelvinVoigt(restitution, 1e5, 0.7),
+        laws.SpringDashpot(1e5, 50.0 * damped),
+        laws.Tsuji(restitution, STIFFNESS, 0.7),
+        laws.Jankowski(restitution, STIFFNESS, 0.7),
+        laws.KuwabaraKono(STIFFNESS, 1e4 * damped),
+        laws.BordbarHyppanen(STIFFNESS, 1e4 * damped),
+        laws.Ristow(STIFFNESS, 20.0 * damped),
+        laws.ElastoGap(1e5, 50.0 * damped),
+        laws.ImpactFunction(STIFFNESS, 50.0 * damped, 1e-5),
+        laws.FloresKelvinVoigt(restitution, 1e5),
+        *(laws.Hertz(kind(1e8, 0.3, length=20e-3)) for kind in CYLINDERS.values()),
+        laws.Hertz(laws.RavnStiffness(1e8, 0.3)),
+        laws.RoughCylinders(laws.GreenwoodTripp(1e-6, 1e8, 0.1, 0.1), 20e-3, laws.Hertz(STIFFNESS)),
+    ]
 
 
 def friction_laws() -> dict[str, Any]:
