@@ -11,6 +11,7 @@ import pytest
 import clearjoint as cj
 from clearjoint.extend import AbstractContactJoint, Motion, Vector, unpack
 from clearjoint.testing import check_constraint, check_contact_joint, moving
+from tests.support import many_states
 from tests.support.motions import AT_REST
 
 LAW, STEEL = cj.laws.HuntCrossley(0.5, 1e8), cj.laws.RavnStiffness(2e11, 0.3)
@@ -83,6 +84,19 @@ def test_a_contact_whose_force_does_other_work_than_its_gap_is_refused():
 
     with pytest.raises(AssertionError, match="power of the couples"):
         check_contact_joint(Doubled("a", "b", play=2e-3, radius=0.05, law=LAW), MOTIONS)
+
+
+def test_backlash_acts_by_couples_only():
+    joint, turn = backlash(), cj.rotation((0, 0, 1), 3e-3)
+    scene = cj.Scene({name: cj.Body(1.0, (1.0, 1.0, 1.0)) for name in "ab"}, {"play": joint})
+    still, places = np.zeros((1, 3)), {"a": np.array([1.0, 0.0, 0.0, 0.0]), "b": turn}
+    bodies = {
+        name: cj.BodyState(still, euler[None], still, still) for name, euler in places.items()
+    }
+    loads = many_states.loads(scene, cj.State(bodies))
+    moment = 0.05 * float(LAW.elastic_force(cj.extend.Gap(0.05 * (3e-3 - 1e-3), 0.0)))
+    for name, sign in (("a", 1.0), ("b", -1.0)):
+        np.testing.assert_allclose(loads[name], [[0, 0, 0, 0, 0, sign * moment]], rtol=1e-9)
 
 
 def test_a_play_length_is_the_angle_at_the_radius():

@@ -300,9 +300,9 @@ def test_derivative_by_the_clearance_is_that_of_differences():
     def position(scene):
         return cj.simulate(scene, START, end, settings).final.bodies["shaft"].position
 
-    coarse, fine = (
+    whole, half = (
         by_differences(position, scene, path, step * CLEARANCE) for step in (1e-4, 0.5e-4)
     )
-    exact = (4.0 * fine - coarse) / 3.0
+    exact = (4.0 * half - whole) / 3.0
     derivatives = [found.derivatives[axis][0, 0] for axis in "xy"]
     np.testing.assert_allclose(derivatives, exact[:2], rtol=1e-6)

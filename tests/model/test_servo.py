@@ -300,9 +300,9 @@ PATHS = {
 } | {"inertia": lambda scene: scene.bodies["shaft"].inertia[2]}
 
 
-def slopes(name, found):
-    """Of what a run finds by a number, by central differences."""
-    return by_differences(found, SCENE, PATHS[name], 1e-4 * float(PATHS[name](SCENE)))
+def slopes(name, evaluate):
+    """Of what is evaluated of the scene, by one of its numbers."""
+    return by_differences(evaluate, SCENE, PATHS[name], 1e-4 * float(PATHS[name](SCENE)))
 
 
 START = 0.0137

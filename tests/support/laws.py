@@ -11,7 +11,7 @@ CYLINDERS = {name: kind for name, kind in vars(cj.laws).items() if name.endswith
 def _needs(kind: type) -> list[str]:
     """The arguments without a default."""
     parameters = inspect.signature(kind).parameters.values()
-    return [one.name for one in parameters if one.default is inspect.Parameter.empty]
+    return [p.name for p in parameters if p.default is inspect.Parameter.empty]
 
 
 WITH_RESTITUTION = {
