@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 import clearjoint as cj
 from clearjoint.extend import EulerParameters, Formulation, System, Vector, pack, unpack
 from clearjoint.testing import moving
-from tests.support.many_states import in_scalars
 from tests.support.motions import AT_REST
 from tests.support.observations import observed
 
@@ -40,9 +39,16 @@ def vector(rows):
 
 def random_states():
     """Both bodies in N poses with N twists, all at once."""
-    euler = ROTATION.as_quat(scalar_first=True).reshape(2, N, 4)
-    parts = zip("ab", POSITION, euler, VELOCITY, SPIN, strict=True)
-    return in_scalars(cj.State({name: cj.BodyState(*part) for name, *part in parts}))
+    quaternions = ROTATION.as_quat(scalar_first=True).reshape(2, N, 4)
+    return {
+        name: cj.BodyState(
+            vector(POSITION[k]),
+            EulerParameters(*quaternions[k].T),
+            vector(VELOCITY[k]),
+            vector(SPIN[k]),
+        )
+        for k, name in enumerate("ab")
+    }
 
 
 MATRICES = ROTATION.as_matrix().reshape(2, N, 3, 3)
@@ -92,8 +98,7 @@ def paper_geometry(sign):
     """Equations (1)-(21) at base V (sign -1) or W (sign 1) with matrices, misprints corrected.
 
     The frame's columns are unit vectors (eqs 3 and 4), and eq. (10) takes both components of a base
-    from that base. Returns penetration, its rate, normal, the contact points on i and j,
-    and the slip.
+    from that base. Returns penetration, its rate, normal, and the contact points on i and j.
     """
     z_r = unit(AXES["bearing_axis"])  # (1)
     other = np.where(np.abs(z_r[:, 2:]) > 0.9, [[1.0, 0, 0]], [[0, 0, 1.0]])
@@ -111,9 +116,8 @@ def paper_geometry(sign):
     points = [bearing + np.einsum("nij,nj->ni", frame, p) for p in (on_bearing, on_journal)]
     velocities = [velocity(k, points[k]) for k in (0, 1)]  # (14), (17) and (19)
     normal = np.einsum("nij,nj->ni", frame, n)
-    relative = velocities[1] - velocities[0]
-    rate = dot(relative, normal)  # (20) and (21)
-    return depth, rate, normal, *points, relative - normal * rate[:, None]
+    rate = dot(velocities[1] - velocities[0], normal)  # (20) and (21)
+    return depth, rate, normal, *points
 
 
 def velocity(body, point):
@@ -129,14 +133,14 @@ def contact_points(scene, motions, contact):
 
 @pytest.mark.parametrize(("base", "sign"), [("V", -1.0), ("W", 1.0)])
 def test_geometry_is_that_of_the_paper(base, sign):
-    scene = random_scene(friction=FRICTION)
+    scene = random_scene()
     motions = COORDINATES.motions(scene, random_states())
     contact = scene.joints["pin"].contacts(motions)[base]
     gap, points = contact.gap, contact_points(scene, motions, contact)
-    found = gap.depth, gap.rate, contact.normal, *points, contact.slip
+    found = gap.depth, gap.rate, contact.normal, *points
     for ours, papers in zip(found, paper_geometry(sign), strict=True):
         np.testing.assert_allclose(pack(ours), papers, rtol=1e-11, atol=1e-12)
-    assert random_scene().joints["pin"].contacts(motions)[base].slip is None
+    assert contact.slip is None
     assert (gap.bearing_radius, gap.journal_radius) == (1.0, 0.8)
 
 
@@ -160,6 +164,17 @@ def test_journal_offset_is_in_the_frame_of_the_bearing():
     np.testing.assert_allclose(centre[:, 2], dot(body_axes, z_r), rtol=1e-9, atol=1e-12)
     with pytest.raises(ValueError, match=r"`base` must be one of \['V', 'W'\], but is 'U'"):
         scene.joints["pin"].journal_offset(motions, "U")
+
+
+def test_slip_is_the_tangential_velocity_of_the_contact_points():
+    scene = random_scene(friction=FRICTION)
+    motions = COORDINATES.motions(scene, random_states())
+    for contact in scene.joints["pin"].contacts(motions).values():
+        points = [pack(point) for point in contact_points(scene, motions, contact)]
+        relative = velocity(1, points[1]) - velocity(0, points[0])
+        normal = pack(contact.normal)
+        expected = relative - normal * dot(relative, normal)[:, None]
+        np.testing.assert_allclose(pack(contact.slip), expected, rtol=1e-11, atol=1e-12)
 
 
 def test_penetration_rate_is_the_derivative_of_the_penetration():
