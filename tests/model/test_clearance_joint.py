@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 import clearjoint as cj
 from clearjoint.extend import EulerParameters, Formulation, System, Vector, pack, unpack
 from clearjoint.testing import moving
+from tests.support.many_states import in_scalars
 from tests.support.motions import AT_REST
 from tests.support.observations import observed
 
@@ -39,16 +40,9 @@ def vector(rows):
 
 def random_states():
     """Both bodies in N poses with N twists, all at once."""
-    quaternions = ROTATION.as_quat(scalar_first=True).reshape(2, N, 4)
-    return {
-        name: cj.BodyState(
-            vector(POSITION[k]),
-            EulerParameters(*quaternions[k].T),
-            vector(VELOCITY[k]),
-            vector(SPIN[k]),
-        )
-        for k, name in enumerate("ab")
-    }
+    euler = ROTATION.as_quat(scalar_first=True).reshape(2, N, 4)
+    parts = zip("ab", POSITION, euler, VELOCITY, SPIN, strict=True)
+    return in_scalars(cj.State({name: cj.BodyState(*part) for name, *part in parts}))
 
 
 MATRICES = ROTATION.as_matrix().reshape(2, N, 3, 3)
