@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline
 
 import clearjoint as cj
 from clearjoint.extend import UNIT_X, ZERO, unpack
@@ -29,6 +30,32 @@ def test_a_piecewise_linear_table_is_that_of_numpy_and_exact_at_its_points():
     np.testing.assert_allclose(found, np.interp(times, TIMES, LEVELS), rtol=1e-14)
     assert [float(lines(t)) for t in TIMES] == LEVELS
     np.testing.assert_array_equal(lines.breakpoints(), TIMES)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_derivatives_at_the_times_of_a_table_are_those_just_after_them(seed):
+    rng = np.random.default_rng(seed)
+    times = np.cumsum(rng.uniform(0.1, 1.0, 4)) + rng.normal()
+    values, rates = rng.normal(size=(2, 4))
+    lines, spline = cj.PiecewiseLinear(times, values), cj.Spline(times, values, rates)
+    slopes = [*np.diff(values) / np.diff(times), 0.0]
+    np.testing.assert_allclose([jax.grad(unpack(lines))(t) for t in times], slopes, rtol=1e-12)
+    # At the last time, the tangent continues the spline.
+    curvatures = CubicHermiteSpline(times, values, rates)(times, 2)
+    found = [jax.grad(jax.grad(unpack(spline)))(t) for t in times]
+    np.testing.assert_allclose([jax.grad(unpack(spline))(t) for t in times], rates, rtol=1e-12)
+    np.testing.assert_allclose(found, curvatures, rtol=1e-10)
+
+
+@pytest.mark.parametrize("start", [0.0, -0.3])
+def test_a_driven_run_begins_at_the_first_time_of_its_table(start):
+    times = start + np.array([0.0, 0.25, 0.5])
+    scene = shaft(motor=cj.PrescribedAngle(*ON_SHAFT, cj.PiecewiseLinear(times, [0, 0.1, 0.4])))
+    state = cj.assemble(scene, turned(), start)
+    np.testing.assert_allclose(state.bodies["shaft"].spin, (0, 0, 0.4), rtol=1e-12)
+    solution = cj.simulate(scene, state, times[-1] - 0.05, start_time=start)
+    assert solution.result == cj.RESULTS.successful
+    np.testing.assert_allclose(solution.final.bodies["shaft"].spin, (0, 0, 1.2), rtol=1e-9)
 
 
 def test_elements_have_the_breakpoints_of_their_tables():
