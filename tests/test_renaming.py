@@ -11,6 +11,7 @@ import inspect
 import json
 from collections.abc import Callable
 from functools import cache, partial
+from pathlib import Path
 from typing import Any
 
 import jax
@@ -24,6 +25,7 @@ from matplotlib import pyplot as plt
 import clearjoint as cj
 from clearjoint import plot
 from tests.durability import test_wear as wearing
+from tests.support import urdf
 from tests.support.renaming import Names, by_role, differences, renamed
 
 ROUNDING = 1e-9
@@ -81,14 +83,13 @@ def parameters(n: Names) -> dict[str, cj.Parameter]:
 
 
 def ball_parameters(n: Names) -> dict[str, cj.Parameter]:
+    def stiffness(spring: str) -> cj.Parameter:
+        return cj.Parameter(lambda s: s.forces[n[spring]].stiffness, cj.Log())
+
     return {
         n["start"]: cj.Parameter.initial(lambda s: s.bodies[n["light"]].velocity[1]),
-        n["light stiffness"]: cj.Parameter(
-            lambda s: s.forces[n["light spring"]].stiffness, cj.Log()
-        ),
-        n["heavy stiffness"]: cj.Parameter(
-            lambda s: s.forces[n["heavy spring"]].stiffness, cj.Log()
-        ),
+        n["light stiffness"]: stiffness("light spring"),
+        n["heavy stiffness"]: stiffness("heavy spring"),
     }
 
 
@@ -123,33 +124,20 @@ def outputs(n: Names) -> dict[str, Any]:
 
 
 @cache
-def solved(n: "Key") -> tuple[cj.Scene, Any]:
+def solved(n: Names) -> tuple[cj.Scene, Any]:
     """The rig and a run of it."""
-    scene, state = renamed(rig(), n.names)
+    scene, state = renamed(rig(), n)
     save, settings = cj.Saving(TIMES, steps=True, impacts=True), cj.Settings(ledger=True)
-    return scene, cj.simulate(scene, state, 0.04, settings, save, outputs=outputs(n.names), **QUIET)
-
-
-class Key:
-    """Names as the argument of a cached function."""
-
-    def __init__(self, names: Names):
-        self.names = names
-
-    def __hash__(self) -> int:
-        return id(self.names)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Key) and other.names is self.names
+    return scene, cj.simulate(scene, state, 0.04, settings, save, outputs=outputs(n), **QUIET)
 
 
 def simulate(n: Names) -> Any:
-    _, solution = solved(Key(n))
+    _, solution = solved(n)
     return solution, solution.to_xarray()
 
 
 def observe(n: Names) -> Any:
-    found = cj.observe(*solved(Key(n)))
+    found = cj.observe(*solved(n))
     return found, found.to_xarray()
 
 
@@ -192,28 +180,17 @@ def guess(n: Names) -> dict[str, float]:
 
 
 @cache
-def fitted(key: Key) -> Any:
-    n = key.names
+def fitted(n: Names) -> Any:
     return cj.identify(
         *renamed(balls(), n), measured(n), ball_parameters(n), guess=guess(n), check_runs=0, **QUIET
     )
 
 
 def identify(n: Names) -> Any:
-    fit = fitted(Key(n))
-    return [
-        fit.estimates,
-        fit.standard_errors,
-        fit.correlation,
-        fit.chi_squared,
-        fit.intervals,
-        fit.coordinates,
-        fit.predictions,
-        fit.residuals,
-        fit.value_covariance,
-        fit.to_xarray(),
-        fit.whiteness,
-    ]
+    fit = fitted(n)
+    parts = "estimates standard_errors correlation chi_squared intervals coordinates predictions "
+    parts += "residuals value_covariance whiteness"
+    return [getattr(fit, part) for part in parts.split()], fit.to_xarray()
 
 
 def identify_many(n: Names) -> Any:
@@ -255,13 +232,12 @@ def sensors(n: Names) -> dict[str, cj.Sensor]:
 
 
 @cache
-def identified(key: Key) -> Any:
-    n = key.names
+def identified(n: Names) -> Any:
     return cj.identifiability(*renamed(balls(), n), ball_parameters(n), sensors(n))
 
 
 def identifiability(n: Names) -> Any:
-    report = identified(Key(n))
+    report = identified(n)
     one = report.of(n["of light"])
     return [
         [report.matrix, report.deviations, report.identifiable, report.names, report.sensors],
@@ -270,15 +246,14 @@ def identifiability(n: Names) -> Any:
 
 
 @cache
-def horizon(key: Key) -> Any:
-    n = key.names
+def horizon(n: Names) -> Any:
     uncertainty = {n["light stiffness"]: 0.3, n["heavy stiffness"]: 0.2, n["start"]: 0.1}
     start = renamed(balls(), n)
     return cj.fit_horizon(*start, ball_parameters(n), sensors(n), uncertainty=uncertainty)
 
 
 def fit_horizon(n: Names) -> Any:
-    return horizon(Key(n))
+    return horizon(n)
 
 
 def largest_feasible(n: Names) -> Any:
@@ -437,37 +412,26 @@ def files(n: Names) -> Any:
     cj.save(scene, state, "scene.json")
     read, start = cj.load("scene.json")
     orders = [list(part) for part in (read.bodies, read.joints, read.forces)]
-    with open("scene.json") as file:
-        return json.load(file), cj.parameters(read), cj.parameters(start), orders
+    document = json.loads(Path("scene.json").read_text())
+    return document, cj.parameters(read), cj.parameters(start), orders
 
 
 def two_links(n: Names) -> Any:
     """A robot of two hinges, from a file."""
 
-    def link(name: str, mass: float) -> str:
-        inertia = '<inertia ixx="0.1" iyy="0.2" izz="0.2" ixy="0" ixz="0" iyz="0"/>'
-        return f'<link name="{n[name]}"><inertial><mass value="{mass}"/>{inertia}</inertial></link>'
-
     def hinge(name: str, parent: str, child: str, top: float) -> str:
-        return (
-            f'<joint name="{n[name]}" type="revolute"><origin xyz="0.2 0 {top}"/>'
-            f'<parent link="{n[parent]}"/><child link="{n[child]}"/><axis xyz="0 0 1"/>'
-            f'<limit lower="-1" upper="{top + 1}" effort="{top}" velocity="2"/></joint>'
-        )
+        limit, place = (top, 2, -1, top + 1), f"0.2 0 {top}"
+        ends = n[parent], n[child]
+        return urdf.joint(n[name], "revolute", *ends, "0 0 1", xyz=place, limit=limit)
 
-    parts = [
-        link("base", 5.0),
-        link("upper", 2.0),
-        link("lower", 1.0),
-        hinge("first", "base", "upper", 0.1),
-        hinge("second", "upper", "lower", 0.3),
-    ]
-    with open("robot.urdf", "w") as file:
-        file.write(f'<robot name="robot">{"".join(parts)}</robot>')
+    masses = {"base": 5.0, "upper": 2.0, "lower": 1.0}
+    links = [urdf.link(n[name], mass, (0.1, 0.2, 0.2)) for name, mass in masses.items()]
+    hinges = hinge("first", "base", "upper", 0.1), hinge("second", "upper", "lower", 0.3)
+    Path("robot.urdf").write_text(urdf.robot(*links, *hinges))
     return cj.load_robot("robot.urdf")
 
 
-def urdf(n: Names) -> Any:
+def driven_robot(n: Names) -> Any:
     robot = two_links(n)
     robot = robot.with_drive(n["second"], cj.Drive(1e-3, 5.0, "1 deg", 20.0, loss=0.1))
     robot = robot.with_elements({n["torque"]: cj.DriveTorque(*robot.motor_side(n["second"]), 1.0)})
@@ -527,7 +491,7 @@ def fit_robot(n: Names) -> Any:
 
 
 def beyond_law_ranges(n: Names) -> Any:
-    scene, solution = solved(Key(n))
+    scene, solution = solved(n)
     return cj.beyond_law_ranges(scene, solution.impacts)
 
 
@@ -548,12 +512,12 @@ def readers(n: Names) -> Any:
 
 
 def view(n: Names) -> Any:
-    drawn = cj.view(*solved(Key(n)))
+    drawn = cj.view(*solved(n))
     return drawn.parts, drawn.legend
 
 
 def figures_of_runs(n: Names) -> Any:
-    scene, solution = solved(Key(n))
+    scene, solution = solved(n)
     seen = cj.observe(scene, solution)
     drawn = [
         plot.joint_forces(seen),
@@ -561,22 +525,15 @@ def figures_of_runs(n: Names) -> Any:
         plot.contact_forces(seen, n["shoulder"]),
         plot.acceleration({n["run"]: seen}, n["light"]),
         plot.position({n["run"]: solution.steps}, n["light"]),
+        plot.energy_ledger(seen).ravel()[0],
     ]
-    pages = [axes.figure for axes in drawn]
-    pages.append(plot.energy_ledger(seen).ravel()[0].figure)
-    pages.append(plot.report(scene, solution))
-    return pages
+    return [*(axes.figure for axes in drawn), plot.report(scene, solution)]
 
 
 def figures_of_fits(n: Names) -> Any:
-    fit, found = fitted(Key(n)), horizon(Key(n))
-    drawn = [
-        plot.correlations(fit),
-        plot.fitted(fit).ravel()[0],
-        plot.record_length(identified(Key(n))),
-        plot.growth(found),
-    ]
-    return [axes.figure for axes in drawn]
+    fit, found = fitted(n), horizon(n)
+    drawn = plot.correlations(fit), plot.fitted(fit).ravel()[0], plot.growth(found)
+    return [axes.figure for axes in (*drawn, plot.record_length(identified(n)))]
 
 
 CASES: dict[str, tuple[Case, float]] = {
@@ -596,7 +553,7 @@ CASES: dict[str, tuple[Case, float]] = {
     "identify_many": (identify_many, SEARCHED),
     "largest_feasible": (largest_feasible, ROUNDING),
     "load, save": (files, ROUNDING),
-    "load_robot": (urdf, ROUNDING),
+    "load_robot": (driven_robot, ROUNDING),
     "loops": (loops, SEARCHED),
     "minimise": (minimise, ROUNDING),
     "save_mjcf, compare_with_mujoco": (mjcf, 1e-7),

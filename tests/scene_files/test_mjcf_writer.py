@@ -13,12 +13,14 @@ from scipy.spatial.transform import Rotation
 import clearjoint as cj
 from studies.backlash import ours
 from studies.backlash.shafts import END, FREQUENCY, exact
-from tests.support.many_states import system_of
-from tests.support.random_mjcf import file_of, random_body, random_tree
+from tests.support import urdf
+from tests.support.random_mjcf import file_of, random_body, random_box, random_tree
+from tests.support.robots import accelerations, accelerations_in_mujoco, require_close
+from tests.support.slow import slow_but
 
 mujoco = pytest.importorskip("mujoco")
 FEW, MANY = range(4), range(100, 140)
-SEEDS = [*FEW, *(pytest.param(seed, marks=pytest.mark.slow) for seed in MANY)]
+SEEDS = slow_but(FEW, [*FEW, *MANY])
 AXIS = (0.0, 0.0, 1.0)
 
 
@@ -38,42 +40,15 @@ def at_keyframe(model):
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("start").id)
     mujoco.mj_forward(model, data)
-    mujoco.mj_rnePostConstraint(model, data)
     return data
-
-
-def accelerations(scene: cj.Scene, state: cj.State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Of the bodies' centres, m/s^2, and angular, rad/s^2, in global axes."""
-    system = system_of(scene, cj.JointCoordinates(), 0.0)
-    speeds = {name: dict.fromkeys(laws, 0.1) for name, laws in scene.laws().items()}
-    variables = system.encode(cj.extend.unpack(state).bodies)
-    found = system.dynamics(variables, speeds, 0.0).accelerations
-    turns = {
-        name: Rotation.from_quat(np.asarray(body.orientation), scalar_first=True)
-        for name, body in state.bodies.items()
-    }
-    return {
-        name: (
-            np.array(jax.tree.leaves(body.linear), dtype=float),
-            turns[name].apply(np.array(jax.tree.leaves(body.angular), dtype=float)),
-        )
-        for name, body in found.items()
-    }
 
 
 def require_same_accelerations(model, data, scene, state, tolerance):
     found = accelerations(scene, state)
-    expected = {name: np.zeros(6) for name in found}
-    for name, numbers in expected.items():
-        kind, index = mujoco.mjtObj.mjOBJ_BODY, model.body(name).id
-        mujoco.mj_objectAcceleration(model, data, kind, index, numbers, 0)
-    scale = max(np.abs(numbers).max() for numbers in expected.values())
-    for name, (linear, angular) in found.items():
-        place = np.asarray(state.bodies[name].position)
-        assert data.body(name).xipos == pytest.approx(place, abs=1e-12)
-        own = expected[name]
-        assert np.abs(angular - own[:3]).max() < tolerance * scale
-        assert np.abs(linear - (own[3:] + model.opt.gravity)).max() < tolerance * scale
+    expected = {name: accelerations_in_mujoco(model, data, name) for name in found}
+    require_close(found, expected, tolerance)
+    for name, body in state.bodies.items():
+        assert data.body(name).xipos == pytest.approx(np.asarray(body.position), abs=1e-12)
 
 
 class RandomScene:
@@ -89,12 +64,10 @@ class RandomScene:
         self.kinds: dict[str, type] = {}
         self.bodies, self.joints, self.parents = {}, {}, {}
         for k, name in enumerate(self.names):
-            sides = generator.uniform(0.3, 1.0, 3) ** 2
-            mass = generator.uniform(0.5, 5.0)
-            moments = np.diag(mass * (sides.sum() - sides) / 12)
+            mass, moments = random_box(generator, least=0.3)
             turn = Rotation.random(rng=generator).as_matrix()
-            whole = turn @ moments @ turn.T
-            inertia = moments.diagonal() if k % 2 else 0.5 * (whole + whole.T)
+            whole = turn @ np.diag(moments) @ turn.T
+            inertia = moments if k % 2 else 0.5 * (whole + whole.T)
             self.bodies[name] = cj.Body(mass, inertia)
             self.poses[name] = generator.uniform(-1, 1, 3), Rotation.random(rng=generator)
             parent = ["ground", *self.names[:k]][generator.integers(k + 1)]
@@ -241,10 +214,8 @@ def test_mujoco_accelerates_random_scenes_alike(seed, written):
     data = at_keyframe(model)
     now, later = made.motions(), made.motions(state, 1e-6)
     for name in made.axes:
-        joint, written_joint = (
-            cj.extend.unpack(scene.joints[f"on {name}"]),
-            data.joint(f"on {name}"),
-        )
+        joint = cj.extend.unpack(scene.joints[f"on {name}"])
+        written_joint = data.joint(f"on {name}")
         position, after = (float(joint.position(motions).value) for motions in (now, later))
         turns = (position - written_joint.qpos[0]) / (2 * math.pi)
         assert turns == pytest.approx(round(turns), abs=1e-9)
@@ -266,14 +237,14 @@ def driven(model, robot: cj.results.Robot, q, qd):
 
 @pytest.mark.filterwarnings("ignore::clearjoint.NotCarriedOverWarning")
 @pytest.mark.parametrize("seed", SEEDS)
-def test_robots_are_read_as_they_were(seed, tmp_path, written):
+def test_robots_are_read_as_they_were(seed, tmp_path, read_robot, written):
     """MuJoCo accelerates a written robot as that of the first file, and so does clearjoint."""
     generator = np.random.default_rng(seed)
     names = [f"body {k}" for k in generator.permutation(7)]
     tree = random_tree(generator, names[:6], fixed=True)
     free = random_body(generator, names[6], '<freejoint name="free"/>', "")
-    (tmp_path / "first.xml").write_text(file_of(tree + free, generator))
-    first = cj.load_robot(tmp_path / "first.xml")
+    robot = file_of(tree + free, generator)
+    first = read_robot(robot)
     q, qd = generator.uniform(-2, 2, (2, len(first.joints)))
     state = first.state(q, qd)
     model = written(first, state)
@@ -286,27 +257,21 @@ def test_robots_are_read_as_they_were(seed, tmp_path, written):
         for part in ("position", "velocity", "spin"):
             ends = (np.asarray(getattr(each.bodies[body], part)) for each in (state, second))
             assert next(ends) == pytest.approx(next(ends), abs=1e-12)
-    pair = accelerations(first.scene, state), accelerations(again.scene, second)
-    scale = np.abs([*pair[0].values()]).max()
-    for body, parts in pair[0].items():
-        assert np.abs(np.subtract(parts, pair[1][body])).max() < 1e-9 * scale
+    require_close(accelerations(again.scene, second), accelerations(first.scene, state), 1e-9)
     require_same_accelerations(model, at_keyframe(model), first.scene, state, 1e-9)
-    original = mujoco.MjModel.from_xml_path(str(tmp_path / "first.xml"))
-    rates = [driven(each, first, q, qd) for each in (original, model)]
-    for name in first.joints:
-        one, other = (data.joint(name).qacc[0] for data in rates)
-        assert one == pytest.approx(other, rel=1e-9, abs=1e-9 * scale)
+    original = mujoco.MjModel.from_xml_string(robot)
+    rates = [driven(each, first, q, qd) for each in (model, original)]
+    require_close(*({n: data.joint(n).qacc for n in first.joints} for data in rates), 1e-9)
 
 
 @pytest.mark.filterwarnings("ignore::clearjoint.NotCarriedOverWarning")
 @pytest.mark.parametrize("seed", SEEDS)
-def test_mujoco_accelerates_drive_trains_alike(seed, tmp_path, written):
+def test_mujoco_accelerates_drive_trains_alike(seed, read_robot, written):
     """Rotors that turn with the link, by a spring, and by pressed flanks, of hinges and sliders."""
     generator = np.random.default_rng(seed)
     names = [f"body {k}" for k in generator.permutation(6)]
     tree = random_tree(generator, names, fixed=True)
-    (tmp_path / "first.xml").write_text(file_of(tree, generator))
-    robot = cj.load_robot(tmp_path / "first.xml")
+    robot = read_robot(file_of(tree, generator))
     q, qd = generator.uniform(-2, 2, (2, len(robot.joints)))
     positions, speeds = (dict(zip(robot.joints, part, strict=True)) for part in (q, qd))
     law = cj.frictions.RegularisedCoulomb(1.0, 1e-9)
@@ -327,7 +292,9 @@ def test_mujoco_accelerates_drive_trains_alike(seed, tmp_path, written):
 
 
 @pytest.mark.parametrize("seed", FEW)
-def test_properties_of_joints_and_actuators_are_read_as_they_were(seed, tmp_path, written):
+def test_properties_of_joints_and_actuators_are_read_as_they_were(
+    seed, tmp_path, read_robot, written
+):
     generator = np.random.default_rng(seed)
     numbers = dict(zip("abcdefghij", generator.uniform(0.1, 2.0, 10), strict=True))
     file = """<mujoco><compiler angle="radian"/><worldbody><body name="arm">
@@ -346,9 +313,8 @@ def test_properties_of_joints_and_actuators_are_read_as_they_were(seed, tmp_path
       <joint name="g" joint1="held" polycoef="{a} 0 0 0 0"/></equality><actuator>
       <position name="servo" joint="elbow" kp="{i}" kv="{j}" ctrlrange="-1 {a}"/>
       <motor name="push" joint="grip" gear="{g}" forcerange="-{h} {h}"/></actuator></mujoco>"""
-    (tmp_path / "first.xml").write_text(file.format(**numbers))
-    first = cj.load_robot(tmp_path / "first.xml")
-    original = mujoco.MjModel.from_xml_path(str(tmp_path / "first.xml"))
+    file = file.format(**numbers)
+    first, original = read_robot(file), mujoco.MjModel.from_xml_string(file)
     model = written(first)
     again = cj.load_robot(tmp_path / "written.xml")
     assert again.limits == first.limits
@@ -366,7 +332,7 @@ def test_properties_of_joints_and_actuators_are_read_as_they_were(seed, tmp_path
         assert float(position) == pytest.approx(float(other[name]), abs=1e-12)
 
 
-def test_stops_play_and_actuators_of_drives(tmp_path, written):
+def test_stops_play_and_actuators_of_drives(read_robot, written):
     """Stops are at the limits of the file; of a stop and a play, the narrower one acts; an actuator
     acts on the rotor. The wider one is named."""
     bodies = "".join(
@@ -381,12 +347,11 @@ def test_stops_play_and_actuators_of_drives(tmp_path, written):
     servo = '<actuator><position name="servo" joint="twist" kp="3"/></actuator>'
     compiler = '<compiler angle="radian"/>'
     file = f"<mujoco>{compiler}<worldbody>{bodies}</worldbody>{servo}</mujoco>"
-    (tmp_path / "first.xml").write_text(file)
     law = cj.laws.SpringDashpot(2e6, 30.0)
     stops = {"elbow": {"torsional_stiffness": 500.0, "restitution": 0.3}, "grip": {"law": law}}
     play = {"elbow": {"backlash": 0.01, "torsional_stiffness": 900.0, "restitution": 0.3}}
     for added, limits, stiffness in (({}, (-0.4, 0.9), 500.0), (play, (-0.005, 0.005), 900.0)):
-        robot = cj.load_robot(tmp_path / "first.xml", play=added, stops=stops)
+        robot = read_robot(file, play=added, stops=stops)
         robot = robot.with_drive("twist", cj.Drive(stiffness=80.0, damping=0.1))
         # Within the limits, whatever the revolution.
         with warnings.catch_warnings(record=True) as caught:
@@ -409,7 +374,7 @@ def test_stops_play_and_actuators_of_drives(tmp_path, written):
             2 * math.pi / 20 * math.sqrt(1e-6 / 80), rel=1e-3
         )
     # Also if the narrower one is added later.
-    robot = cj.load_robot(tmp_path / "first.xml", stops=stops)
+    robot = read_robot(file, stops=stops)
     first, second, axis = robot.link_side("elbow")
     law = cj.laws.SpringDashpot(900.0 / 0.02**2, 1.0)
     narrow = cj.Backlash(
@@ -424,7 +389,7 @@ def test_stops_play_and_actuators_of_drives(tmp_path, written):
 
 
 @pytest.mark.parametrize("seed", FEW)
-def test_loops_are_equations_of_the_file(seed, tmp_path, written):
+def test_loops_are_equations_of_the_file(seed, written):
     """Two bodies on balls of the ground and a third joint: its points coincide in the pose of the
     file. With a ball, they move in three ways; with a hinge or a weld, only about the line of the
     two balls on the ground."""
@@ -509,30 +474,27 @@ def test_flanks_give_way_under_a_load_as_springs_in_any_pose(seed, written):
     assert depth == pytest.approx(carried / stiffness, rel=2e-3)
 
 
-CHAIN = """<robot name="chain"><link name="base"/>
-  <link name="upper"><inertial><origin xyz="0.15 0 0"/><mass value="1"/>
-    <inertia ixx="0.01" iyy="0.02" izz="0.02"/></inertial></link>
-  <link name="lower"><inertial><origin xyz="0.1 0 0"/><mass value="0.5"/>
-    <inertia ixx="0.002" iyy="0.004" izz="0.004"/></inertial></link>
-  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
-    <axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="100" velocity="9"/>
-    <dynamics damping="0.2"/></joint>
-  <joint name="elbow" type="continuous"><parent link="upper"/><child link="lower"/>
-    <origin xyz="0.3 0 0"/><axis xyz="0 1 0"/></joint></robot>"""
+RESISTED = {"limit": (100, 9, -3, 3), "damping": 0.2}
+CHAIN = urdf.robot(
+    urdf.link("base"),
+    urdf.link("upper", 1, (0.01, 0.02, 0.02), xyz="0.15 0 0"),
+    urdf.link("lower", 0.5, (0.002, 0.004, 0.004), xyz="0.1 0 0"),
+    urdf.joint(
+        "shoulder", "revolute", "base", "upper", "0 1 0", limit=(100, 9, -3, 3), damping=0.2
+    ),
+    urdf.joint("elbow", "continuous", "upper", "lower", "0 1 0", xyz="0.3 0 0"),
+)
 
 
 @pytest.fixture
-def chain(tmp_path):
-    (tmp_path / "chain.urdf").write_text(CHAIN)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", cj.NotCarriedOverWarning)
-        return cj.load_robot(tmp_path / "chain.urdf")
+def chain(read_robot):
+    return read_robot(CHAIN)
 
 
-def test_the_file_names_what_it_lacks(chain, tmp_path):
+def test_the_file_names_what_it_lacks(chain, read_robot, tmp_path):
     elbow = {"bearing_radius": 0.01, "clearance": 1e-4, "journal_length": 0.02}
     law = cj.laws.HuntCrossley(0.8, 1e9)
-    scene = cj.load_robot(tmp_path / "chain.urdf", play={"elbow": elbow | {"law": law}}).scene
+    scene = read_robot(CHAIN, play={"elbow": elbow | {"law": law}}).scene
     load = cj.AppliedLoad("lower", force=(1.0, 0.0, 0.0))
     floor = cj.Stop("ground", "lower", normal=(0, 0, 1), law=law)
     whole = cj.Scene(scene.bodies, scene.joints | {"floor": floor}, {"load": load})

@@ -9,58 +9,28 @@ import pytest
 import clearjoint as cj
 from clearjoint import constraint_report
 from clearjoint.extend import Gap
+from tests.support import urdf
 
-ARM = """<?xml version="1.0"?>
-<robot name="arm">
-  <link name="base"><inertial><mass value="9"/></inertial></link>
-  <link name="stand"/>
-  <link name="upper">
-    <inertial>
-      <origin xyz="0.5 0 0"/> <mass value="2"/>
-      <inertia ixx="0.001" iyy="0.17" izz="0.17"/>
-    </inertial>
-    <visual><geometry><box size="1 0.1 0.1"/></geometry></visual>
-  </link>
-  <link name="lower">
-    <inertial>
-      <origin xyz="0 0.25 0" rpy="0 0 1.5707963267948966"/> <mass value="1"/>
-      <inertia ixx="0.001" iyy="0.02" izz="0.021"/>
-    </inertial>
-  </link>
-  <link name="rail">
-    <inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial>
-  </link>
-  <link name="tool">
-    <inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4"/></inertial>
-  </link>
-  <joint name="foot" type="fixed">
-    <parent link="base"/><child link="stand"/><origin xyz="0 0 1"/>
-  </joint>
-  <joint name="shoulder" type="continuous">
-    <parent link="stand"/><child link="upper"/><axis xyz="0 1 0"/>
-  </joint>
-  <joint name="elbow" type="revolute">
-    <parent link="upper"/><child link="lower"/><axis xyz="0 0 1"/>
-    <origin xyz="1 0 0" rpy="1.5707963267948966 0 0"/>
-    <limit lower="-1" upper="1" effort="10" velocity="2"/>
-    <dynamics damping="0.1"/>
-  </joint>
-  <joint name="slide" type="prismatic">
-    <parent link="lower"/><child link="rail"/><axis xyz="0 1 0"/>
-    <origin xyz="0 0.5 0" rpy="0 0.3 0.2"/><mimic joint="elbow"/>
-  </joint>
-  <joint name="flange" type="fixed">
-    <parent link="rail"/><child link="tool"/><origin rpy="0.1 0.2 0.3"/>
-  </joint>
-  <gazebo/><material name="red"/>
-</robot>
-"""
-PLAY = {
-    "bearing_radius": 0.01,
-    "clearance": 1e-4,
-    "journal_length": 0.02,
-    "law": cj.laws.Hertz(1e9),
-}
+VISUAL = '<visual><geometry><box size="1 0.1 0.1"/></geometry></visual>'
+ELBOW = {"xyz": "1 0 0", "rpy": f"{0.5 * math.pi} 0 0", "damping": 0.1}
+SLIDE = {"xyz": "0 0.5 0", "rpy": "0 0.3 0.2"}
+ARM = '<?xml version="1.0"?>' + urdf.robot(
+    urdf.link("base", 9),
+    urdf.link("stand"),
+    urdf.link("upper", 2, (0.001, 0.17, 0.17), VISUAL, xyz="0.5 0 0"),
+    urdf.link("lower", 1, (0.001, 0.02, 0.021), xyz="0 0.25 0", rpy=f"0 0 {0.5 * math.pi}"),
+    urdf.link("rail", 1, (0.01, 0.01, 0.01)),
+    urdf.link("tool", 0.1, (1e-4, 1e-4, 1e-4)),
+    urdf.joint("foot", "fixed", "base", "stand", xyz="0 0 1"),
+    urdf.joint("shoulder", "continuous", "stand", "upper", "0 1 0"),
+    urdf.joint("elbow", "revolute", "upper", "lower", "0 0 1", **ELBOW, limit=(10, 2, -1, 1)),
+    urdf.joint("slide", "prismatic", "lower", "rail", "0 1 0", '<mimic joint="elbow"/>', **SLIDE),
+    urdf.joint("flange", "fixed", "rail", "tool", rpy="0.1 0.2 0.3"),
+    '<gazebo/><material name="red"/>',
+    name="arm",
+)
+PLAY = {"bearing_radius": 0.01, "clearance": 1e-4, "journal_length": 0.02}
+PLAY |= {"law": cj.laws.Hertz(1e9)}
 
 
 @pytest.fixture
@@ -69,7 +39,7 @@ def robot(tmp_path):
 
     def robot(old="", new="", **options):
         assert old in ARM
-        (tmp_path / "arm.urdf").write_text(ARM.replace(old, new) if old else ARM)
+        (tmp_path / "arm.urdf").write_text(ARM.replace(old, new))
         with warnings.catch_warnings(record=True) as messages:
             warnings.simplefilter("always")
             read = cj.load_robot(tmp_path / "arm.urdf", **options)
@@ -121,8 +91,7 @@ def test_the_root_can_be_free(robot, tmp_path):
     assert not any("inertia of" in text for text in messages)
     links = cj.load_robot(tmp_path / "arm.urdf", free_root=True).links
     assert links["stand"].point == (0.0, 0.0, 1.0)
-    single = f'<robot name="r"><link name="ball"><inertial>{inertia}</inertial></link></robot>'
-    (tmp_path / "ball.urdf").write_text(single)
+    (tmp_path / "ball.urdf").write_text(urdf.robot(urdf.link("ball", 9, (1, 1, 1))))
     with pytest.raises(ValueError, match=r"ball.urdf: .*'ball'.*free_root=True"):
         cj.load_robot(tmp_path / "ball.urdf")
     ball = cj.load_robot(tmp_path / "ball.urdf", free_root=True).scene
@@ -181,8 +150,7 @@ def test_impossible_inertias_are_balanced(robot):
 
 def test_masses_and_inertias_are_bounded(robot):
     """As by MuJoCo's `boundmass` and `boundinertia`."""
-    light = '<link name="tip"/><joint name="spin" type="continuous"><parent link="rail"/>'
-    light += '<child link="tip"/></joint></robot>'
+    light = urdf.link("tip") + urdf.joint("spin", "continuous", "rail", "tip") + "</robot>"
     with pytest.raises(ValueError, match=r"`tip`: found 'no mass', .*bound_mass=1e-3"):
         robot("</robot>", light)
     scene, _, messages = robot("</robot>", light, bound_mass=1e-3, bound_inertia=1e-6)
@@ -289,13 +257,9 @@ def test_limits_are_returned(robot, tmp_path):
 
 
 def test_long_chains_and_hostile_files_end_soon(robot, tmp_path):
-    link = (
-        '<link name="l{0}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
-        '</link><joint name="j{0}" type="fixed"><parent link="l{1}"/><child link="l{0}"/></joint>'
-    )
-    rows = [link.format(k, k - 1) for k in reversed(range(1, 300))]
-    whole = f'<robot name="r"><link name="l0"/>{"".join(rows)}</robot>'
-    (tmp_path / "chain.urdf").write_text(whole)
+    links = [urdf.link(f"l{k}", 1, (1, 1, 1)) for k in range(1, 300)]
+    joints = [urdf.joint(f"j{k}", "fixed", f"l{k - 1}", f"l{k}") for k in reversed(range(1, 300))]
+    (tmp_path / "chain.urdf").write_text(urdf.robot(urdf.link("l0"), *links, *joints))
     assert len(cj.load_robot(tmp_path / "chain.urdf", merge_fixed=False).scene.bodies) == 299
     with pytest.raises(ValueError, match=r"chain.urdf: .*no link that moves"):
         cj.load_robot(tmp_path / "chain.urdf")
