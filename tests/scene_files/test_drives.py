@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import numpy as np
@@ -104,78 +105,48 @@ def test_mujoco_accelerates_drives_in_series_alike(seed, read_robot):
 
 INERTIA, WEIGHT, ARMATURE, STIFFNESS, DAMPING = 0.03 + 1.5 * 0.2**2, 1.5 * 9.81 * 0.2, 0.1, 9e2, 0.2
 PLAY, TORQUE, SPEED = np.radians(0.5), 40.0, 30.0
+LOSS, DRY, SMOOTH = 0.3, 0.5, 0.05
 
 
-def reference(times: np.ndarray) -> np.ndarray:
+def reference(times: np.ndarray, play: float, damping: float, dry: float, loss: float):
     """Angles, rad, of rotor and link, (2, N), which start at rest at zero, by SciPy: two inertias
-    with a spring and a damper that begin at the ends of the play and do not pull."""
+    with a spring and a damper that begin at the ends of the play and do not pull, and with friction
+    of the rotor."""
 
-    def force(y: np.ndarray) -> tuple[float, float, float]:
+    def rates(t, y):
         twist, rate = y[1] - y[0], y[3] - y[2]
-        side = np.sign(twist)
-        depth = abs(twist) - 0.5 * PLAY
-        return depth, STIFFNESS * depth + DAMPING * side * rate, side
+        depth, side = abs(twist) - 0.5 * play, np.sign(twist)
+        pushes = depth > 0.0
+        torque = side * max(STIFFNESS * depth + damping * side * rate, 0.0) * pushes
+        friction = (dry + loss * abs(torque)) * np.tanh(y[2] / SMOOTH)
+        motor = TORQUE * np.sin(SPEED * t) + torque - friction
+        return [y[2], y[3], motor / ARMATURE, (WEIGHT * np.cos(y[1]) - torque) / INERTIA]
 
-    def rates(pressed: bool):
-        def evaluate(t, y):
-            _, push, side = force(y)
-            torque = -side * push if pressed else 0.0
-            motor = TORQUE * np.sin(SPEED * t)
-            own = (motor - torque) / ARMATURE, (torque + WEIGHT * np.cos(y[1])) / INERTIA
-            return [y[2], y[3], *own]
+    # So short that no flank passes the play within a step.
+    options = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14, "max_step": 1e-4}
+    return solve_ivp(rates, (0.0, times[-1]), np.zeros(4), t_eval=times, **options).y[:2]
 
-        return evaluate
 
-    def event(index: int, direction: float):
-        def evaluate(t, y):
-            return force(y)[index]
-
-        evaluate.terminal, evaluate.direction = True, direction
-        return evaluate
-
-    # Apart until the flanks touch; pressed until the force vanishes; parting until they do not
-    # touch, or the force is positive again.
-    modes = {
-        "apart": (False, {"pressed": event(0, 1.0)}),
-        "pressed": (True, {"parting": event(1, -1.0)}),
-        "parting": (False, {"apart": event(0, -1.0), "pressed": event(1, 1.0)}),
-    }
-    t, y, mode, parts = 0.0, np.zeros(4), "apart", []
-    while t < times[-1]:
-        pressed, exits = modes[mode]
-        found = solve_ivp(
-            rates(pressed),
-            (t, times[-1]),
-            y,
-            "DOP853",
-            events=list(exits.values()),
-            dense_output=True,
-            rtol=1e-12,
-            atol=1e-14,
-            max_step=1e-4,  # so that no flank passes the play within a step
-        )
-        inside = times[(times > t) & (times <= found.t[-1])]
-        parts += [found.sol(inside)[:2]] if len(inside) else []
-        t, y = found.t[-1], found.y[:, -1]
-        for name, hits in zip(exits, found.t_events, strict=True):
-            mode = name if len(hits) else mode
-    return np.concatenate(parts, axis=1)
+def swinging(read, **drive: Any) -> cj.results.Robot:
+    """The arm, whose motor has a torque that oscillates."""
+    drive = {"armature": ARMATURE, "stiffness": STIFFNESS, **drive}
+    robot = read(SWING).with_drive("elbow", cj.Drive(**drive))
+    torque = cj.DriveTorque(*robot.motor_side("elbow"), lambda t: TORQUE * jax.numpy.sin(SPEED * t))
+    return robot.with_elements({"torque": torque})
 
 
 def test_an_arm_with_play_and_compliance_moves_as_in_scipy(read):
-    drive = cj.Drive(ARMATURE / 50.0**2, 50.0, "0.5 deg", STIFFNESS, damping=DAMPING)
-    robot = read(SWING).with_drive("elbow", drive)
-    torque = cj.DriveTorque(*robot.motor_side("elbow"), lambda t: TORQUE * jax.numpy.sin(SPEED * t))
-    robot = robot.with_elements({"torque": torque})
+    gear = {"armature": ARMATURE / 50.0**2, "ratio": 50.0}
+    robot = swinging(read, **gear, play="0.5 deg", damping=DAMPING)
     times = np.linspace(0.03, 0.6, 20)
     settings = cj.Settings(rtol=1e-9, ledger=True)
     save = cj.Saving(times, impacts=True)
     solution = cj.simulate(robot.scene, robot.state(), 0.6, settings, save, progress=False)
     angles = robot.angles(solution)
-    expected = reference(times)
+    expected = reference(times, PLAY, DAMPING, 0.0, 0.0)
     assert len(solution.impacts) >= 5
-    assert np.abs(angles["elbow motor"] - expected[0]).max() < 1e-6
-    assert np.abs(angles["elbow"] - expected[1]).max() < 1e-6
+    found = np.array([angles["elbow motor"], angles["elbow"]])
+    assert np.abs(found - expected).max() < 1e-6
     assert np.ptp(expected[0] - expected[1]) > 1.2 * PLAY
     residual = cj.observe(robot.scene, solution).ledger_residual()
     assert np.abs(residual).max() < 1e-6
@@ -284,32 +255,14 @@ def test_a_second_drive_and_a_taken_name_are_refused(read):
         read(play=played).with_drive("elbow", DRIVE)
 
 
-LOSS, DRY, SMOOTH = 0.3, 0.5, 0.05
-
-
 @pytest.mark.parametrize("play", [None, "0.5 deg"])
 def test_the_loss_of_a_gear_is_friction_over_the_transmitted_torque(read, play):
     law = cj.frictions.RegularisedCoulomb(1.0, regularisation_speed=SMOOTH)
-    numbers = {"armature": ARMATURE, "stiffness": STIFFNESS, "damping": 1e-6}
-    drive = cj.Drive(**numbers, play=play, friction=DRY, loss=LOSS, law=law)
-    robot = read(SWING).with_drive("elbow", drive)
-    torque = cj.DriveTorque(*robot.motor_side("elbow"), lambda t: TORQUE * jax.numpy.sin(SPEED * t))
-    robot = robot.with_elements({"torque": torque})
-    half = 0.0 if play is None else 0.5 * PLAY
-
-    def rates(t, y):
-        twist = y[1] - y[0]
-        elastic = STIFFNESS * np.sign(twist) * max(abs(twist) - half, 0.0)
-        friction = (DRY + LOSS * abs(elastic)) * np.tanh(y[2] / SMOOTH)
-        motor = TORQUE * np.sin(SPEED * t) + elastic - friction
-        return [y[2], y[3], motor / ARMATURE, (WEIGHT * np.cos(y[1]) - elastic) / INERTIA]
-
-    end = 0.5
-    options = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-13, "max_step": 2e-4}
-    expected = solve_ivp(rates, (0.0, end), np.zeros(4), **options).y[:2, -1]
+    robot = swinging(read, damping=1e-6, play=play, friction=DRY, loss=LOSS, law=law)
     settings = cj.Settings(rtol=1e-9, ledger=True)
-    solution = cj.simulate(robot.scene, robot.state(), end, settings, progress=False)
+    solution = cj.simulate(robot.scene, robot.state(), 0.5, settings, progress=False)
     angles = robot.angles(solution.final)
+    expected = reference(np.array([0.5]), 0.0 if play is None else PLAY, 1e-6, DRY, LOSS)[:, 0]
     assert [angles["elbow motor"], angles["elbow"]] == pytest.approx(expected, abs=1e-6)
     assert solution.final.work["friction"] > 1.0
 

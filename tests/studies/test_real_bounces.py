@@ -4,15 +4,9 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from studies.real_bounces import ball as balls
 from studies.real_bounces.__main__ import main
-from studies.real_bounces.ball import (
-    RestitutionOverSpeed,
-    damping_factor,
-    flight_time,
-    landing_speed,
-    scene,
-    simulated_intervals,
-)
+from studies.real_bounces.ball import flight_time, landing_speed
 from studies.real_bounces.bounce_files import read_balls
 from studies.real_bounces.bounce_fit import fit, from_drops, from_intervals, requested
 from studies.real_bounces.throws import BALLS, chains, deviations, study
@@ -130,16 +124,16 @@ def test_simulated_ball_keeps_to_the_closed_form():
     """The duration of contacts is the remaining difference."""
     terminal = BALLS[TENNIS_TABLE].terminal
     expected = throw(2.5, 6, terminal, 0.0, np.random.default_rng())
-    law = RestitutionOverSpeed(LOSS, POWER, cj.laws.Hertz(1e8))
+    law = balls.RestitutionOverSpeed(LOSS, POWER, cj.laws.Hertz(1e8))
     ball = BALLS[TENNIS_TABLE]
-    made = scene(law, ball.mass, ball.diameter, terminal)
-    found = simulated_intervals(made, expected[0], terminal, 6)
+    made = balls.scene(law, ball.mass, ball.diameter, terminal)
+    found = balls.simulated_intervals(made, expected[0], terminal, 6)
     np.testing.assert_allclose(found, expected, rtol=5e-4)
 
 
 @pytest.mark.parametrize("delivered", [0.5, 0.7, 0.9, 0.97])
 def test_damping_delivers_what_is_asked(delivered):
-    found = float(cj.laws.delivered_restitution(damping_factor(delivered)))
+    found = float(cj.laws.delivered_restitution(balls.damping_factor(delivered)))
     assert found == pytest.approx(delivered, abs=5e-4)
 
 

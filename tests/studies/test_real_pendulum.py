@@ -5,17 +5,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.io import savemat
 
+from studies.real_pendulum import swing_fits
 from studies.real_pendulum.__main__ import main
 from studies.real_pendulum.fits import ALL, prepared, study
 from studies.real_pendulum.pendulum import Pendulum, predicted
 from studies.real_pendulum.swing_files import Swing, read_swings
-from studies.real_pendulum.swing_fits import (
-    fit_frictions,
-    guess,
-    identified,
-    roughly,
-    standard_errors,
-)
+from studies.real_pendulum.swing_fits import fit_frictions, identified, roughly
 
 TRUTH = Pendulum(0.15, 1e-3, 3e-3, 5e-5, 2e-3, 0.3, 10.0)
 NOISE = 2e-4
@@ -117,7 +112,7 @@ def test_standard_errors_allow_for_correlation():
     """The mean of residuals repeated ten times is as uncertain as that of a tenth of them."""
     generator = np.random.default_rng(4)
     residuals = np.repeat(generator.standard_normal(400), 10)
-    (error,), (naive,) = standard_errors(np.ones((4000, 1)), residuals, 40)
+    (error,), (naive,) = swing_fits.standard_errors(np.ones((4000, 1)), residuals, 40)
     assert naive == pytest.approx(1 / np.sqrt(4000), rel=0.1)
     assert error == pytest.approx(1 / np.sqrt(400), rel=0.2)
 
@@ -158,7 +153,7 @@ def test_a_swing_begins_at_the_vertical():
 
 def test_less_than_a_period_is_refused():
     with pytest.raises(ValueError, match="half passes its middle 1 times"):
-        guess(Swing("half", np.arange(20.0), np.linspace(-1.0, 1.0, 20)))
+        swing_fits.guess(Swing("half", np.arange(20.0), np.linspace(-1.0, 1.0, 20)))
 
 
 @pytest.mark.parametrize(
