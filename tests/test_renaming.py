@@ -27,6 +27,7 @@ from clearjoint import plot
 from tests.durability import test_wear as wearing
 from tests.support import urdf
 from tests.support.renaming import Names, by_role, differences, renamed
+from tests.support.slow import slow, slow_but
 
 ROUNDING = 1e-9
 """Largest difference of two numbers, relative to the largest one of their array."""
@@ -536,51 +537,33 @@ def figures_of_fits(n: Names) -> Any:
     return [axes.figure for axes in (*drawn, plot.record_length(identified(n)))]
 
 
+EXACT = (
+    *(accelerometer, assemble, beyond_law_ranges, constraint_report, design, ensemble),
+    *(largest_feasible, minimise, observe, sensitivities, simulate, simulate_nonsmooth),
+    *(sobol_indices, statistics_derivatives, view),
+)
+CLOSE = fit_horizon, fit_robot, identify, identify_many, loops, posterior
 CASES: dict[str, tuple[Case, float]] = {
-    "accelerometer": (accelerometer, ROUNDING),
-    "assemble": (assemble, ROUNDING),
-    "beyond_law_ranges": (beyond_law_ranges, ROUNDING),
-    "constraint_report": (constraint_report, ROUNDING),
-    "design": (design, ROUNDING),
-    "ensemble": (ensemble, ROUNDING),
+    **{case.__name__: (case, ROUNDING) for case in EXACT},
+    **{case.__name__: (case, SEARCHED) for case in CLOSE},
     "ensemble of a linkage": (ensemble_of_a_linkage, SEARCHED),
     "figures of fits": (figures_of_fits, SEARCHED),
     "figures of runs": (figures_of_runs, 1e-6),
-    "fit_horizon": (fit_horizon, SEARCHED),
-    "fit_robot": (fit_robot, SEARCHED),
     "identifiability": (identifiability, 1e-7),
-    "identify": (identify, SEARCHED),
-    "identify_many": (identify_many, SEARCHED),
-    "largest_feasible": (largest_feasible, ROUNDING),
     "load, save": (files, ROUNDING),
     "load_robot": (driven_robot, ROUNDING),
-    "loops": (loops, SEARCHED),
-    "minimise": (minimise, ROUNDING),
     "save_mjcf, compare_with_mujoco": (mjcf, 1e-7),
-    "observe": (observe, ROUNDING),
     "parameters, set_value": (numbers_of_scenes, ROUNDING),
-    "posterior": (posterior, SEARCHED),
     "predictor": (predictor, 1e-6),
     "read_csv, from_xarray, function_from_csv": (readers, ROUNDING),
-    "sensitivities": (sensitivities, ROUNDING),
     "settle": (settle, 1e-7),
-    "simulate": (simulate, ROUNDING),
-    "simulate_nonsmooth": (simulate_nonsmooth, ROUNDING),
-    "sobol_indices": (sobol_indices, ROUNDING),
-    "statistics_derivatives": (statistics_derivatives, ROUNDING),
     "sweep, open_sweep": (sweep, ROUNDING),
-    "view": (view, ROUNDING),
     "wear, open_wear, worn, cycles_to_depth, life_derivatives": (wear, 1e-7),
 }
 """The calls that are made, by the names of the public functions, and how far numbers may be apart
 relative to the largest one of their array."""
 WITHOUT_NAMES = {
-    "body_state",
-    "carried_journal",
-    "configure",
-    "free_impact",
-    "rotation",
-    "scene_schema",
+    *("body_state", "carried_journal", "configure", "free_impact", "rotation", "scene_schema"),
 }
 """Public functions whose arguments and results have no names that a user chooses."""
 FEW = "constraint_report", "design", "load, save", "parameters, set_value"
@@ -595,11 +578,8 @@ def test_every_public_function_is_renamed_or_has_no_names():
     assert not WITHOUT_NAMES & called and functions >= WITHOUT_NAMES
 
 
-@pytest.mark.parametrize(
-    "call",
-    [name if name in FEW else pytest.param(name, marks=pytest.mark.slow) for name in CASES],
-)
-@pytest.mark.parametrize("seed", [pytest.param(1), pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("call", slow_but(FEW, CASES))
+@pytest.mark.parametrize("seed", [1, slow(2)])
 def test_names_change_nothing(call, seed, tmp_path, monkeypatch):
     case, rtol = CASES[call]
     found = []

@@ -7,7 +7,7 @@ NumPy evaluates the equations of motion, so that nothing is compiled.
 import math
 import operator
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import jax
@@ -89,13 +89,18 @@ def random_motion(robot: str, seed: int) -> Motion:
 def moved(robot: cj.results.Robot, motion: Motion, scene: cj.Scene | None = None):
     """The equations of motion, and the variables of a motion."""
     system = system_of(scene or robot.scene, JOINT)
-    state = robot.state(motion.positions, motion.speeds)
-    return system, dict(system.encode(cj.extend.unpack(state).bodies))
+    return system, dict(system.encode(cj.extend.unpack(robot.state(*motion)).bodies))
 
 
 def joint_rates(robot: cj.results.Robot, motion: Motion) -> dict[str, float]:
     """Second time derivatives of the joints' positions, by name."""
     return joint_accelerations(robot, robot.state(*motion))
+
+
+def homogeneous(turn: Rotation, place: Any) -> np.ndarray:
+    """The matrix (4, 4) of a rotation and a translation, m."""
+    columns = np.column_stack([turn.as_matrix(), place])
+    return np.vstack([columns, (0.0, 0.0, 0.0, 1.0)])
 
 
 def poses(robot: str, positions: Mapping[str, float]) -> dict[str, np.ndarray]:
@@ -109,18 +114,14 @@ def poses(robot: str, positions: Mapping[str, float]) -> dict[str, np.ndarray]:
     def pose(link):
         if link not in joints:
             return np.eye(4)
-        joint = joints[link]
-        matrix, motion = np.eye(4), np.eye(4)
-        place, axis = joint.find("origin"), np.array(numbers(joint.find("axis"), "xyz"))
-        roll, pitch, yaw = numbers(place, "rpy")
-        about = [Rotation.from_rotvec(v).as_matrix() for v in np.diag([roll, pitch, yaw])]
-        matrix[:3, :3], matrix[:3, 3] = about[2] @ about[1] @ about[0], numbers(place, "xyz")
-        position = positions.get(joint.attrib["name"], 0.0)
-        if joint.attrib["type"] == "prismatic":
-            motion[:3, 3] = axis * position
-        else:
-            motion[:3, :3] = Rotation.from_rotvec(axis * position).as_matrix()
-        return pose(joint.find("parent").attrib["link"]) @ matrix @ motion
+        joint, still = joints[link], np.zeros(3)
+        origin, axis = joint.find("origin"), np.array(numbers(joint.find("axis"), "xyz"))
+        roll, pitch, yaw = map(Rotation.from_rotvec, np.diag(numbers(origin, "rpy")))
+        place = homogeneous(yaw * pitch * roll, numbers(origin, "xyz"))
+        move = axis * positions.get(joint.attrib["name"], 0.0)
+        turn, shift = (still, move) if joint.attrib["type"] == "prismatic" else (move, still)
+        motion = homogeneous(Rotation.from_rotvec(turn), shift)
+        return pose(joint.find("parent").attrib["link"]) @ place @ motion
 
     return {link.attrib["name"]: pose(link.attrib["name"]) for link in root.findall("link")}
 
@@ -136,15 +137,12 @@ def test_links_are_where_the_definitions_of_urdf_put_them(seed, merge_fixed, rea
     frames = loaded.links
     assert frames.keys() == poses(robot, {}).keys()
     for name, expected in poses(robot, motion.positions).items():
-        frame = frames[name]
-        pose = np.eye(4)
+        frame, pose = frames[name], np.eye(4)
         if frame.body != cj.GROUND:
             body = bodies[frame.body]
-            pose[:3, :3] = turned(jax.tree.leaves(body.orientation)).as_matrix()
-            pose[:3, 3] = jax.tree.leaves(body.position)
-        place = np.eye(4)
-        place[:3, :3] = turned(frame.orientation).as_matrix()
-        place[:3, 3] = frame.point
+            turn = turned(jax.tree.leaves(body.orientation))
+            pose = homogeneous(turn, jax.tree.leaves(body.position))
+        place = homogeneous(turned(frame.orientation), frame.point)
         np.testing.assert_allclose(pose @ place, expected, atol=1e-12)
 
 
@@ -206,12 +204,8 @@ def test_angles_of_hinges_backlash_and_drives_are_those_of_the_file(seed, read_r
 def test_robots_without_gravity_stay_at_rest_in_their_play(seed, read_robot):
     robot = random_robot(seed, kinds=("revolute", "continuous"))
     names = random_motion(robot, seed).positions
-    clearance = {
-        "bearing_radius": 0.01,
-        "clearance": 1e-4,
-        "journal_length": 0.02,
-        "law": cj.laws.Hertz(1e9),
-    }
+    clearance = {"bearing_radius": 0.01, "clearance": 1e-4, "journal_length": 0.02}
+    clearance |= {"law": cj.laws.Hertz(1e9)}
     backlash = {"backlash": 1e-3, "torsional_stiffness": 1e4}
     for play in (backlash, clearance):
         loaded = read_robot(robot, play=dict.fromkeys(names, play), gravity=None)
@@ -295,9 +289,8 @@ def test_damped_joints_that_follow_others_move_as_pinocchios_equations_say(seed,
     loaded = read_robot(robot)
     joints = {j.attrib["name"]: j for j in ElementTree.fromstring(robot).findall("joint")}
     names = [*loaded.joints]
-    leaders = {
-        n: joints[n].find("mimic").attrib for n in names if joints[n].find("mimic") is not None
-    }
+    mimics = {name: joints[name].find("mimic") for name in names}
+    leaders = {name: mimic.attrib for name, mimic in mimics.items() if mimic is not None}
     assert {name: mimic["joint"] for name, mimic in leaders.items()} == loaded.leaders
     assert leaders or len(names) == 1
     free = [name for name in names if name not in leaders]
@@ -315,10 +308,8 @@ def test_damped_joints_that_follow_others_move_as_pinocchios_equations_say(seed,
 
     matrix = np.array([[slope(name, of) for of in free] for name in names])
     for name, mimic in leaders.items():
-        expected = (
-            float(mimic["offset"]) + float(mimic["multiplier"]) * motion.positions[mimic["joint"]]
-        )
-        assert motion.positions[name] == pytest.approx(expected, abs=1e-12)
+        led = float(mimic["multiplier"]) * motion.positions[mimic["joint"]]
+        assert motion.positions[name] == pytest.approx(float(mimic["offset"]) + led, abs=1e-12)
     reference = pinocchio_of(robot, motion, {})
     inertia = np.array([[reference.inertia[a, b] for b in names] for a in names])
     damping = [float(joints[n].find("dynamics").attrib["damping"]) for n in names]
