@@ -10,12 +10,7 @@ import jax.numpy as jnp
 import pytest
 
 import clearjoint as cj
-from clearjoint.extend import (
-    AbstractDampedLaw,
-    AbstractHertzianLaw,
-    optional_quantity,
-    quantity,
-)
+from clearjoint.extend import AbstractDampedLaw, AbstractHertzianLaw, optional_quantity, quantity
 from clearjoint.testing import (
     check_bristles,
     check_constraint,
@@ -300,9 +295,10 @@ def elements_of(kind: type) -> dict[str, Any]:
     for name, case in elements().items():
         element = (case.scene.joints | case.scene.forces)["element"]
         if isinstance(element, kind):
-            axes = [field.name for field in fields(element) if "axis" in field.name]
-            lengths = {axis: (k + 1.7) * getattr(element, axis) for k, axis in enumerate(axes)}
-            found[name] = with_fields(element, **lengths)
+            values = {field.name: getattr(element, field.name) for field in fields(element)}
+            axes = [key for key in values if "axis" in key and values[key] is not None]
+            longer = {key: (k + 1.7) * values[key] for k, key in enumerate(axes)}
+            found[name] = with_fields(element, **longer)
     return found
 
 

@@ -127,15 +127,8 @@ class RandomScene:
     def backlash(self, first: str, second: str, local: np.ndarray, axis: np.ndarray) -> cj.Backlash:
         """With play of 0.01 rad, of which some is left, or a flank is pressed by up to 1 mrad."""
         own = np.sign(self.local(first, axis) @ local) * self.local(second, axis)
-        free = cj.Backlash(
-            first,
-            second,
-            axis_first=local,
-            axis_second=own,
-            play=0.01,
-            radius=0.03,
-            law=cj.laws.SpringDashpot(1e7, 1e3),
-        )
+        flanks = {"play": 0.01, "radius": 0.03, "law": cj.laws.SpringDashpot(1e7, 1e3)}
+        free = cj.Backlash(first, second, axis_first=local, axis_second=own, **flanks)
         motions = self.motions()
         angle = float(cj.extend.unpack(free).relative_angle(motions).value)
         return replace(free, middle=angle + self.generator.uniform(-6e-3, 6e-3))
@@ -251,12 +244,11 @@ def test_robots_are_read_as_they_were(seed, tmp_path, read_robot, written):
     again = cj.load_robot(tmp_path / "written.xml")
     assert {*again.joints} == {*first.joints}
     assert again.scene.bodies.keys() == first.scene.bodies.keys()
-    by_name = dict(zip(first.joints, q, strict=True)), dict(zip(first.joints, qd, strict=True))
-    second = again.state(*by_name)
-    for body in state.bodies:
+    second = again.state(*(dict(zip(first.joints, part, strict=True)) for part in (q, qd)))
+    for name, body in state.bodies.items():
+        other = second.bodies[name]
         for part in ("position", "velocity", "spin"):
-            ends = (np.asarray(getattr(each.bodies[body], part)) for each in (state, second))
-            assert next(ends) == pytest.approx(next(ends), abs=1e-12)
+            assert getattr(other, part) == pytest.approx(getattr(body, part), abs=1e-12)
     require_close(accelerations(again.scene, second), accelerations(first.scene, state), 1e-9)
     require_same_accelerations(model, at_keyframe(model), first.scene, state, 1e-9)
     original = mujoco.MjModel.from_xml_string(robot)
@@ -291,29 +283,29 @@ def test_mujoco_accelerates_drive_trains_alike(seed, read_robot, written):
     require_same_accelerations(model, at_keyframe(model), robot.scene, state, 1e-3)
 
 
+INERTIAL = '<inertial pos="0.1 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>'
+
+
 @pytest.mark.parametrize("seed", FEW)
 def test_properties_of_joints_and_actuators_are_read_as_they_were(
     seed, tmp_path, read_robot, written
 ):
     generator = np.random.default_rng(seed)
-    numbers = dict(zip("abcdefghij", generator.uniform(0.1, 2.0, 10), strict=True))
-    file = """<mujoco><compiler angle="radian"/><worldbody><body name="arm">
-      <joint name="elbow" axis="0 1 0" range="-{a} {b}" frictionloss="{c}" damping="{d}"
-        armature="{e}" stiffness="{f}" springref="{g}" actuatorfrcrange="-{h} {h}"/>
-      <inertial pos="0.1 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>
-      <body name="hand"><joint name="grip" type="slide" axis="1 0 0" frictionloss="{i}"/>
-      <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>
-      <body name="tip"><joint name="tilt" axis="1 0 0"/>
-      <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>
-      <body name="end"><joint name="held" axis="1 0 0"/>
-      <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/></body></body></body></body>
-      </worldbody>
+    a, b, c, d, e, f, g, h, i, j = generator.uniform(0.1, 2.0, 10)
+    elbow = f"""<joint name="elbow" axis="0 1 0" range="-{a} {b}" frictionloss="{c}" damping="{d}"
+      armature="{e}" stiffness="{f}" springref="{g}" actuatorfrcrange="-{h} {h}"/>"""
+    grip = f'<joint name="grip" type="slide" axis="1 0 0" frictionloss="{i}"/>'
+    others = (f'<joint name="{name}" axis="1 0 0"/>' for name in ("tilt", "held"))
+    bodies = ""
+    for joint in reversed((elbow, grip, *others)):
+        bodies = f"<body>{joint}{INERTIAL}{bodies}</body>"
+    rest = f"""
       <equality><joint name="e" joint1="grip" joint2="elbow" polycoef="{a} {b} {c} {d} {e}"/>
       <joint name="f" joint1="tilt" joint2="elbow" polycoef="{b} {c} {d} 0 {e}"/>
       <joint name="g" joint1="held" polycoef="{a} 0 0 0 0"/></equality><actuator>
       <position name="servo" joint="elbow" kp="{i}" kv="{j}" ctrlrange="-1 {a}"/>
-      <motor name="push" joint="grip" gear="{g}" forcerange="-{h} {h}"/></actuator></mujoco>"""
-    file = file.format(**numbers)
+      <motor name="push" joint="grip" gear="{g}" forcerange="-{h} {h}"/></actuator>"""
+    file = file_of(bodies, generator, rest)
     first, original = read_robot(file), mujoco.MjModel.from_xml_string(file)
     model = written(first)
     again = cj.load_robot(tmp_path / "written.xml")
@@ -332,21 +324,24 @@ def test_properties_of_joints_and_actuators_are_read_as_they_were(
         assert float(position) == pytest.approx(float(other[name]), abs=1e-12)
 
 
+def require_limit(model, name: str, limits: tuple[float, float], stiffness: float) -> None:
+    joint = model.joint(name)
+    assert joint.range == pytest.approx(limits, abs=1e-12)
+    weight = model.dof_invweight0[joint.dofadr[0]]
+    assert -model.jnt_solref[joint.id][0] == pytest.approx(stiffness * weight)
+
+
 def test_stops_play_and_actuators_of_drives(read_robot, written):
     """Stops are at the limits of the file; of a stop and a play, the narrower one acts; an actuator
     acts on the rotor. The wider one is named."""
-    bodies = "".join(
-        f'<body name="on {name}"><joint name="{name}" axis="0 1 0" {options}/>'
-        '<inertial pos="0.1 0 0" mass="1" diaginertia="0.1 0.1 0.1"/></body>'
-        for name, options in (
-            ("elbow", 'range="-0.4 0.9"'),
-            ("grip", 'type="slide" range="-0.1 0.3"'),
-            ("twist", 'range="2 6" armature="1e-6"'),
-        )
+    joints = (
+        'name="elbow" range="-0.4 0.9"',
+        'name="grip" type="slide" range="-0.1 0.3"',
+        'name="twist" range="2 6" armature="1e-6"',
     )
+    bodies = "".join(f'<body><joint axis="0 1 0" {one}/>{INERTIAL}</body>' for one in joints)
     servo = '<actuator><position name="servo" joint="twist" kp="3"/></actuator>'
-    compiler = '<compiler angle="radian"/>'
-    file = f"<mujoco>{compiler}<worldbody>{bodies}</worldbody>{servo}</mujoco>"
+    file = file_of(bodies, np.random.default_rng(0), servo)
     law = cj.laws.SpringDashpot(2e6, 30.0)
     stops = {"elbow": {"torsional_stiffness": 500.0, "restitution": 0.3}, "grip": {"law": law}}
     play = {"elbow": {"backlash": 0.01, "torsional_stiffness": 900.0, "restitution": 0.3}}
@@ -359,13 +354,8 @@ def test_stops_play_and_actuators_of_drives(read_robot, written):
             model = written(robot, robot.state({"twist": 5.0 - 2 * math.pi}))
         messages = "".join(str(warning.message) for warning in caught)
         assert ("wider limits of elbow stop" in messages) == bool(added)
-        assert model.joint("elbow").range == pytest.approx(limits, abs=1e-12)
-        assert model.joint("grip").range == pytest.approx((-0.1, 0.3), abs=1e-12)
-        numbers = model.jnt_solref[:, 0]
-        for name, expected in (("elbow", stiffness), ("grip", 2e6)):
-            number = numbers[model.joint(name).id]
-            weight = model.dof_invweight0[model.joint(name).dofadr[0]]
-            assert -number == pytest.approx(expected * weight)
+        require_limit(model, "elbow", limits, stiffness)
+        require_limit(model, "grip", (-0.1, 0.3), 2e6)
         assert model.key_qpos[0][model.joint("twist").qposadr[0]] == pytest.approx(5.0)
         assert model.actuator("servo").trnid[0] == model.joint("twist motor").id
         assert model.tendon_stiffness == pytest.approx(80.0)
@@ -376,16 +366,11 @@ def test_stops_play_and_actuators_of_drives(read_robot, written):
     # Also if the narrower one is added later.
     robot = read_robot(file, stops=stops)
     first, second, axis = robot.link_side("elbow")
-    law = cj.laws.SpringDashpot(900.0 / 0.02**2, 1.0)
-    narrow = cj.Backlash(
-        first, second, axis_first=axis, axis_second=axis, play=0.01, radius=0.02, law=law
-    )
+    options = {"play": 0.01, "radius": 0.02, "law": cj.laws.SpringDashpot(900.0 / 0.02**2, 1.0)}
+    narrow = cj.Backlash(first, second, axis_first=axis, axis_second=axis, **options)
     with pytest.warns(cj.NotCarriedOverWarning, match="wider limits of elbow stop"):
         model = written(robot.with_elements({"elbow play": narrow}))
-    joint = model.joint("elbow")
-    assert joint.range == pytest.approx((-0.005, 0.005), abs=1e-12)
-    weight = model.dof_invweight0[joint.dofadr[0]]
-    assert -model.jnt_solref[joint.id][0] == pytest.approx(900.0 * weight)
+    require_limit(model, "elbow", (-0.005, 0.005), 900.0)
 
 
 @pytest.mark.parametrize("seed", FEW)
@@ -394,18 +379,13 @@ def test_loops_are_equations_of_the_file(seed, written):
     file. With a ball, they move in three ways; with a hinge or a weld, only about the line of the
     two balls on the ground."""
     generator = np.random.default_rng(seed)
-    for kind, rows, rank in (
-        (cj.SphericalJoint, 3, 3),
-        (cj.FixedJoint, 6, 5),
-        (cj.RevoluteJoint, 6, 5),
-    ):
+    kinds = (cj.SphericalJoint, 3, 3), (cj.FixedJoint, 6, 5), (cj.RevoluteJoint, 6, 5)
+    for kind, rows, rank in kinds:
         made = RandomScene(generator, 2)
         a, b = made.names
         made.joints.clear()
-        places, axis = (
-            generator.uniform(-1, 1, (3, 3)),
-            Rotation.random(rng=generator).as_matrix()[0],
-        )
+        places = generator.uniform(-1, 1, (3, 3))
+        axis = Rotation.random(rng=generator).as_matrix()[0]
         turns = [made.poses[body][1] for body in (a, b)]
         options = {
             cj.SphericalJoint: [],
@@ -448,12 +428,11 @@ def test_flanks_give_way_under_a_load_as_springs_in_any_pose(seed, written):
     generator = np.random.default_rng(seed)
     arm = cj.Body(1.0, (0.02, 0.02, 0.02))
     stiffness, play, torque = 800.0, 0.02, generator.uniform(2.0, 5.0)
+    flanks = {"play": play, "torsional_stiffness": stiffness, "restitution": 0.2}
     joints = {
         "shoulder": cj.RevoluteJoint("ground", "upper", (0, 0, 0), (-0.5, 0, 0), AXIS, AXIS),
         "elbow": cj.RevoluteJoint("upper", "lower", (0.5, 0, 0), (-0.3, 0, 0), AXIS, AXIS),
-        "play": cj.Backlash(
-            "upper", "lower", middle=1.0, play=play, torsional_stiffness=stiffness, restitution=0.2
-        ),
+        "play": cj.Backlash("upper", "lower", middle=1.0, **flanks),
     }
     scene = cj.Scene({"upper": arm, "lower": arm}, joints)
     turn = cj.rotation((0, 0, 1), 1.0)
@@ -511,19 +490,19 @@ def test_the_file_names_what_it_lacks(chain, read_robot, tmp_path):
 
 def test_what_cannot_be_written_is_named(chain, tmp_path):
     path = tmp_path / "file.xml"
-    with pytest.raises(ValueError, match="`state` must be given for a scene"):
-        cj.save_mjcf(chain.scene, path)
-    with pytest.raises(ValueError, match="`integrator` must be one of"):
-        cj.save_mjcf(chain, path, integrator="euler")
-    with pytest.raises(ValueError, match="timestep"):
-        cj.save_mjcf(chain, path, timestep=0.0)
-    moved = chain.state()
-    moved = cj.set_value(moved, lambda state: state.bodies["lower"].position, (0.0, 1.0, 0.0))
-    with pytest.raises(ValueError, match=r"joint of 'lower'.*assemble"):
-        cj.save_mjcf(chain.scene, path, moved)
-    loop = cj.Scene({"world": cj.Body(1.0, (1.0, 1.0, 1.0))})
-    with pytest.raises(ValueError, match="MuJoCo compiles"):
-        cj.save_mjcf(loop, path, cj.State({"world": cj.body_state((0, 0, 0))}))
+    place = (0.0, 1.0, 0.0)
+    moved = cj.set_value(chain.state(), lambda state: state.bodies["lower"].position, place)
+    world = cj.Scene({"world": cj.Body(1.0, (1.0, 1.0, 1.0))})
+    here = cj.State({"world": cj.body_state((0, 0, 0))})
+    for of, state, options, message in (
+        (chain.scene, None, {}, "`state` must be given for a scene"),
+        (chain, None, {"integrator": "euler"}, "`integrator` must be one of"),
+        (chain, None, {"timestep": 0.0}, "timestep"),
+        (chain.scene, moved, {}, r"joint of 'lower'.*assemble"),
+        (world, here, {}, "MuJoCo compiles"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            cj.save_mjcf(of, path, state, **options)
 
 
 @pytest.mark.slow  # compiles

@@ -170,37 +170,23 @@ def test_wrong_positions_are_refused(read, call, message):
 
 
 @pytest.mark.parametrize(
-    ("stops", "message"),
+    ("old", "new", "stops", "message"),
     [
-        ({"right finger": {}}, r"'right finger', expected stops in one of the j"),
-        ({"wrist": {"play": 1}}, r"`wrist`: found 'play', .*torsional_stiffness"),
-        ({"wrist": {}}, r"`wrist`: .*`law`.*`torsional_stiffness`"),
-        ({"left finger": {}}, r"`left finger`: .*a `law` of the ends"),
-        ({"wrist": 1.0}, r"`wrist`: found 1.0, expected arguments by name"),
+        ("", "", {"right finger": {}}, r"'right finger', expected stops in one of the j"),
+        ("", "", {"wrist": {"play": 1}}, r"`wrist`: found 'play', .*torsional_stiffness"),
+        ("", "", {"wrist": {}}, r"`wrist`: .*`law`.*`torsional_stiffness`"),
+        ("", "", {"left finger": {}}, r"`left finger`: .*a `law` of the ends"),
+        ("", "", {"wrist": 1.0}, r"`wrist`: found 1.0, expected arguments by name"),
+        ('friction="0.7" damping="3"/>', '/><mimic joint="right finger"/>', {}, "cycle"),
+        ('offset="0.01"', 'offset="one"', {}, r"`right finger.mimic.offset`: found 'one'"),
+        ('damping="0.1"', 'damping="-1"', {}, r"`wrist`: Argument `damping` must"),
+        ('friction="0.5"', 'friction="-1"', {}, r"`wrist`: Argument `load` must"),
+        ('"right finger"', '"wrist damping"', {}, r"`wrist`: .* no joint 'wrist damping'"),
     ],
 )
-def test_errors_name_the_joint_of_a_stop(read, stops, message):
+def test_errors_name_file_and_joint(read, old, new, stops, message):
     with pytest.raises(ValueError, match=f"robot.urdf.*{message}"):
-        read(stops=stops)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        (
-            '<dynamics friction="0.7"',
-            '<mimic joint="right finger"/><dynamics friction="0.7"',
-            "cycle",
-        ),
-        ('offset="0.01"', 'offset="one"', r"`right finger.mimic.offset`: found 'one'"),
-        ('damping="0.1"', 'damping="-1"', r"`wrist`: Argument `damping` must"),
-        ('friction="0.5"', 'friction="-1"', r"`wrist`: Argument `load` must"),
-        ('"right finger"', '"wrist damping"', r"`wrist`: .* no joint 'wrist damping'"),
-    ],
-)
-def test_errors_name_file_and_joint(read, old, new, message):
-    with pytest.raises(ValueError, match=f"robot.urdf.*{message}"):
-        read(old, new)
+        read(old, new, stops=stops)
 
 
 def test_mimics_of_other_joints_are_left_out_with_a_warning(tmp_path):
