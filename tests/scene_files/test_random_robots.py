@@ -213,16 +213,6 @@ def test_robots_without_gravity_stay_at_rest_in_their_play(seed, read_robot):
         assert np.abs([*found.values()]).max() < 1e-9
 
 
-@pytest.mark.slow  # compiles
-def test_backlash_at_a_turned_origin_stays_at_rest(read_robot):
-    hinge = urdf.joint("j1", "continuous", "base", "arm", "0 0 1", rpy="0 0 0.3", limit=(10, 1))
-    robot = urdf.robot(urdf.link("base"), urdf.link("arm", 1, (0.01, 0.01, 0.01)), hinge)
-    loaded = read_robot(robot, play={"j1": {"backlash": "1 deg"}})
-    assert angles(loaded, loaded.scene, Motion({}, {})) == {"j1": 0.0, "j1 backlash": 0.0}
-    end = cj.simulate(loaded.scene, loaded.state(), 0.05, progress=False).final
-    assert np.abs(end.bodies["arm"].spin).max() < 1e-12  # was 8.7 rad/s
-
-
 def resisting(robot: str, seed: int, mimics: int = 0) -> str:
     """The robot with damping, and with some joints that follow others."""
     generator = np.random.default_rng(seed + 2)

@@ -246,11 +246,3 @@ def test_long_chains_and_hostile_files_end_soon(tmp_path):
     (tmp_path / "bomb.urdf").write_text(f'<!DOCTYPE r [{entities}]><robot name="&j;"/>')
     with pytest.raises(ValueError, match="bomb.urdf: found 'no XML'"):
         cj.load_robot(tmp_path / "bomb.urdf")
-
-
-def test_a_robot_becomes_a_scene_file(read, tmp_path):
-    loaded, _ = read(play={"elbow": PLAY})
-    cj.save(loaded.scene, loaded.state(), tmp_path / "arm.toml")
-    scene, _ = cj.load(tmp_path / "arm.toml")
-    assert scene.joints["elbow"].clearance == 1e-4
-    assert scene.joints["slide coupling"].function.coefficients.tolist() == [0.0, 1.0]
