@@ -4,7 +4,6 @@ import ast
 import json
 import os
 import re
-import subprocess
 import sys
 from collections import Counter
 from importlib.util import find_spec
@@ -13,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from tests.support.processes import printed
 from tests.support.rooms import PACKAGE, imports, module_paths, neighbours, room_of, syntax_tree
 
 MODULES_BESIDE_ROOMS = 12
@@ -166,28 +166,15 @@ LOADED_WHEN_FIRST_USED = {
 """Packages that a run of one scene has no need of, and that take as long as all else together."""
 
 
-def run_afresh(source: str, *arguments: str) -> str:
-    """What a program prints in a process of its own, without settings in its environment."""
-    kept = ("PATH", "HOME", "PYTHONPATH")
-    environment = {name: value for name, value in os.environ.items() if name in kept}
-    done = subprocess.run(
-        [sys.executable, "-c", source, *arguments],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
 MODULES_WITH_EXTRA = set() if find_spec("nbconvert") else {"reference.__main__"}
 """Modules that cannot be imported here, without the extra `reference`."""
 
 
 def test_an_import_starts_no_backend_changes_no_setting_and_loads_what_every_run_needs():
     """All modules start no backend and change no setting, and the package alone loads little."""
-    loaded = run_afresh(IMPORT, *(name for name in PATHS if name not in MODULES_WITH_EXTRA)).split()
+    kept = {name: os.environ[name] for name in ("PATH", "HOME", "PYTHONPATH") if name in os.environ}
+    modules = (name for name in PATHS if name not in MODULES_WITH_EXTRA)
+    loaded = printed(IMPORT, *modules, env=kept).split()
     assert {"jax", "diffrax"} <= set(loaded)
     assert set(loaded) & LOADED_WHEN_FIRST_USED == set()
 

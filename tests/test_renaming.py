@@ -47,10 +47,9 @@ def balls() -> tuple[cj.Scene, cj.State]:
         f"{name} spring": cj.SpringDamper("ground", name, (0, 0, 0), (0, 0, 0), stiffness=stiffness)
         for name, stiffness in (("heavy", 400.0), ("light", 100.0))
     }
-    moving = cj.body_state((0.1, 0, 0), velocity=(1.0, 0, 0.2))
-    return cj.Scene(bodies, forces=springs), cj.State(
-        {"heavy": moving, "light": cj.body_state((0.1, 0, 0), velocity=(0, 0.3, 0))}
-    )
+    velocities = {"heavy": (1.0, 0, 0.2), "light": (0, 0.3, 0)}
+    states = {name: cj.body_state((0.1, 0, 0), velocity=v) for name, v in velocities.items()}
+    return cj.Scene(bodies, forces=springs), cj.State(states)
 
 
 def rig() -> tuple[cj.Scene, cj.State]:
@@ -74,23 +73,32 @@ def quantities(n: Names) -> dict[str, Any]:
     }
 
 
+def velocity(n: Names) -> Callable[[cj.State], Any]:
+    return lambda state: state.bodies[n["light"]].velocity[1]
+
+
+def stiffness(n: Names, ball: str = "light") -> Callable[[cj.Scene], Any]:
+    return lambda scene: scene.forces[n[f"{ball} spring"]].stiffness
+
+
+def mass(n: Names) -> Callable[[cj.Scene], Any]:
+    return lambda scene: scene.bodies[n["arm 2"]].mass
+
+
 def parameters(n: Names) -> dict[str, cj.Parameter]:
     """Three parameters of the rig, one of them of the initial state, by name."""
     return {
-        n["start"]: cj.Parameter.initial(lambda s: s.bodies[n["light"]].velocity[1]),
-        n["stiffness"]: cj.Parameter(lambda s: s.forces[n["light spring"]].stiffness, cj.Log()),
-        n["mass"]: cj.Parameter(lambda s: s.bodies[n["arm 2"]].mass, cj.Log()),
+        n["start"]: cj.Parameter.initial(velocity(n)),
+        n["stiffness"]: cj.Parameter(stiffness(n), cj.Log()),
+        n["mass"]: cj.Parameter(mass(n), cj.Log()),
     }
 
 
 def ball_parameters(n: Names) -> dict[str, cj.Parameter]:
-    def stiffness(spring: str) -> cj.Parameter:
-        return cj.Parameter(lambda s: s.forces[n[spring]].stiffness, cj.Log())
-
     return {
-        n["start"]: cj.Parameter.initial(lambda s: s.bodies[n["light"]].velocity[1]),
-        n["light stiffness"]: stiffness("light spring"),
-        n["heavy stiffness"]: stiffness("heavy spring"),
+        n["start"]: cj.Parameter.initial(velocity(n)),
+        n["light stiffness"]: cj.Parameter(stiffness(n), cj.Log()),
+        n["heavy stiffness"]: cj.Parameter(stiffness(n, "heavy"), cj.Log()),
     }
 
 
@@ -147,9 +155,8 @@ def sensitivities(n: Names) -> Any:
     settings = cj.Settings(coordinates=cj.AbsoluteCoordinates())
     recorded = {n[name]: outputs(n)[n[name]] for name in ("crossings", "hits")}
     wanted, save = {**quantities(n), **recorded}, cj.Saving(TIMES, impacts=True)
-    found = cj.sensitivities(
-        scene, state, 0.04, parameters(n), wanted, TIMES, settings, save, progress=False
-    )
+    asked = parameters(n), wanted, TIMES, settings, save
+    found = cj.sensitivities(scene, state, 0.04, *asked, **QUIET)
     return found, found.to_xarray()
 
 
@@ -180,11 +187,14 @@ def guess(n: Names) -> dict[str, float]:
     return {n["heavy stiffness"]: 380.0, n["start"]: 0.31, n["light stiffness"]: 110.0}
 
 
+def problem(n: Names, data: Any = None) -> tuple[Any, ...]:
+    """Scene, state, measurements and parameters of a fit of the balls."""
+    return *renamed(balls(), n), data or measured(n), ball_parameters(n)
+
+
 @cache
 def fitted(n: Names) -> Any:
-    return cj.identify(
-        *renamed(balls(), n), measured(n), ball_parameters(n), guess=guess(n), check_runs=0, **QUIET
-    )
+    return cj.identify(*problem(n), guess=guess(n), check_runs=0, **QUIET)
 
 
 def identify(n: Names) -> Any:
@@ -197,9 +207,7 @@ def identify(n: Names) -> Any:
 def identify_many(n: Names) -> Any:
     data = measured(n)
     draws = [data.with_noise(np.random.default_rng(seed)) for seed in range(2)]
-    fits = cj.identify_many(
-        *renamed(balls(), n), draws, ball_parameters(n), guess=guess(n), check_runs=0, **QUIET
-    )
+    fits = cj.identify_many(*problem(n, draws), guess=guess(n), check_runs=0, **QUIET)
     return [(fit.estimates, fit.standard_errors) for fit in fits]
 
 
@@ -207,21 +215,13 @@ def minimise(n: Names) -> Any:
     def objective(found: dict[str, Any]) -> Any:
         return jnp.sum((found[n["of heavy"]] - 2.0 * found[n["of light"]]) ** 2)
 
-    found = cj.minimise(
-        *renamed(balls(), n), objective, ball_parameters(n), probes(n), TIMES, iterations=3
-    )
+    found = cj.minimise(*problem(n, objective), probes(n), TIMES, iterations=3)
     return found.estimates, found.history
 
 
 def posterior(n: Names) -> Any:
-    found = cj.posterior(
-        *renamed(balls(), n),
-        measured(n),
-        ball_parameters(n),
-        draws=64,
-        spread={n["heavy stiffness"]: 0.01, n["start"]: 0.01, n["light stiffness"]: 0.02},
-        **QUIET,
-    )
+    spread = {n["heavy stiffness"]: 0.01, n["start"]: 0.01, n["light stiffness"]: 0.02}
+    found = cj.posterior(*problem(n), draws=64, spread=spread, **QUIET)
     return found.means, found.standard_deviations, found.coordinates, found.log_evidence
 
 
@@ -240,21 +240,15 @@ def identified(n: Names) -> Any:
 def identifiability(n: Names) -> Any:
     report = identified(n)
     one = report.of(n["of light"])
-    return [
-        [report.matrix, report.deviations, report.identifiable, report.names, report.sensors],
-        [one.matrix, one.deviations_alone],
-    ]
+    parts = [report.matrix, report.deviations, report.identifiable, report.names, report.sensors]
+    return parts, [one.matrix, one.deviations_alone]
 
 
 @cache
-def horizon(n: Names) -> Any:
+def fit_horizon(n: Names) -> Any:
     uncertainty = {n["light stiffness"]: 0.3, n["heavy stiffness"]: 0.2, n["start"]: 0.1}
     start = renamed(balls(), n)
     return cj.fit_horizon(*start, ball_parameters(n), sensors(n), uncertainty=uncertainty)
-
-
-def fit_horizon(n: Names) -> Any:
-    return horizon(n)
 
 
 def largest_feasible(n: Names) -> Any:
@@ -267,14 +261,10 @@ def largest_feasible(n: Names) -> Any:
 
 def axes(n: Names) -> dict[str, cj.Axis]:
     return {
-        n["start"]: cj.Axis.initial(lambda s: s.bodies[n["light"]].velocity[1], [0.1, 0.4]),
-        n["stiffness"]: cj.Axis(lambda s: s.forces[n["light spring"]].stiffness, [90.0, 120.0]),
-        n["both"]: cj.Axis.change(lambda s, t, v: (cj.set_value(s, _mass(n), v), t), [6.0, 8.0]),
+        n["start"]: cj.Axis.initial(velocity(n), [0.1, 0.4]),
+        n["stiffness"]: cj.Axis(stiffness(n), [90.0, 120.0]),
+        n["both"]: cj.Axis.change(lambda s, t, v: (cj.set_value(s, mass(n), v), t), [6.0, 8.0]),
     }
-
-
-def _mass(n: Names) -> Callable[[cj.Scene], Any]:
-    return lambda scene: scene.bodies[n["arm 2"]].mass
 
 
 def sweep(n: Names) -> Any:
@@ -288,7 +278,7 @@ def sweep(n: Names) -> Any:
 
 
 def ensemble(n: Names) -> Any:
-    axis = cj.Axis(lambda s: s.forces[n["light spring"]].stiffness, [100.0, 400.0])
+    axis = cj.Axis(stiffness(n), [100.0, 400.0])
     start = renamed(balls(), n)
     options = {"disturbance": 0.3, "draws": 3, **QUIET}
     return cj.ensemble(*start, 1.0, {n["stiffness"]: axis}, speeds(n), **options)
@@ -296,11 +286,10 @@ def ensemble(n: Names) -> Any:
 
 def ensemble_of_a_linkage(n: Names) -> Any:
     start = renamed(rig(), n)
-    axis = cj.Axis(_mass(n), [7.0])
+    axis = cj.Axis(mass(n), [7.0])
     options = {"disturbance": 1e-3, "draws": 3, "exponents": 2, **QUIET}
-    return cj.ensemble(
-        *start, 0.02, {n["mass"]: axis}, {n["peak"]: outputs(n)[n["peak"]]}, **options
-    )
+    peak = {n["peak"]: outputs(n)[n["peak"]]}
+    return cj.ensemble(*start, 0.02, {n["mass"]: axis}, peak, **options)
 
 
 def uncertain(n: Names) -> dict[str, cj.Uncertain]:
@@ -402,7 +391,7 @@ def constraint_report(n: Names) -> Any:
 
 def numbers_of_scenes(n: Names) -> Any:
     scene, state = renamed(rig(), n)
-    changed = cj.set_value(scene, _mass(n), 8.0)
+    changed = cj.set_value(scene, mass(n), 8.0)
     started = cj.set_value(state, lambda s: s.bodies[n["light"]].velocity[2], 0.7)
     orders = [list(part) for part in (changed.bodies, changed.joints, changed.forces)]
     return cj.parameters(scene), cj.parameters(changed), cj.parameters(started), orders
@@ -532,7 +521,7 @@ def figures_of_runs(n: Names) -> Any:
 
 
 def figures_of_fits(n: Names) -> Any:
-    fit, found = fitted(n), horizon(n)
+    fit, found = fitted(n), fit_horizon(n)
     drawn = plot.correlations(fit), plot.fitted(fit).ravel()[0], plot.growth(found)
     return [axes.figure for axes in (*drawn, plot.record_length(identified(n)))]
 
