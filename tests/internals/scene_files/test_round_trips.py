@@ -40,7 +40,6 @@ DRY = cj.ClearanceJoint("ground", "a", **PIN)
 ROUGH = cj.frictions.Ambrosio(0.1)
 CASES = {
     "ClearanceJoint": "bearing along its length",
-    "Backlash": "backlash",
     "GearBacklash": "backlash of gears",
     "GearJoint": "ring gear",
     "JointFriction": "friction of a slider",
@@ -53,6 +52,7 @@ CASES = {
 """Elements of `tests.support.elements`, by the names of their cases."""
 PATCH = cj.laws.GreenwoodTripp(1e-6 / 3, 1e11 / 3)
 EXAMPLES = {
+    "Backlash": lambda: cj.Backlash("a", "b", play_length=1e-4 / 3, radius=0.1, law=LAW),
     "RoughCylinders": lambda: cj.laws.RoughCylinders(PATCH, 1e-2 / 3, LAW),
     "TeethInMesh": lambda: cj.profiles.TeethInMesh(4 / 3, middle=1 / 3),
     "StiffnessHarmonics": lambda: cj.profiles.StiffnessHarmonics([0.1 / 3], [-0.0]),
