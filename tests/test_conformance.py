@@ -332,13 +332,15 @@ class Swing(cj.extend.AbstractRotationDriver):
         return 0.4 + 2.0 * t + 0.7 * jnp.sin(3.0 * t + 0.5)
 
 
-HINGE = cj.RevoluteJoint(FIRST, SECOND, (0.1, 0.2, 0.3), (0.3, -0.1, 0.2), (1, 2, 3), (0, -1, 1))
+ENDS = FIRST, SECOND, (0.1, 0.2, 0.3), (0.3, -0.1, 0.2)
+HINGE = cj.RevoluteJoint(*ENDS, (1, 2, 3), (0, -1, 1))
 SLIDER = cj.PrismaticJoint(SECOND, THIRD, (0.1, 0.2, 0.3), (0.3, -0.1, 0.2), (1, 2, 3))
 JOINTS = elements_of(cj.extend.AbstractConstraint) | {
     "user-defined driver": Swing(),
     "user-defined rod": Rod(1.0),
     "polynomial of a slider": cj.JointCoupling(HINGE, SLIDER, cj.Polynomial((0.1, -0.7, 0.4))),
     "function of a hinge": cj.JointCoupling(SLIDER, HINGE, jnp.cos),
+    "function of time": cj.PrescribedTranslation(*ENDS, (1, 2, 3), jnp.cos),
 }
 
 
@@ -502,8 +504,9 @@ def test_bristles_between_faces_that_resist_rotation_are_refused():
         check_contact_joint(Faces(), MOTIONS)
 
 
-FORCES = elements_of(cj.extend.AbstractForce)
-FAST = "load", "spring", "motor", "servo"
+SERVO = cj.Servo(FIRST, SECOND, (1.0, 2.0, 3.0), 2.0, 100.0, 5.0, 0.3, delay=0.01)
+FORCES = elements_of(cj.extend.AbstractForce) | {"servo without limits": SERVO}
+FAST = "load", "spring", "motor", "servo", "servo without limits"
 
 
 @pytest.mark.parametrize("name", slow_but(FAST, FORCES))
@@ -545,7 +548,7 @@ class OfTheFirstLane(Straight):
         return {FIRST: motions[FIRST].wrench(force, cj.extend.ZERO)}
 
 
-SPRING = (FIRST, SECOND, (0.1, 0.2, 0.3), (0.3, -0.1, 0.2), 50.0, 0.4, 0.3)
+SPRING = *ENDS, 50.0, 0.4, 0.3
 
 
 @pytest.mark.parametrize(
