@@ -158,8 +158,8 @@ class Spline(AbstractTable):
     def __call__(self, t: Scalar) -> Scalar:
         times, values, rates = map(on_device, (self.times, self.values, self.rates))
         k = jnp.clip(jnp.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
-        # Not clipped, because half of the derivative of `jnp.clip` is lost at both ends, and with it
-        # part of the acceleration with which a run begins at the first time.
+        # Not clipped, because the derivative of `jnp.clip` is 1/2 at both ends: a run would begin
+        # at the first time with a wrong acceleration.
         inside = jnp.where(t < times[0], times[0], jnp.where(t > times[-1], times[-1], t))
         length = times[k + 1] - times[k]
         start, end = (Slope(values[j], rates[j]) for j in (k, k + 1))
