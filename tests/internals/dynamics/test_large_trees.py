@@ -4,7 +4,9 @@ import cProfile
 import dataclasses
 import pstats
 from collections import Counter
+from typing import Any
 
+import equinox as eqx
 import jax
 import numpy as np
 import pytest
@@ -18,7 +20,9 @@ from clearjoint._dynamics.equations_of_motion import constraint_rows, flattened
 from clearjoint._dynamics.joint_coordinates import inertia
 from clearjoint._dynamics.joint_coordinates.coordinates import JointMechanics
 from clearjoint._dynamics.joint_coordinates.trees import UPRIGHT, FreeBranch, forest
+from clearjoint._math.rotations import conjugate
 from clearjoint._math.vectors import fold_constants
+from clearjoint._model.joints.motion_subspaces import Slider
 from clearjoint.extend import (
     EulerParameters,
     Formulation,
@@ -27,18 +31,57 @@ from clearjoint.extend import (
     Vector,
     Wrench,
     pack,
+    quantity,
+    rotation_matrix,
+    unit,
     unpack,
 )
 from studies.benchmark.chain import LENGTH, chain
 from tests.support.motions import AT_REST
 
 ABSOLUTE, JOINT = cj.AbsoluteCoordinates(), cj.JointCoordinates()
-KINDS = "revolute", "spherical", "prismatic", "universal", "screw", "fixed"
+KINDS = "revolute", "spherical", "prismatic", "universal", "screw", "fixed", "planar", "rail"
 SIZES = [3, pytest.param(60, marks=pytest.mark.slow)]
 pytestmark = [
     pytest.mark.filterwarnings("ignore::clearjoint.UnusualValueWarning"),
     pytest.mark.filterwarnings("ignore::clearjoint.LooseBodyWarning"),
 ]
+
+
+class Rail(cj.extend.AbstractConstraint):
+    """A user-defined joint: the second body slides on the first along an axis of the latter."""
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+    point: Any = quantity("m")
+    axis: Any = quantity("1")
+    orientation: Any = quantity("1")
+
+    def body_names(self):
+        return self.first, self.second
+
+    def rows(self, motions, t):
+        turn = rotation_matrix(self.orientation)
+
+        def residual(first, second):
+            apart = first[1].transposed_times(second[0] - first[0]) - self.point
+            here, place = first[1].T, apart.cross(self.axis)
+            x, y, z = (second[1] @ row for row in (turn.row_x, turn.row_y, turn.row_z))
+            tilts = here.row_y.dot(z), here.row_z.dot(x), here.row_x.dot(y)
+            return place.x, place.y, *tilts
+
+        names = (self.first, self.second)
+        labels = ("across 1", "across 2", "turn x", "turn y", "turn z")
+        return cj.extend.rows_from_residual(
+            names, labels, residual, motions[names[0]], motions[names[1]]
+        )
+
+    def motion_subspace(self, parent):
+        here = rotation_matrix(self.orientation).transposed_times(unit(self.axis))
+        zero = here * 0.0
+        if parent == self.first:
+            return Slider(self.point, zero, here, self.orientation)
+        return Slider(zero, self.point, -unit(self.axis), conjugate(self.orientation))
 
 
 def body(random):
@@ -61,15 +104,18 @@ def joint(random, kind, first, second):
         "universal": lambda: cj.UniversalJoint(*names, *points, axis, axis_second),
         "screw": lambda: cj.ScrewJoint(*names, *points, axis, axis_second, lead=0.7),
         "fixed": lambda: cj.FixedJoint(*names, *points, turn),
+        "planar": lambda: cj.PlanarJoint(*names, *points, axis, axis_second),
+        "rail": lambda: Rail(*names, one, axis, turn),
     }[kind]()
 
 
-def random_scene(random, sizes, kinds=KINDS, is_chain=False):
-    """Trees of the given sizes, on the ground or free, with bodies and joints in random order."""
+def random_scene(random, sizes, kinds=KINDS, is_chain=False, on_ground=0.6):
+    """Trees of the given sizes, on the ground with a probability, or free, with bodies and joints
+    in random order."""
     bodies, joints = {}, {}
     for size in sizes:
         names = [f"{random.integers(10**9)} {k}" for k in range(size)]
-        parents = [GROUND if random.random() < 0.6 else None]
+        parents = [GROUND if random.random() < on_ground else None]
         parents += [names[k if is_chain else random.integers(k + 1)] for k in range(size - 1)]
         for name, parent in zip(names, parents, strict=True):
             bodies[name] = body(random)
@@ -187,6 +233,42 @@ def test_responses_to_generalised_forces_are_those_of_the_inertia(count):
             np.testing.assert_allclose(
                 mechanics.projected(wrenches), forces, rtol=0, atol=1e-9, err_msg=str(seed)
             )
+
+
+@pytest.mark.parametrize("count", SIZES)
+def test_variables_are_found_again_and_their_rates_are_those_of_the_motions(count):
+    """By differences of the motions of all bodies over 2e-6 s."""
+    for seed in range(count):
+        random = np.random.default_rng(seed)
+        scene = unpack(random_scene(random, random.integers(1, 9, size=2)))
+        variables = random_variables(random, scene)
+        again = JOINT.encode(scene, JOINT.decode(scene, variables))
+        expected = columns(JOINT.motions(scene, variables), scene.bodies)
+        found = columns(JOINT.motions(scene, again), scene.bodies)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+        dynamics = System(scene, Formulation(JOINT)).dynamics(variables, {}, 0.0)
+        ahead, behind = (
+            columns(JOINT.motions(scene, moved(variables, dynamics, time)), scene.bodies)
+            for time in (1e-6, -1e-6)
+        )
+        accelerations = array(dynamics.accelerations[name] for name in scene.bodies)
+        rates = np.hstack([expected[:, 3:6], accelerations])
+        error = np.abs((ahead - behind)[:, :9] / 2e-6 - rates).max()
+        assert error < 1e-6 * np.abs(rates).max(), seed
+        assert JOINT.eliminated(scene) == set(scene.joints)
+
+
+def columns(motions, names):
+    """Positions, velocities, spins and rotations of bodies, (N, 18)."""
+    parts = ("position", "velocity", "spin", "rotation")
+    return np.array(
+        [jax.tree.leaves([getattr(motions[name], part) for part in parts]) for name in names]
+    )
+
+
+def moved(variables, dynamics, time):
+    """The variables after a short time, to first order."""
+    return jax.tree.map(lambda x, rate: x + time * rate, variables, dynamics.variable_rates)
 
 
 def errors_in_extended_precision(random, bodies):
