@@ -34,9 +34,8 @@ from clearjoint.extend import (
     unit,
     unpack,
 )
-from studies.benchmark.chain import LENGTH, chain
+from studies.benchmark.chain import ideal_chain
 from tests.support.motions import AT_REST
-from tests.support.one_body import hinge
 from tests.support.profiling import assert_linear, calls
 
 ABSOLUTE, JOINT = cj.AbsoluteCoordinates(), cj.JointCoordinates()
@@ -304,17 +303,6 @@ def test_long_chains_keep_their_digits(bodies, count, bound):
     assert recursive < 0.5 * by_matrix
 
 
-def hanging_rods(count):
-    """A chain of rods at rest, hinged about Z."""
-    scene, state = chain(count)
-    names, end = [GROUND, *scene.bodies], (0.5 * LENGTH, 0.0, 0.0)
-    hinges = {}
-    for k, (before, name) in enumerate(zip(names, names[1:], strict=False)):
-        points = end if k else (0.0, 0.0, 0.0), (-0.5 * LENGTH, 0.0, 0.0)
-        hinges[f"hinge {k}"] = hinge(before, name, *points)
-    return cj.Scene(scene.bodies, hinges, gravity=scene.gravity), state
-
-
 def program(scene, state, evaluated):
     """The jaxpr of a function of the system and its variables, without what no result needs."""
     form = fold_constants(scene)
@@ -358,7 +346,7 @@ def test_operations_are_proportional_to_the_number_of_bodies(evaluated):
     counts, kinds = [], []
     for bodies in (8, 16, 32):
         traced = {}
-        counts.append(counted(program(*hanging_rods(bodies), evaluated), traced))
+        counts.append(counted(program(*ideal_chain(bodies), evaluated), traced))
         kinds.append(len(traced))
     numbers = [operations.total() for operations in counts]
     assert counts[0]["mul"] > 100
@@ -388,7 +376,7 @@ def test_carriers_are_on_the_paths_between_bodies(count):
 def test_operations_of_python_are_proportional_to_the_number_of_bodies():
     counts = []
     for bodies in (25, 50, 100):
-        scene, state = hanging_rods(bodies)
+        scene, state = ideal_chain(bodies)
         form, names = unpack(scene), [GROUND, *scene.bodies]
 
         def whole(form=form, state=state, names=names):
