@@ -218,7 +218,6 @@ def reduced(stiffness: float, start: float) -> dict[str, float]:
     return {"top": top, "late_mean": mean, "late_rms": rms, "cost": square(0.3)}
 
 
-@pytest.mark.slow
 def test_closed_forms_of_reductions():
     predict = cj.predictor(*on_spring(), 0.3, PATHS, REDUCTIONS, settings=SETTINGS)
     values, jacobian = predict(predict.values), jax.jacrev(predict)(predict.values)
