@@ -211,7 +211,7 @@ def test_windows_of_a_sweep_are_those_of_the_run():
     solution = cj.simulate(scene, start, end, settings, save=cj.Saving(impacts=True))
     table = solution.impacts
     assert ((table.onset < cut).any()) and ((table.onset > cut).any())
-    force = q.ContactForce("pin")
+    force = q.ContactForce("pin", "V")
     edges = [0.0, *np.geomspace(1.0, 1e5, 100)]
     made = {
         "peak": partial(cj.Peak, force, "N"),
