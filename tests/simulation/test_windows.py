@@ -78,13 +78,11 @@ def reduced(reductions: dict) -> dict:
 
 LEVELS = (0.05, 0.5, 0.95)
 MADE = {
-    "peak": lambda after=None, until=None: cj.Peak(wave, "m", after=after, until=until),
-    "statistics": lambda after=None, until=None: cj.Statistics(wave, "m", after=after, until=until),
-    "count": lambda after=None, until=None: cj.ImpactCount("pin", after=after, until=until),
-    "lost": lambda after=None, until=None: cj.DissipatedEnergy(after=after, until=until),
-    "quantiles": lambda after=None, until=None: cj.Quantiles(
-        wave, "m", np.linspace(-1, 1, 81), LEVELS, after=after, until=until
-    ),
+    "peak": partial(cj.Peak, wave, "m"),
+    "statistics": partial(cj.Statistics, wave, "m"),
+    "count": partial(cj.ImpactCount, "pin"),
+    "lost": cj.DissipatedEnergy,
+    "quantiles": partial(cj.Quantiles, wave, "m", np.linspace(-1, 1, 81), LEVELS),
 }
 
 
@@ -92,7 +90,11 @@ MADE = {
 def found():
     """Each reduction in each window, and quantiles without edges."""
     beyond = cj.Quantiles(wave, "m", [-0.5, 0.0, 0.5], LEVELS)
-    keys = {f"{kind} {window}": make(*window) for kind, make in MADE.items() for window in WINDOWS}
+    keys = {
+        f"{kind} {(after, until)}": make(after=after, until=until)
+        for kind, make in MADE.items()
+        for after, until in WINDOWS
+    }
     return reduced({**keys, "beyond": beyond})
 
 
@@ -128,7 +130,7 @@ def test_quantiles_beyond_the_edges_are_nan(found):
 def test_a_window_that_no_run_reaches_has_no_results():
     first, last = Fake(jnp.asarray(0.0)), Fake(jnp.asarray(2.0))
     for make in MADE.values():
-        reduction = make(50.0, None)
+        reduction = make(after=50.0)
         results = reduction.results(reduction.start(first), last)
         assert np.isnan([float(value) for value in results.values()]).all(), reduction
 
@@ -209,16 +211,15 @@ def test_windows_of_a_sweep_are_those_of_the_run():
     solution = cj.simulate(scene, start, end, settings, save=cj.Saving(impacts=True))
     table = solution.impacts
     assert ((table.onset < cut).any()) and ((table.onset > cut).any())
-    force = q.ContactForce("pin")
-    wear = partial(cj.ArchardWear, "pin", 1e-5, 2e9, 4)
+    force = q.ContactForce("pin", "V")
     edges = [0.0, *np.geomspace(1.0, 1e5, 100)]
     made = {
-        "peak": lambda **window: cj.Peak(force, "N", **window),
-        "count": lambda **window: cj.ImpactCount("pin", **window),
-        "lost": lambda **window: cj.DissipatedEnergy(**window),
-        "worn": lambda **window: wear(**window),
-        "hits": lambda **window: cj.ImpactTable(20, **window),
-        "force": lambda **window: cj.Quantiles(force, "N", edges, (0.99,), **window),
+        "peak": partial(cj.Peak, force, "N"),
+        "count": partial(cj.ImpactCount, "pin"),
+        "lost": cj.DissipatedEnergy,
+        "worn": partial(cj.ArchardWear, "pin", 1e-5, 2e9, 4),
+        "hits": partial(cj.ImpactTable, 20),
+        "force": partial(cj.Quantiles, force, "N", edges, (0.99,)),
     }
     early, late = {"until": cut}, {"after": cut}
     summed = ("lost", "worn", "count")
@@ -226,15 +227,8 @@ def test_windows_of_a_sweep_are_those_of_the_run():
     outputs |= {f"early {name}": made[name](**early) for name in summed}
     outputs |= {f"late {name}": make(**late) for name, make in made.items()}
     outputs["by scene"] = cj.ImpactTable(20, after=lambda s: cut * s.bodies["rod"].mass / 7.02)
-    found = cj.sweep(
-        scene,
-        start,
-        end,
-        {"mass": cj.Axis(lambda s: s.bodies["rod"].mass, [7.02])},
-        outputs=outputs,
-        settings=settings,
-        progress=False,
-    ).isel(mass=0)
+    masses = {"mass": cj.Axis(lambda s: s.bodies["rod"].mass, [7.02])}
+    found = cj.sweep(scene, start, end, masses, outputs, settings, progress=False).isel(mass=0)
     impacts = table.within(after=cut)
     strongest = np.argmax(impacts.peak_force)
     assert float(found["late peak"]) == pytest.approx(impacts.peak_force[strongest], rel=1e-6)
