@@ -33,15 +33,33 @@ def instant(time, angle):
     return Instant(system, time, variables, {}, {}, inside=lambda _: instant(time, angle))
 
 
-@pytest.mark.parametrize(("angle", "sector"), [(-1.0, 6), (0.1, 1), (1.2, 2), (-np.pi / 2, 5)])
+@pytest.mark.parametrize(
+    ("angle", "sector"), [(-1.0, 6), (0.1, 1), (1.2, 2), (-np.pi / 2, 5), (-1e-18, 6)]
+)
 def test_a_journal_on_the_wall_wears_its_sector(angle, sector):
     tally = WEAR.update(WEAR.start(instant(1.0, angle)), instant(4.0, angle))
     volumes = {name: float(worn) for name, worn in WEAR.results(tally, instant(4.0, angle)).items()}
-    assert volumes[""] == pytest.approx(3.0 * RATE, rel=1e-6)
+    assert volumes[""] == pytest.approx(3.0 * RATE, rel=1e-6, abs=0.0)
     for base in "VW":
-        assert volumes[base] == pytest.approx(1.5 * RATE, rel=1e-6)
+        assert volumes[base] == pytest.approx(1.5 * RATE, rel=1e-6, abs=0.0)
         assert volumes[f"{base} {sector}"] == volumes[base]
     assert volumes.keys() == WEAR.units().keys()
+
+
+def test_the_part_of_a_step_in_a_window_wears_by_simpsons_rule():
+    """The speed grows as the square of time, for which the rule is exact."""
+
+    def at(time):
+        scene, state = resting()
+        faster = cj.set_value(state, lambda s: s.bodies["rotor"].spin[2], SPEED * time**2)
+        system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
+        variables = system.encode(unpack(faster.bodies))
+        return Instant(system, time, variables, {}, {}, inside=lambda x: at(1.0 + 3.0 * x))
+
+    wear = cj.ArchardWear("bearing", COEFFICIENT, HARDNESS, after=2.0, until=3.5)
+    worn = wear.results(wear.update(wear.start(at(1.0)), at(4.0)), at(4.0))[""]
+    expected = RATE * (3.5**3 - 2.0**3) / 3.0
+    assert float(worn) == pytest.approx(expected, rel=1e-6, abs=0.0)
 
 
 def test_wrong_arguments_are_refused():

@@ -5,6 +5,7 @@ import time
 import numpy as np
 import pytest
 
+from clearjoint._native.cells import Cells
 from clearjoint._simulation.lanes import scheduler, xla_lanes
 from clearjoint._sweeps.work import Work
 from tests.support.rotor import swept
@@ -40,6 +41,30 @@ def by_xla(monkeypatch):
     """Lanes in programs of XLA of four columns, some of which are refilled."""
     monkeypatch.setenv("CLEARJOINT_NATIVE", "0")
     monkeypatch.setattr(xla_lanes, "ON_CPU", SMALL_WIDTH)
+
+
+def test_a_loop_by_xla_advances_its_lanes_until_they_wait(by_xla):
+    """Three lanes add 4 times their factors 700 times; a column without a lane does not wait."""
+
+    def turn(by, factor, state):
+        count, total = state
+        goes = count < 700
+        return count + goes, total + goes * by * factor
+
+    def status(by, factor, state):
+        return {"moves": state[0] < 700, "count": state[0], "mean": state[1] / (by * factor)}
+
+    by, factor, state = np.asarray(4.0), np.asarray(0.5), (np.asarray(0), np.asarray(0.0))
+    loop = xla_lanes.XlaLaneLoop(turn, status, by, factor, state)
+    columns, factors = loop.columns(by), np.array([0.5, 0.25, -2.0])
+    for k, number in enumerate(factors):
+        loop.write_lane(columns, k, Cells(factor).row(number), Cells(state).row(state))
+    assert [loop.run(columns) for _ in range(3)] == [256, 256, 188]
+    shown = {name: numbers[:3].tolist() for name, numbers in loop.status_of(columns).items()}
+    assert shown == {"moves": [0, 0, 0], "count": [700] * 3, "mean": [700.0] * 3}
+    for k, number in enumerate(factors):
+        assert Cells(state).tree(columns.floats[loop.state_cells, k]) == (700, 2800.0 * number)
+    assert columns.integers[loop.occupied].tolist() == [1, 1, 1, 0]
 
 
 @pytest.mark.slow
