@@ -46,6 +46,34 @@ def test_a_journal_on_the_wall_wears_its_sector(angle, sector):
     assert volumes.keys() == WEAR.units().keys()
 
 
+@pytest.mark.parametrize("slower", [0.0, 40.0])
+def test_surfaces_slide_by_their_relative_motion(slower):
+    """Housing and shaft orbit the origin as one body at 300 rad/s, but the shaft spins slower. The
+    points of both surfaces that touch are apart by the depth."""
+    sizes = {"bearing_radius": RADIUS, "clearance": CLEARANCE, "journal_length": 0.02}
+    bearing = cj.ClearanceJoint("housing", "shaft", **sizes, law=cj.laws.Hertz(STIFFNESS))
+    body = cj.Body(1.0, (1e-3, 1e-3, 1e-3))
+    scene = cj.Scene({"housing": body, "shaft": body}, {"bearing": bearing})
+
+    def turning(x, rate):
+        return cj.body_state((x, 0.0, 0.0), velocity=(0.0, 300.0 * x, 0.0), spin=(0.0, 0.0, rate))
+
+    state = cj.State(
+        {
+            "housing": turning(0.1, 300.0),
+            "shaft": turning(0.1 + CLEARANCE + DEPTH, 300.0 - slower),
+        }
+    )
+    system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
+    now = Instant(system, 0.0, system.encode(unpack(state.bodies)), {}, {})
+    wear = cj.ArchardWear("bearing", COEFFICIENT, HARDNESS, 1)
+    _, rates, _ = wear.start(now)
+    force = now.contacts["bearing"]["V"].normal_force
+    speed = float(rates["V"][0] * HARDNESS / COEFFICIENT / force)
+    expected = abs(300.0 * DEPTH - slower * (RADIUS - CLEARANCE))
+    assert speed == pytest.approx(expected, rel=1e-6)
+
+
 def test_the_part_of_a_step_in_a_window_wears_by_simpsons_rule():
     """The speed grows as the square of time, for which the rule is exact."""
 

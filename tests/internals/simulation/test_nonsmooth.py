@@ -97,9 +97,11 @@ def test_extrapolation_finds_the_fixed_point_of_a_line_in_its_second_turn(slope)
     for turn in (1, 2):
         change = [(slope - 1.0) * (x - 5.0 * k) for k, x in enumerate(now.tried)]
         factor = _extrapolation(now, change)
+        assert turn > 1 or float(factor) == 1.0
         tried = [x + factor * by for x, by in zip(now.tried, change, strict=True)]
         now = now._replace(turns=turn, tried=tried, change=change, factor=factor)
     np.testing.assert_allclose(now.tried, [0.0, 5.0], rtol=1e-9)
+    assert float(_extrapolation(now, now.change)) == 1.0  # two equal changes
 
 
 def test_the_direction_of_slip_is_a_unit_vector_also_at_rest():

@@ -10,7 +10,7 @@ import pytest
 import clearjoint as cj
 from clearjoint._dynamics.contact_events import ContactGap
 from clearjoint._simulation.step.discontinuities import compares_time
-from clearjoint._simulation.step.saltation import _contact_time, _mean_force
+from clearjoint._simulation.step.saltation import _changes, _contact_time, _mean_force
 from clearjoint.extend import ZERO, Contact, Vector, Wrench
 from tests.support.planes import Plane
 
@@ -73,20 +73,26 @@ def test_the_mean_force_of_a_contact_that_begins_has_its_present_rate_as_entry_s
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "rate", "time"),
+    ("before", "after", "rate", "time", "slope"),
     [
-        (-1e-3, 2e-4, 0.1, 2e-3),  # an onset
-        (1e-3, -2e-4, -0.1, -2e-3),  # an end
-        (-1e-3, -2e-4, 0.1, 0.0),
-        (1e-3, 2e-4, -0.1, 0.0),
-        (-1e-3, 2e-4, 0.0, 0.0),
+        (-1e-3, 2e-4, 0.1, 2e-3, 10.0),  # an onset
+        (1e-3, -2e-4, -0.1, -2e-3, 10.0),  # an end
+        (0.0, 2e-4, 0.1, 2e-3, 10.0),
+        (1e-3, 0.0, -0.1, 0.0, 10.0),
+        (-1e-3, -2e-4, 0.0, 0.0, 0.0),
+        (1e-3, 2e-4, -0.1, 0.0, 0.0),
+        (-1e-3, 2e-4, 0.0, 0.0, 0.0),
     ],
 )
 def test_a_contact_lacks_its_force_since_the_onset_and_has_it_too_long_after_the_end(
-    before, after, rate, time
+    before, after, rate, time, slope
 ):
-    start, end = (ContactGap(jnp.asarray(depth), jnp.asarray(rate)) for depth in (before, after))
-    assert float(_contact_time(start, end)) == pytest.approx(time, rel=1e-12)
+    def gap(depth):
+        return ContactGap(jnp.asarray(depth), jnp.asarray(rate))
+
+    of_depth = jax.value_and_grad(lambda depth: _contact_time(gap(before), gap(depth)))
+    assert [float(x) for x in of_depth(after)] == pytest.approx([time, slope], rel=1e-12)
+    assert bool(_changes(gap(before), gap(after))) == (slope != 0.0 or rate == time == 0.0 < after)
 
 
 class Varying(cj.extend.AbstractForce):

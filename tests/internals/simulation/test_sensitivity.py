@@ -199,6 +199,7 @@ def test_amplification_is_the_peak_times_the_time_since_over_the_positions_since
     peak = recorder.start(SimpleNamespace(loop=SimpleNamespace(system=system), step=first))
     for step in steps:
         peak = recorder.after(peak, SimpleNamespace(system=system, after=step))
+    np.testing.assert_allclose(peak.time, [0.1 * np.pi, 0.0], rtol=1e-12)
     np.testing.assert_allclose(_amplification(steps[-1], peak), [0.5 * np.pi, 0.0], rtol=1e-12)
 
 

@@ -64,9 +64,10 @@ def test_a_contact_begins_with_twice_the_length_of_the_last_one_at_most():
     assert lengths(before(True), CLOSED, FULL, no, yes) == pytest.approx([FULL, 1.0, ENTRY])
 
 
-def test_derivatives_of_speeds_count_at_least_as_a_share_of_the_speeds():
-    """A fifth of the speeds times the largest derivative of a position over the largest position;
-    at the origin, where all positions are zero, the derivatives alone."""
+@pytest.mark.parametrize(("scale", "largest"), [(1.0, 8.0), (0.1, 1.0)])
+def test_derivatives_of_speeds_count_at_least_as_a_share_of_the_speeds(scale, largest):
+    """A fifth of the speeds times the largest derivative of a position over the largest position,
+    here a length or an Euler parameter; the derivatives alone where all positions are zero."""
     scene = Scene({"ball": Body(1.0, (1.0, 1.0, 1.0))})
     system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
 
@@ -74,10 +75,10 @@ def test_derivatives_of_speeds_count_at_least_as_a_share_of_the_speeds():
         state = State({"ball": body_state(position, velocity=velocity)})
         return Variables(system.encode(unpack(state.bodies)), {})
 
-    sizes = variables((4.0, -8.0, 0.0), (3.0, 0.0, -5.0))
+    sizes = variables((4.0 * scale, -8.0 * scale, 0.0), (3.0, 0.0, -5.0))
     along = variables((0.0, 0.0, 2.0), (0.0, -0.5, 0.25))
     motion = tangent_sizes(system, sizes, along).motion["ball"]
-    share = 0.2 * 2.0 / 8.0
+    share = 0.2 * 2.0 / largest
     assert [*motion.velocity] == pytest.approx([3.0 * share, 0.5, 0.25 + 5.0 * share], rel=1e-12)
     assert [*motion.position] == [0.0, 0.0, 2.0]
     none = jax.tree.map(jnp.zeros_like, sizes)
