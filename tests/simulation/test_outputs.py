@@ -65,9 +65,13 @@ def test_a_run_with_derivatives_keeps_them_too_but_refuses_reductions():
         parameters, wanted = {"k": STIFFNESS}, {"turns": OUTPUTS["turns"]}
         cj.minimise(*on_spring(), lambda outputs: outputs["x"][0], parameters, wanted, TIMES)
     wanted = {name: OUTPUTS[name] for name in ("x", "turns")}
+    seldom = np.array([0.05, 0.31])
     found = cj.sensitivities(
-        *on_spring(), 0.5, {"k": STIFFNESS}, wanted, TIMES, EXACT, progress=False
+        *on_spring(), 0.5, {"k": STIFFNESS}, wanted, TIMES, EXACT, cj.Saving(seldom), progress=False
     )
+    assert found.saved is not None
+    saved = found.saved.states.bodies["ball"].position
+    np.testing.assert_allclose(saved[:, 0], 0.1 * np.cos(10.0 * seldom), atol=1e-9)
     np.testing.assert_allclose(found.outputs["x"], 0.1 * np.cos(10.0 * TIMES), atol=1e-9)
     exact = -0.5 * TIMES * np.sin(10.0 * TIMES)  # d x/d log k
     np.testing.assert_allclose(found.derivatives["x"][:, 0], exact, atol=1e-8)

@@ -125,6 +125,16 @@ def test_sensitivities_across_a_jump_of_a_law(law):
     np.testing.assert_allclose(derivatives, expected(LAWS[law]), rtol=2e-5, atol=1e-9)
 
 
+def test_sensitivities_do_not_depend_on_how_far_past_an_onset_steps_end():
+    """The slope of the force jumps at the onset. Without a correction the error is 2e-6."""
+    scene, state = dropped(cj.laws.Hertz(1e6, exponent=1.0))
+    parameters, outputs = {"drop": PARAMETERS["drop"]}, {"x": Q.Position("ball", "x")}
+    settings = replace(SETTINGS, rtol=1e-9, landing_tolerance=3e-5)
+    result = cj.sensitivities(scene, state, END, parameters, outputs, [END], settings)
+    exact = fourth_order(lambda by: arrived(END, DROP + by, 1e6, 0.0, 0.0)[0], 1e-7)
+    assert result.derivatives["x"][0, 0] == pytest.approx(exact, rel=1e-8)
+
+
 @pytest.mark.slow
 def test_the_friction_moment_of_a_thrust_face_jumps_with_the_force():
     """The friction of a shoulder slows a turning shaft from the instant at which they meet."""

@@ -195,6 +195,8 @@ def test_mappings_are_accepted_as_dictionaries():
     [
         (0.0, 0.012, np.linspace(0.0, 0.012, 5, dtype=np.float32)),
         (0.0, 0.3, np.arange(4) * 0.1),
+        (0.0, 3e5, np.arange(4) * 0.1 * 1e6),
+        (0.0, 1e-12, [0.0, 1e-12]),
         (0.0, np.float32(0.7), [0.0, 0.7]),
         (0.1, 1.0, np.float32([0.1, 1.0])),
     ],

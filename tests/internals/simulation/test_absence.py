@@ -218,6 +218,9 @@ def test_jumps_and_breakpoints_are_looked_for_only_where_there_may_be_some():
     ):
         assert fewer - more == Counter()
         assert more["cond"] == fewer["cond"] + 1
+    # Where only the slope of a force jumps, derivatives alone are corrected.
+    linear = attempted(scene(pin(Hertz(1e9, exponent=1.0))))
+    assert linear["cond"] == attempted(scene(FORCED))["cond"]
 
 
 class Gate(cj.AppliedLoad):

@@ -166,6 +166,8 @@ def test_a_contact_touches_beyond_the_onset_of_its_force_or_with_an_entry_speed(
         for speed in (0.0, 0.1):
             instant = ContactInstant(gap, jnp.zeros(()), jnp.asarray(speed))
             assert bool(instant.touches(law)) == (speed > 0.0)
+    at_the_wall = ContactInstant(cj.extend.Gap(0.0, 0.1), jnp.zeros(()), None)
+    assert not bool(at_the_wall.touches(cj.laws.Hertz(1e9)))
 
 
 @pytest.mark.slow

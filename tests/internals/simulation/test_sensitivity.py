@@ -1,6 +1,7 @@
 """Sensitivities against an event-exact solver in quadruple precision, and closed forms."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -11,8 +12,9 @@ import clearjoint as cj
 from clearjoint._parametrisation.parameter import coordinates_of
 from clearjoint._parametrisation.parametrised_scene import parametrised
 from clearjoint._simulation.run import sampling
+from clearjoint._simulation.run.recorders import TangentPeakRecorder
 from clearjoint._simulation.run.run_checks import derivative_scheme
-from clearjoint._simulation.run.sampling import sampled
+from clearjoint._simulation.run.sampling import _amplification, sampled
 from clearjoint._simulation.run.sensitivities import _growth_of_derivatives
 from tests.support.oscillator import on_spring
 from tests.support.programs import body_of, primitives
@@ -165,6 +167,28 @@ def test_many_times_are_looked_at_in_blocks():
     blocks = sampling_loop(*SPRING, BY_STIFFNESS, X, 512)
     lengths = [eqn.params["length"] for eqn in blocks.eqns if eqn.primitive.name == "scan"]
     assert lengths == [64]
+
+
+def test_amplification_is_the_peak_times_the_time_since_over_the_positions_since():
+    """By x0, the speed -x0 w sin(w t) has its largest derivative, w, after a quarter period. Until
+    half a period, the largest derivative of the position cos(w t) since then is 1. The second
+    parameter has no effect."""
+
+    def with_speeds(positions, speeds):
+        return {"x": positions["x"], "v": speeds["v"]}
+
+    def at(angle):
+        motion = {"x": np.array([np.cos(angle), 0.0]), "v": np.array([-5.0 * np.sin(angle), 0.0])}
+        tangents = SimpleNamespace(y=SimpleNamespace(motion=motion))
+        return SimpleNamespace(t=angle / 5.0, tangents=tangents)
+
+    recorder, system = TangentPeakRecorder(), SimpleNamespace(with_speeds=with_speeds)
+    first, *steps = (at(k * np.pi / 8.0) for k in range(9))
+    peak = recorder.start(SimpleNamespace(loop=SimpleNamespace(system=system), step=first))
+    for step in steps:
+        peak = recorder.after(peak, SimpleNamespace(system=system, after=step))
+    np.testing.assert_allclose(peak.time, [0.1 * np.pi, 0.0], rtol=1e-12)
+    np.testing.assert_allclose(_amplification(steps[-1], peak), [0.5 * np.pi, 0.0], rtol=1e-12)
 
 
 def test_a_run_that_fails_keeps_what_it_reached():

@@ -40,6 +40,13 @@ def test_chaos_has_no_period_and_settled_statistics_and_a_drift_has_neither():
     assert slow.multiple(8, 1e-5) is None and slow.multiple(8, 1e-3) == 1
 
 
+@pytest.mark.parametrize("kind", Settling)
+def test_a_motion_has_settled_unless_it_has_not_or_its_run_failed(kind):
+    state, none = cj.State({}), np.zeros(0)
+    settled = settle.Settled(kind, state, 1.0, 0.0, 10, None, None, none, cj.RESULTS.successful)
+    assert settled.settled == (kind.name in ("PERIODIC", "STEADY", "STATIONARY"))
+
+
 def test_two_equal_periods_are_no_proof():
     rows = np.array([1.0, 2.0, 0.3, 0.3, 0.3])[:, None]
     assert Strobe(rows, np.ones(1)).multiple(8, 1e-6) is None
