@@ -7,14 +7,12 @@ import pytest
 
 from clearjoint._simulation.lanes import scheduler, xla_lanes
 from clearjoint._sweeps.work import Work
+from tests.support.datasets import assert_near, assert_same_bits
 from tests.support.rotor import swept
 from tests.sweeps import test_sweep_lanes
-from tests.sweeps.test_sweep_lanes import STIFFNESS, same
+from tests.sweeps.test_sweep_lanes import STIFFNESS
 
 lanes = test_sweep_lanes.lanes
-
-
-SMALL_WIDTH = 4
 
 
 def test_no_lanes_begin_while_ended_ones_wait_for_long(monkeypatch):
@@ -35,18 +33,13 @@ def test_no_lanes_begin_while_ended_ones_wait_for_long(monkeypatch):
     assert sum(numbers) == 40 and max(numbers) <= 16  # of a thread, with eight columns
 
 
-@pytest.fixture
-def by_xla(monkeypatch):
-    """Lanes in programs of XLA of four columns, some of which are refilled."""
-    monkeypatch.setenv("CLEARJOINT_NATIVE", "0")
-    monkeypatch.setattr(xla_lanes, "ON_CPU", SMALL_WIDTH)
-
-
 @pytest.mark.slow
-def test_lanes_by_xla_are_those_of_native_code_whatever_runs_beside_them(lanes, by_xla):
+def test_lanes_by_xla_are_those_of_native_code_whatever_runs_beside_them(lanes, monkeypatch):
+    """In programs of four columns, some of which are refilled."""
+    monkeypatch.setenv("CLEARJOINT_NATIVE", "0")
+    monkeypatch.setattr(xla_lanes, "ON_CPU", 4)
     found = swept(STIFFNESS)
-    for name in lanes.data_vars:
-        np.testing.assert_allclose(found[name], lanes[name], rtol=1e-7, atol=1e-9, err_msg=name)
-    same(found, swept(STIFFNESS[::-1]).isel(lane=slice(None, None, -1)))
-    same(found.isel(lane=[1, 6]), swept(STIFFNESS[[1, 6]]))
-    same(found, swept(STIFFNESS, threads=2))
+    assert_near(found, lanes, rtol=1e-7, atol=1e-9)
+    assert_same_bits(swept(STIFFNESS[::-1]).isel(lane=slice(None, None, -1)), found)
+    assert_same_bits(swept(STIFFNESS[[1, 6]]), found.isel(lane=[1, 6]))
+    assert_same_bits(swept(STIFFNESS, threads=2), found)
