@@ -81,6 +81,7 @@ def test_intervals_of_a_mechanism_hold_the_derivatives_of_the_closed_form():
         found = cj.statistics_derivatives(scene, state, 0.5, uncertain, outputs, **options)
         low, high = found["v_derivative_low"].values, found["v_derivative_high"].values
         inside.append((low < truth) & (truth < high))
+    print(f"\n100 seeds, 80 runs: {100.0 * np.mean(inside):.1f} % of the intervals")
     assert np.mean(inside) > 0.91
 
 
