@@ -9,6 +9,7 @@ import pytest
 import clearjoint as cj
 from clearjoint import plot
 from clearjoint.quantities import JournalOffset
+from tests.support.drawn_axes import legend
 from tests.support.dropped_rod import dropped_rod
 
 LAST = 0.04
@@ -102,10 +103,7 @@ def test_figures_have_labels_and_mark_what_is_limited(found):
     limited = cj.results.FitHorizon(**(vars(found) | {"numerical": 0.02}))
     axes = plot.growth(limited)
     assert axes.get_ylabel() == "displacement, m"
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == [
-        "log clearance",
-        "initial velocity, m/s",
-    ]
+    assert legend(axes) == ["log clearance", "initial velocity, m/s"]
     assert "integration fails" in [text.get_text() for text in axes.texts]
     assert plot.integration_error(limited).get_yscale() == "log"
     drawn = plot.record_length(found.information)
