@@ -139,6 +139,7 @@ def test_a_journal_at_the_wall_shows_its_penetration():
         (500.0, [2.0] * 20, "log"),
         (1000.0, [100.0] * 20, "log"),
     ],
+    ids=["impacts", "impacts alike", "lying", "lying at a tenth"],
 )
 def test_small_forces_are_visible_after_a_large_one(large, small, scale):
     force = np.array([0.0, large, *small])

@@ -8,7 +8,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 
 
-def begun(program: str | Path, *words: object) -> subprocess.Popen[str]:
+def started(program: str | Path, *words: object) -> subprocess.Popen[str]:
     """A process in the repository's root that runs a text or a file, and whose output is piped."""
     return subprocess.Popen(_command(program, words), cwd=ROOT, stdout=subprocess.PIPE, text=True)
 

@@ -29,7 +29,7 @@ from clearjoint._sweeps.store.store import SweepMemory
 from clearjoint.extend import quantity
 from tests.internals.support.fake_sweep import complete, identical, layout, opened, results
 from tests.support.dask_workers import dask_client
-from tests.support.processes import begun, printed
+from tests.support.processes import printed, started
 
 SPAWN = multiprocessing.get_context("spawn")
 MANY = layout(axes=(Coordinate("clearance", np.linspace(1e-4, 1e-3, 58), "m"),))
@@ -48,6 +48,12 @@ def write(store, chunk: int, arrays) -> None:
 def processes():
     with ProcessPoolExecutor(1, mp_context=SPAWN) as executor:
         yield executor
+
+
+@pytest.fixture(scope="module")
+def two_dask_workers(tmp_path_factory):
+    with dask_client(tmp_path_factory.mktemp("dask")) as client:
+        yield client
 
 
 @pytest.fixture
@@ -91,17 +97,16 @@ def settings(chunk):
     return {"words": words, "pid": np.array(os.getpid()), "threads": threads}
 
 
-def get_the_settings_of_this_one(executor) -> None:
+@pytest.mark.parametrize(
+    "kind", ["processes", pytest.param("two_dask_workers", marks=pytest.mark.slow)]
+)
+def test_workers_get_the_settings_of_this_process(kind, request):
     found = {}
-    run_chunks(settings, [0], executor, found.__setitem__)
+    run_chunks(settings, [0], request.getfixturevalue(kind), found.__setitem__)
     here = ["float64", "True", jax.config.jax_compilation_cache_dir]
     assert found[0]["words"].tolist() == here
     assert found[0]["pid"] != os.getpid()
     assert found[0]["threads"] == 1
-
-
-def test_processes_get_the_settings_of_this_one(processes):
-    get_the_settings_of_this_one(processes)
 
 
 def failing(chunk):
@@ -224,7 +229,7 @@ if __name__ == "__main__":
 def test_workers_of_a_process_that_is_killed_end_too(tmp_path):
     """After the first chunk."""
     (tmp_path / "script.py").write_text(KILLED)
-    with begun(tmp_path / "script.py") as process:
+    with started(tmp_path / "script.py") as process:
         lines = [process.stdout.readline().strip() for _ in range(4)]
         process.kill()
         assert process.stdout.read() == ""  # It ends when no process is left that can write.
@@ -432,17 +437,6 @@ print(jax.numpy.zeros(1).dtype, in_force()["CLEARJOINT_NATIVE"])
 def test_worker_where_jax_has_started_takes_the_settings_over():
     kept = {name: value for name, value in os.environ.items() if "JAX" not in name}
     assert printed(STARTED_OTHERWISE, env=kept).split() == ["float64", "0"]
-
-
-@pytest.fixture(scope="module")
-def two_dask_workers(tmp_path_factory):
-    with dask_client(tmp_path_factory.mktemp("dask")) as client:
-        yield client
-
-
-@pytest.mark.slow
-def test_dask_workers_get_the_settings_of_this_process(two_dask_workers):
-    get_the_settings_of_this_one(two_dask_workers)
 
 
 @pytest.mark.slow

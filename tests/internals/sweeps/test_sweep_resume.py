@@ -24,7 +24,7 @@ from clearjoint._sweeps.work import Work
 from clearjoint.extend import Wrench
 from tests.internals.support.fake_sweep import layout
 from tests.support.dask_workers import dask_client
-from tests.support.processes import begun as begun_process
+from tests.support.processes import started
 from tests.support.rotor import (
     END,
     INERTIA,
@@ -265,7 +265,7 @@ def test_killed_at_any_moment_a_sweep_loses_the_lanes_of_the_last_second(path):
     """Longer on a machine with much else to do."""
     rng = np.random.default_rng()
     for _ in range(10):
-        with begun_process(KILLED_AT_ANY_MOMENT, path) as process:
+        with started(KILLED_AT_ANY_MOMENT, path) as process:
             first = process.stdout.readline()
             time.sleep(rng.uniform(0.0, 4.0))
             process.kill()
@@ -289,7 +289,7 @@ def ended_lanes(lines):
 @pytest.mark.slow
 def test_a_process_that_is_interrupted_stores_what_had_ended_and_ends_in_order(path):
     """Not by a segmentation fault, as if a device still computed."""
-    with begun_process(KILLED_AT_ANY_MOMENT, path) as process:
+    with started(KILLED_AT_ANY_MOMENT, path) as process:
         first = process.stdout.readline()
         process.send_signal(signal.SIGINT)
         ended = ended_lanes([first, *process.stdout])

@@ -35,7 +35,7 @@ from tests.internals.support.fake_sweep import (
     results,
     written,
 )
-from tests.support.processes import begun
+from tests.support.processes import started
 
 pytestmark = pytest.mark.filterwarnings("error")
 MIDDLE = {1: [5, 6, 7, 8, 9]}
@@ -323,7 +323,7 @@ def test_killed_at_any_moment_it_loses_at_most_the_chunk_in_flight(path, tmp_pat
     kept: set[int] = set()
     kills = 6
     for _ in range(kills):
-        with begun(FILL, path, calls) as process:
+        with started(FILL, path, calls) as process:
             assert process.stdout.readline() == "ready\n"
             time.sleep(rng.uniform(0.02, 0.25))
             process.kill()
@@ -339,7 +339,7 @@ def test_killed_at_any_moment_it_loses_at_most_the_chunk_in_flight(path, tmp_pat
 
 @pytest.mark.slow
 def test_what_a_process_killed_during_creation_has_left_goes_and_what_is_being_made_stays(path):
-    with begun(CREATE_AND_DIE, path) as process:
+    with started(CREATE_AND_DIE, path) as process:
         assert process.wait() == -signal.SIGKILL
     (left,) = path.parent.iterdir()
     assert left != path
