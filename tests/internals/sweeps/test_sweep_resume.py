@@ -242,7 +242,9 @@ def test_lanes_whose_writing_is_interrupted_are_written_at_the_end(path, few, er
 
 KILLED_AT_ANY_MOMENT = """
 import sys, time
+import clearjoint
 import tests.conftest
+clearjoint.configure()
 from tests.internals.sweeps.test_sweep_resume import long_lanes
 from clearjoint._sweeps import computing
 add = computing._Writer.add
