@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+from functools import partial
 
 import jax.numpy as jnp
 import numpy as np
@@ -107,27 +108,23 @@ def other_rate(depth, load=OTHER_LOAD):
 
 OPTIONS = {"settle": 1, "measured": 2, "tolerance": 0.05, "samples": 16, "progress": False}
 RATES = {"pin": cj.WearRates(bearing=RATE), "other pin": cj.WearRates(journal=RATE)}
-
-
 OF_PIN = {"pin": RATES["pin"]}
-
-
-@pytest.fixture(scope="module")
-def found_of_two():
-    scene, state = whirling_and_rotating()
-    return cj.wear(scene, state, CYCLE, RATES, 300.0, largest_change=2e-6, **OPTIONS)
-
-
 SLOW = 1e-13
 """Specific wear rate, m^2/N, of a bearing that takes 100 000 cycles to a hundred penetrations."""
+SLOWLY = {"pin": cj.WearRates(bearing=SLOW)}
 DEEP = 500e-6
 """A hundred penetrations, m."""
 
 
 @pytest.fixture(scope="module")
+def found_of_two():
+    start = whirling_and_rotating()
+    return cj.wear(*start, CYCLE, RATES, 300.0, largest_change=2e-6, **OPTIONS)
+
+
+@pytest.fixture(scope="module")
 def found():
-    rates = {"pin": cj.WearRates(bearing=SLOW)}
-    return cj.wear(*whirling(DRAG), CYCLE, rates, 1e6, depth=DEEP, **OPTIONS)
+    return cj.wear(*whirling(DRAG), CYCLE, SLOWLY, 1e6, depth=DEEP, **OPTIONS)
 
 
 def test_a_bearing_wears_by_archards_law_to_a_hundred_penetrations(found):
@@ -171,10 +168,9 @@ def groove(volume):
 def test_a_constant_load_wears_a_groove_as_a_rigid_journal_does(load):
     """The penetration, by which the journal is less deep in the groove than a rigid one, is a
     hundredth of the depth, and the load's share of it at the ends of the groove is smaller."""
-    rates = {"pin": cj.WearRates(bearing=SLOW)}
     depth = 50.0 * load / STIFFNESS
     options = OPTIONS | {"samples": 96}
-    found = cj.wear(*pressed(load), CYCLE, rates, np.inf, depth=depth, **options)
+    found = cj.wear(*pressed(load), CYCLE, SLOWLY, np.inf, depth=depth, **options)
     assert found.attrs["ending"] == "reached the depth" and found.sizes["stage"] < 20
     cycles, at_end = found["cycles"].values, found["bearing_depth"][0, -1].values
     # By Archard's law: the rate times the load and the distance by which the journal's surface
@@ -199,10 +195,10 @@ def test_smaller_errors_of_stages_have_smaller_errors_at_the_end():
     light = cj.AppliedLoad("rotor", force=(lambda t: 0.3 * x(t), lambda t: 0.3 * y(t), z))
     scene = cj.set_value(scene, lambda s: s.bodies["rotor"].mass, mass)
     scene = dataclasses.replace(scene, forces={**scene.forces, "load": light})
-    rates, errors = {"pin": cj.WearRates(bearing=SLOW)}, []
+    errors = []
     for stage_error in (0.3, 0.003):
         options = OPTIONS | {"stage_error": stage_error, "settle": 2}
-        found = cj.wear(scene, state, CYCLE, rates, np.inf, depth=DEEP, **options)
+        found = cj.wear(scene, state, CYCLE, SLOWLY, np.inf, depth=DEEP, **options)
         mean = float(found["bearing_depth"][0, -1].mean())
         exact = closed_forms(mean, wear_rate=SLOW, mass=mass, load=load)
         errors.append(abs(float(found["cycles"][-1]) / exact - 1.0))
@@ -214,21 +210,12 @@ def test_smaller_errors_of_stages_have_smaller_errors_at_the_end():
     "joint, part, per_cycle", [("pin", "bearing", rate), ("other pin", "journal", other_rate)]
 )
 def test_each_of_two_joints_wears_as_it_would_alone(found_of_two, joint, part, per_cycle):
-    wears_as_alone(found_of_two, joint, part, per_cycle)
-
-
-def wears_as_alone(found, joint, part, per_cycle):
     """The depth at all angles follows the joint's own differential equation of Archard's law."""
+    found = found_of_two
     assert found.attrs["ending"] == "reached the cycles"
     cycles = found["cycles"].values
-    exact = solve_ivp(
-        lambda n, h: [per_cycle(h[0])],
-        (0.0, cycles[-1]),
-        [0.0],
-        t_eval=cycles,
-        rtol=1e-10,
-        atol=1e-16,
-    ).y[0]
+    span, tight = (0.0, cycles[-1]), {"rtol": 1e-10, "atol": 1e-16}
+    exact = solve_ivp(lambda n, h: [per_cycle(h[0])], span, [0.0], t_eval=cycles, **tight).y[0]
     depths = found[f"{part}_depth"].sel(joint=joint).values
     assert exact[-1] > 10e-6 and len(cycles) > 5
     np.testing.assert_allclose(depths[-1], exact[-1], rtol=2e-2)
@@ -263,9 +250,8 @@ def test_life_is_interpolated(found):
 
 
 def test_a_depth_may_end_the_computation_without_a_number_of_cycles(found):
-    scene, state = whirling(DRAG)
-    rates = {"pin": cj.WearRates(bearing=SLOW)}
-    short = cj.wear(scene, state, CYCLE, rates, np.inf, depth=5e-6, **OPTIONS)
+    start = whirling(DRAG)
+    short = cj.wear(*start, CYCLE, SLOWLY, np.inf, depth=5e-6, **OPTIONS)
     assert short.attrs["ending"] == "reached the depth"
     count = short.sizes["stage"]
     # The stages are those of the computation to a larger depth, up to the depth.
@@ -273,7 +259,7 @@ def test_a_depth_may_end_the_computation_without_a_number_of_cycles(found):
     deepest = np.maximum(short["bearing_depth"], short["journal_depth"]).max(["joint", "angle"])
     assert deepest[count - 2] < 5e-6 <= deepest[count - 1] < 5.1e-6
     with pytest.raises(ValueError, match="`cycles` must be finite.*`depth`"):
-        cj.wear(scene, state, CYCLE, rates, np.inf, **OPTIONS)
+        cj.wear(*start, CYCLE, SLOWLY, np.inf, **OPTIONS)
 
 
 def test_contacts_that_stay_open_reach_no_depth():
@@ -303,8 +289,7 @@ def rough():
 @pytest.mark.slow
 def test_stages_are_limited_where_the_force_begins_before_the_surfaces_touch():
     scene, state = rough()
-    rates = {"pin": cj.WearRates(bearing=RATE)}
-    found = cj.wear(scene, state, CYCLE, rates, 1e5, stages=3, **OPTIONS | {"tolerance": 0.5})
+    found = cj.wear(scene, state, CYCLE, OF_PIN, 1e5, stages=3, **OPTIONS | {"tolerance": 0.5})
     deepest = found["penetration"].values[0, :-1]
     assert np.all(deepest < 0.0)
     changes = np.diff(found["bearing_depth"][0].max("angle"))
@@ -349,13 +334,11 @@ def closed_forms(
 
 def other_closed_form(depth, other_load=OTHER_LOAD, other_wear_rate=RATE):
     """Number of cycles to a depth, m, of the journal that rotates under a constant load."""
-    return solve_ivp(
-        lambda h, _: [RATE / (other_wear_rate * other_rate(h, other_load))],
-        (0.0, depth),
-        [0.0],
-        rtol=1e-12,
-        atol=1e-9,
-    ).y[0, -1]
+
+    def cycles_per_metre(h, _):
+        return [RATE / (other_wear_rate * other_rate(h, other_load))]
+
+    return solve_ivp(cycles_per_metre, (0.0, depth), [0.0], rtol=1e-12, atol=1e-9).y[0, -1]
 
 
 VALUES = {
@@ -407,14 +390,13 @@ def test_derivatives_of_life_are_those_of_differences():
     # The mean depth, since the contact is narrower than the distance of the angles.
     derivatives = cj.life_derivatives(found.mean("angle", keepdims=True), 8e-6, "pin")
     scene, state = whirling(DRAG)
-    rates = {"pin": cj.WearRates(bearing=RATE)}
+    options = OPTIONS | {"stage_error": 1e-4}
     for name, number in PARAMETERS.items():
         lives = []
         for change in (1e-3, -1e-3):
             path = number.variation.path
             other = cj.set_value(scene, path, float(path(scene)) * np.exp(change))
-            options = OPTIONS | {"stage_error": 1e-4}
-            run = cj.wear(other, state, CYCLE, rates, GOALS, settings, **options)
+            run = cj.wear(other, state, CYCLE, OF_PIN, GOALS, settings, **options)
             lives.append(cj.cycles_to_depth(run.mean("angle", keepdims=True), 8e-6, "pin"))
         difference = (lives[0] - lives[1]) / 2e-3
         # The life is 160 cycles. By the stiffness, its derivative is 0.06 cycles only.
@@ -422,29 +404,27 @@ def test_derivatives_of_life_are_those_of_differences():
 
 
 def test_a_store_is_continued(tmp_path):
-    scene, state = whirling()
-    arguments = scene, state, CYCLE, OF_PIN, 3000.0
-    whole = cj.wear(*arguments, largest_change=2e-6, stages=3, **OPTIONS)
-    part = cj.wear(*arguments, largest_change=2e-6, stages=2, path=tmp_path / "wear", **OPTIONS)
-    assert part.attrs["ending"] == "2 stages"
-    assert cj.open_wear(tmp_path / "wear").attrs["ending"] == "2 stages"
-    rest = cj.wear(*arguments, largest_change=2e-6, stages=3, path=tmp_path / "wear", **OPTIONS)
-    assert rest.drop_attrs().identical(whole.drop_attrs())
+    start, path = whirling(), tmp_path / "wear"
+    staged = partial(cj.wear, *start, CYCLE, OF_PIN, 3000.0, largest_change=2e-6, **OPTIONS)
+    whole = staged(stages=3)
+    assert staged(stages=2, path=path).attrs["ending"] == "2 stages"
+    assert cj.open_wear(path).attrs["ending"] == "2 stages"
+    assert staged(stages=3, path=path).drop_attrs().identical(whole.drop_attrs())
     # As between the two renamings with which a stage replaces the store.
-    (tmp_path / "wear").rename(tmp_path / "wear.old")
-    assert cj.open_wear(tmp_path / "wear").drop_attrs().identical(whole.drop_attrs())
+    path.rename(tmp_path / "wear.old")
+    assert cj.open_wear(path).drop_attrs().identical(whole.drop_attrs())
     other = {"pin": cj.WearRates(bearing=2.0 * RATE)}
     with pytest.raises(ValueError, match="path"):
-        cj.wear(scene, state, CYCLE, other, 3000.0, path=tmp_path / "wear", **OPTIONS)
+        cj.wear(*start, CYCLE, other, 3000.0, path=path, **OPTIONS)
 
 
 @pytest.mark.slow
 def test_a_store_without_a_run_is_written_too(tmp_path):
-    scene, state = whirling()
-    cj.wear(scene, state, CYCLE, OF_PIN, 10.0, stages=1, path=tmp_path / "wear", **OPTIONS)
-    found = cj.open_wear(tmp_path / "wear")
+    path = tmp_path / "wear"
+    cj.wear(*whirling(), CYCLE, OF_PIN, 10.0, stages=1, path=path, **OPTIONS)
+    found = cj.open_wear(path)
     assert found.attrs["ending"] == "1 stages" and found.sizes["stage"] == 1
-    rest = cj.wear(scene, state, CYCLE, OF_PIN, 10.0, path=tmp_path / "wear", **OPTIONS)
+    rest = cj.wear(*whirling(), CYCLE, OF_PIN, 10.0, path=path, **OPTIONS)
     assert rest.attrs["ending"] == "reached the cycles"
 
 
@@ -453,12 +433,10 @@ def test_worn_profiles_are_put_into_the_scene(found_of_two):
     found = found_of_two
     worn = cj.worn(whirling_and_rotating()[0], found).joints
     angles, last = found["angle"].values, found.isel(stage=-1)
-    np.testing.assert_allclose(
-        worn["pin"].bearing_profile.at(angles).value, last["bearing_depth"][0], rtol=1e-9
-    )
-    np.testing.assert_allclose(
-        worn["other pin"].journal_profile.at(angles).value, -last["journal_depth"][1], rtol=1e-9
-    )
+    wall = worn["pin"].bearing_profile.at(angles).value
+    np.testing.assert_allclose(wall, last["bearing_depth"][0], rtol=1e-9)
+    journal = worn["other pin"].journal_profile.at(angles).value
+    np.testing.assert_allclose(journal, -last["journal_depth"][1], rtol=1e-9)
     assert worn["pin"].journal_profile is None and worn["other pin"].bearing_profile is None
 
 
@@ -495,10 +473,9 @@ def test_a_cycle_that_is_not_periodic_is_refused():
     ],
 )
 def test_unsuitable_arguments_are_refused(change, name):
-    scene, state = whirling()
-    given = {"cycle": CYCLE, "rates": {"pin": cj.WearRates(bearing=RATE)}, "cycles": 10.0}
+    usual = {"cycle": CYCLE, "rates": OF_PIN, "cycles": 10.0, "progress": False}
     with pytest.raises(ValueError, match=name):
-        cj.wear(scene, state, **given | {"progress": False} | change)
+        cj.wear(*whirling(), **usual | change)
 
 
 def test_points_between_the_bases_are_refused():
@@ -510,7 +487,7 @@ def test_points_between_the_bases_are_refused():
         r"but is 'pin': give the joint no `line_points`"
     )
     with pytest.raises(ValueError, match=f"`rates` must be a joint .* {refused}"):
-        cj.wear(scene, state, CYCLE, {"pin": cj.WearRates(bearing=RATE)}, 10.0)
+        cj.wear(scene, state, CYCLE, OF_PIN, 10.0)
     with pytest.raises(ValueError, match=f"`joint` must be a joint .* {refused}"):
         cj.ArchardWear("pin", coefficient=RATE, hardness=1.0).check(scene)
 

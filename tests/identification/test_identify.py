@@ -31,10 +31,8 @@ CLOSE = {"young": 400e9, "restitution": 0.85, "clearance": 0.51e-3}
 def clean():
     """Measurements without noise, from a run with tighter tolerances than those of the fits."""
     saved = cj.simulate(SCENE, STATE, END, cj.Settings(rtol=1e-12), save=cj.Saving(TIMES))
-    offset = journal(saved.states)
-    return cj.Measurements(
-        {name: cj.Series(PROBES[name], TIMES, offset[k], NOISE) for k, name in enumerate(PROBES)}
-    )
+    rows = zip(PROBES.items(), journal(saved.states), strict=True)
+    return cj.Measurements({n: cj.Series(probe, TIMES, row, NOISE) for (n, probe), row in rows})
 
 
 def journal(states):
@@ -78,10 +76,10 @@ def test_same_minimum_as_scipy_on_simulated_residuals(fit, draws):
     base = np.array([draws[0][name].values for name in PROBES])
 
     def of(coordinates):
-        values = [p.scale.value(u) for p, u in zip(PARAMETERS.values(), coordinates, strict=True)]
         scene = SCENE
-        for parameter, value in zip(PARAMETERS.values(), values, strict=True):
-            scene = cj.set_value(scene, parameter.variation.path, float(value))
+        for parameter, coordinate in zip(PARAMETERS.values(), coordinates, strict=True):
+            value = float(parameter.scale.value(coordinate))
+            scene = cj.set_value(scene, parameter.variation.path, value)
         saved = cj.simulate(scene, STATE, END, cj.Settings(rtol=1e-12), save=cj.Saving(TIMES))
         return ((journal(saved.states) - base) / NOISE).ravel()
 
@@ -92,9 +90,8 @@ def test_same_minimum_as_scipy_on_simulated_residuals(fit, draws):
 
 
 def test_a_fit_whose_runs_fail_says_so(draws):
-    failing = fitted(
-        draws[0], settings=replace(cj.presets.derivatives, max_steps=300), max_iterations=3
-    )
+    settings = replace(cj.presets.derivatives, max_steps=300)
+    failing = fitted(draws[0], settings=settings, max_iterations=3)
     assert failing.ending is cj.results.Ending.FAILED
     assert "does not reach the last sample" in failing.warnings[0]
     squares = sum(np.sum(row**2) for row in failing.residuals.values())
@@ -118,15 +115,13 @@ def test_draws_of_noise_are_fitted_as_by_themselves(fit, draws):
 def test_fit_in_labels_and_units(fit, draws):
     assert fit.units == {"young": "Pa", "restitution": "1", "clearance": "m"}
     assert fit.samples == 120 and fit.degrees_of_freedom == 117
-    assert fit.chi_squared == pytest.approx(
-        sum(np.sum(row**2) for row in fit.residuals.values()), rel=1e-9
-    )
+    squares = sum(np.sum(row**2) for row in fit.residuals.values())
+    assert fit.chi_squared == pytest.approx(squares, rel=1e-9)
     (warning,) = fit.warnings
     assert warning.startswith("The data hardly determine the combination +1 young +0.00")
     assert 0.001 < fit.p_value < 0.999
-    assert cj.parameters(fit.scene)["joints['shoulder'].clearance"][0] == pytest.approx(
-        fit.estimates["clearance"]
-    )
+    fitted_clearance, _ = cj.parameters(fit.scene)["joints['shoulder'].clearance"]
+    assert fitted_clearance == pytest.approx(fit.estimates["clearance"])
     for name, (low, high) in fit.intervals.items():
         assert low < fit.estimates[name] < high
     assert fit.intervals["restitution"][1] < 1.0
@@ -157,24 +152,24 @@ def test_minimum_of_an_objective(clean):
     def objective(found):
         return sum(jnp.sum(jnp.abs(found[name] - data[name])) for name in PROBES) / 1e-4
 
-    found = cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, TIMES, iterations=12)
+    def minimised(objective, times=TIMES, **options):
+        return cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, times, **options)
+
+    found = minimised(objective, iterations=12)
     assert found.result == cj.RESULTS.successful and found.history.shape == (12,)
     assert found.objective == found.history.min() < 0.5 * found.history[0]
     with pytest.raises(ValueError, match="`parameters` must be parameters for which the first run"):
-        few = replace(cj.presets.derivatives, max_steps=3)
-        cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, TIMES, settings=few)
+        minimised(objective, settings=replace(cj.presets.derivatives, max_steps=3))
 
     def rooted(found, first=found.history[0]):
         return jnp.sqrt(2.0 * first - objective(found))  # NaN far from the truth
 
-    short = cj.minimise(scene, STATE, rooted, PARAMETERS, PROBES, TIMES, iterations=3)
+    short = minimised(rooted, iterations=3)
     assert short.history.shape == (1,) and short.objective == short.history[0]
     with pytest.raises(ValueError, match="`objective` must be finite in the first run, but is nan"):
-        cj.minimise(scene, STATE, lambda o: -jnp.sqrt(-objective(o)), PARAMETERS, PROBES, TIMES)
-    with pytest.raises(ValueError, match="`iterations` must be a whole number, positive, but is 0"):
-        cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, TIMES, iterations=0)
+        minimised(lambda found: -jnp.sqrt(-objective(found)))
     with pytest.raises(ValueError, match="`times` must be a rising one-dimensional array"):
-        cj.minimise(scene, STATE, objective, PARAMETERS, PROBES, [])
+        minimised(objective, [])
 
 
 @pytest.mark.slow
@@ -184,9 +179,8 @@ def test_growing_windows_lead_back_a_guess_from_which_a_single_run_goes_astray(f
     window; data by the closed form x0 cos(sqrt(k/m) t)."""
     times = np.linspace(0.05, 3.0, 60)
     scene, state = on_spring("mass", 50.0 * factor, 2.0, 0.3)
-    series = cj.Series(
-        cj.quantities.Position("mass", "x"), times, 0.3 * np.cos(5.0 * times), noise=1e-3
-    )
+    moved = 0.3 * np.cos(5.0 * times)
+    series = cj.Series(cj.quantities.Position("mass", "x"), times, moved, noise=1e-3)
     data = cj.Measurements({"x": series.with_noise(np.random.default_rng(5))})
     parameters = {"stiffness": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
     run = partial(cj.identify, scene, state, data, parameters, check_runs=0, progress=False)
@@ -201,19 +195,13 @@ def test_growing_windows_lead_back_a_guess_from_which_a_single_run_goes_astray(f
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (
-            {"guess": {"mass": 1.0}},
-            r"`guess` must be values of estimated parameters, but is \['mass'\]: name .*y",
-        ),
+        ({"guess": {"mass": 1.0}}, r"`guess` must be values of estimated .*\['mass'\]: name .*y"),
         ({"guess": []}, r"`guess` must be at least one start, but is \[\]: leave it out"),
         ({"guess": {"restitution": 1.2}}, "Parameter 'restitution': Argument `value` .* 0 and 1"),
         ({"guess": {"clearance": -1.0}}, "Parameter 'clearance': .*must be positive, but is -1.0"),
         ({"grow": (0.02, 0.01)}, "`grow` must be rising times between the start, 0.0 s, and the"),
         ({"grow": (0.03,)}, r"the last sample, 0.03 s, but is \[0.03\]: leave out the time"),
-        (
-            {"max_iterations": 0},
-            "`max_iterations` must be a whole number, positive, but is 0: allow one run",
-        ),
+        ({"max_iterations": 0}, "`max_iterations` must be a whole .* but is 0: allow one run"),
         ({"check_runs": 10}, "`check_runs` must be None, 0, or a whole number from 50, but is 10"),
         ({"tolerance": 0.0}, "`tolerance` must be positive, but is 0.0: 1e-3 standard deviations"),
         ({"starts": cj.Starts(2, {"mass": 1.0})}, r"`spread` must be values of .*\['mass'\]"),
@@ -225,8 +213,6 @@ def test_options_that_no_fit_can_use(options, message, clean):
 
 
 def test_arguments_that_no_fit_can_use(clean):
-    with pytest.raises(ValueError, match="`number` must be a whole number, positive, but is 0"):
-        cj.Starts(0)
     with pytest.raises(ValueError, match=r"`parameters` must be at least one Parameter, but is {}"):
         cj.identify(SCENE, STATE, clean, {}, progress=False)
     with pytest.raises(ValueError, match="`measurements` must be not empty, but is 0"):

@@ -71,10 +71,8 @@ def test_a_free_flight_has_the_posterior_and_the_evidence_of_the_closed_form():
 def test_two_minima_have_the_weights_of_the_prior():
     equal = found(SQUARE)
     assert len(equal.weights) == 2 and equal.weights[1] == pytest.approx(0.5, abs=0.12)
-    assert {round(float(equal.coordinates[equal.modes == k].mean()), 1) for k in (0, 1)} == {
-        -0.8,
-        0.8,
-    }
+    means = [float(equal.coordinates[equal.modes == k].mean()) for k in (0, 1)]
+    assert sorted(means) == pytest.approx([-0.8, 0.8], abs=0.05)
     tilted = found(SQUARE, log_prior=lambda values: np.where(values["root"] > 0, np.log(3.0), 0.0))
     assert tilted.weights[0] == pytest.approx(0.75, abs=0.12)
     assert tilted.samples["root"][tilted.modes == 0].min() > 0.0
@@ -142,13 +140,12 @@ def test_a_prior_much_narrower_than_the_box_is_drawn_from():
     """The data hardly matter; formerly one point had all the weight."""
     width = 2e-3
     data = cj.Measurements({"x": cj.Series(CHANNEL, TIMES, SPEED * TIMES, noise=10.0)})
+
+    def log_prior(values):
+        return -0.5 * ((values["speed"] - SPEED) / width) ** 2
+
     for seed in (2, 9):
-        result = found(
-            data=data,
-            log_prior=lambda v: -0.5 * ((v["speed"] - SPEED) / width) ** 2,
-            draws=64,
-            seed=seed,
-        )
+        result = found(data=data, log_prior=log_prior, draws=64, seed=seed)
         assert result.means["speed"] == pytest.approx(SPEED, abs=0.5 * width)
         assert result.standard_deviations["speed"] == pytest.approx(width, rel=0.3)
         assert result.distinct > 50 and result.effective_sample_size > 64 and not result.warnings

@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from tests.identification.test_delays import MASS, SCENE, START, STATE, STIFF, V, X
+from tests.support.oscillator import on_spring
 
-NOISE, STIFFNESS = 1e-3, 50.0
+STIFFNESS, MASS, START, NOISE = 50.0, 2.0, 0.3, 1e-3
+SCENE, STATE = on_spring("mass", STIFFNESS, MASS, START)
+X, V = cj.quantities.Position("mass", "x"), cj.quantities.Velocity("mass", "x")
+STIFF = cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())
 TRUE = {"bias": 0.02, "gain": 0.95, "drift": -0.01, "delay": 0.013}
 KINDS = {kind: getattr(cj.Parameter, kind) for kind in TRUE}
 TIMES = np.linspace(0.05, 2.0, 60)
@@ -71,6 +74,10 @@ def test_a_fit_estimates_all_errors_with_the_standard_errors_that_they_should_ha
     np.testing.assert_allclose(np.sqrt(np.diag(fit.covariance)), expected, rtol=1e-2)
     for error, kind in zip(expected[1:], kinds, strict=True):
         assert abs(fit.estimates[kind] - TRUE[kind]) < 3.5 * error
+        low, high = fit.intervals[kind]
+        assert low < TRUE[kind] < high
+    assert fit.scene.forces["spring"].stiffness == pytest.approx(STIFFNESS, 1e-2)
+    assert fit.p_value > 1e-3
     assert fit.units == {"stiffness": "N/m", "bias": "m", "gain": "1", "drift": "m/s", "delay": "s"}
     assert fit.check.passed and fit.correlated == [] and fit.advice == []
 
@@ -121,22 +128,27 @@ def test_a_posterior_and_a_minimisation_know_the_errors_of_sensors():
     assert found.estimates["bias"] == pytest.approx(0.02, rel=1e-2)
 
 
-def test_errors_of_sensors_belong_to_measured_series():
-    data = probe_of({})
+@pytest.mark.parametrize("kind", [*TRUE])
+def test_an_error_of_a_sensor_belongs_to_measured_series(kind):
+    of_series, data = KINDS[kind], probe_of({})
+    with pytest.raises(ValueError, match=r"`series` must be names of series, but is \(\)"):
+        of_series()
+    axis = cj.Axis(of_series("probe").variation, [0.0])
+    with pytest.raises(ValueError, match=f"A {kind} .of series 'probe'. is not a number of a scen"):
+        cj.sweep(SCENE, STATE, 0.1, {"error": axis}, {"x": cj.Peak(X, "m")}, progress=False)
+    twice = {"one": of_series("probe"), "two": of_series("probe")}
+    with pytest.raises(ValueError, match=rf"`parameters\['two'\]` must be the only {kind} of its"):
+        cj.identify(SCENE, STATE, data, twice, progress=False)
+    lost, refused = {"lost": of_series("y")}, f"must be a {kind} of measured series: "
+    with pytest.raises(ValueError, match=rf"`parameters\['lost'\]` {refused}probe, laser"):
+        cj.identify(SCENE, STATE, data, lost, progress=False)
+    # Derivatives of outputs have no delays.
+    of_output = "A delay .of series 'y'. is not a number of a scene"
+    with pytest.raises(ValueError, match=of_output if kind == "delay" else f"{refused}x"):
+        cj.sensitivities(SCENE, STATE, 1.0, lost, {"x": X}, [0.5])
+
+
+def test_an_error_with_a_unit_belongs_to_series_with_the_same():
     mixed = {"bias": cj.Parameter.bias("probe", "laser")}
     with pytest.raises(ValueError, match=r"`parameters\['bias'\]` must be an error of series with"):
-        cj.identify(SCENE, STATE, data, mixed, progress=False)
-    with pytest.raises(ValueError, match="A drift .of series 'probe'. is not a number of a scene"):
-        cj.sweep(
-            SCENE,
-            STATE,
-            0.1,
-            {"d": cj.Axis(KINDS["drift"]("probe").variation, [0.0])},
-            {"x": cj.Peak(X, "m")},
-            progress=False,
-        )
-    twice = {"one": cj.Parameter.gain("x"), "two": cj.Parameter.gain("x")}
-    with pytest.raises(ValueError, match=r"`parameters\['two'\]` must be the only gain of its"):
-        cj.sensitivities(SCENE, STATE, 1.0, twice, {"x": X}, [0.5])
-    with pytest.raises(ValueError, match=r"must be a bias of measured series: x"):
-        cj.sensitivities(SCENE, STATE, 1.0, {"b": cj.Parameter.bias("y")}, {"x": X}, [0.5])
+        cj.identify(SCENE, STATE, probe_of({}), mixed, progress=False)

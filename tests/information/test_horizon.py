@@ -1,6 +1,7 @@
 """Growth of differences, ways from wrong guesses, and the horizons of a fit by a single run."""
 
 import warnings
+from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 import clearjoint as cj
 from clearjoint import plot
 from clearjoint.quantities import JournalOffset
+from tests.support.drawn_axes import legend
 from tests.support.dropped_rod import dropped_rod
 
 LAST = 0.04
@@ -18,16 +20,15 @@ def clearance(scene: cj.Scene):
     return scene.joints["pin"].clearance
 
 
+START, PARAMETERS = dropped_rod(), {"clearance": cj.Parameter(clearance, cj.Log())}
+
+
 @pytest.fixture(scope="module")
 def found() -> cj.results.FitHorizon:
     times = np.linspace(0.0, LAST, 401)[1:]
     probe = [JournalOffset("pin", component=k, base="V") for k in "xy"]
-    return cj.fit_horizon(
-        *dropped_rod(),
-        {"clearance": cj.Parameter(clearance, cj.Log())},
-        {"probe": cj.Sensor(probe, times, 5e-6)},
-        uncertainty={"clearance": np.log(3.0)},
-    )
+    sensors = {"probe": cj.Sensor(probe, times, 5e-6)}
+    return cj.fit_horizon(*START, PARAMETERS, sensors, uncertainty={"clearance": np.log(3.0)})
 
 
 def test_growth_in_flight_is_that_of_free_motion(found):
@@ -47,11 +48,10 @@ def test_a_short_run_is_within_all_horizons(found):
 
 
 def test_the_warning_gives_numbers_and_the_remedy(found):
-    limited = cj.results.FitHorizon(**(vars(found) | {"numerical": 0.02}))
     with pytest.warns(UserWarning, match="ends at 30 ms.*from 20 ms on.*first ends before 20 ms"):
-        limited.warn_if_beyond(0.03)
+        replace(found, numerical=0.02).warn_if_beyond(0.03)
     # The record that ends with the first inaccurate sample is too long.
-    limited = cj.results.FitHorizon(**(vars(found) | {"numerical": 0.005}))
+    limited = replace(found, numerical=0.005)
     with pytest.warns(UserWarning, match="ends at 5 ms.*from 5 ms on, integration errors"):
         limited.warn_if_beyond(0.005)
 
@@ -63,13 +63,12 @@ def test_the_report_names_limits_guesses_and_the_worth_of_longer_records(found):
     assert "40 ms" in text.splitlines()[-1]
 
 
-def test_errors(found):
+def test_errors():
     probe = {"probe": cj.Sensor(JournalOffset("pin", "x"), [0.01], 5e-6)}
-    parameters = {"clearance": cj.Parameter(clearance, cj.Log())}
     with pytest.raises(ValueError, match="`uncertainty`.*'clearance'"):
-        cj.fit_horizon(*dropped_rod(), parameters, probe, uncertainty={})
+        cj.fit_horizon(*START, PARAMETERS, probe, uncertainty={})
     with pytest.raises(ValueError, match=r"`uncertainty\['clearance'\]`.*positive"):
-        cj.fit_horizon(*dropped_rod(), parameters, probe, uncertainty={"clearance": 0.0})
+        cj.fit_horizon(*START, PARAMETERS, probe, uncertainty={"clearance": 0.0})
 
 
 @pytest.mark.slow
@@ -77,21 +76,17 @@ def test_horizons_of_the_double_pendulum():
     """Fits from a factor 5 in stiffness succeed at 55 ms and fail from 65 ms on, and those from the
     worst guess likewise (`studies/fits`). Rounding alone tells runs apart from 0.15 s on (the
     reference's README)."""
-    from studies.identifiability.instruments import ACROSS, BASES, PARAMETERS
+    from studies.identifiability.instruments import ACROSS, BASES
+    from studies.identifiability.instruments import PARAMETERS as KNOWN
 
-    times = np.arange(1, 2001) * 1e-4
     probe = [JournalOffset("shoulder", component=k, base=base) for base in BASES for k in ACROSS]
-    parameters = PARAMETERS | {
-        "restitution": cj.Parameter(
-            lambda s: s.joints["shoulder"].law.restitution, cj.Bounded(0.0, 1.0)
-        )
-    }
-    found = cj.fit_horizon(
-        *cj.mechanisms.double_pendulum(),
-        parameters,
-        {"probe": cj.Sensor(probe, times, 5e-6)},
-        uncertainty={"stiffness": np.log(5.0), "restitution": 1.8, "clearance": np.log(1.2)},
-    )
+    sensors = {"probe": cj.Sensor(probe, np.arange(1, 2001) * 1e-4, 5e-6)}
+    between = cj.Bounded(0.0, 1.0)
+    restitution = cj.Parameter(lambda s: s.joints["shoulder"].law.restitution, between)
+    parameters = KNOWN | {"restitution": restitution}
+    uncertainty = {"stiffness": np.log(5.0), "restitution": 1.8, "clearance": np.log(1.2)}
+    start = cj.mechanisms.double_pendulum()
+    found = cj.fit_horizon(*start, parameters, sensors, uncertainty=uncertainty)
     stiffer = next(g for g in found.guesses if (g.offsets > 0.0).tolist() == [True, False, False])
     assert 0.06 < stiffer.since < 0.075
     assert 0.03 < found.convergence < 0.045
@@ -99,13 +94,10 @@ def test_horizons_of_the_double_pendulum():
 
 
 def test_figures_have_labels_and_mark_what_is_limited(found):
-    limited = cj.results.FitHorizon(**(vars(found) | {"numerical": 0.02}))
+    limited = replace(found, numerical=0.02)
     axes = plot.growth(limited)
     assert axes.get_ylabel() == "displacement, m"
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == [
-        "log clearance",
-        "initial velocity, m/s",
-    ]
+    assert legend(axes) == ["log clearance", "initial velocity, m/s"]
     assert "integration fails" in [text.get_text() for text in axes.texts]
     assert plot.integration_error(limited).get_yscale() == "log"
     drawn = plot.record_length(found.information)

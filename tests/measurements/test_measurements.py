@@ -151,14 +151,16 @@ def test_invalid_series_are_refused(changes, message):
         probe(**changes)
 
 
-def test_a_function_needs_a_unit_and_a_channel_must_be_one():
-    with pytest.raises(ValueError, match="`unit` must be given for a channel without a unit"):
-        cj.Series(lambda now: now.time, [0.0], [1.0], 1.0)
-    with pytest.raises(ValueError, match="`channel` must be a scalar function .*'probe'"):
-        cj.Series("probe", [0.0], [1.0], 1.0)  # pyright: ignore
-    with pytest.raises(ValueError, match="`series` must be a dictionary with at least one"):
-        cj.Measurements({})
-    with pytest.raises(ValueError, match=r"`series\['a'\]` must be a Series, but is 'list'"):
-        cj.Measurements({"a": [1.0]})  # pyright: ignore
-    with pytest.raises(ValueError, match=r"`prediction` must be of shape \(3,\)"):
-        probe().residuals(np.zeros(2))
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: cj.Series(lambda now: now.time, [0.0], [1.0], 1.0), "`unit` must be given for a"),
+        (lambda: cj.Series("probe", [0.0], [1.0], 1.0), "`channel` must be a scalar .*'probe'"),
+        (lambda: cj.Measurements({}), "`series` must be a dictionary with at least one"),
+        (lambda: cj.Measurements({"a": [1.0]}), r"`series\['a'\]` must be a Series, but is 'list'"),
+        (lambda: probe().residuals(np.zeros(2)), r"`prediction` must be of shape \(3,\)"),
+    ],
+)
+def test_what_is_no_series_is_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()

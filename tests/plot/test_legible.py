@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 import clearjoint as cj
 from clearjoint import plot
 from clearjoint.plot.report_page import impact_rows
-from tests.plot.test_pictures import CODES, labels, record, seen_contact
+from tests.plot.test_pictures import CODES, record, seen_contact
+from tests.support.drawn_axes import labels, legend
 from tests.support.observations import observation_of
 from tests.support.tumbling_bearing import CLEARANCE, TIMES, solution_of
 
@@ -60,17 +61,16 @@ def test_steps_are_divided_where_bodies_move_in_curves():
     ends = np.array([0.0, 0.02, 0.02 + 1e-5, 0.02 + 2e-5])
     dense = cj.results.Trajectory(ends, flight(ends)).between()
     assert set(ends) <= set(dense.times.tolist())
+    np.testing.assert_array_equal(dense.interpolated, ~np.isin(dense.times, ends))
     assert np.diff(dense.times).max() <= 0.05 / 30.0 * (1.0 + 1e-9)
     assert len(dense) == 12 + 4 + 3  # 16 parts by the bend, and the short steps as they are
 
 
 def in_flight(tumbling, times) -> cj.results.Trajectory:
     """The journal thrown in a bearing at rest, from its middle to the wall."""
-    states = tumbling.solution.saved.states.bodies
-    still, count = np.zeros((len(times), 3)), len(times)
-    bearing = cj.BodyState(
-        still, np.tile(states["bearing"].orientation[0], (count, 1)), still, still
-    )
+    first = tumbling.solution.saved.states.bodies["bearing"].orientation[0]
+    still = np.zeros((len(times), 3))
+    bearing = cj.BodyState(still, np.tile(first, (len(times), 1)), still, still)
     velocity, bend = 20e-3 * SIDEWAYS, -4.0 * np.cross(AXIS, SIDEWAYS)
     t = times[:, None]
     centre = np.array([0.2, -0.1, 0.3]) + velocity * t + 0.5 * bend * t**2
@@ -110,8 +110,7 @@ DEPTHS = 1e-6 * np.array([1.0, 2.0, 3.0, 2.0, 1.5])
 def test_bases_that_move_alike_share_a_curve():
     seen = alike(seen_contact(DEPTHS, np.zeros(5), 1e6 * DEPTHS))
     for draw in (plot.journal_orbit, plot.eccentricities, plot.contact_forces):
-        axes = draw(seen, "pin")
-        names = [text.get_text() for text in axes.get_legend().get_texts()]
+        names = legend(draw(seen, "pin"))
         assert names[0] == "bases V and W" and "base W" not in names
     rose = plot.contact_rose(seen, "pin")
     (bars,) = rose.containers
@@ -132,24 +131,28 @@ def test_a_journal_at_the_wall_shows_its_penetration():
     assert labels(flying)[1] == "eccentricity, mm"
 
 
-@pytest.mark.parametrize(("first", "scale"), [(1000.0, "log"), (12.0, "linear")])
-def test_small_forces_are_visible_despite_a_large_one(first, scale):
-    force = np.array([0.0, first, 0.0, 10.0, 0.0, 9.0, 0.0, 11.0, 0.0, 10.0, 0.0])
-    seen = seen_contact(1e-7 * force - 1e-9, np.zeros(11), force)
+@pytest.mark.parametrize(
+    ("large", "small", "scale"),
+    [
+        (1000.0, [0.0, 10.0, 0.0, 9.0, 0.0, 11.0, 0.0, 10.0, 0.0], "log"),
+        (12.0, [0.0, 10.0, 0.0, 9.0, 0.0, 11.0, 0.0, 10.0, 0.0], "linear"),
+        (500.0, [2.0] * 20, "log"),
+        (1000.0, [100.0] * 20, "log"),
+    ],
+    ids=["impacts", "impacts alike", "lying", "lying at a tenth"],
+)
+def test_small_forces_are_visible_after_a_large_one(large, small, scale):
+    force = np.array([0.0, large, *small])
+    seen = seen_contact(1e-7 * force - 1e-9, np.zeros(len(force)), force)
     axes = plot.contact_forces(seen, "pin")
     assert axes.get_yscale() == scale
     low, high = axes.get_ylim()
-    assert low < 9.0 and high > first
-    share = axes.transAxes.inverted().transform(axes.transData.transform((0.0, 9.0)))[1]
+    least = force[force > 0.0].min()
+    assert low < least and high > large
+    share = axes.transAxes.inverted().transform(axes.transData.transform((0.0, least)))[1]
     assert share > 0.15
     assert plot.contact_forces(seen, "pin", logarithmic=False).get_yscale() == "linear"
     assert plot.joint_forces(seen, logarithmic=True).get_yscale() == "log"
-
-
-def test_steady_contact_after_a_large_impact_is_visible():
-    force = np.r_[0.0, 500.0, np.full(20, 2.0)]
-    seen = seen_contact(1e-8 * force, np.zeros(22), force)
-    assert plot.contact_forces(seen, "pin").get_yscale() == "log"
 
 
 def test_simultaneous_impacts_of_both_bases_share_a_row():
@@ -178,9 +181,8 @@ def test_a_section_has_equal_scales_circle_colour_bar_and_no_transient():
     assert labels(axes) == ("x, µm", "y, µm") and axes.get_aspect() == 1.0
     np.testing.assert_allclose(np.hypot(*axes.get_lines()[0].get_data()), 1e6 * CLEARANCE)
     kept = TIMES >= 0.03
-    np.testing.assert_allclose(
-        axes.collections[0].get_offsets()[:, 1], 1e6 * CLEARANCE * np.sin(TIMES[kept])
-    )
+    heights = axes.collections[0].get_offsets()[:, 1]
+    np.testing.assert_allclose(heights, 1e6 * CLEARANCE * np.sin(TIMES[kept]))
     bar = next(other for other in axes.figure.axes if other is not axes)
     assert bar.get_ylabel() == "number of the crossing"
     np.testing.assert_array_equal(axes.collections[0].get_array(), 1 + np.flatnonzero(kept))
@@ -209,13 +211,11 @@ def test_a_spectrum_ends_at_half_the_sampling_rate_with_its_tick():
     [(np.geomspace(1e-4, 4e-4, 5), "log"), (np.linspace(1e-4, 4e-4, 5), "linear")],
 )
 def test_geometric_axes_of_sweeps_are_logarithmic(values, scale):
-    data = xr.Dataset(
-        {
-            "result": (("clearance",), np.zeros(5, "int8"), CODES),
-            "force": (("clearance",), np.geomspace(1.0, 4.0, 5), {"units": "N"}),
-        },
-        {"clearance": (("clearance",), values, {"units": "m"})},
-    )
+    results = {
+        "result": ("clearance", np.zeros(5, "int8"), CODES),
+        "force": ("clearance", np.geomspace(1.0, 4.0, 5), {"units": "N"}),
+    }
+    data = xr.Dataset(results, {"clearance": ("clearance", values, {"units": "m"})})
     axes = plot.against(data, "force")
     assert (axes.get_xscale(), axes.get_yscale()) == (scale, "linear")
     axes.figure.canvas.draw()
@@ -261,14 +261,10 @@ def test_no_text_of_a_report_is_cut_off_or_on_another(seed):
     written = " ".join(text.get_text().replace("\n", " ") for text in boxes)
     # Each word of the table is there; long names are broken into lines.
     assert all(word in written for name in names for word in (name, *name.split()))
-    labels = {
-        axis.label: boxes[axis.label]
-        for axes in page.findobj(plt.Axes)
-        for axis in (axes.xaxis, axes.yaxis)
-        if axis.label in boxes
-    }
+    of_axes = [axis.label for a in page.findobj(plt.Axes) for axis in (a.xaxis, a.yaxis)]
+    names_of_axes = {label: boxes[label] for label in of_axes if label in boxes}
     cells = {text: box for text, box in boxes.items() if isinstance(text, Annotation)}
-    for family in (labels, cells):
+    for family in (names_of_axes, cells):
         drawn = list(family.items())
         for k, (text, box) in enumerate(drawn):
             assert box.x0 >= 0.0 and box.x1 <= page.bbox.width, text
@@ -285,12 +281,6 @@ def test_a_title_is_above_the_legend(draw):
     assert legend.y1 <= title.y0 + 1.0 and title.y1 <= axes.figure.bbox.height
 
 
-def test_a_steady_force_after_a_first_peak_ten_times_as_large_is_visible():
-    force = np.r_[0.0, 1000.0, np.full(20, 100.0)]
-    seen = seen_contact(1e-8 * force, np.zeros(22), force)
-    assert plot.contact_forces(seen, "pin").get_yscale() == "log"
-
-
 def test_the_drift_between_steps_is_that_at_their_ends():
     """A step of 0.1 s in which the work of a drive grows by a square, but the ledger by a line."""
     times = np.linspace(0.0, 0.2, 21)
@@ -298,10 +288,3 @@ def test_the_drift_between_steps_is_that_at_their_ends():
     inside = ~np.isin(np.arange(21), (0, 20))
     seen = observation_of(times, energies=energies, interpolated=inside)
     assert np.abs(seen.ledger_residual()).max() < 1e-15
-
-
-@pytest.mark.slow
-def test_states_inside_steps_are_marked_as_interpolated():
-    ends = np.array([0.0, 0.02, 0.04])
-    dense = cj.results.Trajectory(ends, flight(ends)).between()
-    np.testing.assert_array_equal(dense.interpolated, ~np.isin(dense.times, ends))

@@ -11,11 +11,13 @@ from matplotlib.text import Annotation
 
 import clearjoint as cj
 from clearjoint import plot
+from tests.plot.test_pictures import CODES
 from tests.support.tumbling_bearing import TIMES, solution_of
 
 JOINTS = ("_$x^$ \\frac{1 50% Größe", "$x^$ long\n" * 20)
 BODIES = ("$x^$ " + "n" * 200, "_$\\frac{$")
 CHANNELS = ("$x^$ 50% _Größe 轴", "$x^$" * 50)
+NEWTON = {"units": "N"}
 
 
 @pytest.fixture(scope="module")
@@ -120,19 +122,15 @@ def test_a_variable_without_a_name_is_refused(tmp_path):
 
 @pytest.mark.slow
 def test_pictures_of_a_sweep_and_a_fit_take_any_name():
+    numbers = np.arange(1.0, 5.0)
     for name in CHANNELS:
-        codes = {"flag_values": [0, 1], "flag_meanings": "successful max_steps_reached"}
-        data = xr.Dataset(
-            {
-                "result": ((name,), np.zeros(4, "int8"), codes),
-                f"peak {name}": ((name,), np.arange(1.0, 5.0), {"units": "N"}),
-            },
-            {name: ((name,), np.arange(1.0, 5.0), {"units": "m"}), "c, $": 0.5},
-        )
-        axes = plot.against(data, f"peak {name}")
-        plot.against(data, f"peak {name}", axes=axes)
+        peak = f"peak {name}"
+        results = {"result": (name, np.zeros(4, "int8"), CODES), peak: (name, numbers, NEWTON)}
+        data = xr.Dataset(results, {name: (name, numbers, {"units": "m"}), "c, $": 0.5})
+        axes = plot.against(data, peak)
+        plot.against(data, peak, axes=axes)
         drawn(axes.figure)
-        drawn(plot.convergence(data, f"peak {name}").figure)
+        drawn(plot.convergence(data, peak).figure)
 
     class Found:
         parameters = CHANNELS

@@ -6,6 +6,7 @@ import xarray as xr
 from matplotlib.colors import LogNorm
 
 from clearjoint import plot
+from tests.support.drawn_axes import labels, legend
 
 CODES = {"flag_values": [-1, 0, 1], "flag_meanings": "pending successful max_steps_reached"}
 CLEARANCES = np.geomspace(5e-5, 1e-3, 9)
@@ -41,14 +42,6 @@ def dataset() -> xr.Dataset:
 
 def failing() -> xr.Dataset:
     return dataset().isel(restitution=1)
-
-
-def labels(axes) -> tuple[str, str]:
-    return axes.get_xlabel(), axes.get_ylabel()
-
-
-def legend(axes) -> list[str]:
-    return [text.get_text() for text in axes.get_legend().get_texts()]
 
 
 def test_against_has_units_points_and_crosses():
@@ -115,19 +108,16 @@ def test_large_and_small_units():
     data["peak_force"] = (data["peak_force"] * 100).assign_attrs(units="N")
     data["energy"] = (data["peak_force"] * 1e-9).assign_attrs(units="J")
     data["acceleration"] = data["peak_force"].assign_attrs(units="m/s^2")
-    found = [
-        labels(plot.against(data, name))[1] for name in ("peak_force", "energy", "acceleration")
-    ]
+    names = "peak_force", "energy", "acceleration"
+    found = [labels(plot.against(data, name))[1] for name in names]
     assert found == ["peak force, kN", "energy, µJ", "acceleration, m/s²"]
 
 
 def test_against_a_zipped_sweep():
     data = failing().rename_dims(clearance="lane").reset_index("clearance").reset_coords()
     data = data.set_coords("clearance")
-    assert labels(plot.against(data, "peak_force", "clearance")) == (
-        "clearance, mm",
-        "peak force, N",
-    )
+    drawn = plot.against(data, "peak_force", "clearance")
+    assert labels(drawn) == ("clearance, mm", "peak force, N")
     with pytest.raises(ValueError, match="axis"):
         plot.against(data, "peak_force")
 

@@ -6,6 +6,7 @@ import warnings
 import numpy as np
 import pytest
 from scipy import signal
+from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from clearjoint import constraint_report
@@ -18,15 +19,9 @@ POINT, AXIS = (0.1, 0.02, 0.0), (1.0, 2.0, 0.0)
 
 def mass_in_bearing(**state):
     """A mass that falls in its bearing, without damping."""
-    pin = cj.ClearanceJoint(
-        "ground",
-        "mass",
-        bearing_radius=10e-3,
-        clearance=0.3e-3,
-        journal_length=20e-3,
-        law=cj.laws.Hertz(1e8),
-        axial=cj.FixedAxially(),
-    )
+    sizes = {"bearing_radius": 10e-3, "clearance": 0.3e-3, "journal_length": 20e-3}
+    held = {"law": cj.laws.Hertz(1e8), "axial": cj.FixedAxially()}
+    pin = cj.ClearanceJoint("ground", "mass", **sizes, **held)
     body = cj.Body(7.0, (1e-2, 1e-2, 1e-2))
     scene = cj.Scene({"mass": body}, {"pin": pin}, gravity=(0.0, -GRAVITY, 0.0))
     return scene, cj.State({"mass": cj.body_state((0.0, 0.0, 0.0), **state)})
@@ -42,16 +37,10 @@ def test_it_starts_on_its_body_deflected_by_gravity():
     scene, state, reading = with_sensor()
     report = constraint_report(scene, state, 0.0)
     assert np.abs(report.values).max() < 1e-15 and np.abs(report.rates).max() < 1e-12
-    axis = np.array(AXIS) / math.sqrt(5.0)
-    turned = np.array(
-        [
-            math.cos(0.6) * axis[0] - math.sin(0.6) * axis[1],
-            math.sin(0.6) * axis[0] + math.cos(0.6) * axis[1],
-        ]
-    )
+    turn = Rotation.from_rotvec([0.0, 0.0, 0.6])
+    turned = turn.apply(AXIS) / math.sqrt(5.0)
     arm = state.bodies["mass accelerometer"].position - state.bodies["mass"].position
-    point = [math.cos(0.6) * 0.1 - math.sin(0.6) * 0.02, math.sin(0.6) * 0.1 + math.cos(0.6) * 0.02]
-    deflection = (arm[:2] - point) @ turned
+    deflection = (arm - turn.apply(POINT)) @ turned
     assert -((2 * math.pi * FREQUENCY) ** 2) * deflection == pytest.approx(GRAVITY * turned[1])
     reading.check(scene)
     assert reading.unit == "m/s^2" and reading == q.AccelerometerReading("mass accelerometer")
@@ -59,11 +48,10 @@ def test_it_starts_on_its_body_deflected_by_gravity():
 
 def test_sensor_names_are_unique_and_usual_values_cause_no_warning():
     scene, state = mass_in_bearing()
+    options = {"axis": AXIS, "frequency": 1e3}
     with warnings.catch_warnings(action="error"):
         for name in ("near", "far"):
-            scene, state, _ = cj.accelerometer(
-                scene, state, "mass", axis=AXIS, frequency=1e3, name=name
-            )
+            scene, state, _ = cj.accelerometer(scene, state, "mass", name=name, **options)
     assert set(scene.bodies) == {"mass", "near", "far"}
     assert float(scene.bodies["far"].mass) == pytest.approx(7e-6)
 
@@ -94,9 +82,7 @@ def test_a_reading_names_its_sensor():
 
 PARAMETERS = {
     "clearance": cj.Parameter(lambda scene: scene.joints["pin"].clearance, cj.Log()),
-    "stiffness": cj.Parameter(
-        lambda scene: scene.forces["mass accelerometer spring"].stiffness, cj.Log()
-    ),
+    "stiffness": cj.Parameter(lambda s: s.forces["mass accelerometer spring"].stiffness, cj.Log()),
 }
 
 

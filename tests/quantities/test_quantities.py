@@ -18,6 +18,7 @@ from clearjoint.mechanisms import CRANK_LENGTH, ROD_LENGTH
 JOINT = Formulation(cj.JointCoordinates())
 ABSOLUTE = Formulation(cj.AbsoluteCoordinates())
 ANGLE, SPIN, LENGTH, MASS, GRAVITY = 2.5, 3.0, 0.8, 1.7, 9.81
+BODY = cj.Body(1.0, (1.0, 1.0, 1.0))
 
 
 def instant(scene, state):
@@ -59,25 +60,24 @@ def test_point_of_a_spinning_pendulum(pendulum):
     fall = -1.5 * GRAVITY / LENGTH * math.cos(ANGLE)
     acceleration = arm * (fall * across - SPIN**2 * out)
     weight = np.array([0.0, -GRAVITY, 0.0])
-    close = {"rtol": 1e-12, "atol": 1e-12}
-    compare = np.testing.assert_allclose
-    compare(vector(q.PointPosition, now, "rod", point), arm * out, **close)
-    compare(vector(q.PointVelocity, now, "rod", point), arm * SPIN * across, **close)
-    compare(vector(q.PointAcceleration, now, "rod", point), acceleration, **close)
-    felt = acceleration - weight
-    compare(vector(q.PointAcceleration, now, "rod", point, gravity=True), felt, **close)
-    compare(
-        vector(q.PointAcceleration, now, "rod", point, axes="body", gravity=True),
-        [felt @ out, felt @ across, 0.0],
-        **close,
-    )
+    felt, measured = acceleration - weight, {"axes": "body", "gravity": True}
+    for quantity, options, expected in (
+        (q.PointPosition, {}, arm * out),
+        (q.PointVelocity, {}, arm * SPIN * across),
+        (q.PointAcceleration, {}, acceleration),
+        (q.PointAcceleration, {"gravity": True}, felt),
+        (q.PointAcceleration, measured, [felt @ out, felt @ across, 0.0]),
+    ):
+        found = vector(quantity, now, "rod", point, **options)
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
     assert q.PointVelocity("rod", point)(now) == pytest.approx(arm * SPIN)
     size = np.linalg.norm(acceleration)
     assert q.PointAcceleration("rod", point, axes="body")(now) == pytest.approx(size)
     centre = 0.5 * LENGTH * (fall * across - SPIN**2 * out)
     push = MASS * (centre - weight)
-    compare(vector(q.Reaction, now, "pin", "rod"), push, rtol=1e-10, atol=1e-10)
-    compare(vector(q.Reaction, now, "pin", "ground"), -push, rtol=1e-10, atol=1e-10)
+    for body, expected in (("rod", push), ("ground", -push)):
+        found = vector(q.Reaction, now, "pin", body)
+        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10)
     assert q.Reaction("pin", "rod")(now) == pytest.approx(np.linalg.norm(push))
 
 
@@ -117,10 +117,9 @@ def test_moment_of_a_fixed_joint_is_that_of_the_weight_beside_it():
     scene = cj.Scene({"beam": beam}, {"wall": wall}, gravity=(0, -GRAVITY, 0))
     now = instant(scene, cj.State({"beam": cj.body_state((0.4, 0, 0))}))
     moment = 0.4 * MASS * GRAVITY
-    found = vector(q.ReactionMoment, now, "wall", "beam")
-    np.testing.assert_allclose(found, [0.0, 0.0, moment], atol=1e-9)
-    found = vector(q.ReactionMoment, now, "wall", "ground")
-    np.testing.assert_allclose(found, [0.0, 0.0, -moment], atol=1e-9)
+    for body, expected in (("beam", moment), ("ground", -moment)):
+        found = vector(q.ReactionMoment, now, "wall", body)
+        np.testing.assert_allclose(found, [0.0, 0.0, expected], atol=1e-9)
     assert q.ReactionMoment("wall", "beam", axes="body")(now) == pytest.approx(moment)
 
 
@@ -178,7 +177,7 @@ def test_angle_about_a_slanted_axis_is_that_of_the_projection():
     about, direction, reference = np.random.default_rng(3).normal(size=(3, 3))
     turn = Rotation.from_rotvec([0.3, -1.2, 0.8])
     body = cj.body_state((0, 0, 0), turn.as_quat(scalar_first=True))
-    scene = cj.Scene({"a": cj.Body(1.0, (1.0, 1.0, 1.0))})
+    scene = cj.Scene({"a": BODY})
     now = instant(scene, cj.State({"a": body}))
     found = float(q.Angle("a", about, reference, axis=direction)(now))
     unit = about / np.linalg.norm(about)
@@ -192,7 +191,7 @@ def test_angle_about_a_slanted_axis_is_that_of_the_projection():
 def test_angle_of_a_horizontal_body_axis_with_the_components_of_the_fixed_axis():
     tilt = Rotation.from_euler("y", 90.0, degrees=True)  # turns the body's z axis to the global x
     turn = Rotation.from_rotvec((0.0, 0.0, 0.3)) * tilt
-    scene = cj.Scene({"arm": cj.Body(1.0, (1.0, 1.0, 1.0))})
+    scene = cj.Scene({"arm": BODY})
     body = cj.body_state((0, 0, 0), turn.as_quat(scalar_first=True))
     angle = q.Angle("arm", about=(0, 0, 1), reference=(1, 0, 0), axis=(0, 0, 1))
     assert angle(instant(scene, cj.State({"arm": body}))) == pytest.approx(0.3)
@@ -204,7 +203,7 @@ def test_joint_angle_counts_from_the_shortest_turn_between_the_axes():
     across = np.cross(here, axis)
     shortest = Rotation.from_rotvec(across / np.linalg.norm(across) * math.acos(here @ axis))
     hinge = cj.CylindricalJoint("ground", "a", (0, 0, 0), (0, 0, 0), 2.0 * axis, 3.0 * here)
-    scene = cj.Scene({"a": cj.Body(1.0, (1.0, 1.0, 1.0))}, {"hinge": hinge})
+    scene = cj.Scene({"a": BODY}, {"hinge": hinge})
 
     def angle(turned):
         turn = Rotation.from_rotvec(turned * axis) * shortest
@@ -218,17 +217,12 @@ def test_joint_angle_counts_from_the_shortest_turn_between_the_axes():
 @pytest.mark.parametrize("axis", [(1.0, 0.0, 1e-17), (0.0, 0.0, 1.0), (0.6, -0.8, 0.0)])
 def test_joint_angle_is_zero_for_parallel_frames(axis):
     """For axes equal but for rounding, and for opposite ones."""
-    scene = cj.Scene(
-        {"a": cj.Body(1.0, (1.0, 1.0, 1.0)), "b": cj.Body(1.0, (1.0, 1.0, 1.0))},
-        {
-            "equal": cj.RevoluteJoint(
-                "ground", "a", (0, 0, 0), (0, 0, 0), axis, np.array(axis) - [0, 0, 2e-17]
-            ),
-            "opposite": cj.CylindricalJoint(
-                "ground", "b", (0, 0, 0), (0, 0, 0), axis, [-part for part in axis]
-            ),
-        },
-    )
+    points, along = ((0, 0, 0), (0, 0, 0)), np.array(axis)
+    joints = {
+        "equal": cj.RevoluteJoint("ground", "a", *points, along, along - [0, 0, 2e-17]),
+        "opposite": cj.CylindricalJoint("ground", "b", *points, along, -along),
+    }
+    scene = cj.Scene(dict.fromkeys("ab", BODY), joints)
     scene = jax.tree.map(jnp.asarray, scene)  # so that nothing is structural
     state = cj.State({name: cj.body_state((0, 0, 0)) for name in scene.bodies})
     variables = ABSOLUTE.coordinates.encode(unpack(scene), unpack(state.bodies))
@@ -244,9 +238,8 @@ def test_joint_angles_of_the_slider_crank():
     expected = {"motor": 1.0, "crank bearing": 1.0, "crank pin": rod - 1.0, "slider pin": rod}
     found = {name: float(q.JointAngle(name)(now)) for name in expected}
     assert found == pytest.approx(expected, abs=1e-12)
-    driven, _ = cj.mechanisms.slider_crank(
-        angle=1.0, motor=cj.DriveTorque("ground", "crank", (0, 0, 1), 2.0)
-    )
+    torque = cj.DriveTorque("ground", "crank", (0, 0, 1), 2.0)
+    driven, _ = cj.mechanisms.slider_crank(angle=1.0, motor=torque)
     assert q.JointAngle("motor")(instant(driven, state)) == pytest.approx(1.0)
 
 
@@ -264,12 +257,9 @@ def swinging(friction):
     moving = velocity + np.cross(first.apply(spins[0]), first.apply([0.5, 0, 0]))
     spin = second.inv().apply(first.apply(spins[0])) + spins[1]
     arm = second.apply([0.0, 0.0, 0.5])
-    bodies["arm 3"] = cj.body_state(
-        elbow + arm,
-        second.as_quat(scalar_first=True),
-        moving + np.cross(second.apply(spin), arm),
-        spin,
-    )
+    moving += np.cross(second.apply(spin), arm)
+    turn = second.as_quat(scalar_first=True)
+    bodies["arm 3"] = cj.body_state(elbow + arm, turn, moving, spin)
     return scene, cj.State(bodies)
 
 
@@ -280,12 +270,10 @@ def test_values_are_those_of_observe():
     solution = SimpleNamespace(formulation=JOINT, redundant_constraints=())
     seen = cj.observe(scene, solution, cj.results.Trajectory(np.zeros(1), row))  # pyright: ignore
     for arm in ("arm 2", "arm 3"):
-        expected = seen.reactions["elbow"][arm].force[0]
-        found = vector(q.Reaction, now, "elbow", arm)
-        np.testing.assert_allclose(found, expected, rtol=1e-8)
-        expected = seen.accelerations[arm].linear[0]
-        found = vector(q.PointAcceleration, now, arm, (0, 0, 0))
-        np.testing.assert_allclose(found, expected, rtol=1e-8)
+        force = vector(q.Reaction, now, "elbow", arm)
+        np.testing.assert_allclose(force, seen.reactions["elbow"][arm].force[0], rtol=1e-8)
+        acceleration = vector(q.PointAcceleration, now, arm, (0, 0, 0))
+        np.testing.assert_allclose(acceleration, seen.accelerations[arm].linear[0], rtol=1e-8)
     friction = seen.contacts["shoulder"]["V"].friction_force[0]
     found = q.FrictionForce("shoulder", "V")(now)
     assert found == pytest.approx(np.linalg.norm(friction), rel=1e-8)
@@ -364,10 +352,7 @@ def test_derivatives_are_those_of_differences():
         (lambda: q.PointPosition("a", (0, 0), "x"), r"`point` must be an array of shape \(3,\)"),
         (lambda: q.PointAcceleration("a", (0, 0, 0), "x", "local"), r"`axes` must be.*'local'"),
         (lambda: q.Angle("a", (0, 0, 0)), "`about` must be a vector of non-zero length"),
-        (
-            lambda: q.Angle("a", (0, 0, 1), axis=(0, 0, 2)),
-            "`axis` must be .* not parallel",
-        ),
+        (lambda: q.Angle("a", (0, 0, 1), axis=(0, 0, 2)), "`axis` must be .* not parallel"),
         (
             lambda: q.Angle("a", (0, 0, 1), reference=(0, 0, 2), axis=(1, 0, 0)),
             "`reference` must be .* not parallel",
@@ -418,7 +403,7 @@ def test_an_instant_of_a_late_run_has_the_same_time_after_a_transformation():
 
 def test_a_row_without_a_multiplier_is_refused():
     pivot = cj.SphericalJoint("ground", "ball", (0, 0, 0), (0, 0, 0))
-    scene = cj.Scene({"ball": cj.Body(1.0, (1.0, 1.0, 1.0))}, {"pivot": pivot})
+    scene = cj.Scene({"ball": BODY}, {"pivot": pivot})
     scene, state = unpack((scene, cj.State({"ball": cj.body_state((0, 0, 0))})))
     system = System(scene, Formulation(), origin=jnp.asarray(0.0))
     now = Instant(system, jnp.asarray(0.0), system.encode(state.bodies), {}, {})

@@ -1,8 +1,6 @@
 """Pages of the documentation: all public names, guides and studies, and no dead links."""
 
-import json
 import os
-import re
 import subprocess
 import sys
 import tomllib
@@ -36,23 +34,6 @@ def test_every_guide_and_study_has_a_page():
     written = [*ROOT.glob("notebooks/*.ipynb"), *ROOT.glob("studies/**/README.md")]
     missing = [str(p.relative_to(ROOT)) for p in written if f'"{p.relative_to(ROOT)}"' not in text]
     assert missing == [], WHERE
-
-
-@pytest.mark.slow
-def test_links_of_guides_and_studies_lead_to_pages(tmp_path):
-    pytest.importorskip("griffe")
-    pytest.importorskip("nbconvert")
-    from clearjoint.reference.__main__ import SOURCE, page_of, write_page
-
-    names = SOURCE.findall(json.dumps(SITE["site"]["nav"]))
-    assert len(names) > 30
-    for name in names:
-        write_page(name, tmp_path)
-    for name in names:
-        page = tmp_path / page_of(name)
-        text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
-        links = [link for link in re.findall(r"\]\(([^)#\s]+)", text) if "://" not in link]
-        assert [link for link in links if not (page.parent / link).is_file()] == [], name
 
 
 def test_docstrings_become_markdown_with_links():
@@ -98,10 +79,8 @@ def test_one_command_writes_pages_without_dead_links(tmp_path):
         for link in page.links:
             target = Path(os.path.normpath(file.parent / unquote(link.path))) if link.path else file
             assert target.is_file(), (file, link)
-            assert target not in pages or unquote(link.fragment) in pages[target].anchors, (
-                file,
-                link,
-            )
+            anchors = pages[target].anchors if target in pages else {unquote(link.fragment)}
+            assert unquote(link.fragment) in anchors, (file, link)
         # References that mkdocstrings or the formulas' converter left as they were.
         text = file.read_text(encoding="utf-8")
         assert "][clearjoint" not in text and "arithmatex" not in text, file

@@ -10,14 +10,8 @@ from scipy.interpolate import CubicSpline
 
 import clearjoint as cj
 from clearjoint import plot
-from studies.robots.geared_joint import (
-    COUNTS,
-    NOISE,
-    URDF,
-    GearedJoint,
-    log_table,
-    swinging,
-)
+from studies.robots.geared_joint import COUNTS, NOISE, GearedJoint, log_table, swinging
+from tests.support.rig import rig
 
 JOINT = GearedJoint()
 FIND = {"elbow": {"play": "1 deg", "friction": None, "damping": None, "inertia": 0.02}}
@@ -27,6 +21,7 @@ TRUTH = {
     "elbow damping": JOINT.damping,
     "elbow inertia": JOINT.inertia,
 }
+DRY = cj.frictions.RegularisedCoulomb(1.0, 1e-4)
 QUIET = {"progress": False}
 
 
@@ -35,10 +30,9 @@ def with_drive(tmp_path):
     """Returns the robot with a drive whose play is twice the true one."""
 
     def make(**options):
-        (tmp_path / "rig.urdf").write_text(URDF.format(inertia=JOINT.inertia))
         gear = {"stiffness": JOINT.stiffness, "damping": JOINT.flank_damping}
         drive = cj.Drive(armature=JOINT.armature, play="1 deg", **gear, **options)
-        return cj.load_robot(tmp_path / "rig.urdf").with_drive("elbow", drive)
+        return rig(tmp_path).with_drive("elbow", drive)
 
     return make
 
@@ -81,8 +75,7 @@ def test_play_friction_and_inertia_of_a_log(robot):
 
 
 def test_a_load_that_never_reverses_does_not_show_the_play(with_drive):
-    law = cj.frictions.RegularisedCoulomb(1.0, 1e-4)
-    robot = with_drive(friction=JOINT.friction, viscosity=JOINT.damping, law=law)
+    robot = with_drive(friction=JOINT.friction, viscosity=JOINT.damping, law=DRY)
     # The motor holds the link against gravity, and moves it little.
     held_up = JOINT.mass * 9.81 * JOINT.length * np.sin(0.8)
     times, torques = swinging(0, 0.5, size=0.3)
@@ -140,8 +133,7 @@ def test_a_motor_that_starts_at_a_flank(place, robot):
 @pytest.mark.slow
 def test_torques_of_a_joint_that_follows_its_angle(tmp_path):
     """Against linear least squares of torque = J q'' + m g l sin q + c sign q' + d q'."""
-    (tmp_path / "rig.urdf").write_text(URDF.format(inertia=0.02))
-    robot = cj.load_robot(tmp_path / "rig.urdf")
+    robot = rig(tmp_path, inertia=0.02)
     times = np.arange(3001) / 1000.0  # the second derivative of a spline errs by (w h)^2 / 12
     phase = 2.0 * np.pi * times
     q, qd = 0.6 * np.sin(phase) + 0.2 * np.sin(2.3 * phase), np.zeros(0)
@@ -193,10 +185,8 @@ DELAY, BIAS = 0.008, 0.02
 
 
 def test_logs_that_were_not_fitted_are_predicted(tmp_path):
-    (tmp_path / "rig.urdf").write_text(URDF.format(inertia=JOINT.inertia))
-    law = cj.frictions.RegularisedCoulomb(1.0, 1e-4)
-    drive = cj.Drive(armature=JOINT.armature, friction=0.15, viscosity=0.1, law=law)
-    robot = cj.load_robot(tmp_path / "rig.urdf").with_drive("elbow", drive)
+    drive = cj.Drive(armature=JOINT.armature, friction=0.15, viscosity=0.1, law=DRY)
+    robot = rig(tmp_path).with_drive("elbow", drive)
     motor = cj.Motor(*robot.motor_side("elbow"), 0.0, proportional=20.0, derivative=0.0)
     sensor = {
         "delay": cj.Parameter.delay("elbow position"),
@@ -205,15 +195,9 @@ def test_logs_that_were_not_fitted_are_predicted(tmp_path):
     log, _ = servo_log(20.0, 0.4)
     find, options = {"elbow": ["friction", "damping"]}, {"parameters": sensor, "grow": (), **QUIET}
     found = cj.fit_robot(robot, log, find, {"elbow": motor}, **options)
-    truth = {
-        "elbow friction": JOINT.friction,
-        "elbow damping": JOINT.damping,
-        "delay": DELAY,
-        "bias": BIAS,
-    }
-    for name, value in truth.items():
+    for name in ("elbow friction", "elbow damping", "delay", "bias"):
         low, high = found.fit.intervals[name]
-        assert low < value < high, name
+        assert low < (TRUTH | {"delay": DELAY, "bias": BIAS})[name] < high, name
     # The friction of a drive without play is that of the fit, and not a second one.
     assert [n for n in found.robot.scene.joints if "friction" in n] == ["elbow motor friction"]
     np.testing.assert_allclose(
@@ -229,11 +213,9 @@ def test_logs_that_were_not_fitted_are_predicted(tmp_path):
 @pytest.mark.slow
 def test_the_loss_of_a_gear_is_found(tmp_path):
     """Two inertias on a spring, whose torque times the loss adds to the friction of the rotor."""
-    (tmp_path / "rig.urdf").write_text(URDF.format(inertia=JOINT.inertia))
-    law = cj.frictions.RegularisedCoulomb(1.0, 1e-4)
     gear = {"stiffness": 200.0, "damping": 0.5}
-    drive = cj.Drive(armature=JOINT.armature, friction=0.2, loss=0.1, law=law, **gear)
-    robot = cj.load_robot(tmp_path / "rig.urdf").with_drive("elbow", drive)
+    drive = cj.Drive(armature=JOINT.armature, friction=0.2, loss=0.1, law=DRY, **gear)
+    robot = rig(tmp_path).with_drive("elbow", drive)
     times, torques = swinging(0, 2.0, size=1.5)
     torque, about_joint = CubicSpline(times, torques, bc_type="natural"), JOINT.inertia + 0.0625
 
@@ -283,8 +265,7 @@ def test_unknown_noise_and_play_are_refused(robot, tmp_path):
     log = cj.RobotLog.read(table, angles={"elbow": "q"}, torques={"elbow": current})
     with pytest.raises(ValueError, match="noise of 'elbow position'.*pass LogColumn"):
         cj.fit_robot(robot, log, FIND, {"elbow": "torque"}, **QUIET)
-    (tmp_path / "bare.urdf").write_text(URDF.format(inertia=0.01))
-    bare = cj.load_robot(tmp_path / "bare.urdf")
+    bare = rig(tmp_path)
     with pytest.raises(ValueError, match="'elbow backlash' in the scene.*with_drive"):
         cj.fit_robot(bare, LOG, {"elbow": ["play"]}, {"elbow": "torque"}, **QUIET)
     with pytest.raises(ValueError, match="joint with an armature.*with_drive"):

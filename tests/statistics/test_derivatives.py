@@ -1,29 +1,11 @@
 """Derivatives of expectations of functions whose closed form is known."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import clearjoint as cj
+from tests.support.at_end import AtEnd
 from tests.support.oscillator import on_spring
-
-
-class Polynomial(cj.extend.AbstractReduction):
-    """A function of the gravity of the scene."""
-
-    function: object
-
-    def start(self, now):
-        return jnp.zeros(())
-
-    def update(self, tally, now):
-        return tally
-
-    def results(self, tally, now):
-        return {"": self.function(now.scene.gravity)}
-
-    def units(self):
-        return {"": "1"}
 
 
 def scene_and_state(gravity=(0.3, -0.2, 0.1)):
@@ -35,28 +17,24 @@ def component(k, **size):
     return cj.Uncertain(lambda scene: scene.gravity[k], **size)
 
 
-def degree_five(g):
+def degree_five(now):
+    g = now.scene.gravity
     return g.x**5 + 2.0 * g.x * g.y**2 + g.z**2
 
 
-def derivatives(uncertain, **options):
-    scene, state = scene_and_state()
-    outputs = {"f": Polynomial(degree_five)}
-    return cj.statistics_derivatives(
-        scene, state, 1e-3, uncertain, outputs, progress=False, **{"draws": 400, **options}
-    )
+OUTPUTS = {"f": AtEnd(degree_five)}
+
+
+def derivatives(uncertain, draws=400, **options):
+    options |= {"draws": draws, "progress": False}
+    return cj.statistics_derivatives(*scene_and_state(), 1e-3, uncertain, OUTPUTS, **options)
 
 
 def exact(x, y, z, moments):
     """Derivatives of E[(x+a)^5 + 2 (x+a) (y+b)^2 + (z+c)^2], from E a^2, E a^4, E b^2."""
     a2, a4, b2 = moments
-    return np.array(
-        [
-            5.0 * (x**4 + 6.0 * x**2 * a2 + a4) + 2.0 * (y**2 + b2),
-            4.0 * x * y,
-            2.0 * z,
-        ]
-    )
+    by_x = 5.0 * (x**4 + 6.0 * x**2 * a2 + a4) + 2.0 * (y**2 + b2)
+    return np.array([by_x, 4.0 * x * y, 2.0 * z])
 
 
 def covered(found, truth):
@@ -65,43 +43,42 @@ def covered(found, truth):
     return (low <= truth + rounding) & (truth <= high + rounding)
 
 
-def test_normal_tolerances_give_the_derivatives_in_closed_form():
-    sigma = 0.4
-    uncertain = {name: component(k, deviation=sigma) for k, name in enumerate("xyz")}
-    truth = exact(0.3, -0.2, 0.1, (sigma**2, 3.0 * sigma**4, sigma**2))
+@pytest.mark.parametrize(
+    ("size", "moments"),
+    [
+        ({"deviation": 0.4}, (0.4**2, 3.0 * 0.4**4, 0.4**2)),
+        pytest.param(
+            {"half_width": 0.5}, (0.25 / 3.0, 0.0625 / 5.0, 0.25 / 3.0), marks=pytest.mark.slow
+        ),
+    ],
+    ids=["normal", "uniform"],
+)
+def test_tolerances_give_the_derivatives_in_closed_form(size, moments):
+    uncertain = {name: component(k, **size) for k, name in enumerate("xyz")}
+    truth = exact(0.3, -0.2, 0.1, moments)
     inside = [covered(derivatives(uncertain, seed=seed), truth) for seed in range(8)]
     assert np.mean(inside) >= 0.8
-    found = derivatives(uncertain, draws=20_000)
-    np.testing.assert_allclose(found["f_derivative"].values, truth, atol=0.15)
-
-
-@pytest.mark.slow
-def test_uniform_tolerances_give_the_derivatives_in_closed_form():
-    h = 0.5
-    uncertain = {name: component(k, half_width=h) for k, name in enumerate("xyz")}
-    truth = exact(0.3, -0.2, 0.1, (h**2 / 3.0, h**4 / 5.0, h**2 / 3.0))
-    inside = [covered(derivatives(uncertain, seed=seed), truth) for seed in range(8)]
-    assert np.mean(inside) >= 0.8
+    if "deviation" in size:
+        found = derivatives(uncertain, draws=20_000)
+        np.testing.assert_allclose(found["f_derivative"].values, truth, atol=0.15)
 
 
 @pytest.mark.slow
 def test_intervals_of_a_mechanism_hold_the_derivatives_of_the_closed_form():
     """A ball on a spring, 80 runs of two parameters on scales `Log` with deviations of 10 %."""
     scene, state = on_spring(mass=2.0)
+    paths = {"k": lambda s: s.forces["spring"].stiffness, "m": lambda s: s.bodies["ball"].mass}
     uncertain = {
-        "k": cj.Uncertain(
-            cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log()), deviation=0.1
-        ),
-        "m": cj.Uncertain(cj.Parameter(lambda s: s.bodies["ball"].mass, cj.Log()), deviation=0.1),
+        name: cj.Uncertain(cj.Parameter(path, cj.Log()), deviation=0.1)
+        for name, path in paths.items()
     }
     outputs = {"v": cj.Peak(cj.quantities.Velocity("ball"), "m/s")}
     # The peak speed, 0.1 m sqrt(k/m), is the exponential of a normal number.
     mean = 0.1 * np.sqrt(50.0) * np.exp(0.5 * 2.0 * 0.05**2)
     truth, inside = np.array([0.5, -0.5]) * mean, []
     for seed in range(100):
-        found = cj.statistics_derivatives(
-            scene, state, 0.5, uncertain, outputs, draws=80, seed=seed, progress=False
-        )
+        options = {"draws": 80, "seed": seed, "progress": False}
+        found = cj.statistics_derivatives(scene, state, 0.5, uncertain, outputs, **options)
         low, high = found["v_derivative_low"].values, found["v_derivative_high"].values
         inside.append((low < truth) & (truth < high))
     print(f"\n100 seeds, 80 runs: {100.0 * np.mean(inside):.1f} % of the intervals")
@@ -161,8 +138,7 @@ def test_a_design_is_a_sweep_that_can_be_stored_and_extended(tmp_path, capsys):
 
     def swept(count):
         axes = cj.design(scene, state, uncertain, count, seed=2)
-        outputs = {"f": Polynomial(degree_five)}
-        return cj.sweep(scene, state, 1e-3, axes, outputs, zipped=True, path=path)
+        return cj.sweep(scene, state, 1e-3, axes, OUTPUTS, zipped=True, path=path)
 
     first = swept(8)
     assert ((first["x"] > 1.0) & (first["x"] < 2.0)).all()

@@ -1,10 +1,10 @@
 """Ensembles of systems whose statistics and Lyapunov exponents are known in closed form."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import clearjoint as cj
+from tests.support.at_end import AtEnd
 from tests.support.oscillator import on_spring
 
 GRAVITY, LENGTH = 9.81, 0.5
@@ -20,20 +20,7 @@ def pendulum(angle):
     return scene, cj.State({"bob": state})
 
 
-class Speed(cj.extend.AbstractReduction):
-    """Velocity along X at the end of the run."""
-
-    def start(self, now):
-        return jnp.zeros(())
-
-    def update(self, tally, now):
-        return tally
-
-    def results(self, tally, now):
-        return {"": now.bodies["ball"].velocity.x}
-
-    def units(self):
-        return {"": "m/s"}
+SPEED = {"v": AtEnd(lambda now: now.bodies["ball"].velocity.x, "m/s")}
 
 
 @pytest.mark.slow
@@ -66,18 +53,16 @@ def test_statistics_of_a_linear_system_follow_the_distribution_of_its_starts():
     """v(t) = v0 cos(w t) - 0.1 w sin(w t), where v0 is normal with the deviation of one axis."""
     scene, state = on_spring()
     end, size, draws = 0.05, 1e-4, 400
-    found = cj.ensemble(
-        scene, state, end, outputs={"v": Speed()}, draws=draws, disturbance=size, seed=3
-    )
+    options = {"draws": draws, "disturbance": size, "seed": 3}
+    found = cj.ensemble(scene, state, end, outputs=SPEED, **options)
     w = 10.0
     # The body has six free velocities, which share the mean square of the disturbance.
     deviation = size / np.sqrt(6.0) * np.cos(w * end)
     mean = -0.1 * w * np.sin(w * end)
     assert float(found["v_deviation"]) == pytest.approx(deviation, rel=4.0 / np.sqrt(2.0 * draws))
-    assert float(found["v_standard_error"]) == pytest.approx(
-        float(found["v_deviation"]) / np.sqrt(draws)
-    )
-    assert abs(float(found["v_mean"]) - mean) < 4.0 * float(found["v_standard_error"])
+    error = float(found["v_standard_error"])
+    assert error == pytest.approx(float(found["v_deviation"]) / np.sqrt(draws))
+    assert abs(float(found["v_mean"]) - mean) < 4.0 * error
     z = (found["v_quantile"].values - mean) / deviation
     np.testing.assert_allclose(z, [-1.645, 0.0, 1.645], atol=0.4)
     assert (found["v_quantile_standard_error"].values > 0.0).all()
@@ -88,9 +73,7 @@ def test_points_share_their_starts_and_failed_runs_are_counted():
     axes = {"stiffness": cj.Axis(lambda s: s.forces["spring"].stiffness, [100.0, 1e12])}
     settings = cj.Settings(max_steps=40)
     with pytest.warns(UserWarning, match="lanes failed"):
-        found = cj.ensemble(
-            scene, state, 0.2, axes, {"v": Speed()}, settings, draws=4, progress=False
-        )
+        found = cj.ensemble(scene, state, 0.2, axes, SPEED, settings, draws=4, progress=False)
     assert found["failed"].values.tolist() == [0, 4]
     assert np.isfinite(found["v_mean"].values[0]) and np.isnan(found["v_mean"].values[1])
     assert found["v"].dims == ("stiffness", "draw")
@@ -102,10 +85,9 @@ def test_seeds_threads_and_stores_give_the_same_bits(tmp_path):
     axes = {"clearance": cj.Axis(lambda s: s.joints["slider pin"].clearance, [5e-5, 1e-4])}
     outputs = {"force": cj.Peak(cj.quantities.ContactForce("slider pin"), "N")}
 
-    def forces(**options):
-        return cj.ensemble(
-            scene, state, 0.004, axes, outputs, progress=False, **{"draws": 4, **options}
-        )["force"].values
+    def forces(draws=4, **options):
+        options |= {"draws": draws, "progress": False}
+        return cj.ensemble(scene, state, 0.004, axes, outputs, **options)["force"].values
 
     path = tmp_path / "runs.zarr"
     first = forces(threads=1, path=path)

@@ -7,12 +7,14 @@ motion's chaos allows.
 """
 
 from dataclasses import fields
+from itertools import product
 
 import numpy as np
 import pytest
 
 import clearjoint as cj
 from clearjoint import quantities as q
+from tests.support.datasets import assert_same_bits
 from tests.support.reference import Case
 
 CLEARANCES, RESTITUTIONS = np.geomspace(5e-5, 1e-3, 5), [0.5, 0.9, 1.0]
@@ -50,15 +52,8 @@ TABLED = [
 
 @pytest.fixture(scope="module")
 def grid():
-    return cj.sweep(
-        *cj.mechanisms.double_pendulum(),
-        END,
-        AXES,
-        OUTPUTS,
-        settings=cj.Settings(ledger=True),
-        save=SAMPLED,
-        threads=1,
-    )
+    start, settings = cj.mechanisms.double_pendulum(), cj.Settings(ledger=True)
+    return cj.sweep(*start, END, AXES, OUTPUTS, settings, SAMPLED, threads=1)
 
 
 @pytest.mark.slow
@@ -70,10 +65,9 @@ def test_neither_threads_nor_the_number_of_lanes_change_a_bit(grid, count, tmp_p
     path, settings = tmp_path / "sweep", cj.Settings(ledger=True)
     start, options = cj.mechanisms.double_pendulum(), {"threads": count, "path": path}
     cj.sweep(*start, END, axes, OUTPUTS, settings, SAMPLED, **options)
-    found, expected = cj.open_sweep(path), grid.sel(kept)
+    found = cj.open_sweep(path)
     assert list(found.hits_contact.values) == ["shoulder V", "shoulder W"]
-    for name in found.data_vars:
-        np.testing.assert_array_equal(found[name], expected[name], err_msg=name)
+    assert_same_bits(found, grid.sel(kept))
 
 
 @pytest.fixture(scope="module")
@@ -87,25 +81,22 @@ def pairs(grid):
 
 
 def single(**settings):
-    scene, state = cj.mechanisms.double_pendulum(**settings)
-    return cj.simulate(
-        scene, state, END, cj.Settings(ledger=True), save=cj.Saving(TIMES, impacts=True)
-    )
+    start, save = cj.mechanisms.double_pendulum(**settings), cj.Saving(TIMES, impacts=True)
+    return cj.simulate(*start, END, cj.Settings(ledger=True), save)
 
 
-def rows(lane, run, arm: str, kind: str) -> tuple[np.ndarray, np.ndarray]:
-    """The saved rows of both, (times, 3)."""
-    there = getattr(run.states.bodies[arm], kind.lower())
-    return np.stack([lane[f"path_{arm} {kind} {axis}"].values for axis in "xyz"], axis=1), there
+def path(lane, arm: str, kind: str) -> np.ndarray:
+    """The saved rows of a lane, (times, 3)."""
+    return np.stack([lane[f"path_{arm} {kind} {axis}"].values for axis in "xyz"], axis=1)
 
 
 def apart(lane, run) -> np.ndarray:
     """Largest difference at each saved time of all positions and velocities, over their size."""
-    found = [rows(lane, run, arm, kind) for arm in ARMS for kind in ("Position", "Velocity")]
-    parts = [
-        np.abs(here - there).max(axis=1) / np.maximum(np.abs(there).max(axis=1), 1e-9)
-        for here, there in found
-    ]
+    parts = []
+    for arm, kind in product(ARMS, ("Position", "Velocity")):
+        there = getattr(run.states.bodies[arm], kind.lower())
+        size = np.maximum(np.abs(there).max(axis=1), 1e-9)
+        parts.append(np.abs(path(lane, arm, kind) - there).max(axis=1) / size)
     return np.max(parts, axis=0)
 
 
@@ -128,12 +119,9 @@ def test_lanes_equal_single_runs_to_the_tolerance_afterwards(pairs):
 def test_final_states_are_the_last_saved_ones(grid, pairs):
     """To rounding, since another program computes them (with users' options it's the same bits)."""
     assert (grid.result == 0).all() and (grid.time_reached == END).all()
-    for lane, _ in pairs:
-        for number, arm in enumerate(ARMS):
-            for part in ("position", "velocity"):
-                last = [lane[f"path_{arm} {part.title()} {axis}"][-1] for axis in "xyz"]
-                final = lane[f"final_{part}"][number]
-                np.testing.assert_allclose(final, last, rtol=1e-14, atol=1e-17)
+    for (lane, _), arm, kind in product(pairs, ARMS, ("Position", "Velocity")):
+        final = lane[f"final_{kind.lower()}"].sel(body=arm)
+        np.testing.assert_allclose(final, path(lane, arm, kind)[-1], rtol=1e-14, atol=1e-17)
 
 
 def test_peak_force_is_that_of_the_impact_table(pairs):
@@ -170,9 +158,7 @@ def test_impacts_are_those_of_the_single_run(pairs, base):
             assert np.isnan(found[count:]).all()
             np.testing.assert_allclose(found[0], there[0], rtol=1e-10, err_msg=name)
             np.testing.assert_allclose(found[:count], there[:count], rtol=2e-6, err_msg=name)
-        strongest = expected.peak_force[:count].argmax()
-        found = lane.hits_peak_force[:count].values
-        assert found.argmax() == strongest
+        assert lane.hits_peak_force[:count].values.argmax() == expected.peak_force[:count].argmax()
     assert counts == {1, 2, 3, 4}
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.quantities import AbstractQuantity
-from tests.support.rotor import AFTER, OUTPUTS, TIMES, angle, rotor, stiffness_axis
+from tests.support.rotor import AFTER, OUTPUTS, TIMES, angle, rotor, swept
 
 STIFFNESS = [10.0, 40.0]
 STEADY = cj.Saving(TIMES)
@@ -15,15 +15,10 @@ ZERO = {"zero": OUTPUTS["zero"], "angle": angle}
 PARTS = ("position", "orientation", "velocity", "spin")
 
 
-def swept(**options):
-    axes = {"stiffness": stiffness_axis(STIFFNESS)}
-    return cj.sweep(*rotor(), 1.0, axes, threads=1, progress=False, **options)
-
-
 @pytest.fixture(scope="module")
 def lanes(tmp_path_factory):
     path = tmp_path_factory.mktemp("store") / "sweep"
-    swept(save=STEADY, outputs=ZERO, path=path)
+    swept(STIFFNESS, save=STEADY, outputs=ZERO, path=path, zipped=False)
     return cj.open_sweep(path)
 
 
@@ -55,22 +50,6 @@ class Lost(AbstractQuantity):
 
 
 LOST = {"zero": cj.Section(Lost(), OUTPUTS["zero"].channels, 2)}
-
-
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        ({"save": cj.Saving(impacts=True)}, r"`impacts`.*ImpactTable\(20\)"),
-        ({"save": cj.Saving(steps=True)}, r"`steps`.*simulate\(\)"),
-        ({"save": cj.Saving([2.0])}, "`times`.*end_time"),
-        ({"save": STEADY, "outputs": {"saved_spin": angle}}, "saved_spin.*rename"),
-        ({"outputs": LOST}, "'zero'.*'lost'"),
-        ({"save": TIMES}, "`save` must be a Saving or None"),
-    ],
-)
-def test_what_a_sweep_cannot_save_is_refused(options, says):
-    with pytest.raises(ValueError, match=says):
-        swept(**options)
 
 
 def test_a_run_that_cannot_look_inside_steps_refuses_sections():

@@ -14,6 +14,7 @@ from PIL import Image
 import clearjoint as cj
 from clearjoint.extend import Formulation
 from tests.support import recorded_journal as recorded
+from tests.support.elements import SECOND, case, elements
 from tests.support.tumbling_bearing import solution_of
 
 Z = (0.0, 0.0, 1.0)
@@ -28,6 +29,11 @@ def seen():
 
 def journal_of(view):
     return next(part for part in view.parts if part.is_journal)
+
+
+def part_of(view, name):
+    """The first part of a body or an element."""
+    return next(part for part in view.parts if part.name == name)
 
 
 def spread(part, axis):
@@ -55,14 +61,13 @@ def test_profiles_are_drawn_with_the_scale_of_clearances():
         journal_profile=cj.profiles.Harmonics([0.0, 0.0, 0.2 * lobe]),
     )
     view = cj.view(dataclasses.replace(scene, joints={"pin": pin}), recorded.motion())
-    ground = next(part for part in view.parts if part.name == "ground")
+    bored, turned = part_of(view, "ground").mesh.vertices, journal_of(view).mesh.vertices
     bore, high = recorded.RADIUS * view.bearing_scale, view.clearance_scale * lobe
     inner = bore - view.clearance_scale * recorded.CLEARANCE
-    turned = journal_of(view).mesh.vertices
     for vertices, angle, expected in (
-        (ground.mesh.vertices, 0.0, bore + high),
-        (ground.mesh.vertices, 0.5 * np.pi, bore - high),
-        (ground.mesh.vertices, np.pi, bore + high),
+        (bored, 0.0, bore + high),
+        (bored, 0.5 * np.pi, bore - high),
+        (bored, np.pi, bore + high),
         (turned, 0.0, inner + 0.2 * high),
         (turned, np.pi / 3.0, inner - 0.2 * high),
         (turned, np.pi, inner - 0.2 * high),
@@ -72,16 +77,14 @@ def test_profiles_are_drawn_with_the_scale_of_clearances():
 
 
 def test_arrows_between_the_bases_end_on_the_drawn_journal(seen):
-    observed = recorded.observed()
+    observed, touching = recorded.observed(), recorded.TOUCHING
     ends = observed.contacts["pin"]
     contacts = {"pin": {**ends, "point 2": ends["W"]}}
     observed = dataclasses.replace(observed, contacts=contacts)
     view = cj.view(recorded.arm_in_bearing(), recorded.motion(), observation=observed)
     tips = {part.name: part.poses[:, :3, 3] + part.poses[:, :3, 2] for part in view.parts}
     middle = 0.5 * (tips["pin V"] + tips["pin W"])
-    np.testing.assert_allclose(
-        tips["pin point 2"][recorded.TOUCHING], middle[recorded.TOUCHING], atol=1e-12
-    )
+    np.testing.assert_allclose(tips["pin point 2"][touching], middle[touching], atol=1e-12)
 
 
 def test_impacts_between_the_frames_are_noted():
@@ -92,11 +95,8 @@ def test_impacts_between_the_frames_are_noted():
 
 
 def test_a_run_with_steps_only_is_shown_at_equal_intervals():
-    steps = recorded.motion()
-    times = np.r_[0.0, 1e-6, 2e-6, 0.02]
-    steps = cj.results.Trajectory(
-        times, jax.tree.map(lambda rows: rows[[0, 1, 2, -1]], steps.states)
-    )
+    states = jax.tree.map(lambda rows: rows[[0, 1, 2, -1]], recorded.motion().states)
+    steps = cj.results.Trajectory(np.r_[0.0, 1e-6, 2e-6, 0.02], states)
     solution = dataclasses.replace(solution_of(steps), saved=None, steps=steps)
     view = cj.view(recorded.arm_in_bearing(), solution, forces=False, frames=5)
     np.testing.assert_allclose(view.times, np.linspace(0.0, 0.02, 5))
@@ -119,9 +119,8 @@ def test_ten_thousand_states_make_a_small_page(tmp_path):
     still, turn = np.zeros((count, 3)), np.tile((1.0, 0.0, 0.0, 0.0), (count, 1))
     place = np.random.default_rng(0).normal(0.2, 1e-3, (count, 3))
     times = np.cumsum(np.random.default_rng(1).uniform(0.5, 1.5, count)) * 1e-4
-    motion = cj.results.Trajectory(
-        times, cj.State({"arm": cj.BodyState(place, turn, still, still)})
-    )
+    states = cj.State({"arm": cj.BodyState(place, turn, still, still)})
+    motion = cj.results.Trajectory(times, states)
     view = cj.view(recorded.arm_in_bearing(), motion, frames=300)
     assert 290 <= len(view.times) <= 300
     assert (view.times[0], view.times[-1]) == (times[0], times[-1])
@@ -159,46 +158,26 @@ class Mystery(cj.extend.AbstractForce):
 
 AXES = (ORIGIN, ORIGIN, Z, Z)
 FLAT = cj.laws.Hertz(1e9)
-ELEMENTS = (
-    cj.SphericalJoint("ground", "ball", ORIGIN, ORIGIN),
-    cj.RevoluteJoint("ground", "ball", *AXES),
-    cj.FixedJoint("ground", "ball", ORIGIN, ORIGIN),
-    cj.InlineJoint("ground", "ball", ORIGIN, ORIGIN, Z),
-    cj.CylindricalJoint("ground", "ball", *AXES),
-    cj.PrismaticJoint("ground", "ball", ORIGIN, ORIGIN, Z),
-    cj.UniversalJoint("ground", "ball", ORIGIN, ORIGIN, Z, (1.0, 0.0, 0.0)),
-    cj.PlanarJoint("ground", "ball", *AXES),
-    cj.ScrewJoint("ground", "ball", *AXES, 0.01),
-    cj.DistanceJoint("ground", "ball", ORIGIN, ORIGIN, 0.3),
-    cj.PointInPlaneJoint("ground", "ball", ORIGIN, ORIGIN, Z),
-    cj.LineInPlaneJoint("ground", "ball", ORIGIN, ORIGIN, Z, (1.0, 0.0, 0.0)),
-    cj.MasslessLink("ground", "ball", 1e-3, 0.02),
-    cj.BallInSocket("ground", "ball", socket_radius=0.02, clearance=1e-3, law=FLAT),
-    cj.PinInSlot("ground", "ball", play=1e-3, pin_radius=5e-3, law=FLAT),
-    cj.SliderInGuide(
-        "ground", "ball", half_length=0.05, half_height=0.02, clearance=1e-3, law=FLAT
-    ),
-    cj.Stop("ground", "ball", normal=Z, radius=0.02, law=FLAT),
-    cj.Stop("ground", "ball", normal=Z, end_point_second=(0.1, 0.0, 0.0), law=FLAT),
-    cj.BallOnBall("ground", "ball", radius_first=0.2, radius_second=0.1, law=FLAT),
-    cj.GearBacklash("ground", "ball", *AXES, 20, -60, 3e-3, 1e-4, FLAT),
-    cj.SpringDamper("ground", "ball", ORIGIN, ORIGIN, 1e3),
-    cj.AppliedLoad("ball", (0.0, 5.0, 0.0)),
-    cj.Bushing("ground", "ball", ORIGIN, ORIGIN, (1e3, 1e3, 1e3)),
-    Mystery("ball"),
-)
+CASES = elements() | {"of a third party": case(Mystery(SECOND))}
+UNDRAWN = {
+    *("gears", "ring gear", "backlash", "motor", "servo", "torsional spring", "switched torque"),
+    *("prescribed rotation", "prescribed angle"),
+    *("friction of a hinge", "friction of a ball", "friction of a slider"),
+}
+"""Elements that act in a joint, which is drawn."""
 
 
-@pytest.mark.parametrize("element", ELEMENTS, ids=lambda element: type(element).__name__)
-def test_every_element_draws_itself(element):
-    bare = cj.Scene({"ball": BALL})
-    family = "forces" if isinstance(element, cj.extend.AbstractForce) else "joints"
-    scene = cj.Scene({"ball": BALL}, **{family: {"it": element}})
-    state = cj.State({"ball": cj.body_state((0.3, 0.1, 0.02))})
-    view, without = cj.view(scene, state), cj.view(bare, state)
-    assert sum(len(p.mesh.faces) for p in view.parts) > sum(
-        len(p.mesh.faces) for p in without.parts
+@pytest.mark.parametrize("name", CASES)
+def test_every_element_draws_itself(name):
+    scene, state = CASES[name].scene, cj.State(CASES[name].state.bodies)
+    joints, forces = (
+        {key: one for key, one in family.items() if key != "element"}
+        for family in (scene.joints, scene.forces)
     )
+    bare = dataclasses.replace(scene, joints=joints, forces=forces)
+    view, without = cj.view(scene, state), cj.view(bare, state)
+    faces, others = (sum(len(p.mesh.faces) for p in one.parts) for one in (view, without))
+    assert (faces > others) == (name not in UNDRAWN)
     for part in view.parts:
         assert np.isfinite(part.mesh.vertices).all()
         assert np.isfinite(part.poses).all()
@@ -220,7 +199,7 @@ def test_teeth_mesh_in_the_gaps_of_the_other_gear():
     scene, state = cj.mechanisms.gear_pair()
     view = cj.view(scene, state)
     for name, radius, towards in (("pinion", 0.030, 0.0), ("wheel", 0.075, np.pi)):
-        (part,) = [part for part in view.parts if part.name == name]
+        part = part_of(view, name)
         rim = part.mesh.moved(part.pose(0)).vertices - state.bodies[name].position
         size, angle = np.hypot(rim[:, 0], rim[:, 1]), np.arctan2(rim[:, 1], rim[:, 0])
         away = np.where(size > 0.5 * radius, np.abs(np.exp(1j * angle) - np.exp(1j * towards)), 9.0)
@@ -259,20 +238,6 @@ def test_invalid_arguments_are_refused(options, message):
         cj.view(*cj.mechanisms.double_pendulum(), **options)
 
 
-def test_motions_that_do_not_fit_are_refused():
-    scene, motion = recorded.arm_in_bearing(), recorded.motion()
-    with pytest.raises(ValueError, match="motion.*scene's bodies"):
-        cj.view(cj.mechanisms.double_pendulum()[0], motion)
-    with pytest.raises(ValueError, match="motion.*a state or a solution"):
-        cj.view(scene, "solution")
-    one = cj.results.Trajectory(motion.times, cj.State({"arm": cj.body_state((0.2, 0.0, 0.0))}))
-    with pytest.raises(ValueError, match="one row for each time"):
-        cj.view(scene, one)
-    half = jax.tree.map(lambda rows: rows[::2], motion)
-    with pytest.raises(ValueError, match="observation"):
-        cj.view(scene, half, observation=recorded.observed())
-
-
 def rigid_run(saved):
     """The result of a run with rigid contacts, which has a number of steps instead of states."""
     return cj.results.NonsmoothSolution(
@@ -290,22 +255,28 @@ def rigid_run(saved):
     )
 
 
-def test_a_run_with_rigid_contacts_and_no_saved_states_is_refused():
-    with pytest.raises(ValueError, match=r"saved states.*simulate_nonsmooth\(\)"):
-        cj.view(recorded.arm_in_bearing(), rigid_run(None))
+MOTION, SEEN = recorded.motion(), recorded.observed()
+PLACE = cj.State({"arm": cj.body_state((0.2, 0.0, 0.0))})
+UNFIT = {
+    "a text": ("solution", None, "motion.*a state or a solution"),
+    "other bodies": (cj.mechanisms.double_pendulum()[1], None, "motion.*scene's bodies"),
+    "one state": (cj.results.Trajectory(MOTION.times, PLACE), None, "one row for each time"),
+    "nothing saved": (rigid_run(None), None, r"saved states.*simulate_nonsmooth\(\)"),
+    "fewer times": (jax.tree.map(lambda rows: rows[::2], MOTION), SEEN, "observation"),
+    "other times": (
+        MOTION,
+        dataclasses.replace(SEEN, times=SEEN.times + 0.1),
+        "`observation` must be of the motion's",
+    ),
+    "seen at a state": (PLACE, SEEN, "`observation` must be None for a single state"),
+    "seen at no state": (None, SEEN, "`observation` must be None for a single state"),
+}
 
 
-def test_an_observation_at_other_times_is_refused():
-    later = dataclasses.replace(recorded.observed(), times=recorded.observed().times + 0.1)
-    with pytest.raises(ValueError, match="`observation` must be of the motion's"):
-        cj.view(recorded.arm_in_bearing(), recorded.motion(), observation=later)
-
-
-def test_a_state_has_no_observation():
-    scene, state = cj.mechanisms.double_pendulum()
-    for motion in (state, None):
-        with pytest.raises(ValueError, match="`observation` must be None for a single state"):
-            cj.view(scene, motion, observation=recorded.observed())
+@pytest.mark.parametrize("motion, observation, message", UNFIT.values(), ids=UNFIT)
+def test_motions_and_observations_that_do_not_fit_are_refused(motion, observation, message):
+    with pytest.raises(ValueError, match=message):
+        cj.view(recorded.arm_in_bearing(), motion, observation=observation)
 
 
 def test_pictures_and_animations_are_written(seen, tmp_path):

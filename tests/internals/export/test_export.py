@@ -1,5 +1,6 @@
 """Results as datasets, data frames and files: names, units, and numbers to the last bit."""
 
+from dataclasses import replace
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
@@ -12,8 +13,9 @@ import clearjoint as cj
 from clearjoint._export import datasets
 from clearjoint._export.datasets import setting_notes
 from clearjoint._simulation.results.observe import AccelerationSeries, ContactObservation, Load
-from clearjoint.extend import Formulation
 from clearjoint.results import ContactTotals
+from tests.support.observations import observation_of
+from tests.support.tumbling_bearing import solution_of
 
 COUNT = 5
 TIMES = np.linspace(0.0, 0.3, COUNT) / 3.0
@@ -30,29 +32,16 @@ def states() -> cj.State:
         for k, name in enumerate(("arm", "long arm"))
     }
     entry_speeds = {"pin": {"V": drawn(COUNT), "W": np.zeros(COUNT)}}
-    return cj.State(
-        bodies, entry_speeds, {"friction": drawn(COUNT)}, {"pin": {"V": drawn(COUNT, 3)}}
-    )
+    work, bristles = {"friction": drawn(COUNT)}, {"pin": {"V": drawn(COUNT, 3)}}
+    return cj.State(bodies, entry_speeds, work, bristles)
 
 
 def solution(**changes) -> cj.results.Solution:
     everything = states()
     final = cj.State({n: cj.body_state((1.0, 2.0, 3.0)) for n in everything.bodies})
-    parts = {
-        "time": np.asarray(0.1),
-        "final": final,
-        "result": cj.RESULTS.successful,
-        "attempts": np.asarray(12),
-        "accepted": np.asarray(10),
-        "saved": cj.results.Trajectory(TIMES, everything),
-        "saved_count": COUNT,
-        "steps": None,
-        "impacts": None,
-        "formulation": Formulation(),
-        "redundant_constraints": (),
-        "settings": setting_notes(vars(cj.presets.accurate)),
-    }
-    return cj.results.Solution(**{**parts, **changes})
+    settings = setting_notes(vars(cj.presets.accurate))
+    changes = {"final": final, "saved_count": COUNT, "settings": settings} | changes
+    return replace(solution_of(cj.results.Trajectory(TIMES, everything)), **changes)
 
 
 def contact(eccentricity: bool) -> ContactObservation:
@@ -63,8 +52,8 @@ def contact(eccentricity: bool) -> ContactObservation:
 
 
 def observation() -> cj.results.Observation:
-    return cj.results.Observation(
-        times=TIMES,
+    return observation_of(
+        TIMES,
         contacts={"pin": {"V": contact(True), "shoulder": contact(False)}},
         modes={"pin": np.array([0, 1, 2, 3, 0])},
         reactions={"hinge": {"arm": Load(drawn(COUNT, 3), drawn(COUNT, 3))}},
@@ -72,7 +61,6 @@ def observation() -> cj.results.Observation:
         drift={"hinge": drawn(COUNT)},
         drift_rate={"hinge": drawn(COUNT)},
         energies={"kinetic": drawn(COUNT), "gravity": drawn(COUNT)},
-        reactions_unique=True,
     )
 
 
@@ -81,17 +69,11 @@ def impacts(count: int = 3) -> cj.results.Impacts:
 
 
 def sensitivities() -> cj.results.Sensitivities:
+    outputs, derivatives = {"x": drawn(COUNT)}, {"x": drawn(COUNT, 2)}
+    ended = 0.1, cj.RESULTS.successful, 12, 10
+    labels = {"units": {"x": "m"}, "scales": ("log clearance", "mass")}
     return cj.results.Sensitivities(
-        ("clearance", "mass"),
-        TIMES,
-        {"x": drawn(COUNT)},
-        {"x": drawn(COUNT, 2)},
-        0.1,
-        cj.RESULTS.successful,
-        12,
-        10,
-        units={"x": "m"},
-        scales=("log clearance", "mass"),
+        ("clearance", "mass"), TIMES, outputs, derivatives, *ended, **labels
     )
 
 
@@ -163,9 +145,10 @@ def test_netcdf_gives_back_every_bit(result, tmp_path: Path):
                 assert read[name].values.tolist() == variable.values.tolist(), name
             for key, value in variable.attrs.items():
                 np.testing.assert_array_equal(read[name].attrs[key], value)
-        assert {k: v for k, v in read.attrs.items() if isinstance(v, str)} == {
-            k: v for k, v in written.attrs.items() if isinstance(v, str)
-        }
+        texts, others = (
+            {k: v for k, v in one.attrs.items() if isinstance(v, str)} for one in (read, written)
+        )
+        assert texts == others
 
 
 def test_csv_gives_back_every_bit(result, tmp_path: Path):
@@ -180,20 +163,17 @@ def test_csv_gives_back_every_bit(result, tmp_path: Path):
 
 
 def test_columns_are_named_with_body_part_component_and_unit():
-    frame = solution().to_dataframe()
+    frame, seen = solution().to_dataframe(), states()
     assert frame.index.name == "time [s]"
     np.testing.assert_array_equal(frame.index, TIMES)
-    body = states().bodies["long arm"]
-    np.testing.assert_array_equal(frame["long arm.position.y [m]"], body.position[:, 1])
-    np.testing.assert_array_equal(
-        frame["arm.orientation.e0 [1]"], states().bodies["arm"].orientation[:, 0]
-    )
-    np.testing.assert_array_equal(
-        frame["pin V.entry_speed [m/s]"], states().entry_speeds["pin"]["V"]
-    )
-    np.testing.assert_array_equal(
-        frame["pin V.bristle_deflection.z [m]"], states().bristles["pin"]["V"][:, 2]
-    )
+    columns = {
+        "long arm.position.y [m]": seen.bodies["long arm"].position[:, 1],
+        "arm.orientation.e0 [1]": seen.bodies["arm"].orientation[:, 0],
+        "pin V.entry_speed [m/s]": seen.entry_speeds["pin"]["V"],
+        "pin V.bristle_deflection.z [m]": seen.bristles["pin"]["V"][:, 2],
+    }
+    for name, values in columns.items():
+        np.testing.assert_array_equal(frame[name], values, err_msg=name)
 
 
 def test_a_solution_tells_its_settings_and_its_end():
@@ -210,15 +190,15 @@ def test_without_saved_states_there_is_nothing_to_take_out():
 
 def test_what_is_observed_is_named_by_contact_joint_and_body():
     frame, seen = observation().to_dataframe(), observation()
-    np.testing.assert_array_equal(
-        frame["pin V.eccentricity [m]"], seen.contacts["pin"]["V"].eccentricity
-    )
     assert frame["pin shoulder.eccentricity [m]"].isna().all()
     assert frame["pin.mode"].tolist()[:3] == ["free_flight", "one_base", "line_contact"]
-    np.testing.assert_array_equal(
-        frame["hinge on arm.reaction_force.x [N]"], seen.reactions["hinge"]["arm"].force[:, 0]
-    )
-    np.testing.assert_array_equal(frame["energy.kinetic [J]"], seen.energies["kinetic"])
+    columns = {
+        "pin V.eccentricity [m]": seen.contacts["pin"]["V"].eccentricity,
+        "hinge on arm.reaction_force.x [N]": seen.reactions["hinge"]["arm"].force[:, 0],
+        "energy.kinetic [J]": seen.energies["kinetic"],
+    }
+    for name, values in columns.items():
+        np.testing.assert_array_equal(frame[name], values, err_msg=name)
 
 
 def test_impacts_are_rows_with_names():
@@ -229,9 +209,8 @@ def test_impacts_are_rows_with_names():
 
 def test_derivatives_stand_by_parameter_and_tell_their_coordinate():
     found = sensitivities().to_xarray()
-    np.testing.assert_array_equal(
-        found["x_derivative"].sel(parameter="mass"), sensitivities().derivatives["x"][:, 1]
-    )
+    by_mass = found["x_derivative"].sel(parameter="mass")
+    np.testing.assert_array_equal(by_mass, sensitivities().derivatives["x"][:, 1])
     assert found["coordinate"].values.tolist() == ["log clearance", "mass"]
     assert "x_derivative.clearance [m]" in sensitivities().to_dataframe()
 

@@ -9,12 +9,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint._identification.identify import _with_prior
-from clearjoint._identification.residuals import (
-    UNREACHED,
-    experiment,
-    run_misfit,
-    samples,
-)
+from clearjoint._identification.residuals import UNREACHED, experiment, run_misfit, samples
 from tests.identification import test_identify
 from tests.identification.test_identify import (
     END,

@@ -21,52 +21,51 @@ def decay(at, data=0.0):
     """Residuals of amplitude times exp(-rate * t), in the logarithms of both."""
     amplitude, rate = np.exp(at)
     curve = amplitude * np.exp(-rate * TIMES)
-    return misfit(
-        at, 100.0 * (curve - data), 100.0 * np.column_stack([curve, -rate * TIMES * curve])
-    )
+    slopes = np.column_stack([curve, -rate * TIMES * curve])
+    return misfit(at, 100.0 * (curve - data), 100.0 * slopes)
 
 
-def noisy():
-    clean = decay(np.log([2.0, 1.5])).residuals / 100.0
-    return clean + 0.01 * np.random.default_rng(0).standard_normal(len(TIMES))
+CLEAN = decay(np.log([2.0, 1.5])).residuals / 100.0
+DATA = CLEAN + 0.01 * np.random.default_rng(0).standard_normal(len(TIMES))
+START = np.log([0.3, 6.0])
+
+
+def of_data(at):
+    return decay(at, DATA)
 
 
 def run(evaluate, start, step_limits=FREE, tolerance=1e-6, limit=100):
-    reported = []
-    found = search_with_damping(
-        evaluate, np.array(start, float), step_limits, tolerance, limit, reported.append
-    )
+    reported, start = [], np.array(start, float)
+    options = step_limits, tolerance, limit, reported.append
+    found = search_with_damping(evaluate, start, *options)
     assert tuple(reported) == found[1]
     return found
 
 
 def test_same_minimum_as_scipy():
-    data, start = noisy(), np.log([0.3, 6.0])
-    best, iterations, ending = run(lambda at: decay(at, data), start)
-    other = least_squares(lambda at: decay(at, data).residuals, start, xtol=1e-14, ftol=1e-14)
+    best, iterations, ending = run(of_data, START)
+    other = least_squares(lambda at: of_data(at).residuals, START, xtol=1e-14, ftol=1e-14)
     assert ending is cj.results.Ending.CONVERGED and len(iterations) < 20
     np.testing.assert_allclose(best.coordinates, other.x, atol=1e-7)
     assert min(i.chi_squared for i in iterations) == best.residuals @ best.residuals
 
 
 def test_units_of_the_coordinates_do_not_matter():
-    data, units = noisy(), np.array([1e6, 1e-6])
+    units = np.array([1e6, 1e-6])
 
     def scaled(at):
-        found = decay(at / units, data)
+        found = of_data(at / units)
         return misfit(at, found.residuals, found.jacobian / units)
 
-    start = np.log([0.3, 6.0])
-    plain, other = run(lambda at: decay(at, data), start), run(scaled, start * units)
+    plain, other = run(of_data, START), run(scaled, START * units)
     assert len(plain[1]) == len(other[1])
     np.testing.assert_allclose(other[0].coordinates / units, plain[0].coordinates, rtol=1e-6)
 
 
 def test_what_fails_is_turned_back_from():
-    data = noisy()
 
     def fragile(at):
-        found = decay(at, data)
+        found = of_data(at)
         if at[1] < at[0] - 1.0:
             found.residuals[10:], found.jacobian[10:] = UNREACHED, 0.0
         return found
@@ -79,8 +78,7 @@ def test_what_fails_is_turned_back_from():
 
 
 def test_no_step_exceeds_the_stride():
-    data = noisy()
-    _, iterations, _ = run(lambda at: decay(at, data), np.log([0.01, 20.0]), np.full(2, 0.25))
+    _, iterations, _ = run(of_data, np.log([0.01, 20.0]), np.full(2, 0.25))
     rows = np.array([i.coordinates for i in iterations if i.accepted])
     steps = np.abs(np.diff(rows, axis=0)).max(axis=0)
     np.testing.assert_allclose(steps, 0.25)
@@ -104,32 +102,28 @@ def test_a_rise_is_refused_though_the_model_predicts_a_larger_one():
 
 
 def test_endings():
-    data = noisy()
-    assert (
-        run(lambda at: decay(at, data), np.log([0.3, 6.0]), limit=2)[2]
-        is cj.results.Ending.EXHAUSTED
-    )
+    assert run(of_data, START, limit=2)[2] is cj.results.Ending.EXHAUSTED
 
     def lying(at):
-        found = decay(at, data)
+        found = of_data(at)
         return misfit(at, found.residuals, -found.jacobian)
 
-    best, iterations, ending = run(lying, np.log([0.3, 6.0]))
+    best, iterations, ending = run(lying, START)
     assert ending is cj.results.Ending.STALLED
     assert not any(i.accepted for i in iterations[1:])
-    np.testing.assert_array_equal(best.coordinates, np.log([0.3, 6.0]))
+    np.testing.assert_array_equal(best.coordinates, START)
 
 
 def test_a_search_ends_where_chi_squared_no_longer_falls():
     """Steps of a third of the right ones come closer by a third of the way each."""
-    data, start = noisy(), np.log([1.8, 1.4])
+    start = np.log([1.8, 1.4])
 
     def slow(at):
-        found = decay(at, data)
+        found = of_data(at)
         return misfit(at, found.residuals, 3.0 * found.jacobian)
 
     best, iterations, ending = run(slow, start, tolerance=1e-9)
-    lowest = 2.0 * least_squares(lambda at: decay(at, data).residuals, start).cost
+    lowest = 2.0 * least_squares(lambda at: of_data(at).residuals, start).cost
     assert ending is cj.results.Ending.CONVERGED
     assert 0.0 < best.chi_squared - lowest < 0.1**2
     chi_squared = [i.chi_squared for i in iterations]
@@ -140,10 +134,9 @@ def test_a_search_ends_where_chi_squared_no_longer_falls():
 
 
 def test_a_parameter_without_effect_stays_where_it_is():
-    data = noisy()
 
     def one(at):
-        found = decay(np.array([at[0], np.log(1.5)]), data)
+        found = of_data(np.array([at[0], np.log(1.5)]))
         return misfit(at, found.residuals, found.jacobian * [1.0, 0.0])
 
     best, _, ending = run(one, [0.0, 7.0])
@@ -154,7 +147,5 @@ def test_decrement_is_the_gauss_newton_step_in_standard_deviations():
     generator = np.random.default_rng(0)
     jacobian, residuals = generator.standard_normal((20, 3)), generator.standard_normal(20)
     step = np.linalg.lstsq(jacobian, -residuals)[0]
-    information = jacobian.T @ jacobian
-    assert float(decrement(residuals, jacobian)) == pytest.approx(
-        np.sqrt(step @ information @ step), rel=1e-12
-    )
+    expected = np.sqrt(step @ jacobian.T @ jacobian @ step)
+    assert float(decrement(residuals, jacobian)) == pytest.approx(expected, rel=1e-12)

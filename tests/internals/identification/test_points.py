@@ -3,12 +3,7 @@
 import numpy as np
 import pytest
 
-from clearjoint._identification.points import (
-    chi_squared_over,
-    drawn_among,
-    far_apart,
-    reached,
-)
+from clearjoint._identification.points import drawn_among, far_apart, reached
 
 RANDOM = np.random.default_rng(2)
 
@@ -19,8 +14,6 @@ def test_the_reach_of_straight_curves_is_where_their_spread_is_the_excess():
     assert reached(curves, 3, 7.4) == pytest.approx(3.7)
     assert reached(curves, 5, 3.0) == pytest.approx(0.75)
     assert reached(curves, 1, 0.0) == 10.0 and reached(curves, 3, 21.0) == 10.0
-    np.testing.assert_allclose(chi_squared_over(curves, 3.5), 3.5 * np.arange(5.0))
-    np.testing.assert_allclose(chi_squared_over(curves, 10.0), 10.0 * np.arange(5.0))
 
 
 def test_distances_do_not_depend_on_units():

@@ -17,10 +17,7 @@ from clearjoint._identification.posterior.tempering import (
     next_count,
     resampled,
 )
-from tests.identification.test_posterior import (
-    WIDTH,
-    found,
-)
+from tests.identification.test_posterior import WIDTH, found
 
 
 def test_a_cloud_of_one_point_is_impossible(monkeypatch):
@@ -146,29 +143,20 @@ def narrow(seed, number):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(2))
-def test_narrow_priors_have_the_posterior_and_the_evidence_of_the_closed_form(seed):
-    result = narrow(seed, 100)
-    assert np.abs(result.mean).max() < 0.5 and np.abs(result.size - 1.0).max() < 0.4
-    assert abs(result.error) < 4.0 * result.stated < 0.6 and result.effective >= 100.0
-
-
-@pytest.mark.slow
 def test_intervals_and_evidence_of_narrow_priors_are_as_good_as_stated():
     results = [narrow(seed, 200) for seed in range(100)]
     ratios = np.array([one.error / one.stated for one in results])
     inside = np.concatenate([one.inside for one in results])
     means, sizes = (np.concatenate([getattr(one, n) for one in results]) for n in ("mean", "size"))
     print(f"\n{len(results)} narrow priors: 95 % intervals with the truth {inside.mean():.3f} of")
-    print(
-        f"{len(inside)}; errors of the log evidence over the stated ones: mean {ratios.mean():.2f},"
-    )
+    print(f"{len(inside)}; errors of the log evidence, stated 1: mean {ratios.mean():.2f},")
     print(f"deviation {ratios.std():.2f}, within 1.96 {np.mean(np.abs(ratios) < 1.96):.2f};")
     print(f"largest error of a mean {np.abs(means).max():.2f}, deviations {sizes.min():.2f} to")
     print(f"{sizes.max():.2f}, of the posterior's deviation")
     assert 0.90 < inside.mean() < 0.99
     assert abs(ratios.mean()) < 0.35 and 0.75 < ratios.std() < 1.25
     assert np.abs(means).max() < 0.4 and sizes.min() > 0.7 and sizes.max() < 1.3
+    assert np.median([one.stated for one in results]) < 0.08
     assert min(one.effective for one in results) >= 200.0
 
 

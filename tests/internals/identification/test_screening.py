@@ -2,6 +2,7 @@
 each number of periods, so that no slope leads from a far guess to the truth."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -40,8 +41,16 @@ def side_by_side(data, **options):
     return Comparison(runs, samples(data, len(runs.times)), PARAMETERS)
 
 
-def fitted(data, **options):
-    return cj.identify(SCENE, STATE, data, PARAMETERS, guess=FAR, progress=False, **options)
+def fitted(data, guess=None, progress=False, **options):
+    return cj.identify(SCENE, STATE, data, PARAMETERS, guess=guess, progress=progress, **options)
+
+
+fitted_from_far = partial(fitted, guess=FAR)
+
+
+def poorly_fitted(data, **options):
+    with pytest.warns(cj.PoorFitWarning, match="Standard errors are not valid"):
+        return fitted(data, **options)
 
 
 def test_chi_squared_over_time_is_that_of_the_closed_form(data):
@@ -68,11 +77,12 @@ def test_runs_that_end_early_count_as_far_off(data):
 
 @pytest.fixture(scope="module")
 def screened(data):
-    return fitted(data, starts=cj.Screening(40, spread=1.5, keep=10, finish=2, smoothing=1))
+    starts = cj.Screening(40, spread=1.5, keep=10, finish=2, smoothing=1)
+    return fitted_from_far(data, starts=starts)
 
 
 def test_screening_finds_what_no_slope_leads_to(data, screened):
-    lost = fitted(data)
+    lost = fitted_from_far(data)
     assert lost.chi_squared > 100.0 * screened.chi_squared
     low, high = screened.intervals["stiffness"]
     assert low < STIFFNESS < high and high - low < 0.01 * STIFFNESS
@@ -86,7 +96,8 @@ def test_screening_finds_what_no_slope_leads_to(data, screened):
 
 
 def test_an_incomplete_screening_is_reported(data):
-    few = fitted(data, starts=cj.Screening(40, spread=1.5, keep=10, smoothing=1, rounds=2))
+    starts = cj.Screening(40, spread=1.5, keep=10, smoothing=1, rounds=2)
+    few = fitted_from_far(data, starts=starts)
     (warning,) = [text for text in few.warnings if text.startswith("Screening reached only")]
     assert warning.endswith(" s: increase its rounds.")
     (found,) = few.screened
@@ -97,7 +108,7 @@ def test_an_incomplete_screening_is_reported(data):
 def test_what_noise_does_not_explain_is_screened_anew(data):
     understated = cj.Measurements({"x": cj.Series(CHANNEL, TIMES, data["x"].values, NOISE / 2)})
     starts = cj.Screening(40, spread=1.5, keep=10, finish=1, smoothing=1, passes=2)
-    fit = fitted(understated, starts=starts)
+    fit = fitted_from_far(understated, starts=starts)
     first, second = fit.screened
     assert len(fit.searches) == 2 and first.starts != second.starts
     assert fit.estimates["stiffness"] == pytest.approx(STIFFNESS, rel=0.01)
@@ -124,11 +135,9 @@ def test_invalid_settings_of_a_screening_are_refused(settings, message):
 
 def test_invalid_arguments_of_a_screening_are_refused(data):
     with pytest.raises(ValueError, match=r"`spread` must be values of estimated .*\['mass'\]"):
-        fitted(data, starts=cj.Screening(spread={"mass": 1.0}))
+        fitted_from_far(data, starts=cj.Screening(spread={"mass": 1.0}))
     with pytest.raises(ValueError, match="`guess` must be one guess, for a screening, but"):
-        cj.identify(
-            SCENE, STATE, data, PARAMETERS, guess=[FAR, FAR], starts=cj.Screening(), progress=False
-        )
+        fitted(data, [FAR, FAR], starts=cj.Screening())
 
 
 EARLY, LATE = (TIMES > 0.75) & (TIMES < 2.05), TIMES > 18.45
@@ -155,9 +164,8 @@ def test_intervals_cover_the_minima_that_runs_around_the_estimate_find(rough, mo
     from where a search from the truth ends. A posterior that would take too many runs fails no
     fit."""
     monkeypatch.setattr(checking, "MOST_RUNS", 1)
-    with pytest.warns(cj.PoorFitWarning, match="Standard errors are not valid"):
-        fit = cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False, check_runs=400)
-    plain = cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False, check_runs=0)
+    fit = poorly_fitted(rough, check_runs=400)
+    plain = fitted(rough, check_runs=0)
     grid, curve = rough_curve(rough)
     assert fit.posterior is None
     assert fit.chi_squared == pytest.approx(curve.min(), abs=0.01)
@@ -173,8 +181,7 @@ def test_intervals_cover_the_minima_that_runs_around_the_estimate_find(rough, mo
 
 def test_a_check_costs_about_as_much_as_the_fit_unless_asked_for(rough):
     """In runs without derivatives, two of which cost as much as one with derivatives."""
-    with pytest.warns(cj.PoorFitWarning, match="Standard errors are not valid"):
-        fit = cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False)
+    fit = poorly_fitted(rough)
     local = sum(search.evaluations for search in fit.check.searches)
     tested = len(fit.check.test.actual)
     explored = fit.check.runs - tested - local
@@ -196,9 +203,7 @@ def test_durations_are_readable():
 @pytest.mark.slow
 def test_intervals_come_from_a_posterior_where_chi_squared_is_not_quadratic(rough):
     """Their probability by chi squared in closed form; equal bits in a second fit."""
-    options = {"progress": False, "check_runs": 100}
-    with pytest.warns(cj.PoorFitWarning, match="Standard errors are not valid"):
-        fit, again = (cj.identify(SCENE, STATE, rough, PARAMETERS, **options) for _ in range(2))
+    fit, again = (poorly_fitted(rough, check_runs=100) for _ in range(2))
     grid, curve = rough_curve(rough)
     distribution = np.cumsum(np.exp(-0.5 * (curve - curve.min())))
     low, high = np.interp(fit.intervals["stiffness"], grid, distribution / distribution[-1])
@@ -217,21 +222,10 @@ def test_sets_of_one_call_have_the_bits_of_calls_of_their_own(rough):
     options = {"progress": False, "check_runs": 50}
     with pytest.warns(cj.PoorFitWarning):
         fits = cj.identify_many(SCENE, STATE, [rough, again], PARAMETERS, **options)
-        alone = [cj.identify(SCENE, STATE, one, PARAMETERS, **options) for one in (rough, again)]
+        alone = [fitted(one, **options) for one in (rough, again)]
     for fit, own in zip(fits, alone, strict=True):
         assert fit.intervals == own.intervals and fit.chi_squared == own.chi_squared
         assert fit.check.runs == own.check.runs > 50
-
-
-def test_an_interruption_in_the_posterior_keeps_the_fit(rough, monkeypatch):
-    def interrupt(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(checking, "drawn_posterior", interrupt)
-    with pytest.raises(cj.FitInterrupted) as stopped:
-        cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False, check_runs=50)
-    (fit,) = stopped.value.fits
-    assert fit.check is None and fit.posterior is None and fit.chi_squared < 220.0
 
 
 def raising(error):
@@ -241,24 +235,31 @@ def raising(error):
     return fail
 
 
+def test_an_interruption_in_the_posterior_keeps_the_fit(rough, monkeypatch):
+    monkeypatch.setattr(checking, "drawn_posterior", raising(KeyboardInterrupt()))
+    with pytest.raises(cj.FitInterrupted) as stopped:
+        fitted(rough, check_runs=50)
+    (fit,) = stopped.value.fits
+    assert fit.check is None and fit.posterior is None and fit.chi_squared < 220.0
+
+
 @pytest.mark.slow
 def test_a_singular_cloud_has_no_posterior(rough, monkeypatch):
     singular = np.linalg.LinAlgError("Matrix is not positive definite")
     monkeypatch.setattr("clearjoint._identification.posterior.posterior.draw", raising(singular))
-    with pytest.warns(cj.PoorFitWarning, match="Standard errors are not valid"):
-        fit = cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False, check_runs=50)
+    fit = poorly_fitted(rough, check_runs=50)
     assert fit.posterior is None and fit.check is not None
 
 
 def test_other_errors_of_the_posterior_are_not_hidden(rough, monkeypatch):
     monkeypatch.setattr(checking, "drawn_posterior", raising(ValueError("a defect")))
     with pytest.raises(ValueError, match="a defect"):
-        cj.identify(SCENE, STATE, rough, PARAMETERS, progress=False, check_runs=50)
+        fitted(rough, check_runs=50)
 
 
 def test_a_valid_covariance_is_confirmed_by_few_runs(data, monkeypatch):
     monkeypatch.setattr(checking, "drawn_posterior", None)  # An additional run would fail.
-    fit = cj.identify(SCENE, STATE, data, PARAMETERS, progress=False)
+    fit = fitted(data)
     assert fit.check.passed and fit.check.exploration is None and fit.doubts == []
     assert fit.posterior is None
     assert fit.check.runs == len(fit.check.test.actual) == 14
@@ -269,13 +270,13 @@ def test_a_valid_covariance_is_confirmed_by_few_runs(data, monkeypatch):
 def test_an_interrupted_screening_has_no_fit(data, monkeypatch):
     monkeypatch.setattr(Comparison, "chi_squared", raising(KeyboardInterrupt()))
     with pytest.raises(cj.FitInterrupted, match="before the first run of a search") as stopped:
-        fitted(data, starts=cj.Screening(40))
+        fitted_from_far(data, starts=cj.Screening(40))
     assert stopped.value.fits == []
 
 
 def test_fits_of_earlier_sets_are_not_the_best_of_an_interrupted_one(data, monkeypatch):
     options = {"guess": {"stiffness": 51.0}, "check_runs": 0, "progress": False}
-    fit = cj.identify(SCENE, STATE, data, PARAMETERS, **options)
+    fit = fitted(data, **options)
     results = iter([(fit, False), (None, True)])
     monkeypatch.setattr(_Problem, "fit", lambda *_: next(results))
     with pytest.raises(cj.FitInterrupted, match="before the first run .* earlier sets") as stopped:
@@ -294,9 +295,7 @@ def test_an_interrupted_fit_has_the_best_run_so_far(data, last):
             raise KeyboardInterrupt
 
     with pytest.raises(cj.FitInterrupted, match="the best so far has chi squared") as stopped:
-        cj.identify(
-            SCENE, STATE, data, PARAMETERS, guess={"stiffness": 48.0}, grow=(2.0,), progress=stop
-        )
+        fitted(data, {"stiffness": 48.0}, grow=(2.0,), progress=stop)
     (fit,) = stopped.value.fits
     assert fit.ending is cj.results.Ending.INTERRUPTED and fit.check is None
     assert "Not converged: it was interrupted" in str(fit)

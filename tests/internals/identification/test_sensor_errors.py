@@ -6,17 +6,23 @@ import pytest
 import clearjoint as cj
 from clearjoint._identification.comparison import Comparison
 from clearjoint._identification.residuals import experiment, run_misfit, samples
-from tests.identification.test_delays import SCENE, STATE, V, X
 from tests.identification.test_sensor_errors import (
     NOISE,
+    SCENE,
+    STATE,
     STIFFNESS,
     TIMES,
     TRUE,
+    V,
+    X,
     jacobian,
     parameters_of,
     probe_of,
     reading,
 )
+
+DELAYS = 0.0, 0.1, -0.05
+"""s: none, one longer than the first samples last, and a clock that is early."""
 
 
 @pytest.mark.parametrize(
@@ -26,18 +32,22 @@ def test_values_and_derivatives_are_those_of_the_closed_form(seed):
     """Random errors in random order, in single runs and in runs side by side."""
     generator = np.random.default_rng(seed)
     kinds = [str(kind) for kind in generator.permutation([*TRUE])]
-    values = {kind: TRUE[kind] * generator.uniform(0.5, 1.5) for kind in kinds}
+    draws = [{kind: TRUE[kind] * generator.uniform(0.5, 1.5) for kind in kinds} for _ in range(4)]
+    for values, delay in zip(draws[1:], DELAYS, strict=True):
+        values["delay"] = delay
     parameters, data = parameters_of(kinds), probe_of(TRUE)
     outputs = {"probe": X, "laser": V}
     runs = experiment(SCENE, STATE, parameters, outputs, TIMES, 0.0, cj.presets.identification)
     held = samples(data, len(runs.times))
-    point = np.array([np.log(STIFFNESS), *values.values()])
-    found = run_misfit(runs, held, float(TIMES[-1]), point)
-    np.testing.assert_allclose(found.predicted[0, :60], reading(TIMES, **values), atol=1e-8)
-    np.testing.assert_allclose(
-        found.jacobian.reshape(2, -1, 5)[0, :60] * NOISE, jacobian(kinds, values), atol=2e-5
-    )
-    # The errors of one sensor don't change the reading of the other.
-    assert not found.jacobian.reshape(2, -1, 5)[1, :, 1:].any()
-    lanes = Comparison(runs, held).chi_squared(np.tile(point, (3, 1)), 60)
-    np.testing.assert_allclose(lanes[:, -1], found.chi_squared, rtol=1e-5)
+    points = np.array([[np.log(STIFFNESS), *values.values()] for values in draws])
+    lanes = Comparison(runs, held).chi_squared(points, 60)
+    for point, values, lane in zip(points, draws, lanes, strict=True):
+        found = run_misfit(runs, held, float(TIMES[-1]), point)
+        np.testing.assert_allclose(found.predicted[0, :60], reading(TIMES, **values), atol=1e-8)
+        # The errors of one sensor don't change the reading of the other.
+        expected = reading(TIMES, derivative=True)
+        np.testing.assert_allclose(found.predicted[1, :60], expected, atol=1e-7)
+        slopes = found.jacobian.reshape(2, -1, 5)
+        np.testing.assert_allclose(slopes[0, :60] * NOISE, jacobian(kinds, values), atol=2e-5)
+        assert not slopes[1, :, 1:].any()
+        np.testing.assert_allclose(lane[-1], found.chi_squared, rtol=1e-5)

@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from clearjoint._fields.checks import conditions_of
@@ -34,15 +35,8 @@ def _moved(state: cj.State, speed: float) -> cj.State:
 def _points(solution: cj.results.Solution, local: np.ndarray) -> np.ndarray:
     """(T, N, 3) points (N, 3) of the rod over time."""
     saved = solution.saved.states.bodies["rod"]
-    s, x, y, z = np.moveaxis(np.asarray(saved.orientation), -1, 0)
-    rotation = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - s * z), 2 * (x * z + s * y)],
-            [2 * (x * y + s * z), 1 - 2 * (x * x + z * z), 2 * (y * z - s * x)],
-            [2 * (x * z - s * y), 2 * (y * z + s * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    return np.asarray(saved.position)[:, None] + np.einsum("ijt,nj->tni", rotation, local)
+    rotation = Rotation.from_quat(saved.orientation, scalar_first=True).as_matrix()
+    return np.asarray(saved.position)[:, None] + np.einsum("tij,nj->tni", rotation, local)
 
 
 @pytest.mark.slow
@@ -70,9 +64,8 @@ def test_the_way_is_closed_where_the_misfit_grows_towards_the_truth(found):
 
     def seen(logarithm: float) -> np.ndarray:
         other = cj.set_value(scene, clearance, 5e-4 * np.exp(logarithm))
-        run = cj.simulate(
-            other, state, LAST, cj.Settings(rtol=1e-11), save=cj.Saving(found.times), progress=False
-        )
+        how = cj.Settings(rtol=1e-11), cj.Saving(found.times)
+        run = cj.simulate(other, state, LAST, *how, progress=False)
         return _points(run, journal)[:, 0, :2] / 5e-6
 
     truth, step = seen(0.0), 1e-6
@@ -98,11 +91,8 @@ def test_ways_of_an_oscillation():
         return np.cumsum((1e3 * (np.sin(w * times) - np.sin(true * times))) ** 2)
 
     w = true + off
-    here = blocked_records(
-        1e3 * np.sin(true * times)[None],
-        1e3 * np.sin(w * times)[None],
-        1e3 * off * times[None] * np.cos(w * times),
-    )
+    seen, guessed = 1e3 * np.sin(true * times)[None], 1e3 * np.sin(w * times)[None]
+    here = blocked_records(seen, guessed, 1e3 * off * times[None] * np.cos(w * times))
     step = 1e-6
     slopes = (misfits(w + step) - misfits(w - step)) / (2.0 * step)
     expected = (slopes < 0.0) & (misfits(w) > 1.0)
@@ -129,16 +119,13 @@ def test_angles_that_pass_half_a_turn():
             return wrapped(super().__call__(now), self.period)
 
     turned = cj.body_state((0, 0, 0), cj.rotation((0, 0, 1), 3.0), spin=(0, 0, 10.0))
-    limits = cj.fit_horizon(
-        cj.Scene({"rod": cj.Body(1.0, (0.1, 0.1, 0.1))}),
-        cj.State({"rod": turned}),
-        {"spin": cj.Parameter.initial(lambda state: state.bodies["rod"].spin[2])},
-        {
-            "angle": cj.Sensor(Angle("rod", (0, 0, 1)), np.linspace(0.01, 0.1, 10), 1e-3),
-            "remainder": cj.Sensor(Remainder("rod", (0, 0, 1)), np.linspace(0.5, 1.0, 50), 1e-12),
-        },
-        uncertainty={"spin": 5.0},
-    )
+    scene, state = cj.Scene({"rod": cj.Body(1.0, (0.1,) * 3)}), cj.State({"rod": turned})
+    parameters = {"spin": cj.Parameter.initial(lambda state: state.bodies["rod"].spin[2])}
+    sensors = {
+        "angle": cj.Sensor(Angle("rod", (0, 0, 1)), np.linspace(0.01, 0.1, 10), 1e-3),
+        "remainder": cj.Sensor(Remainder("rod", (0, 0, 1)), np.linspace(0.5, 1.0, 50), 1e-12),
+    }
+    limits = cj.fit_horizon(scene, state, parameters, sensors, uncertainty={"spin": 5.0})
     assert not any(guess.blocked[:10].any() for guess in limits.guesses)
     assert 3.0 < limits.error.max() <= 5.0 * (1.0 + 1e-6)
 

@@ -7,12 +7,12 @@ import pytest
 import clearjoint as cj
 from clearjoint._robot_fits.problem import robot_problem
 from studies.robots.geared_joint import URDF
+from tests.support.rig import rig
 
 
 def test_a_joint_that_follows_its_log_starts_with_the_rate_of_the_log(tmp_path):
     """Also if its first positions differ by less than their noise, so that it counts as at rest."""
-    (tmp_path / "rig.urdf").write_text(URDF.format(inertia=0.01))
-    robot, times = cj.load_robot(tmp_path / "rig.urdf"), np.arange(100) / 200.0
+    robot, times = rig(tmp_path), np.arange(100) / 200.0
     table = pd.DataFrame({"t": times, "q [rad]": 0.01 * times, "tau [N m]": 0.0 * times})
     columns = {"elbow": cj.LogColumn("q", noise=2e-4)}, {"elbow": cj.LogColumn("tau", noise=0.1)}
     log = cj.RobotLog.read(table, angles=columns[0], torques=columns[1])

@@ -8,34 +8,27 @@ import pytest
 import clearjoint as cj
 from clearjoint._measurements.robot_logs import Logged
 from clearjoint._parametrisation.variations import changed
-from clearjoint._robot_fits.problem import (
-    MovedRobot,
-    StartInPlay,
-    StartOfJoint,
-    _begins_at_rest,
-)
+from clearjoint._robot_fits.problem import MovedRobot, StartInPlay, StartOfJoint, _begins_at_rest
 from clearjoint._simulation.run.sampling import first_compiled, sampled_compiled
-from studies.robots.geared_joint import URDF
+from tests.support.rig import rig
 
 TIMES = np.sort(np.random.default_rng(1).uniform(3.0, 3.05, 10))
 NOISE = 2e-3
 """Noise, rad."""
 
 
-def share_at_rest(speed, draws=2000):
-    """Return the share of logs with a speed, rad/s, of which the joint counts as at rest."""
-    generator = np.random.default_rng(0)
-    angles = 0.4 + speed * TIMES + NOISE * generator.standard_normal((draws, len(TIMES)))
+def share_at_rest(speed, start=0.4):
+    """Return the share of logs from an angle with a speed, rad/s, of which the joint counts as at
+    rest; angles are from -pi to pi."""
+    noise = NOISE * np.random.default_rng(0).standard_normal((2000, len(TIMES)))
+    angles = (start + speed * TIMES + noise + np.pi) % (2.0 * np.pi) - np.pi
     return np.mean([_begins_at_rest(Logged(TIMES, row, NOISE, "rad")) for row in angles])
 
 
-@pytest.mark.parametrize("offset", [0.0, np.pi - 0.4])
-def test_noise_alone_is_no_speed(offset):
-    generator = np.random.default_rng(0)
-    angles = 0.4 + offset + NOISE * generator.standard_normal((2000, len(TIMES)))
-    wrapped = (angles + np.pi) % (2.0 * np.pi) - np.pi
-    rest = [_begins_at_rest(Logged(TIMES, row, NOISE, "rad")) for row in wrapped]
-    assert np.mean(rest) > 0.996  # of a normal slope, 0.999 is within 3.3 standard errors
+@pytest.mark.parametrize("start", [0.4, np.pi])
+def test_noise_alone_is_no_speed(start):
+    # Of a normal slope, 0.999 is within 3.3 standard errors.
+    assert share_at_rest(0.0, start) > 0.996
 
 
 def test_a_speed_is_found_where_least_squares_determines_it():
@@ -51,9 +44,8 @@ def test_unknown_noise_leaves_the_speed_open():
 
 
 def geared(folder, play="0.5 deg", axis="0 1 0"):
-    (folder / "rig.urdf").write_text(URDF.format(inertia=0.01).replace("0 1 0", axis))
     drive = cj.Drive(armature=0.02, play=play, stiffness=2000.0, damping=0.2)
-    return cj.load_robot(folder / "rig.urdf").with_drive("elbow", drive)
+    return rig(folder, axis=axis).with_drive("elbow", drive)
 
 
 def test_starts_of_several_joints(tmp_path):

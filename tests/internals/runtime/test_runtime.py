@@ -1,8 +1,6 @@
 """Settings of a process by `configure` and environment variables."""
 
 import os
-import subprocess
-import sys
 
 import jax
 import numpy as np
@@ -10,53 +8,46 @@ import pytest
 
 import clearjoint as cj
 from clearjoint import _runtime as runtime
+from tests.support.processes import printed
 
 
-def python(code, **variables):
+def lines_of(code, **variables):
     """Return the output of a process without other settings than those given."""
-    kept = {
-        name: value for name, value in os.environ.items() if "JAX" not in name and "XLA" not in name
-    }
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env=kept | variables,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout.split("\n")[:-1]
+    kept = {n: value for n, value in os.environ.items() if "JAX" not in n and "XLA" not in n}
+    return printed(code, env=kept | variables).split("\n")[:-1]
 
 
-@pytest.mark.parametrize("base", ["", "cache"])
-def test_an_empty_or_relative_cache_folder_is_ignored(base, monkeypatch, tmp_path):
-    monkeypatch.setenv("HOME", str(tmp_path))
-    monkeypatch.setenv("CLEARJOINT_CACHE", "")
+@pytest.mark.parametrize(
+    ("cache", "base", "folder"),
+    [
+        ("", "", "/home/me/.cache/clearjoint"),
+        ("", "relative", "/home/me/.cache/clearjoint"),
+        (None, "/own", "/own/clearjoint"),
+        ("here", "/own", "here"),
+    ],
+)
+def test_cache_folder_follows_the_environment(cache, base, folder, monkeypatch):
+    monkeypatch.setenv("HOME", "/home/me")
     monkeypatch.setenv("XDG_CACHE_HOME", base)
-    assert runtime.default_cache() == tmp_path / ".cache" / "clearjoint"
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "own"))
-    assert runtime.default_cache() == tmp_path / "own" / "clearjoint"
-    monkeypatch.setenv("CLEARJOINT_CACHE", "here")
-    assert str(runtime.default_cache()) == "here"
+    monkeypatch.delenv("CLEARJOINT_CACHE")
+    if cache is not None:
+        monkeypatch.setenv("CLEARJOINT_CACHE", cache)
+    assert str(runtime.default_cache()) == folder
 
 
 @pytest.mark.parametrize("threads", [0, 2.5, "4"])
-def test_threads_must_be_a_positive_integer(threads):
+def test_threads_must_be_a_positive_integer(threads, monkeypatch):
+    """And what is refused leaves the flags of XLA."""
+    monkeypatch.setenv("XLA_FLAGS", "--xla_foo")
     with pytest.raises(ValueError, match="`threads` must be a whole number, positive"):
         runtime.configure(threads)
+    assert os.environ["XLA_FLAGS"] == "--xla_foo"
 
 
 def test_a_cache_that_is_a_file_is_refused_before_anything_is_set(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(ValueError, match="file' is a file, or lies in one: remove the file"):
         runtime.configure(cache=tmp_path / "file")
-
-
-def test_refused_arguments_leave_the_flags_of_xla(monkeypatch):
-    monkeypatch.setenv("XLA_FLAGS", "--xla_foo")
-    with pytest.raises(ValueError, match="`threads`"):
-        runtime.configure(0)
-    assert os.environ["XLA_FLAGS"] == "--xla_foo"
 
 
 def test_a_cache_that_must_not_be_used_gives_a_warning(tmp_path):
@@ -86,14 +77,6 @@ def test_other_values_of_the_variable_are_refused(monkeypatch):
         runtime.configure()
 
 
-def test_cache_folder_follows_the_environment(monkeypatch):
-    monkeypatch.setenv("CLEARJOINT_CACHE", "/a")
-    assert str(runtime.default_cache()) == "/a"
-    monkeypatch.delenv("CLEARJOINT_CACHE")
-    monkeypatch.setenv("XDG_CACHE_HOME", "/b")
-    assert str(runtime.default_cache()) == "/b/clearjoint"
-
-
 @pytest.mark.parametrize("sent", [None, "0", "1"])
 def test_adopted_settings_replace_those_of_the_process(sent, monkeypatch):
     monkeypatch.setattr(runtime, "_threads", None)
@@ -119,7 +102,7 @@ print(clearjoint.simulate(scene, state, 1e-4).final.bodies["stone"].position.dty
 
 def test_configure_after_the_start_of_jax(tmp_path):
     code = CONFIGURE.replace("FOLDER", str(tmp_path))
-    floats, cache, threads, result = python(code, CLEARJOINT_KEEP_PROGRAMS="0")
+    floats, cache, threads, result = lines_of(code, CLEARJOINT_KEEP_PROGRAMS="0")
     assert floats == "float32 float64 3"
     assert cache == f"{tmp_path} False"
     assert int(threads) == len(os.sched_getaffinity(0))
@@ -151,5 +134,5 @@ print(float(np.abs(jax.jit(jax.numpy.arctan)(x) - np.arctan(x)).max()))
 @pytest.mark.slow
 def test_arctangents_of_arrays_are_correct():
     """XLA's are not in vectors of 512 bits (jax issue 39352), which it doesn't take by itself."""
-    (error,) = python(ARCTANGENT)
+    (error,) = lines_of(ARCTANGENT)
     assert float(error) < 1e-15

@@ -28,10 +28,8 @@ def exponential(slopes):
 
 def wave(phase, slopes):
     """sin(phase + slopes z) and the derivatives of its mean."""
-    return (
-        lambda z: np.sin(phase + z @ slopes),
-        slopes * np.cos(phase) * np.exp(-0.5 * slopes @ slopes),
-    )
+    derivatives = slopes * np.cos(phase) * np.exp(-0.5 * slopes @ slopes)
+    return lambda z: np.sin(phase + z @ slopes), derivatives
 
 
 def step(level):

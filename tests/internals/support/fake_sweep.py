@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 
 from clearjoint._sweeps.outputs import Coordinate, Layout, Variable
 from clearjoint._sweeps.store.program import RUN, Identity, row_digests
@@ -72,6 +73,30 @@ def compute(store: SweepMemory | SweepStore, chunks=None) -> None:
     for chunk, lanes in store.missing().items():
         if chunks is None or chunk in chunks:
             store.write({chunk: (tuple(lanes), results(store.layout, lanes))})
+
+
+def identical(one: xr.Dataset, other: xr.Dataset) -> None:
+    """The same bits, types, names and attributes."""
+    xr.testing.assert_identical(one, other)
+    for name in other.variables:
+        assert one[name].dtype == other[name].dtype
+        if one[name].dtype.kind != "U":
+            assert one[name].values.tobytes() == other[name].values.tobytes()
+
+
+def by_lane(found: xr.Dataset) -> xr.Dataset:
+    """The results of `layout` along its lanes."""
+    return found.stack(lane=("clearance", "restitution"))
+
+
+def contents(path: Path, pattern: str = "**/*") -> dict[Path, bytes]:
+    """The bytes of the files in a folder."""
+    return {file: file.read_bytes() for file in path.glob(pattern) if file.is_file()}
+
+
+def written(path: Path, pattern: str = "**/*") -> dict[Path, int]:
+    """When the files and folders in a folder were changed."""
+    return {file: file.stat().st_mtime_ns for file in path.glob(pattern)}
 
 
 def large_layout() -> Layout:

@@ -1,5 +1,6 @@
 """Axes of a sweep: numbers of the scene, components, initial states, and whole scenes."""
 
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -9,6 +10,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint._sweeps.axes import lanes_of
+from tests.support.dropped_rod import dropped_rod
 
 
 def test_a_change_that_makes_the_scene_anew_varies_only_what_differs():
@@ -48,37 +50,26 @@ def test_tied_numbers_components_and_initial_states_reach_the_lanes():
 
 
 def pendulum(length: float) -> tuple[cj.Scene, cj.State]:
-    """One arm of steel on a pin with clearance; its mass and inertia go with its length."""
+    """The dropped rod with another length, with which its mass and inertia go."""
     mass = 10.0 * length
     moment = mass * length**2 / 12
-    pin = cj.ClearanceJoint(
-        "ground",
-        "arm",
-        journal_point=(-length / 2, 0.0, 0.0),
-        bearing_radius=10e-3,
-        clearance=0.5e-3,
-        journal_length=20e-3,
-        law=cj.laws.LankaraniNikravesh(0.9, cj.laws.RavnStiffness(207e9, 0.3)),
-    )
+    scene, _ = dropped_rod()
+    pin = replace(scene.joints["pin"], journal_point=(-length / 2, 0.0, 0.0))
     body = cj.Body(mass, (moment / 100, moment, moment))
-    scene = cj.Scene({"arm": body}, {"pin": pin}, gravity=(0.0, -9.81, 0.0))
-    return scene, cj.State({"arm": cj.body_state((length / 2, 0.0, 0.0))})
+    state = cj.State({"rod": cj.body_state((length / 2, 0.0, 0.0))})
+    return replace(scene, bodies={"rod": body}, joints={"pin": pin}), state
 
 
 @pytest.mark.slow
 def test_change_moves_points_inertia_and_start_together():
     """Arms of other lengths, each until its first impact is over."""
     lengths = [0.5, 1.0, 2.0]
-    found = cj.sweep(
-        *pendulum(1.0),
-        0.012,
-        {"length": cj.Axis.change(lambda scene, state, length: pendulum(length), lengths, "m")},
-        threads=1,
-    )
+    axis = cj.Axis.change(lambda scene, state, length: pendulum(length), lengths, "m")
+    found = cj.sweep(*pendulum(1.0), 0.012, {"length": axis}, threads=1)
     assert found.length.attrs["units"] == "m"
     for length in lengths:
         run = cj.simulate(*pendulum(length), 0.012)
-        here, there = found.sel(length=length), run.final.bodies["arm"]
+        here, there = found.sel(length=length), run.final.bodies["rod"]
         assert int(here.attempts) == int(run.attempts) > 30
         np.testing.assert_allclose(here.final_position[0], there.position, rtol=1e-12, atol=1e-18)
         np.testing.assert_allclose(here.final_velocity[0], there.velocity, rtol=1e-11, atol=1e-18)
@@ -93,11 +84,9 @@ class Tabled(cj.laws.Hertz):
 
 
 def test_tables_in_the_joints_of_all_lanes_stay_tables():
-    pin = cj.ClearanceJoint(
-        "ground", "rod", bearing_radius=0.01, clearance=1e-4, journal_length=0.02, law=Tabled(1e9)
-    )
-    scene = cj.Scene({"rod": cj.Body(1.0, (1.0, 1.0, 1.0))}, {"pin": pin})
-    state, values = cj.State({"rod": cj.body_state((0.0, 0.0, 0.0))}), np.array([1e-4, 2e-4])
+    scene, state = dropped_rod()
+    scene = replace(scene, joints={"pin": replace(scene.joints["pin"], law=Tabled(1e9))})
+    values = np.array([1e-4, 2e-4])
     axes = {"clearance": cj.Axis(lambda s: s.joints["pin"].clearance, values)}
     joint = lanes_of(scene, state, axes, {"clearance": values}).contact_joints()["pin"]
     np.testing.assert_array_equal(joint.clearance, values)

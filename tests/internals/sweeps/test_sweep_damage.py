@@ -9,10 +9,20 @@ import numpy as np
 import pytest
 
 from clearjoint import open_sweep
-from tests.internals.support.fake_sweep import complete, compute, layout, opened, results
-from tests.internals.sweeps.test_sweep_store import identical
+from tests.internals.support.fake_sweep import (
+    by_lane,
+    complete,
+    compute,
+    contents,
+    identical,
+    layout,
+    opened,
+    results,
+    written,
+)
 
-CHUNK, LANES = 1, [5, 6, 7, 8, 9]
+LANES = {1: [5, 6, 7, 8, 9], 2: [10, 11]}
+"""Of a full chunk, and of the last one."""
 
 
 @pytest.fixture
@@ -37,10 +47,10 @@ DAMAGES = {
     "garbage": lambda file: file.write_bytes(bytes(range(200))),
 }
 FILES = {
-    "position": "c/1/0/0",
-    "steps": "c/1",
-    "touched": "c/1",
-    "result": "c/1",
+    "position": "c/{}/0/0",
+    "steps": "c/{}",
+    "touched": "c/{}",
+    "result": "c/{}",
 }
 
 
@@ -58,31 +68,32 @@ def each_once(names):
     ]
 
 
+@pytest.mark.parametrize("chunk", LANES)
 @pytest.mark.parametrize(("damage", "name"), each_once(FILES))
-def test_what_is_damaged_is_named_and_computed_anew(path, name, damage):
-    whole = complete(layout())
-    DAMAGES[damage](path / "by_lane" / name / FILES[name])
+def test_what_is_damaged_is_named_and_computed_anew(path, name, damage, chunk):
+    whole, file, lost = by_lane(complete(layout())), FILES[name].format(chunk), LANES[chunk]
+    DAMAGES[damage](path / "by_lane" / name / file)
     fault = "missing" if damage == "deleted" else "damaged"
-    messages = [] if (name, damage) in UNSEEN else [f"{name}/{FILES[name]} is {fault}"]
+    message = "" if (name, damage) in UNSEEN else f"{name}/{file} is {fault}"
 
     found, warned = recorded(lambda: open_sweep(path))
-    assert [text for text in messages if text not in warned] == []
-    lanes = found.stack(lane=("clearance", "restitution"))
-    assert np.flatnonzero(lanes["result"] == -1).tolist() == LANES
-    assert np.isnan(lanes["position"].isel(lane=LANES)).all()
-    others = np.delete(np.arange(12), LANES)
+    assert message in warned
+    lanes = by_lane(found)
+    assert np.flatnonzero(lanes["result"] == -1).tolist() == lost
+    assert np.isnan(lanes["position"].isel(lane=lost)).all()
+    others = np.delete(np.arange(12), lost)
     for key in whole.data_vars:
-        expected = whole[key].stack(lane=("clearance", "restitution")).isel(lane=others)
+        expected = whole[key].isel(lane=others)
         np.testing.assert_array_equal(lanes[key].isel(lane=others), expected)
 
     store = opened(path, layout())
     missing, warned = recorded(store.missing)
-    assert [text for text in messages if text not in warned] == []
-    assert missing == {CHUNK: LANES}
-    store.write({CHUNK: (LANES, results(layout(), LANES))})
+    assert message in warned
+    assert missing == {chunk: lost}
+    store.write({chunk: (lost, results(layout(), lost))})
     found, warned = recorded(lambda: open_sweep(path))
     assert warned == ""
-    identical(found, whole)
+    identical(found, complete(layout()))
 
 
 def recorded(function):
@@ -102,21 +113,12 @@ def test_the_warning_of_damage_refers_to_the_line_of_the_call(path):
         assert caught[0].filename == __file__
 
 
-def test_the_last_chunk_which_is_not_full_is_computed_anew(path):
-    flipped(path / "by_lane" / "position" / "c" / "2" / "0" / "0")
-    store = opened(path, layout())
-    missing, warned = recorded(store.missing)
-    assert missing == {2: [10, 11]} and "position/c/2/0/0 is damaged" in warned
-    store.write({2: ([10, 11], results(layout(), [10, 11]))})
-    identical(recorded(lambda: open_sweep(path))[0], complete(layout()))
-
-
 def test_much_damage_is_counted(path):
     for file in path.glob("by_lane/*/c/?"):
         if file.is_file() and file.parts[-3] in ("steps", "touched"):
             file.unlink()
-    assert "c/0 is missing" in recorded(lambda: open_sweep(path))[1]
-    assert "and 1 more" in recorded(lambda: open_sweep(path))[1]
+    _, warned = recorded(lambda: open_sweep(path))
+    assert "c/0 is missing" in warned and "and 1 more" in warned
 
 
 @pytest.mark.parametrize("name", ["clearance", "component", "sweep_lanes"])
@@ -143,7 +145,10 @@ def test_damaged_metadata_are_named(path, content):
 def test_each_damaged_attribute_is_noticed(path):
     file = path / "by_lane" / "zarr.json"
     whole = json.loads(file.read_text())
-    others = [{**whole, "attributes": without(whole["attributes"], k)} for k in whole["attributes"]]
+    others = []
+    for name in whole["attributes"]:
+        left = {key: value for key, value in whole["attributes"].items() if key != name}
+        others.append({**whole, "attributes": left})
     others.append({**whole, "consolidated_metadata": {"metadata": {}}})
     others.append(json.loads(file.read_text().replace('"units": "m"', '"units": "n"')))
     for other in others:
@@ -152,30 +157,24 @@ def test_each_damaged_attribute_is_noticed(path):
             open_sweep(path)
 
 
-def without(entries, name):
-    return {key: value for key, value in entries.items() if key != name}
-
-
 @pytest.mark.parametrize("name", FILES)
 def test_exchanged_chunks_are_computed_again(path, name):
-    first = path / "by_lane" / name / FILES[name]
-    second = path / "by_lane" / name / FILES[name].replace("1", "0", 1)
+    first, second = (path / "by_lane" / name / FILES[name].format(chunk) for chunk in (0, 1))
     one, other = first.read_bytes(), second.read_bytes()
     first.write_bytes(other)
     second.write_bytes(one)
     found, warned = recorded(lambda: open_sweep(path))
     assert f"{first} is damaged" in warned and f"{second} is damaged" in warned
-    lanes = found.stack(lane=("clearance", "restitution"))
-    assert np.flatnonzero(lanes["result"] == -1).tolist() == list(range(10))
+    assert np.flatnonzero(by_lane(found)["result"] == -1).tolist() == list(range(10))
     recorded(lambda: compute(opened(path, layout())))
     identical(open_sweep(path), complete(layout()))
 
 
 def test_a_lane_alone_does_not_mend_the_others_of_a_damaged_chunk(path):
-    flipped(path / "by_lane" / "position" / FILES["position"])
+    flipped(path / "by_lane" / "position" / FILES["position"].format(1))
     store = opened(path, layout())
-    store.write({CHUNK: (LANES[:2], results(layout(), LANES[:2]))})
-    assert store.missing() == {CHUNK: LANES[2:]}
+    store.write({1: ([5, 6], results(layout(), [5, 6]))})
+    assert store.missing() == {1: [7, 8, 9]}
     compute(store)
     identical(open_sweep(path), complete(layout()))
 
@@ -202,15 +201,14 @@ GRID_FILES = {
 def test_a_damaged_grid_is_written_again(path, name, damage):
     """By the next sweep with the same arguments, although no lane is missing."""
     opened(path, layout()).write_grid()
-    files = {file: file.read_bytes() for file in path.rglob("*") if file.is_file()}
-    (file,) = path.glob(GRID_FILES[name])
-    DAMAGES[damage](file)
+    before = contents(path)
+    DAMAGES[damage](path / GRID_FILES[name])
     opened(path, layout()).write_grid()
-    assert {file: file.read_bytes() for file in path.rglob("*") if file.is_file()} == files
+    assert contents(path) == before
 
 
 def test_an_intact_grid_is_not_written_again(path):
     opened(path, layout()).write_grid()
-    files = {file: file.stat().st_mtime_ns for file in path.rglob("*/c/*") if file.is_file()}
+    before = written(path, "**/c/*")
     opened(path, layout()).write_grid()
-    assert all(file.stat().st_mtime_ns == time for file, time in files.items())
+    assert written(path, "**/c/*") == before

@@ -3,14 +3,10 @@
 import multiprocessing
 import os
 import signal
-import subprocess
-import sys
 import threading
 import time
-from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
@@ -20,7 +16,6 @@ import jax
 import numpy as np
 import psutil
 import pytest
-import xarray as xr
 
 import clearjoint as cj
 from clearjoint import ChunkError, open_sweep
@@ -32,29 +27,33 @@ from clearjoint._sweeps.executors import QUEUED, RETRIES, run_chunks
 from clearjoint._sweeps.outputs import Coordinate
 from clearjoint._sweeps.store.store import SweepMemory
 from clearjoint.extend import quantity
-from tests.internals.support.fake_sweep import complete, layout, opened, results
+from tests.internals.support.fake_sweep import complete, identical, layout, opened, results
+from tests.support.dask_workers import dask_client
+from tests.support.processes import printed, started
 
 SPAWN = multiprocessing.get_context("spawn")
 MANY = layout(axes=(Coordinate("clearance", np.linspace(1e-4, 1e-3, 58), "m"),))
 """Twelve chunks of five lanes, the last of three."""
 
 
-def lanes_of(chunk: int) -> range:
-    return range(*MANY.span(chunk).indices(MANY.lanes))
-
-
 def results_of(chunk: int):
-    return results(MANY, lanes_of(chunk))
+    return results(MANY, range(*MANY.span(chunk).indices(MANY.lanes)))
 
 
 def write(store, chunk: int, arrays) -> None:
-    store.write({chunk: (lanes_of(chunk), arrays)})
+    store.write({chunk: (store.missing()[chunk], arrays)})
 
 
 @pytest.fixture(scope="module")
 def processes():
     with ProcessPoolExecutor(1, mp_context=SPAWN) as executor:
         yield executor
+
+
+@pytest.fixture(scope="module")
+def two_dask_workers(tmp_path_factory):
+    with dask_client(tmp_path_factory.mktemp("dask")) as client:
+        yield client
 
 
 @pytest.fixture
@@ -67,10 +66,7 @@ def swept(task, executor, store) -> None:
 
 
 def identical_to_uninterrupted(store) -> None:
-    found, expected = open_sweep(store.path), complete(store.layout)
-    xr.testing.assert_identical(found, expected)
-    for name in expected.data_vars:
-        assert found[name].values.tobytes() == expected[name].values.tobytes()
+    identical(open_sweep(store.path), complete(store.layout))
 
 
 class Decoded:
@@ -101,17 +97,16 @@ def settings(chunk):
     return {"words": words, "pid": np.array(os.getpid()), "threads": threads}
 
 
-def get_the_settings_of_this_one(executor) -> None:
+@pytest.mark.parametrize(
+    "kind", ["processes", pytest.param("two_dask_workers", marks=pytest.mark.slow)]
+)
+def test_workers_get_the_settings_of_this_process(kind, request):
     found = {}
-    run_chunks(settings, [0], executor, found.__setitem__)
+    run_chunks(settings, [0], request.getfixturevalue(kind), found.__setitem__)
     here = ["float64", "True", jax.config.jax_compilation_cache_dir]
     assert found[0]["words"].tolist() == here
     assert found[0]["pid"] != os.getpid()
     assert found[0]["threads"] == 1
-
-
-def test_processes_get_the_settings_of_this_one(processes):
-    get_the_settings_of_this_one(processes)
 
 
 def failing(chunk):
@@ -181,15 +176,12 @@ with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as 
 @pytest.mark.slow
 def test_script_without_a_main_guard_gets_the_remedy(tmp_path):
     """A worker imports the script, and would begin workers of its own."""
-    script = tmp_path / "script.py"
-    script.write_text(UNGUARDED)
-    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
-    assert 'below `if __name__ == "__main__":`' in done.stdout
+    (tmp_path / "script.py").write_text(UNGUARDED)
+    assert 'below `if __name__ == "__main__":`' in printed(tmp_path / "script.py")
 
 
 FORKED = """
 import multiprocessing, sys
-sys.path.insert(0, ".")
 import clearjoint
 from tests.support.rotor import swept
 
@@ -211,11 +203,9 @@ process.join()
 def test_a_stored_sweep_in_a_forked_process_is_refused(tmp_path):
     """It would wait forever for threads of its parent."""
     path = tmp_path / "sweep.zarr"
-    command = [sys.executable, "-W", "ignore", "-c", FORKED, path]
-    root = Path(__file__).parents[3]
-    done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=True)
-    assert "`path` must be None in a process that was forked" in done.stdout
-    assert "multiprocessing.get_context('spawn')" in done.stdout and not path.exists()
+    said = printed(FORKED, path)
+    assert "`path` must be None in a process that was forked" in said
+    assert "multiprocessing.get_context('spawn')" in said and not path.exists()
 
 
 KILLED = """
@@ -238,10 +228,8 @@ if __name__ == "__main__":
 @pytest.mark.slow
 def test_workers_of_a_process_that_is_killed_end_too(tmp_path):
     """After the first chunk."""
-    script = tmp_path / "script.py"
-    script.write_text(KILLED)
-    command, root = [sys.executable, script], Path(__file__).parents[3]
-    with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, text=True) as process:
+    (tmp_path / "script.py").write_text(KILLED)
+    with started(tmp_path / "script.py") as process:
         lines = [process.stdout.readline().strip() for _ in range(4)]
         process.kill()
         assert process.stdout.read() == ""  # It ends when no process is left that can write.
@@ -259,23 +247,14 @@ def test_a_pool_says_that_it_starts_and_compiles(caplog, monkeypatch):
         time.sleep(0.2)
         return results_of(chunk)
 
-    entry_speeds = SweepMemory(MANY)
+    memory = SweepMemory(MANY)
+    task.lanes = memory.missing()  # as `Chunks` has them
     with ThreadPoolExecutor(2) as threads, lane_progress(MANY.lanes, 0, False) as bar:
-        computing._by_executor(Stored(task, entry_speeds.missing()), entry_speeds, threads, bar)
+        computing._by_executor(task, memory, threads, bar)
     assert [record.getMessage() for record in caplog.records] == [
         "the workers of a sweep have been starting and compiling for 0 s"
     ]
-    xr.testing.assert_identical(entry_speeds.dataset(), complete(MANY))
-
-
-class Stored:
-    """As `Chunks`: a task, and the lanes of each chunk."""
-
-    def __init__(self, task, lanes):
-        self.task, self.lanes = task, lanes
-
-    def __call__(self, chunk):
-        return self.task(chunk)
+    identical(memory.dataset(), complete(MANY))
 
 
 class OwnError(Exception):
@@ -413,16 +392,16 @@ def test_interrupt_cancels_what_waits_and_leaves_what_is_stored(store):
     assert {0, 1} <= set(begun) <= {0, 1, 2}
 
 
-def test_threads_share_the_task_itself(store):
-    lock, entry_speeds = threading.Lock(), SweepMemory(MANY)
+def test_threads_share_the_task_itself():
+    lock, memory = threading.Lock(), SweepMemory(MANY)
 
     def task(chunk):
         with lock:
             return results_of(chunk)
 
     with ThreadPoolExecutor(2) as executor:
-        swept(task, executor, entry_speeds)
-    xr.testing.assert_identical(entry_speeds.dataset(), complete(MANY))
+        swept(task, executor, memory)
+    identical(memory.dataset(), complete(MANY))
 
 
 def test_forking_pools_are_refused():
@@ -445,11 +424,6 @@ def test_an_executor_that_has_been_shut_down_is_named(store):
         run_chunks(results_of, store.missing(), executor, on_done)
 
 
-def test_what_is_no_executor_is_refused():
-    with pytest.raises(ValueError, match=r"`executor`.*dask.distributed.Client"):
-        run_chunks(failing, [0], 4, print)
-
-
 STARTED_OTHERWISE = """
 import jax
 from clearjoint._runtime import adopt, in_force
@@ -462,78 +436,7 @@ print(jax.numpy.zeros(1).dtype, in_force()["CLEARJOINT_NATIVE"])
 @pytest.mark.slow
 def test_worker_where_jax_has_started_takes_the_settings_over():
     kept = {name: value for name, value in os.environ.items() if "JAX" not in name}
-    done = subprocess.run(
-        [sys.executable, "-c", STARTED_OTHERWISE],
-        env=kept,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == ["float64", "0"]
-
-
-@contextmanager
-def dask_client(folder: Path, workers: int) -> Iterator[Any]:
-    """A client of worker processes, each with a nanny that starts another one when it dies."""
-    distributed = pytest.importorskip(
-        "distributed", reason="Dask is not installed: pip install 'clearjoint[cluster]'"
-    )
-    cluster = distributed.LocalCluster(
-        n_workers=workers,
-        threads_per_worker=1,
-        processes=True,
-        dashboard_address=None,
-        local_directory=str(folder),
-    )
-    with cluster, distributed.Client(cluster) as client:
-        yield client
-
-
-@pytest.mark.slow
-def test_dask_workers_get_the_settings_of_this_process(tmp_path):
-    with dask_client(tmp_path, 1) as client:
-        get_the_settings_of_this_one(client)
-
-
-@pytest.fixture(scope="module")
-def two_dask_workers(tmp_path_factory):
-    with dask_client(tmp_path_factory.mktemp("dask"), 2) as client:
-        yield client
-
-
-def waiting_to_be_killed(folder: Path):
-    """A task that tells its process in a file and then waits, in chunk 4, the first time."""
-
-    def task(chunk):
-        with (folder / "begun").open("a") as begun:
-            print(chunk, file=begun)
-        if chunk == 4 and not (folder / "pid").exists():
-            (folder / "writing").write_text(str(os.getpid()))
-            (folder / "writing").rename(folder / "pid")
-            time.sleep(60)
-        return results_of(chunk)
-
-    return task
-
-
-def kill(file: Path) -> None:
-    """Kill -9 the process whose number appears in a file."""
-    while not file.exists():
-        time.sleep(0.01)
-    os.kill(int(file.read_text()), signal.SIGKILL)
-
-
-@pytest.mark.slow
-def test_dask_survives_a_worker_killed_in_mid_chunk(two_dask_workers, store, tmp_path):
-    killer = threading.Thread(target=kill, args=(tmp_path / "pid",), daemon=True)
-    killer.start()
-    swept(waiting_to_be_killed(tmp_path), two_dask_workers, store)
-    killer.join(timeout=1)
-    assert not killer.is_alive()
-    begun = (tmp_path / "begun").read_text().split()
-    assert begun.count("4") == 2
-    identical_to_uninterrupted(store)
+    assert printed(STARTED_OTHERWISE, env=kept).split() == ["float64", "0"]
 
 
 @pytest.mark.slow

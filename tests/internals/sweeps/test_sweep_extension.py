@@ -11,8 +11,17 @@ from clearjoint._sweeps.outputs import Coordinate, Variable
 from clearjoint._sweeps.store import metadata
 from clearjoint._sweeps.store.program import RUN, Identity, row_digests
 from clearjoint._sweeps.store.store import SweepStore
-from tests.internals.support.fake_sweep import complete, compute, layout, opened, results
-from tests.internals.sweeps.test_sweep_store import identical
+from tests.internals.support.fake_sweep import (
+    by_lane,
+    complete,
+    compute,
+    contents,
+    identical,
+    layout,
+    opened,
+    results,
+    written,
+)
 
 pytestmark = pytest.mark.filterwarnings("error")
 CLEARANCE, RESTITUTION = layout().axes
@@ -52,13 +61,13 @@ FAST = {"in both, in any order", "twice"}
     ],
 )
 def test_further_values_leave_the_lanes_there_are(path, further):
-    before = open_sweep(path)
-    files = {file: file.read_bytes() for file in path.glob("by_lane/position/c/*/*/*")}
+    before, positions = open_sweep(path), "by_lane/position/c/*/*/*"
+    files = contents(path, positions)
     wanted = layout(**further)
     store = opened(path, wanted)
     missing = sorted(lane for lanes in store.missing().values() for lane in lanes)
     assert len(missing) == wanted.lanes - 12
-    assert {file: file.read_bytes() for file in files} == files
+    assert contents(path, positions) == files
     found = open_sweep(path)
     assert (found["result"] == -1).sum() == len(missing)
     same_lanes(found, before)
@@ -66,7 +75,7 @@ def test_further_values_leave_the_lanes_there_are(path, further):
     found = open_sweep(path)
     assert (found["result"] >= 0).all()
     same_lanes(found, before)
-    new = found.stack(lane=("clearance", "restitution")).isel(lane=missing)
+    new = by_lane(found).isel(lane=missing)
     assert new["steps"].values.tolist() == [1000 + lane for lane in missing]
     assert opened(path, wanted).missing() == {}
     identical(found, store.dataset())
@@ -100,9 +109,9 @@ def test_the_same_lanes_are_read_along_the_axes_of_the_last_sweep(path, changes)
         found = found.set_index(lane=["clearance", "restitution"]).unstack("lane")
     found = found.squeeze(drop=True).sel(before.coords)
     xr.testing.assert_equal(found.transpose(*before.dims), before)
-    files = {file: file.stat().st_mtime_ns for file in path.rglob("zarr.json")}
+    files = written(path, "**/zarr.json")
     SweepStore.open(path, wanted, Identity({RUN: "falls"}, {RUN: lanes}))
-    assert {file: file.stat().st_mtime_ns for file in path.rglob("zarr.json")} == files
+    assert written(path, "**/zarr.json") == files
 
 
 def same_lanes(found: xr.Dataset, before: xr.Dataset) -> None:
@@ -144,22 +153,24 @@ def test_a_lane_that_another_sweep_lacks_has_its_number(path):
 ENERGY = {"variables": {**layout().variables, "energy": Variable(unit="J")}}
 
 
+def opened_with_energy(path):
+    return opened(path, layout(**ENERGY), {RUN: "falls", "energy": "new"})
+
+
 def with_energy(store, lanes):
     return {**results(store.layout, lanes), "energy": 1.0 * np.asarray(lanes)}
 
 
 def test_further_variables_are_pending_until_their_lanes_have_run_again(path):
     before = open_sweep(path)
-    store = opened(path, layout(**ENERGY), {RUN: "falls", "energy": "new"})
+    store = opened_with_energy(path)
     assert [len(lanes) for lanes in store.missing().values()] == [5, 5, 2]
     for chunk in (0, 1):
         lanes = store.missing()[chunk]
         store.write({chunk: (lanes, with_energy(store, lanes))})
-    found = open_sweep(path).stack(lane=("clearance", "restitution"))
+    found = by_lane(open_sweep(path))
     assert np.flatnonzero(found["result"] == -1).tolist() == [10, 11]
-    assert opened(path, layout(**ENERGY), {RUN: "falls", "energy": "new"}).missing() == {
-        2: [10, 11]
-    }
+    assert opened_with_energy(path).missing() == {2: [10, 11]}
     store.write({2: ([10, 11], with_energy(store, [10, 11]))})
     found = open_sweep(path)
     xr.testing.assert_equal(found.drop_vars("energy"), before)
@@ -205,15 +216,13 @@ def test_who_writes_as_before_while_the_store_is_extended_writes_the_same_lanes(
     new = opened(path, layout(**FURTHER["before"]))
     compute(old, (0, 1, 2))
     compute(new)
-    expected = complete(layout())
-    same_lanes(open_sweep(path), expected)
+    same_lanes(open_sweep(path), complete(layout()))
 
 
 def test_lanes_of_who_lacks_a_variable_are_pending_with_it(tmp_path):
     """Two processes write to a chunk, of which one has added a variable to the store."""
     path = tmp_path / "sweep.zarr"
-    old = opened(path, layout())
-    new = opened(path, layout(**ENERGY), {RUN: "falls", "energy": "new"})
+    old, new = opened(path, layout()), opened_with_energy(path)
     new.write({0: ([0, 1], with_energy(new, [0, 1]))})
     assert old.missing()[0] == new.missing()[0] == [2, 3, 4]
     old.write({0: ([2, 3, 4], results(old.layout, [2, 3, 4]))})

@@ -1,12 +1,9 @@
 """Fingerprints of programs: digests of the traced operations, equal for equal programs."""
 
 import os
-import subprocess
-import sys
 from fractions import Fraction
 from functools import partial
 from operator import itemgetter
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -15,6 +12,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from clearjoint._sweeps.store.program import fingerprints
+from tests.support.processes import printed
 
 X = jnp.linspace(0.0, 1.0, 3)
 
@@ -148,8 +146,6 @@ def test_callbacks_which_nothing_can_be_traced_of_are_refused(function):
 
 
 IN_ANOTHER = """
-import sys
-sys.path[:0] = ["."]
 import tests.conftest
 from tests.support import rotor
 from tests.internals.sweeps.test_sweep_program import of
@@ -162,12 +158,5 @@ def test_digests_are_equal_in_another_process():
     from tests.internals.sweeps.test_sweep_program import of
     from tests.support.rotor import OUTPUTS, rotor
 
-    there = subprocess.run(
-        [sys.executable, "-c", IN_ANOTHER],
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=Path(__file__).parents[3],
-        env={**os.environ, "PYTHONHASHSEED": "7"},
-    )
-    assert there.stdout.strip() == str(sorted(of(*rotor(), OUTPUTS).items()))
+    there = printed(IN_ANOTHER, env={**os.environ, "PYTHONHASHSEED": "7"})
+    assert there.strip() == str(sorted(of(*rotor(), OUTPUTS).items()))

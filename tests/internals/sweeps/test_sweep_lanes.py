@@ -8,14 +8,12 @@ import pytest
 from clearjoint._native.cells import Cells
 from clearjoint._simulation.lanes import scheduler, xla_lanes
 from clearjoint._sweeps.work import Work
+from tests.support.datasets import assert_near, assert_same_bits
 from tests.support.rotor import swept
 from tests.sweeps import test_sweep_lanes
-from tests.sweeps.test_sweep_lanes import STIFFNESS, same
+from tests.sweeps.test_sweep_lanes import STIFFNESS
 
 lanes = test_sweep_lanes.lanes
-
-
-SMALL_WIDTH = 4
 
 
 def test_no_lanes_begin_while_ended_ones_wait_for_long(monkeypatch):
@@ -40,7 +38,7 @@ def test_no_lanes_begin_while_ended_ones_wait_for_long(monkeypatch):
 def by_xla(monkeypatch):
     """Lanes in programs of XLA of four columns, some of which are refilled."""
     monkeypatch.setenv("CLEARJOINT_NATIVE", "0")
-    monkeypatch.setattr(xla_lanes, "ON_CPU", SMALL_WIDTH)
+    monkeypatch.setattr(xla_lanes, "ON_CPU", 4)
 
 
 def test_a_loop_by_xla_advances_its_lanes_until_they_wait(by_xla):
@@ -91,8 +89,7 @@ def test_a_function_by_xla_has_as_many_results_as_rows(by_xla):
 @pytest.mark.slow
 def test_lanes_by_xla_are_those_of_native_code_whatever_runs_beside_them(lanes, by_xla):
     found = swept(STIFFNESS)
-    for name in lanes.data_vars:
-        np.testing.assert_allclose(found[name], lanes[name], rtol=1e-7, atol=1e-9, err_msg=name)
-    same(found, swept(STIFFNESS[::-1]).isel(lane=slice(None, None, -1)))
-    same(found.isel(lane=[1, 6]), swept(STIFFNESS[[1, 6]]))
-    same(found, swept(STIFFNESS, threads=2))
+    assert_near(found, lanes, rtol=1e-7, atol=1e-9)
+    assert_same_bits(swept(STIFFNESS[::-1]).isel(lane=slice(None, None, -1)), found)
+    assert_same_bits(swept(STIFFNESS[[1, 6]]), found.isel(lane=[1, 6]))
+    assert_same_bits(swept(STIFFNESS, threads=2), found)

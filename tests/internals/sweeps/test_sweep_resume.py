@@ -4,10 +4,9 @@ import multiprocessing
 import os
 import shutil
 import signal
-import subprocess
-import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -24,6 +23,8 @@ from clearjoint._sweeps.store.store import SweepStore
 from clearjoint._sweeps.work import Work
 from clearjoint.extend import Wrench
 from tests.internals.support.fake_sweep import layout
+from tests.support.dask_workers import dask_client
+from tests.support.processes import started
 from tests.support.rotor import (
     END,
     INERTIA,
@@ -40,21 +41,20 @@ from tests.support.rotor import (
 
 STIFFNESS = np.linspace(1.0, 100.0, 20)
 CHUNK = 3
-
-
 FEW = {"turnings": OUTPUTS["turnings"]}
 """A class and a lambda of the tests' own, and little to compile in every worker."""
+stored = partial(swept, STIFFNESS, chunk=CHUNK)
+few_stored = partial(stored, outputs=FEW)
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    return swept(STIFFNESS, chunk=CHUNK, path=tmp_path_factory.mktemp("whole") / "sweep.zarr")
+    return stored(path=tmp_path_factory.mktemp("whole") / "sweep.zarr")
 
 
 @pytest.fixture(scope="module")
 def few(tmp_path_factory):
-    path = tmp_path_factory.mktemp("few") / "sweep.zarr"
-    return swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path)
+    return few_stored(path=tmp_path_factory.mktemp("few") / "sweep.zarr")
 
 
 @pytest.fixture
@@ -62,7 +62,7 @@ def path(tmp_path):
     return tmp_path / "sweep.zarr"
 
 
-def interrupted(path, chunks: int, error=KeyboardInterrupt) -> None:
+def interrupted(path, chunks: int) -> None:
     """Sweep into a store until so many chunks are written."""
 
     def write(store, parts, write=SweepStore.write, left=[chunks]):  # noqa: B006
@@ -70,11 +70,11 @@ def interrupted(path, chunks: int, error=KeyboardInterrupt) -> None:
         write(store, first)
         left[0] -= len(first)
         if len(first) < len(parts):
-            raise error
+            raise KeyboardInterrupt
 
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(error):
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr(SweepStore, "write", write)
-        swept(STIFFNESS, chunk=CHUNK, path=path)
+        stored(path=path)
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +85,20 @@ def begun(tmp_path_factory):
     return path
 
 
-def test_interrupted_sweep_reads_as_partial_and_resumes_to_the_same_bits(path, whole, monkeypatch):
+@pytest.fixture
+def computed(monkeypatch):
+    """The lanes that each sweep computes."""
+    lanes_of_calls = []
+
+    def run(work, lanes, *args, run=Work.run, **options):
+        lanes_of_calls.append(list(lanes))
+        return run(work, lanes, *args, **options)
+
+    monkeypatch.setattr(Work, "run", run)
+    return lanes_of_calls
+
+
+def test_interrupted_sweep_reads_as_partial_and_resumes_to_the_same_bits(path, whole, computed):
     interrupted(path, 4)
     partial_results = cj.open_sweep(path)
     done = partial_results.result.values == 0
@@ -95,43 +108,21 @@ def test_interrupted_sweep_reads_as_partial_and_resumes_to_the_same_bits(path, w
         np.testing.assert_array_equal(partial_results[name][done], whole[name][done])
     assert np.isnan(partial_results.final_spin[~done]).all()
 
-    computed = []
-
-    def run(work, lanes, *args, run=Work.run, **options):
-        computed.extend(lanes)
-        return run(work, lanes, *args, **options)
-
-    monkeypatch.setattr(Work, "run", run)
-    xr.testing.assert_identical(swept(STIFFNESS, chunk=CHUNK, path=path), whole)
-    np.testing.assert_array_equal(computed, np.flatnonzero(~done))
     computed.clear()
-    xr.testing.assert_identical(swept(STIFFNESS, chunk=CHUNK, path=path), whole)
+    xr.testing.assert_identical(stored(path=path), whole)
+    assert computed == [np.flatnonzero(~done).tolist()]
+    computed.clear()
+    xr.testing.assert_identical(stored(path=path), whole)
     assert computed == []
     xr.testing.assert_identical(cj.open_sweep(path), whole)
 
 
-def test_further_values_are_computed_and_no_others(path, few, monkeypatch):
+def test_further_values_are_computed_and_no_others(path, few, computed):
     """Also if another function gives the path."""
-    computed = []
-
-    def run(work, lanes, *args, run=Work.run, **options):
-        computed.append(list(lanes))
-        return run(work, lanes, *args, **options)
-
-    monkeypatch.setattr(Work, "run", run)
     swept(STIFFNESS[2:19], chunk=CHUNK, outputs=FEW, path=path)
     other = cj.Axis(lambda here: here.forces["spring"].stiffness, STIFFNESS)
-    found = cj.sweep(
-        *rotor(),
-        END,
-        {"stiffness": other},
-        FEW,
-        path=path,
-        chunk=CHUNK,
-        zipped=True,
-        threads=1,
-        progress=False,
-    )
+    options = {"path": path, "chunk": CHUNK, "zipped": True, "threads": 1, "progress": False}
+    found = cj.sweep(*rotor(), END, {"stiffness": other}, FEW, **options)
     assert computed == [list(range(17)), [0, 1, 19]]
     for name in few.data_vars:
         np.testing.assert_array_equal(found[name], few[name])
@@ -166,12 +157,7 @@ class Geared(TorsionSpring):
 def geared(path):
     """Final spins, and those by the closed form."""
     scene, state = rotor()
-    scene = cj.Scene(
-        scene.bodies,
-        scene.joints,
-        forces={"spring": Geared("rotor", 10.0)},
-        gravity=(0.0, 0.0, 0.0),
-    )
+    scene = replace(scene, forces={"spring": Geared("rotor", 10.0)})
     stiffness = np.array([5.0, 10.0])
     axes = {"stiffness": stiffness_axis(stiffness)}
     found = cj.sweep(
@@ -192,43 +178,6 @@ def test_changed_code_is_compiled_anew_and_no_store_of_the_old_is_taken(tmp_path
     np.testing.assert_allclose(*geared(tmp_path / "one.zarr"), atol=1e-6)
 
 
-KILLED = """
-import sys, time
-sys.path.insert(0, ".")
-import clearjoint as cj, numpy as np
-from tests.support import rotor
-cj.configure()
-from clearjoint._sweeps.store.store import SweepStore
-write = SweepStore.write
-def slowly(store, parts):
-    for chunk in parts:
-        write(store, {{chunk: parts[chunk]}})
-        print(chunk, flush=True)
-        time.sleep(0.2)
-SweepStore.write = slowly
-few = {{"turnings": rotor.OUTPUTS["turnings"]}}
-rotor.swept(np.linspace(1.0, 100.0, 20), chunk={chunk}, outputs=few, path={path!r})
-"""
-
-
-@pytest.mark.slow
-def test_killed_sweep_resumes_in_another_process_to_the_same_bits(path, few):
-    """SIGKILL while the chunks are being written."""
-    program = KILLED.format(chunk=CHUNK, path=str(path))
-    process = subprocess.Popen(
-        [sys.executable, "-c", program], stdout=subprocess.PIPE, cwd=Path(__file__).parents[3]
-    )
-    assert process.stdout is not None
-    for _ in range(3):
-        assert process.stdout.readline()
-    process.kill()
-    assert process.wait() == -signal.SIGKILL
-    done = (cj.open_sweep(path).result.values == 0).sum()
-    assert 3 * CHUNK <= done < len(STIFFNESS)
-    found = swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path)
-    xr.testing.assert_identical(found, few)
-
-
 def test_a_sweep_that_is_interrupted_stores_the_lanes_that_have_ended(path, few, monkeypatch):
     """Ctrl-C between two segments, while a third one runs."""
 
@@ -238,14 +187,14 @@ def test_a_sweep_that_is_interrupted_stores_the_lanes_that_have_ended(path, few,
 
     monkeypatch.setattr(computing, "show_running", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path)
+        few_stored(path=path)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     done = cj.open_sweep(path)
     assert (done["result"] == 0).any()
     with xr.open_zarr(path, chunks=None) as plain:
         xr.testing.assert_equal(plain, done)
     monkeypatch.undo()
-    xr.testing.assert_identical(swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path), few)
+    xr.testing.assert_identical(few_stored(path=path), few)
 
 
 def test_lanes_of_chunks_that_are_not_complete_are_stored_too(monkeypatch):
@@ -286,15 +235,16 @@ def test_lanes_whose_writing_is_interrupted_are_written_at_the_end(path, few, er
 
     with pytest.MonkeyPatch.context() as patch, pytest.raises(error):
         patch.setattr(SweepStore, "write", write)
-        swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path)
+        few_stored(path=path)
     assert (cj.open_sweep(path)["result"] == 0).any()
-    xr.testing.assert_identical(swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path), few)
+    xr.testing.assert_identical(few_stored(path=path), few)
 
 
 KILLED_AT_ANY_MOMENT = """
 import sys, time
-sys.path.insert(0, ".")
+import clearjoint
 import tests.conftest
+clearjoint.configure()
 from tests.internals.sweeps.test_sweep_resume import long_lanes
 from clearjoint._sweeps import computing
 add = computing._Writer.add
@@ -309,28 +259,23 @@ long_lanes(sys.argv[1])
 
 def long_lanes(path):
     """Eighty lanes, the slowest of which take several seconds, in chunks of eight."""
-    return swept(np.geomspace(1.0, 1e4, 80), chunk=8, outputs=FEW, end_time=LONG, path=path)
-
-
-LONG = 300.0
+    return swept(np.geomspace(1.0, 1e4, 80), chunk=8, outputs=FEW, end_time=300.0, path=path)
 
 
 @pytest.mark.slow
 def test_killed_at_any_moment_a_sweep_loses_the_lanes_of_the_last_second(path):
     """Longer on a machine with much else to do."""
-    rng, root, kills = np.random.default_rng(), Path(__file__).parents[3], 0
-    while kills < 10:
-        command = [sys.executable, "-c", KILLED_AT_ANY_MOMENT, str(path)]
-        with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, text=True) as process:
-            begun = process.stdout.readline()
+    rng = np.random.default_rng()
+    for _ in range(10):
+        with started(KILLED_AT_ANY_MOMENT, path) as process:
+            first = process.stdout.readline()
             time.sleep(rng.uniform(0.0, 4.0))
             process.kill()
             killed = time.monotonic()
-            ended = ended_lanes([begun, *process.stdout])
+            ended = ended_lanes([first, *process.stdout])
         codes = cj.open_sweep(path)["result"].values
         lost = {lane: killed - at for lane, at in ended.items() if codes[lane] != 0}
         assert all(age < 2.0 for age in lost.values()), lost
-        kills += 1
         if not (codes < 0).any():
             shutil.rmtree(path)
     found = long_lanes(path)
@@ -346,62 +291,42 @@ def ended_lanes(lines):
 @pytest.mark.slow
 def test_a_process_that_is_interrupted_stores_what_had_ended_and_ends_in_order(path):
     """Not by a segmentation fault, as if a device still computed."""
-    command = [sys.executable, "-c", KILLED_AT_ANY_MOMENT, str(path)]
-    root = Path(__file__).parents[3]
-    with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, text=True) as process:
-        begun = process.stdout.readline()
+    with started(KILLED_AT_ANY_MOMENT, path) as process:
+        first = process.stdout.readline()
         process.send_signal(signal.SIGINT)
-        ended = ended_lanes([begun, *process.stdout])
+        ended = ended_lanes([first, *process.stdout])
     assert process.returncode == -signal.SIGINT
     codes = cj.open_sweep(path)["result"].values
     assert (codes < 0).any() and set(np.flatnonzero(codes == 0)) == set(ended)
 
 
-def other_scene(options):
+def other_scene(**options):
     """The sweep of a rotor of another mass, which is not swept."""
     scene, state = rotor()
     scene = cj.set_value(scene, lambda s: s.bodies["rotor"].mass, 2.0)
-    cj.sweep(
-        scene,
-        state,
-        END,
-        {"stiffness": stiffness_axis(STIFFNESS)},
-        OUTPUTS,
-        save=SAMPLED,
-        **options,
-    )
+    axes = {"stiffness": stiffness_axis(STIFFNESS)}
+    options |= {"zipped": True, "progress": False}
+    cj.sweep(scene, state, END, axes, OUTPUTS, save=SAMPLED, **options)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("other", "names"),
     [
+        (partial(swept, STIFFNESS, end_time=2.0), "end_time: stored 1.0, now 2.0"),
         (
-            partial(swept, STIFFNESS, end_time=2.0),
-            "end_time: stored 1.0, now 2.0",
-        ),
-        pytest.param(
             partial(swept, STIFFNESS, settings=cj.Settings(rtol=1e-7)),
-            r"setting rtol: stored 1e-06, now 1e-07",
-            marks=pytest.mark.slow,
+            "setting rtol: stored 1e-06, now 1e-07",
         ),
+        (partial(swept, STIFFNESS[:5]), "axis stiffness: 15 of 20 stored values are not among"),
+        (other_scene, r"bodies\.rotor\.mass: stored 1\.0, now 2\.0"),
         (
-            partial(swept, STIFFNESS[:5]),
-            "axis stiffness: 15 of 20 stored values are not among the 5 present",
-        ),
-        (
-            lambda **options: other_scene({"zipped": True, "progress": False, **options}),
-            r"bodies\.rotor\.mass: stored 1\.0, now 2\.0",
-        ),
-        pytest.param(
             partial(swept, STIFFNESS, outputs={**OUTPUTS, "largest": cj.Peak(spin, "rad")}),
             "output largest: stored .*angle.*now .*spin",
-            marks=pytest.mark.slow,
         ),
-        pytest.param(
+        (
             partial(swept, STIFFNESS, outputs={**OUTPUTS, "largest": cj.Peak(angle, "m")}),
             r"variable largest: stored .*units rad.*now .*units m",
-            marks=pytest.mark.slow,
         ),
     ],
 )
@@ -416,23 +341,14 @@ def test_store_of_other_settings_is_refused(begun, other, names):
 def test_executor_of_processes_computes_the_same_bits(few, path):
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, mp_context=spawn) as executor:
-        found = swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path, executor=executor)
-    xr.testing.assert_identical(found, few)
+        xr.testing.assert_identical(few_stored(path=path, executor=executor), few)
 
 
 @pytest.mark.slow
 def test_dask_gives_the_chunk_of_a_killed_worker_to_another(few, tmp_path, path, monkeypatch):
-    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
-    cluster = distributed.LocalCluster(
-        n_workers=2,
-        threads_per_worker=1,
-        processes=True,
-        dashboard_address=None,
-        local_directory=str(tmp_path / "dask"),
-    )
     monkeypatch.setattr(sweeping, "Work", dying(tmp_path))
-    with cluster, distributed.Client(cluster) as client:
-        found = swept(STIFFNESS, chunk=CHUNK, outputs=FEW, path=path, executor=client)
+    with dask_client(tmp_path / "dask") as client:
+        found = few_stored(path=path, executor=client)
     assert (tmp_path / "died").exists()
     xr.testing.assert_identical(found, few)
 

@@ -15,37 +15,41 @@ from clearjoint._views.proportions import equivalent_solid
 from clearjoint._views.sketching import WALL, colours
 from tests.support import recorded_journal as recorded
 from tests.views import test_view
-from tests.views.test_view import BALL, ORIGIN, Mystery, journal_of, rigid_run, spread
+from tests.views.test_view import BALL, ORIGIN, Mystery, journal_of, part_of, rigid_run, spread
 
 seen = test_view.seen
+
+
+def arrow_of(view, name="pin V", colour=FORCE):
+    """The part that is the arrow of a force, and its vectors in all frames, (N, 3) m."""
+    part = next(part for part in view.parts if part.name == name and part.colour == colour)
+    return part, part.poses[:, :3, 2]
 
 
 def test_true_proportions_by_scales_of_one():
     scene, state = cj.mechanisms.double_pendulum()
     view = cj.view(scene, state, clearance_scale=1.0, bearing_scale=1.0)
     assert spread(journal_of(view), 2) == pytest.approx(9.5e-3)
-    ground = next(part for part in view.parts if part.name == "ground")
-    ring = ground.mesh.vertices[np.abs(ground.mesh.vertices[:, 2]) > 9.9e-3]
+    vertices = part_of(view, "ground").mesh.vertices
+    ring = vertices[np.abs(vertices[:, 2]) > 9.9e-3]
     radii = np.linalg.norm(ring[:, :2], axis=1)
     assert radii.min() == pytest.approx(10e-3)
     assert np.isclose(radii, 10e-3 * (1.0 + WALL)).any()
 
 
-def test_an_arrow_ends_on_a_journal_that_is_out_of_round():
+def test_an_arrow_ends_on_a_journal_that_is_out_of_round(seen):
     """The first harmonic of a profile shifts the circle along the journal's x axis."""
     scene, shift = recorded.arm_in_bearing(), 0.02e-3
     shifted = cj.profiles.Harmonics([shift])
     pin = dataclasses.replace(scene.joints["pin"], journal_profile=shifted)
     scene = dataclasses.replace(scene, joints={"pin": pin})
     view = cj.view(scene, recorded.motion(), observation=recorded.observed())
-    plain = cj.view(recorded.arm_in_bearing(), recorded.motion(), observation=recorded.observed())
     tips, round_tips = (
-        next(part.poses for part in one.parts if part.name == "pin V" and part.colour == FORCE)
-        for one in (view, plain)
+        part.poses[recorded.TOUCHING, :3, 3] + along[recorded.TOUCHING]
+        for part, along in map(arrow_of, (view, seen))
     )
-    moved = (tips[:, :3, 3] + tips[:, :3, 2]) - (round_tips[:, :3, 3] + round_tips[:, :3, 2])
-    expected = np.tile((view.clearance_scale * shift, 0.0, 0.0), (recorded.TOUCHING.sum(), 1))
-    np.testing.assert_allclose(moved[recorded.TOUCHING], expected, atol=1e-12)
+    expected = np.tile((view.clearance_scale * shift, 0.0, 0.0), (len(tips), 1))
+    np.testing.assert_allclose(tips - round_tips, expected, atol=1e-12)
 
 
 def test_the_outline_of_a_shifted_circle_is_that_circle():
@@ -95,49 +99,39 @@ def test_the_solid_of_a_turned_cylinder_is_that_cylinder():
 
 
 def test_arrows_end_at_contact_points(seen):
-    pushes = [part for part in seen.parts if part.colour == FORCE]
-    assert {part.name for part in pushes} == {"pin V", "pin W"}
-    bore = recorded.RADIUS * seen.bearing_scale
+    touching, bore = recorded.TOUCHING, recorded.RADIUS * seen.bearing_scale
     normal = recorded.observed().contacts["pin"]["V"].normal
-    for part in pushes:
-        tips = part.poses[:, :3, 3] + part.poses[:, :3, 2]
-        lengths = np.linalg.norm(part.poses[:, :3, 2], axis=1)
-        np.testing.assert_allclose(
-            lengths[recorded.TOUCHING], recorded.FORCE * seen.force_scale, rtol=1e-9
-        )
-        assert (lengths[~recorded.TOUCHING] < 1e-6).all()
-        across = (tips * normal).sum(axis=1)[recorded.TOUCHING]
+    assert {part.name for part in seen.parts if part.colour == FORCE} == {"pin V", "pin W"}
+    for part, along in (arrow_of(seen, "pin V"), arrow_of(seen, "pin W")):
+        lengths = np.linalg.norm(along, axis=1)
+        length = recorded.FORCE * seen.force_scale
+        np.testing.assert_allclose(lengths[touching], length, rtol=1e-9)
+        assert (lengths[~touching] < 1e-6).all()
+        across = ((part.poses[:, :3, 3] + along) * normal).sum(axis=1)[touching]
         np.testing.assert_allclose(across, bore, rtol=1e-9)
 
 
-def test_long_arrows_are_cut_for_a_given_scale(seen):
-    long = cj.view(
-        recorded.arm_in_bearing(),
-        recorded.motion(),
-        observation=recorded.observed(),
-        force_scale=1.0,
-    )
-    (part, _) = [part for part in long.parts if part.colour == FORCE]
-    longest = np.linalg.norm(part.poses[:, :3, 2], axis=1).max()
+def test_long_arrows_are_cut_for_a_given_scale():
+    shown = recorded.arm_in_bearing(), recorded.motion()
+    long = cj.view(*shown, observation=recorded.observed(), force_scale=1.0)
+    longest = np.linalg.norm(arrow_of(long)[1], axis=1).max()
     assert longest == pytest.approx(LONGEST * 0.4, rel=0.1)
     assert "cut at" in long.legend.notes[-1]
 
 
 def pressed(peak: float) -> cj.results.Observation:
     """The observation with a far larger force, N, at one instant."""
-    force = recorded.observed().contacts["pin"]["V"].normal_force.copy()
+    observed = recorded.observed()
+    force = observed.contacts["pin"]["V"].normal_force.copy()
     force[-1] = peak
-    return eqx.tree_at(
-        lambda seen: seen.contacts["pin"]["V"].normal_force, recorded.observed(), force
-    )
+    return eqx.tree_at(lambda seen: seen.contacts["pin"]["V"].normal_force, observed, force)
 
 
 @pytest.mark.parametrize(("peak", "exponent"), [(800.0, 1.0), (80.0 * recorded.FORCE, 0.5)])
 def test_the_largest_force_has_the_longest_arrow_and_others_are_visible(peak, exponent):
     scene, motion = recorded.arm_in_bearing(), recorded.motion()
     view = cj.view(scene, motion, observation=pressed(peak))
-    (part,) = [part for part in view.parts if part.name == "pin V" and part.colour == FORCE]
-    lengths = np.linalg.norm(part.poses[:, :3, 2], axis=1)[recorded.TOUCHING]
+    lengths = np.linalg.norm(arrow_of(view)[1], axis=1)[recorded.TOUCHING]
     assert lengths[-1] == pytest.approx(LONGEST * 0.4, rel=0.1)
     assert lengths[0] / lengths[-1] == pytest.approx((recorded.FORCE / peak) ** exponent)
     note = view.legend.notes[-1]
@@ -179,20 +173,20 @@ def test_forces_can_be_omitted():
     assert all(part.colour != FORCE and part.modes is None for part in view.parts)
 
 
-def test_bodies_without_a_state_follow_the_joints():
-    scene, _ = cj.mechanisms.double_pendulum()
+@pytest.mark.parametrize(
+    ("mechanism", "error"),
+    [
+        (cj.mechanisms.double_pendulum, 1e-12),
+        pytest.param(cj.mechanisms.four_bar, 1e-9, marks=pytest.mark.slow),
+    ],
+    ids=["chain", "loop"],
+)
+def test_bodies_without_a_state_follow_the_joints(mechanism, error):
+    scene, _ = mechanism()
     state, fits = initial_state(scene)
     assert fits
-    assert np.abs(cj.constraint_report(scene, state).values).max() < 1e-12
+    assert np.abs(cj.constraint_report(scene, state).values).max() < error
     assert "state found from the joints" in cj.view(scene).legend.notes[0]
-
-
-@pytest.mark.slow
-def test_loops_are_closed_without_a_state():
-    scene, _ = cj.mechanisms.four_bar()
-    state, fits = initial_state(scene)
-    assert fits
-    assert np.abs(cj.constraint_report(scene, state).values).max() < 1e-9
 
 
 def test_the_arrow_of_a_load_shows_its_force_at_the_time_of_each_frame():
@@ -203,13 +197,13 @@ def test_the_arrow_of_a_load_shows_its_force_at_the_time_of_each_frame():
     loads = {"push": cj.AppliedLoad("arm", push), "kick": cj.AppliedLoad("arm", (0.0, steps, 0.0))}
     scene = dataclasses.replace(recorded.arm_in_bearing(), forces=loads)
     view = cj.view(scene, recorded.motion(), force_scale=1e-3)
-    pushed, kicked = (next(p for p in view.parts if p.name == n).poses[:, :3, 2] for n in loads)
+    pushed, kicked = (arrow_of(view, name, LOAD)[1] for name in loads)
     expected = np.stack([100.0 * recorded.TIMES, 0.0 * recorded.TIMES, np.ones(recorded.COUNT)], 1)
     np.testing.assert_allclose(pushed, 1e-3 * expected, atol=1e-12)
     np.testing.assert_allclose(kicked[:, 1], 0.02 * (recorded.TIMES >= 0.01), atol=1e-8)
     standing = cj.view(scene, cj.State({"arm": cj.body_state((0.2, 0.0, 0.0))}), force_scale=1e-3)
-    (part,) = [part for part in standing.parts if part.colour == LOAD]
-    np.testing.assert_allclose(part.poses[:, :3, 2], [[0.0, 0.0, 1e-3]], atol=1e-12)
+    arrows = [part.poses[:, :3, 2] for part in standing.parts if part.colour == LOAD]
+    np.testing.assert_allclose(arrows, [[[0.0, 0.0, 1e-3]]], atol=1e-12)
 
 
 class Couple(Mystery):
@@ -280,9 +274,8 @@ def test_the_nearest_of_crossing_triangles_is_seen_at_each_point():
     y, x = np.divmod(np.arange(1600), 40)
     exact = np.zeros(1600)
     for (a, b, c), values in zip(corners, closeness, strict=True):
-        weights = np.linalg.solve(
-            np.array([[*a, 1.0], [*b, 1.0], [*c, 1.0]]).T, np.array([x + 0.5, y + 0.5, 1.0 + 0 * x])
-        )
+        around = np.array([[*a, 1.0], [*b, 1.0], [*c, 1.0]]).T
+        weights = np.linalg.solve(around, np.array([x + 0.5, y + 0.5, 1.0 + 0 * x]))
         inside = (weights >= 0.0).all(axis=0)
         exact[inside] = np.maximum(exact, values @ weights)[inside]
     np.testing.assert_allclose(seen, exact, atol=1e-9)
