@@ -427,6 +427,19 @@ WARNINGS = {
         "no joint holds",
         "RevoluteJoint",
     ),
+    "a drive between two mechanisms": (
+        lambda: scene(
+            bodies={"arm": BODY, "leg": BODY, "foot": BODY},
+            joints={
+                "pin": HINGE,
+                "ankle": cj.SphericalJoint("leg", "foot", ORIGIN, ORIGIN),
+                "motor": cj.PrescribedRotation("arm", "leg", AXIS, 10.0),
+            },
+        ),
+        cj.LooseBodyWarning,
+        "'motor'",
+        "no joint holds",
+    ),
     "a body without a joint": (
         lambda: scene(bodies={"arm": BODY, "leg": BODY}),
         cj.LooseBodyWarning,
