@@ -482,6 +482,9 @@ def test_supported_bodies_cause_no_warning():
     with warnings.catch_warnings(action="error"):
         scene(joints={"pin": HINGE, "motor": MOTOR})
         scene(bodies={"arm": BODY, "crank": BODY}, joints={"a": crank, "b": rod, "motor": MOTOR})
+        ankle = cj.SphericalJoint("leg", "foot", ORIGIN, ORIGIN)
+        three = dict.fromkeys(("arm", "leg", "foot"), BODY)
+        scene(bodies=three, joints={"pin": HINGE, "ankle": ankle, "motor": MOTOR})
         scene(joints={})
         scene(bodies={"arm": BODY, "leg": BODY}, forces={"spring": spring})
         for make in (

@@ -137,16 +137,24 @@ def memories(servo, count):
 
 @pytest.mark.parametrize("sense", [1.0, -1.0])
 def test_the_goal_follows_by_its_speed_and_the_integral_up_to_the_limit(sense):
-    """Of a jump of the target; all numbers are exact. The integral reaches the limit and stays."""
+    """Of a jump of the target; all numbers are exact. The integral reaches the limit, of the torque
+    or of the motor, and stays."""
     follower = cj.Servo(*ABOUT, 0.5 * sense, 4.0, 2.0, derivative=0.5, speed_limit=0.625)
     for k, memory in enumerate(memories(follower, 6), start=1):
         goal, before = (sense * min(0.15625 * number, 0.5) for number in (k, k - 1))
         assert memory["goal"] == goal
         assert memory["torque"] == 2.0 * goal + 0.5 * (goal - before) * 4.0
-    integrator = cj.Servo(*ABOUT, 0.5 * sense, 4.0, 0.0, integral=1.0, torque_limit=0.375)
-    for k, memory in enumerate(memories(integrator, 6), start=1):
-        reached = sense * min(0.125 * k, 0.375)
-        assert memory["integral"] == memory["torque"] == reached
+    motor = {"stall_torque": 0.5, "no_load_speed": 3.0}
+    for limits, largest in (
+        ({"torque_limit": 0.375}, 0.375),
+        ({"torque_limit": 0.375} | motor, 0.375),
+        ({"torque_limit": 0.625} | motor, 0.5),
+        (motor, 0.5),
+    ):
+        integrator = cj.Servo(*ABOUT, 0.5 * sense, 4.0, 0.0, integral=1.0, **limits)
+        for k, memory in enumerate(memories(integrator, 6), start=1):
+            reached = sense * min(0.125 * k, largest)
+            assert memory["integral"] == memory["torque"] == reached
 
 
 PLAY, FLANK, DAMPED = math.radians(0.5), 4e3, 1.5 * 0.5 / 0.3

@@ -98,9 +98,9 @@ def _logarithm(e: Scalar) -> Scalar:
         value, slope = value_and_slope(lambda y: _relation(y, e), y)
         return y - value / slope
 
-    # The start has the limits of y: zero for e = 1, and 1/e for small e. Four steps reach rounding
-    # accuracy for restitutions between 1e-8 and 1.
-    return jax.lax.fori_loop(0, 4, step, 1.0 / e - e)
+    # The start has the limits of y: 3 (1 - e)/2 near e = 1, and 1/e for small e. Three steps reach
+    # rounding accuracy of chi for restitutions between 1e-8 and 1.
+    return jax.lax.fori_loop(0, 3, step, 0.5 * (1.0 - e) * (2.0 + e) / e)
 
 
 @_logarithm.defjvp

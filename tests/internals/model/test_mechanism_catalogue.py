@@ -221,7 +221,7 @@ def test_a_rotor_starts_at_its_offset_and_speed(offset):
     distance = PLAY * (1.0 - math.hypot(*offset))
     np.testing.assert_allclose([float(d) for d in bases.values()], -distance, atol=1e-18)
     rotor = state.bodies["rotor"]
-    np.testing.assert_allclose(rotor.position[:2], PLAY * np.array(offset), rtol=1e-15)
+    np.testing.assert_allclose(rotor.position, PLAY * np.array([*offset, 0.0]), rtol=1e-15)
     np.testing.assert_array_equal([rotor.velocity, rotor.spin], [(0, 0, 0), (0, 0, 70.0)])
 
 
