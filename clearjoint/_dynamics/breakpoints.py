@@ -2,7 +2,7 @@
 
 In a step that ends at a breakpoint, the element is evaluated just before it, and in a step that
 starts there, just after it, so that it does not matter whether the element compares time with < or
-<=. Times named t are on the clock of the system; breakpoints are times of the scene.
+<=. Public functions take times t since the system's origin; breakpoints are times of the scene.
 """
 
 import math
@@ -14,12 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from .._compilation import traced_once
+from .._compilation import shared_by_many, traced_once
 from .._math.smoothing import wrapped
 from .._math.vectors import Condition, Scalar
 from .._model.drives.drivers import AbstractRotationDriver
 from .._model.drives.functions_of_time import Increasing
-from .._model.joints.base import AbstractElement, ByLabel, Row
+from .._model.joints.base import AbstractElement, ByLabel, Row, each_label
 from .._model.joints.sampled_force import Periodic
 from .._model.scene import Scene
 from .coordinates import MotionVariables
@@ -80,10 +80,11 @@ def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
     if no element has a breakpoint or instants."""
     t = system.clock(t)
     soonest = _extreme(system, t, lambda at: at, after=True)
-    for force in sampled_forces(system.scene).values():
-        for row in force.instants().values():
-            at = jax.lax.stop_gradient(jnp.asarray(_latest(system, row, t, later=1), dtype=float))
-            soonest = at if soonest is None else jnp.minimum(soonest, at)
+    rows = [row for f in sampled_forces(system.scene).values() for row in f.instants().values()]
+    for row in rows:
+        following = shared_by_many(len(rows), _latest, system.origin, row, t, 1)
+        at = jax.lax.stop_gradient(jnp.asarray(following, dtype=float))
+        soonest = at if soonest is None else jnp.minimum(soonest, at)
     return None if soonest is None else system.own_time(soonest)
 
 
@@ -94,8 +95,8 @@ def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
     # Each breakpoint gives a bound slightly inside of the step: a lower one if it is not after the
     # start, else an upper one.
     start = system.clock(start)
-    earliest = _extreme(system, start, lambda at: at + _rounding(system, at), after=False)
-    latest = _extreme(system, start, lambda at: at - _rounding(system, at), after=True)
+    earliest = _extreme(system, start, lambda at: at + _rounding(system.origin, at), after=False)
+    latest = _extreme(system, start, lambda at: at - _rounding(system.origin, at), after=True)
     if earliest is None:
         return t
     return system.own_time(jnp.clip(system.clock(t), earliest, latest))
@@ -120,7 +121,7 @@ def since_breakpoints(
                 passed = _passed(system, at, t)
                 instants = jnp.asarray(at.times, dtype=float)
                 at = instants[jnp.maximum(passed - 1, 0)]
-            in_step = _is_after(system, at, start) & ~_is_after(system, at, t)
+            in_step = _is_after(system.origin, at, start) & ~_is_after(system.origin, at, t)
             count = count + jnp.sum(in_step)
             sum_since = sum_since + jnp.sum(jnp.where(in_step, t - at, 0.0))
         # A table may list the same breakpoint twice. The mean has the same derivative as the time
@@ -138,14 +139,21 @@ def sampled_instants(system: System, start: Scalar, t: Scalar) -> SampledInstant
     later by a rounding error, so that a table of a target surely has the value that it gets at this
     instant."""
     start, t = system.clock(start), system.clock(t)
-    found = {}
-    for name, force in sampled_forces(system.scene).items():
-        latest = {key: _latest(system, row, t) for key, row in force.instants().items()}
-        found[name] = {
-            key: (_is_after(system, at, start), at + _rounding(system, at))
-            for key, at in latest.items()
-        }
-    return found
+    rows = {name: f.instants() for name, f in sampled_forces(system.scene).items()}
+    count = sum(map(len, rows.values()))
+    return each_label(
+        lambda name, key: shared_by_many(
+            count, _latest_in_step, system.origin, rows[name][key], start, t
+        ),
+        rows,
+    )
+
+
+def _latest_in_step(
+    origin: Scalar | None, row: Periodic, start: Scalar, t: Scalar
+) -> tuple[Condition, Scalar]:
+    at = _latest(origin, row, t)
+    return _is_after(origin, at, start), at + _rounding(origin, at)
 
 
 def drivers_are_smooth(
@@ -207,25 +215,26 @@ def drivers_are_smooth(
 
 def coincide(system: System, instant: Scalar, t: Scalar) -> Condition:
     """Return whether an instant is not after the time t, by more than rounding errors."""
-    return ~_is_after(system, system.clock(instant), system.clock(t))
+    return ~_is_after(system.origin, system.clock(instant), system.clock(t))
 
 
-def _latest(system: System, row: Periodic, t: Scalar, later: int = 0) -> Scalar:
+def _latest(origin: Scalar | None, row: Periodic, t: Scalar, later: int = 0) -> Scalar:
     """Return the latest instant of `row` that is not after the time t of the scene, s, by more than
     rounding errors (`_is_after`); with `later`, the instant that many periods after it."""
     nearest = jnp.round((t - row.offset) / row.period)
-    passed = jnp.where(_is_after(system, row.instant(nearest), t), nearest - 1.0, nearest)
+    passed = jnp.where(_is_after(origin, row.instant(nearest), t), nearest - 1.0, nearest)
     return row.instant(jax.lax.stop_gradient(passed) + later)
 
 
-def _is_after(system: System, at: Scalar, t: Scalar) -> jax.Array:
-    return at > t + _rounding(system, at)
+def _is_after(origin: Scalar | None, at: Scalar, t: Scalar) -> jax.Array:
+    return at > t + _rounding(origin, at)
 
 
-def _rounding(system: System, at: Scalar) -> jax.Array:
-    """Return the largest difference, s, at which a time counts as equal to a breakpoint `at`."""
+def _rounding(origin: Scalar | None, at: Scalar) -> jax.Array:
+    """Return the largest difference, s, at which a time counts as equal to a breakpoint `at`, in a
+    system with an `origin`."""
     # On the clock of the system, a time has the rounding error of the origin too.
-    size = jnp.maximum(jnp.abs(system.clock(0.0)), SHORTEST)
+    size = SHORTEST if origin is None else jnp.maximum(jnp.abs(origin), SHORTEST)
     # An infinite rounding error would make an infinite breakpoint equal to any time.
     size = jnp.maximum(jnp.where(jnp.isinf(at), 0.0, jnp.abs(at)), size)
     return ROUNDINGS * jnp.finfo(jnp.result_type(float)).eps * size
@@ -239,7 +248,7 @@ def _passed(system: System, table: Increasing, t: Scalar) -> jax.Array:
     def halved(_: jax.Array, bounds: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
         low, high = bounds
         middle = (low + high) // 2
-        passed = (low < high) & ~_is_after(system, times[jnp.minimum(middle, count - 1)], t)
+        passed = (low < high) & ~_is_after(system.origin, times[jnp.minimum(middle, count - 1)], t)
         return jnp.where(passed, middle + 1, low), jnp.where(passed, high, middle)
 
     # Bisection: the number is at least the first bound and at most the second.
@@ -250,8 +259,8 @@ def _passed(system: System, table: Increasing, t: Scalar) -> jax.Array:
 def _extreme(
     system: System, t: Scalar, function: Callable[[jax.Array], jax.Array], after: bool
 ) -> Scalar | None:
-    """Return the smallest value of an increasing function at the breakpoints after the scene's time
-    t, infinity if there are none; without `after`, the largest value at all other breakpoints, or
+    """Return the smallest value of an increasing function at the breakpoints after t, a time of the
+    scene, infinity if there are none; without `after`, the largest at all other breakpoints, or
     minus infinity. ``None`` if the scene has no breakpoints. It is not differentiated, since the
     solution does not depend on where steps end."""
     choice, none = (jnp.minimum, jnp.inf) if after else (jnp.maximum, -jnp.inf)
@@ -267,7 +276,7 @@ def _extreme(
                 nearest = function(at[jnp.clip(index, 0, count - 1)])
                 value = jnp.where(exists, nearest, none)
             else:
-                is_after = _is_after(system, at, t)
+                is_after = _is_after(system.origin, at, t)
                 value = jnp.where(is_after if after else ~is_after, function(at), none)
                 value = value if jnp.ndim(value) == 0 else choice.reduce(value, axis=None)
             extreme = value if extreme is None else choice(extreme, value)

@@ -758,8 +758,8 @@ def _shorter_records(fit: Fit) -> Iterator[str]:
     all_series, horizon = fit.measurements.series, fit.horizon
     times = np.concatenate([np.asarray(s.times) for s in all_series.values()])
     rows = np.concatenate([fit.residuals[name] for name in all_series])
-    edges = np.linspace(times.min(), times.max(), PIECES + 1)
-    start, end = float(edges[0]), float(fit.measurements.times()[-1])
+    start, end = float(times.min()), float(times.max())
+    edges = np.linspace(start, end, PIECES + 1)
     # The run fits the data up to the first piece of the record with large residuals.
     pieces = ((low, (times >= low) & (times <= high)) for low, high in pairwise(edges))
     until = float(next((low for low, inside in pieces if _rms(rows[inside]) > FAR), edges[-1]))
@@ -785,7 +785,7 @@ def _shorter_records(fit: Fit) -> Iterator[str]:
     elif until < end:
         # The first window is the part that fits, and the next ones are longer in small steps.
         ends = until + (end - until) * np.array([0.0, 0.25, 0.5])
-        grow = ", ".join(f"{end:.4g}" for end in ends)
+        grow = ", ".join(f"{each:.4g}" for each in ends)
         yield (
             f"The run follows the data up to {until:.4g} s and deviates afterwards: fit growing "
             f"windows of the record, by identify(..., grow=({grow}))."

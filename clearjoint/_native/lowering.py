@@ -222,6 +222,47 @@ def _are_equal(atoms: Sequence[Atom]) -> bool:
     return len(bits) == 1 and all(isinstance(a, core.Literal) for a in atoms)
 
 
+def _parameter_of(equation: Equation) -> object:
+    """Return the parameter of an elementwise primitive on which its result depends, if any."""
+    name = equation.primitive.name
+    return equation.params.get(PARAMETERS[name]) if name in PARAMETERS else None
+
+
+def _float_operation(equation: Equation) -> str | None:
+    operation = FLOAT_OPERATIONS.get(equation.primitive.name)
+    if operation is None or _parameter_of(equation) is not None:
+        return None
+    aval = aval_of(equation.outvars[0])
+    return operation if aval.shape == () and _KINDS.get(aval.dtype) == "f" else None
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What is found once for a jaxpr, which may be inlined for each of hundreds of branches.
+
+    - `operations`: for each equation, the operation if it is one of single floats, which most are.
+    - `last_reads`: the number of the last equation that reads a variable, and may overwrite it.
+    - `has_repeated_calls`: whether it has `repeated_calls`.
+    """
+
+    operations: list[str | None]
+    last_reads: dict[Atom, int]
+    has_repeated_calls: bool
+
+    @staticmethod
+    def of(jaxpr: core.Jaxpr) -> "Survey":
+        # The results are read last.
+        reads = [*(equation.invars for equation in jaxpr.eqns), jaxpr.outvars]
+        last_reads: dict[Atom, int] = {
+            atom: number
+            for number, atoms in enumerate(reads)
+            for atom in atoms
+            if not isinstance(atom, core.Literal)
+        }
+        operations = [_float_operation(equation) for equation in jaxpr.eqns]
+        return Survey(operations, last_reads, bool(repeated_calls(jaxpr)))
+
+
 class Lowering:
     """Adds the equations of jaxprs to a program. A rule receives this object to add operations.
 
@@ -239,7 +280,7 @@ class Lowering:
         # Functions that every block can call: those of shared jaxprs by the jaxpr and the forms of
         # its arguments, and elementary functions by their names and the kind of their arguments.
         self._shared: dict[Hashable, PureFunction] = {}
-        self._reads: dict[int, tuple[dict[Atom, int], bool]] = {}
+        self._surveys: dict[int, Survey] = {}
         # Jaxprs whose identity is a key above. They are kept, so that no other one gets it.
         self._jaxprs: list[core.Jaxpr] = []
         self._count_of_elementary = 0
@@ -288,14 +329,14 @@ class Lowering:
 
     def is_packed(self, shape: tuple[int, ...]) -> bool:
         """Return whether an array of this shape is kept as a vector of tangents."""
-        return self.ops.packed > 0 and shape == (self.ops.packed_length,)
+        return self.ops.padded_tangents > 0 and shape == (self.ops.tangents,)
 
     def values(self, array: Array) -> list[Value]:
         """Return the elements of an array in row-major order, each as a value of its own."""
         if isinstance(array, int):
             return [array]
         if isinstance(array, Packed):
-            return [self.ops.element(array.value, k) for k in range(self.ops.packed_length)]
+            return [self.ops.element(array.value, k) for k in range(self.ops.tangents)]
         if isinstance(array, InMemory):
             return [self.ops.load(array.kind, array.start + k) for k in range(array.size)]
         return array.ravel().tolist()
@@ -307,7 +348,7 @@ class Lowering:
         if isinstance(array, int) and self.ops.kinds[array].endswith("p"):
             return array
         values = self.values(array)
-        return self.ops.pack(values * (self.ops.packed_length if len(values) == 1 else 1))
+        return self.ops.pack(values * (self.ops.tangents if len(values) == 1 else 1))
 
     def in_usual_form(self, memory: InMemory) -> Array:
         """Return an array in memory, or the values of one that is short enough to be unrolled."""
@@ -434,7 +475,7 @@ class Lowering:
             ]
             ops.store(rule(*values), out.start, index)
 
-        step = ops.packed if by_vectors and ops.packed else 1
+        step = ops.padded_tangents if by_vectors and ops.padded_tangents else 1
         if step == 1:
             ops.repeat(out.size, partial(apply_to, "", forms))
             return out
@@ -481,7 +522,7 @@ class Lowering:
             operands = [scalar(self._atom(atom, arrays)) for atom in equation.invars]
             # Numbers in the jaxpr are scalars.
             operands = [*map(self.vector, operands)] if are_vectors else operands
-            parameter = equation.params.get(PARAMETERS.get(name, ""))
+            parameter = _parameter_of(equation)
             rule = self.operation(name, aval_of(equation.outvars[0]), parameter)
             arrays[equation.outvars[0]] = rule(*operands)
         return scalar(self._atom(jaxpr.outvars[0], arrays))
@@ -496,32 +537,26 @@ class Lowering:
         closed = jaxpr if isinstance(jaxpr, core.ClosedJaxpr) else core.ClosedJaxpr(jaxpr, ())
         opened = closed.jaxpr
         constants = [self.constant(const) for const in closed.consts]
-        last_reads, has_repeated = self._reads_of(opened)
-        if has_repeated:
+        survey = self._survey_of(opened)
+        if survey.has_repeated_calls:
             self._repeated |= repeated_calls(opened)
         arrays: dict[Atom, Array] = dict(zip(opened.constvars, constants, strict=True))
         arrays |= dict(zip(opened.invars, arguments, strict=True))
-        for number, equation in enumerate(opened.eqns):
-            self._add_equation(equation, arrays, last_reads, number)
+        equations = zip(opened.eqns, survey.operations, strict=True)
+        for number, (equation, operation) in enumerate(equations):
+            if operation is None:
+                self._add_equation(equation, arrays, survey.last_reads, number)
+            else:
+                operands = [scalar(self._atom(atom, arrays)) for atom in equation.invars]
+                arrays[equation.outvars[0]] = self.ops.emit(operation, "f", *operands)
         return [self._atom(atom, arrays) for atom in opened.outvars]
 
-    def _reads_of(self, jaxpr: core.Jaxpr) -> tuple[dict[Atom, int], bool]:
-        """Return the number of the last equation that reads each variable of a jaxpr, which may
-        overwrite an array, and whether the jaxpr has `repeated_calls`."""
-        # The jaxpr of a kind of branches is inlined for each of them.
-        known = self._reads.get(id(jaxpr))
-        if known is None:
-            # The results are read last.
-            reads = [*(equation.invars for equation in jaxpr.eqns), jaxpr.outvars]
-            last_reads: dict[Atom, int] = {
-                atom: number
-                for number, atoms in enumerate(reads)
-                for atom in atoms
-                if not isinstance(atom, core.Literal)
-            }
-            known = self._reads[id(jaxpr)] = last_reads, bool(repeated_calls(jaxpr))
+    def _survey_of(self, jaxpr: core.Jaxpr) -> "Survey":
+        survey = self._surveys.get(id(jaxpr))
+        if survey is None:
+            survey = self._surveys[id(jaxpr)] = Survey.of(jaxpr)
             self._jaxprs.append(jaxpr)
-        return known
+        return survey
 
     def _atom(self, atom: Atom, arrays: dict[Atom, Array]) -> Array:
         if not isinstance(atom, core.Literal):
@@ -754,9 +789,7 @@ class Lowering:
     def _elementwise(self, equation: Equation, arguments: list[Array]) -> Array:
         aval, name = aval_of(equation.outvars[0]), equation.primitive.name
         kind, shape = kind_of(aval), tuple(aval.shape)
-        parameter = equation.params.get(PARAMETERS[name]) if name in PARAMETERS else None
-        if shape == () and kind == "f" and parameter is None and name in FLOAT_OPERATIONS:
-            return self.ops.emit(FLOAT_OPERATIONS[name], "f", *self.flatten(arguments))
+        parameter = _parameter_of(equation)
         rule = self.operation(name, aval, parameter)
         if shape != ():
             arguments = [

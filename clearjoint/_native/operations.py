@@ -150,10 +150,10 @@ class Operations:
     - `signatures`: for pure functions, by their numbers, the values of arguments and results.
     - `of_vectors`: for pure functions of numbers, by their numbers, the numbers of functions that
       compute several calls of them at once (see `.alike_calls`).
-    - `packed_length`: number of tangents, 0 for none.
-    - `packed`: number of elements of a vector of tangents, and so of its cells: the smallest power
-      of two that is not below `packed_length`, since the processor's vectors have such lengths. The
-      additional elements repeat the last tangent.
+    - `tangents`: number of tangents, 0 for none.
+    - `padded_tangents`: number of elements of a vector of tangents, and so of its cells: the
+      smallest power of two that is not below `tangents`, since the processor's vectors have such
+      lengths. The additional elements repeat the last tangent.
 
     **Arguments:** `width`: number of lanes; `calls_at_once`: number of calls that functions
     `of_vectors` compute, 1 for no such functions. A program of several lanes can have neither
@@ -163,8 +163,8 @@ class Operations:
     def __init__(self, width: int = 1, tangents: int = 0, calls_at_once: int = 1):
         assert width == 1 or (tangents == 0 and calls_at_once == 1), "lanes carry single numbers"
         self.calls_at_once = calls_at_once
-        self.width, self.packed_length = width, tangents
-        self.packed = 1 << (tangents - 1).bit_length() if tangents else 0
+        self.width, self.tangents = width, tangents
+        self.padded_tangents = 1 << (tangents - 1).bit_length() if tangents else 0
         self.kinds: list[str] = []
         self.constants: dict[Value, Number] = {}
         self.cells = 0
@@ -182,6 +182,7 @@ class Operations:
         self._outside: list[tuple[Block, int]] = []
         # For values that are computed in functions, the number of functions around them.
         self._depths: dict[Value, int] = {}
+        # Values of constants, by kind and number.
         self._numbers: dict[tuple, Value] = {}
         # Values by operation, kind and arguments, and the keys that each open block has added. A
         # value can be reused in inner blocks, but not after the end of its block.
@@ -577,7 +578,7 @@ class Operations:
         return self.allocate(self.cells_of(kind))
 
     def cells_of(self, kind: str) -> int:
-        return {"p": self.packed, "v": self.calls_at_once}.get(kind[1:], 1)
+        return {"p": self.padded_tangents, "v": self.calls_at_once}.get(kind[1:], 1)
 
     def branch(
         self, condition: Value, yes: Callable[[], list[Value]], no: Callable[[], list[Value]]

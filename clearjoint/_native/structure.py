@@ -312,8 +312,8 @@ def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Arra
     out = aval_of(equation.outvars[0])
 
     def rows(array: Array, number: int, batch: Sequence[int], along: Sequence[int]) -> list:
-        """Return the elements of an argument as lists in the shape (batch, rows, summed
-        elements)."""
+        """Return the elements of argument `number` as lists (axes `batch`, other axes, axes
+        `along`), each group of axes joined to one."""
         shape = aval_of(equation.invars[number]).shape
         # `preferred_element_type` may be wider than the arguments, which are converted first.
         elements = (Symbol(lower.ops, value) for value in lower.values(array))

@@ -106,7 +106,7 @@ def readings_of_runs(
 def sensor_errors(
     parameters: Mapping[str, Parameter], outputs: Mapping[str, object]
 ) -> SensorErrors:
-    """Return the errors of sensors among the parameters of a run with given outputs.
+    """Return those parameters of a run with given `outputs` that are errors of sensors.
 
     **Raises:** `ValueError` for the error of an unknown output, and for two errors of the same kind
     for one output.

@@ -404,7 +404,7 @@ def _load_at_start(
     robot: Robot, q: Mapping[str, float], name: str, follower: str, noise: float
 ) -> float:
     """Return the torque, N m, or force, N, with which a motor holds its link at the start; zero if
-    its sign is uncertain."""
+    the noise of `name`, the logged side of the drive, leaves its sign uncertain."""
     joint = name if name in robot.drives else follower
     angles = {n: value for n, value in q.items() if n in robot.joints}
     loads = [

@@ -247,7 +247,7 @@ class LinkTree:
             carrier.centre = self._centre(carrier)
 
     def _joints_by_child(self) -> dict[str, RobotJoint]:
-        """Return the joints by their child links; they must be a tree with one root."""
+        """Return the joints by their child links; check that one link only is no child."""
         of_child: dict[str, RobotJoint] = {}
         for joint in self.joints.values():
             at = self.location.at(joint.name)

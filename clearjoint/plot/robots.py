@@ -15,7 +15,7 @@ Loop = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 class FittedRobot(Protocol):
     """The method of `clearjoint.results.RobotFit` that the figure shows. Figures do not import the
-    room of `RobotFit`, so they describe what they need of it."""
+    package of `RobotFit`, so they describe what they need of it."""
 
     def hysteresis(self) -> Mapping[str, Loop]:
         """Return torque over position, by name of the joint."""

@@ -33,7 +33,7 @@ GOAL = 0.2
 SPAN, QUICK_SPAN = 1.0, 0.02
 TARGETS = (1e-2, 1e-3, 1e-4)
 """Largest errors of an angle, rad, that count as equal."""
-TOLERANCES = 10.0 ** np.arange(-3.0, -8.5, -0.5)
+TOLERANCES = 10.0 ** np.arange(-1.5, -8.5, -0.5)
 FINEST = 1e-11
 """Relative tolerance of the motion with which others are compared."""
 STEPS = 2 ** np.arange(3, 9)

@@ -252,7 +252,7 @@ def figure(found: Sequence[Cost]) -> Figure:
     kind of call, with the exponents that fit the largest sizes."""
     calls = [c for c in (SIMULATE, SWEEP, f"{SENSITIVITIES} 3") if any(f.call == c for f in found)]
     scenes = list(dict.fromkeys(one.scene for one in found))
-    canvas = Figure(figsize=(3.2 * len(PANELS), 3.0 * len(calls)), layout="constrained")
+    canvas = Figure(figsize=(3.2 * len(PANELS), 3.6 * len(calls)), layout="constrained")
     axes = canvas.subplots(len(calls), len(PANELS), squeeze=False)
     for call, row in zip(calls, axes, strict=True):
         for (field, label), panel in zip(PANELS.items(), row, strict=True):
@@ -273,7 +273,15 @@ def figure(found: Sequence[Cost]) -> Figure:
             style.dress(panel, f"size, `{call}`", label)
             panel.grid(visible=True, which="major", alpha=0.3)
             if panel.get_legend_handles_labels()[0]:
-                panel.legend(fontsize=7, title="exponent of size", title_fontsize=7)
+                # Above the panel, where it covers no point.
+                panel.legend(
+                    loc="lower center",
+                    bbox_to_anchor=(0.5, 1.0),
+                    ncols=2,
+                    fontsize=7,
+                    title="exponent of size",
+                    title_fontsize=7,
+                )
     return canvas
 
 

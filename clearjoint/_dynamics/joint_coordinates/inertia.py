@@ -252,7 +252,7 @@ class LoadedJoint:
         carrier: Inertia,
         armature: Scalar | None,
     ) -> "tuple[LoadedJoint, Inertia]":
-        """Return a joint, and the inertia `carrier` plus what it transmits of that `carried`."""
+        """Return a joint, and the inertia `carrier` plus what the joint transmits of `carried`."""
         wholes, block, rests = momenta(columns, carried, armature)
         factors = Factorisation(block)
         transmitted = carried.without(columns, wholes, rests)

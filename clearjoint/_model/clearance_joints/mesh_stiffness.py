@@ -42,7 +42,7 @@ class AbstractMeshStiffness(AbstractConverting):
         """Return the factor of the law's force at a mesh angle, rad, or at an array of angles."""
 
     def factor_and_slope(self, angle: Scalar) -> tuple[Scalar, Scalar]:
-        """Return the factor and its derivative by the angle, 1/rad."""
+        """Return the factor of the law's force at a mesh angle, rad, and its derivative, 1/rad."""
         return value_and_slope(self.factor, angle)
 
 

@@ -65,7 +65,7 @@ class AbstractDashpotLaw(AbstractPowerLaw):
 
     @abc.abstractmethod
     def damping(self, gap: Gap) -> Scalar:
-        """Return the damping coefficient D, N s/m^(1+m), which may depend on the radii in `gap`."""
+        """Return D, N s/m^(1 + `damping_exponent`), which may depend on the radii in `gap`."""
 
     @override
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:

@@ -181,6 +181,7 @@ class RecordedRun:
         origin, end = float(run.origin), float(run.end)
         for name, reduction in self.recorder.outputs.reductions.items():
             instants[name] = reduction.instants(self._results.get(name, {}), (origin, end))
+            # Instants of a window that the run does not reach don't increase, or are not finite.
             is_reached = bool(
                 np.all(np.diff(instants[name]) > 0.0) & np.all(np.isfinite(instants[name]))
             )
@@ -293,8 +294,8 @@ class RecordedRun:
 
 
 def _pieces(rows: np.ndarray, times: np.ndarray, *cotangents: PyTree) -> Iterator[tuple]:
-    """Yield `ROWS` of N rows at a time, with their times and cotangents. The last ones are filled
-    up by copies of the last row, with cotangents of zero. Up to `ROWS` rows are one piece."""
+    """Yield N rows, their times and cotangents, in pieces of `ROWS`. The last of several pieces is
+    filled up by copies of the last row, with zero cotangents; a single piece may be shorter."""
     missing = -len(rows) % adjoint.ROWS if len(rows) > adjoint.ROWS else 0
 
     def filled(column: np.ndarray, mode: str) -> np.ndarray:

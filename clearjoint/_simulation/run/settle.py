@@ -131,8 +131,8 @@ class Strobe:
 
     def multiple(self, largest: int, tolerance: float) -> int | None:
         """Return the smallest number m of periods, up to `largest`, after which the motion repeats,
-        or ``None``: each of the last m periods, and at least of the last `CONFIRMING`, equals the
-        period m periods earlier, with changes of at most `tolerance`."""
+        or ``None``: in each of the last max(m, `CONFIRMING`) periods, the largest scaled change
+        since m periods earlier (see `change`) is at most `tolerance`."""
         for multiple in range(1, largest + 1):
             needed = max(multiple, CONFIRMING)
             changes = self.change(multiple) if len(self.rows) > multiple else np.zeros(0)

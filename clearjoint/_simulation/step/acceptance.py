@@ -155,8 +155,8 @@ def _with_limited_rotation(
 def _landed(
     decision: _Decision, landing: Landing, step: Step, trial: Trial, full_length: Scalar
 ) -> tuple[_Decision, Scalar, Condition, Scalar]:
-    """Repeat a trial that passes a contact event, up to the event, because it was computed with the
-    wrong set of closed contacts. Return also the results of `lengths_after_contacts`."""
+    """Return the decision to repeat a trial up to the contact event that it passes, if any, because
+    its set of closed contacts was wrong, and the results of `lengths_after_contacts`."""
     t1, after = trial.t1, trial.gaps
     passes, landing_time = landing.retry(step.contact_gaps, after, step.t, t1)
     lands = decision.keep & passes
