@@ -199,35 +199,3 @@ def test_gears_start_in_the_middle_of_the_play():
         disc = cj.Body.cylinder(2.0 * radius, 20e-3, density=7850.0)
         assert float(body.mass) == pytest.approx(float(disc.mass), rel=1e-14)
         np.testing.assert_allclose(body.inertia, disc.inertia, rtol=1e-14)
-
-
-def test_a_cycloid_stage_starts_with_its_play_around_all_pins():
-    """And in the motion of the ideal gear: the disc turns back by a lobe per turn."""
-    for options, count in (({}, 6), ({"pins": 4, "lobes": 7, "angle": 0.4}, 4)):
-        scene, state = cj.mechanisms.cycloid_stage(PLAY, **options)
-        value, rate = violation(scene, state)
-        assert value < 1e-15 and rate < 1e-14
-        pins = contact_depths(scene, state.bodies)
-        assert list(pins) == [f"pin {k}" for k in range(1, count + 1)]
-        for family in pins.values():
-            np.testing.assert_allclose([float(d) for d in family.values()], -PLAY, rtol=1e-9)
-
-
-@pytest.mark.parametrize("offset", [(0.0, -1.0), (0.3, 0.4)])
-def test_a_rotor_starts_at_its_offset_and_speed(offset):
-    scene, state = cj.mechanisms.rotor_in_bearing(PLAY, offset=offset, speed=70.0)
-    assert violation(scene, state) == (0.0, 0.0)
-    (bases,) = contact_depths(scene, state.bodies).values()
-    distance = PLAY * (1.0 - math.hypot(*offset))
-    np.testing.assert_allclose([float(d) for d in bases.values()], -distance, atol=1e-18)
-    rotor = state.bodies["rotor"]
-    np.testing.assert_allclose(rotor.position, PLAY * np.array([*offset, 0.0]), rtol=1e-15)
-    np.testing.assert_array_equal([rotor.velocity, rotor.spin], [(0, 0, 0), (0, 0, 70.0)])
-
-
-@pytest.mark.parametrize("mechanism", [cj.mechanisms.robot_arm, cj.mechanisms.four_bar])
-def test_mechanisms_without_a_speed_start_at_rest(mechanism):
-    scene, state = mechanism()
-    assert violation(scene, state)[1] == 0.0
-    for body in state.bodies.values():
-        np.testing.assert_array_equal([body.velocity, body.spin], np.zeros((2, 3)))
