@@ -139,7 +139,9 @@ def memories(servo, count):
 def test_the_goal_follows_by_its_speed_and_the_integral_up_to_the_limit(sense):
     """Of a jump of the target; all numbers are exact. The integral reaches the limit, of the torque
     or of the motor, and stays."""
-    follower = cj.Servo(*ABOUT, 0.5 * sense, 4.0, 2.0, derivative=0.5, speed_limit=0.625)
+    follower = cj.Servo(
+        "ground", "arm", Z, 0.5 * sense, 4.0, 2.0, derivative=0.5, speed_limit=0.625
+    )
     for k, memory in enumerate(memories(follower, 6), start=1):
         goal, before = (sense * min(0.15625 * number, 0.5) for number in (k, k - 1))
         assert memory["goal"] == goal
@@ -151,7 +153,7 @@ def test_the_goal_follows_by_its_speed_and_the_integral_up_to_the_limit(sense):
         ({"torque_limit": 0.625} | motor, 0.5),
         (motor, 0.5),
     ):
-        integrator = cj.Servo(*ABOUT, 0.5 * sense, 4.0, 0.0, integral=1.0, **limits)
+        integrator = cj.Servo("ground", "arm", Z, 0.5 * sense, 4.0, 0.0, integral=1.0, **limits)
         for k, memory in enumerate(memories(integrator, 6), start=1):
             reached = sense * min(0.125 * k, largest)
             assert memory["integral"] == memory["torque"] == reached

@@ -126,7 +126,7 @@ def test_friction_acts_midway_between_the_surfaces(radius):
     place = np.array([0.3, 0.2, (radius or 0.0) - depth]) - centre
     motions = {
         "ground": AT_REST,
-        "b": moving(place, symmetries.euler(turn.as_matrix()), (0.0,) * 3, (0.0,) * 3),
+        "b": cj.testing.moving(place, turn.as_quat(scalar_first=True), (0.0,) * 3, (0.0,) * 3),
     }
     joint = stop("ground", "b", point_second=(0.02, -0.01, 0.0), radius=radius, friction=ROUGH)
     (contact,) = unpack(joint).contacts(motions).values()
