@@ -4,25 +4,17 @@ import ast
 import json
 import os
 import re
-import subprocess
 import sys
 from collections import Counter
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from tests.support.rooms import (
-    PACKAGE,
-    floors,
-    imports,
-    module_paths,
-    neighbours,
-    room_of,
-    syntax_tree,
-)
+from tests.support.processes import printed
+from tests.support.rooms import PACKAGE, imports, module_paths, neighbours, room_of, syntax_tree
 
-HIGHEST_FLOOR = 10
 MODULES_BESIDE_ROOMS = 12
 PLACES_OF_ANY = 43
 FLOORS = (
@@ -40,56 +32,36 @@ FLOORS = (
 """A room may import from those on floors below."""
 BASIS = {"jax", "equinox", "jaxtyping", "numpy", "typing_extensions"}
 THIRD_PARTY = {
-    "arviz": {"identification"},
-    "llvmlite": {"native"},
-    "diffrax": {"command_line", "simulation"},
-    "tqdm": {"durability", "simulation", "sweeps", "identification"},
-    "k3d": {"views"},
-    "mujoco": {"scene_files"},
-    "matplotlib": {"command_line", "plot", "views"},
-    "click": {"command_line"},
-    "optax": {"identification"},
-    "optimistix": {"identification", "model", "simulation"},
-    "scipy": {
-        "durability",
-        "identification",
-        "model",
-        "plot",
-        "robot_fits",
-        "scene_files",
-        "statistics",
-        "sweeps",
-        "views",
-    },
-    "xarray": {
-        "command_line",
-        "durability",
-        "export",
-        "identification",
-        "measurements",
-        "plot",
-        "robot_fits",
-        "simulation",
-        "statistics",
-        "sweeps",
-    },
-    "pandas": {"command_line", "export", "measurements"},
-    "pint": {"measurements"},
-    "tomlkit": {"scene_files"},
-    "griffe": {"reference"},
-    "latex2mathml": {"reference"},
-    "nbconvert": {"reference"},
-    "zarr": {"sweeps"},
-    "numcodecs": {"sweeps"},
-    "cloudpickle": {"sweeps"},
+    "arviz": "identification",
+    "llvmlite": "native",
+    "diffrax": "command_line simulation",
+    "tqdm": "durability simulation sweeps identification",
+    "k3d": "views",
+    "mujoco": "scene_files",
+    "matplotlib": "command_line plot views",
+    "click": "command_line",
+    "optax": "identification",
+    "optimistix": "identification model simulation",
+    "scipy": "durability identification model plot robot_fits scene_files statistics sweeps views",
+    "xarray": "command_line durability export identification measurements plot robot_fits "
+    "simulation statistics sweeps",
+    "pandas": "command_line export measurements",
+    "pint": "measurements",
+    "tomlkit": "scene_files",
+    "griffe": "reference",
+    "latex2mathml": "reference",
+    "nbconvert": "reference",
+    "zarr": "sweeps",
+    "numcodecs": "sweeps",
+    "cloudpickle": "sweeps",
 }
 """The rooms that may import a package, beside those that every room may."""
 PATHS = {name: path for name, path in module_paths().items() if path.name != "__init__.py"}
 
 
-def trees() -> dict[str, ast.Module]:
-    """The syntax tree of each module."""
-    return {name: syntax_tree(name) for name in PATHS}
+def nodes(kind: type[ast.AST]) -> list[Any]:
+    """All nodes of a kind in the syntax trees of the modules."""
+    return [node for m in PATHS for node in ast.walk(syntax_tree(m)) if isinstance(node, kind)]
 
 
 def test_rooms_import_downwards_only():
@@ -102,17 +74,9 @@ def test_rooms_import_downwards_only():
     assert {room: names for room, names in wrong.items() if names} == {}
 
 
-def test_no_chain_of_rooms_is_long():
-    assert max(floors().values()) <= HIGHEST_FLOOR
-
-
 def test_modules_within_rooms_import_in_no_circle():
     below = {
-        module: {
-            name.removeprefix("clearjoint.")
-            for name in imports(module)
-            if name.removeprefix("clearjoint.") in PATHS
-        }
+        module: PATHS.keys() & {name.removeprefix("clearjoint.") for name in imports(module)}
         for module in PATHS
     }
     while bare := {module for module, names in below.items() if not names}:
@@ -142,7 +106,7 @@ def test_third_party_packages_keep_to_their_rooms():
         (package, module)
         for module in PATHS
         for package in {name.split(".")[0] for name in imports(module)} - own
-        if room_of(module) not in THIRD_PARTY.get(package, set())
+        if room_of(module) not in THIRD_PARTY.get(package, "").split()
     }
     assert wrong == set()
 
@@ -153,12 +117,7 @@ def test_annotations_are_not_postponed():
 
 
 def test_classes_are_abstract_or_final():
-    classes = [
-        node
-        for tree in trees().values()
-        for node in ast.walk(tree)
-        if isinstance(node, ast.ClassDef)
-    ]
+    classes = nodes(ast.ClassDef)
     assert len(classes) > 30
     concrete = {node.name for node in classes if not node.name.startswith("Abstract")}
     subclassed = {ast.unparse(base).split(".")[-1] for node in classes for base in node.bases}
@@ -169,8 +128,8 @@ def test_public_classes_and_types_have_names_of_their_own():
     """Private ones, and variables of types, mean something in their module alone."""
     names = Counter(
         node.name if isinstance(node, ast.ClassDef) else ast.unparse(node.target)
-        for module in trees().values()
-        for node in module.body
+        for module in PATHS
+        for node in syntax_tree(module).body
         if isinstance(node, ast.ClassDef)
         or (isinstance(node, ast.AnnAssign) and ast.unparse(node.annotation) == "TypeAlias")
     )
@@ -179,13 +138,7 @@ def test_public_classes_and_types_have_names_of_their_own():
 
 
 def test_few_types_are_any():
-    names = [
-        node.id
-        for tree in trees().values()
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Name)
-    ]
-    assert names.count("Any") <= PLACES_OF_ANY
+    assert [node.id for node in nodes(ast.Name)].count("Any") <= PLACES_OF_ANY
 
 
 IMPORT = """
@@ -208,32 +161,9 @@ assert not xla_bridge.backends_are_initialized(), "an import started a backend"
 
 
 LOADED_WHEN_FIRST_USED = {
-    "matplotlib",
-    "optax",
-    "pandas",
-    "pint",
-    "numcodecs",
-    "scipy",
-    "tomlkit",
-    "xarray",
-    "zarr",
+    *("matplotlib", "optax", "pandas", "pint", "numcodecs", "scipy", "tomlkit", "xarray", "zarr"),
 }
 """Packages that a run of one scene has no need of, and that take as long as all else together."""
-
-
-def run_afresh(source: str, *arguments: str) -> str:
-    """What a program prints in a process of its own, without settings in its environment."""
-    kept = ("PATH", "HOME", "PYTHONPATH")
-    environment = {name: value for name, value in os.environ.items() if name in kept}
-    done = subprocess.run(
-        [sys.executable, "-c", source, *arguments],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
 
 
 MODULES_WITH_EXTRA = set() if find_spec("nbconvert") else {"reference.__main__"}
@@ -242,7 +172,9 @@ MODULES_WITH_EXTRA = set() if find_spec("nbconvert") else {"reference.__main__"}
 
 def test_an_import_starts_no_backend_changes_no_setting_and_loads_what_every_run_needs():
     """All modules start no backend and change no setting, and the package alone loads little."""
-    loaded = run_afresh(IMPORT, *(name for name in PATHS if name not in MODULES_WITH_EXTRA)).split()
+    kept = {name: os.environ[name] for name in ("PATH", "HOME", "PYTHONPATH") if name in os.environ}
+    modules = (name for name in PATHS if name not in MODULES_WITH_EXTRA)
+    loaded = printed(IMPORT, *modules, env=kept).split()
     assert {"jax", "diffrax"} <= set(loaded)
     assert set(loaded) & LOADED_WHEN_FIRST_USED == set()
 
@@ -266,19 +198,16 @@ def imported_from_outside(source: str) -> set[str]:
     return {name for name in found if name.split(".")[0] == "clearjoint"}
 
 
-def outside_sources() -> dict[str, str]:
-    """The text of every study, and of the code of every notebook."""
-    studies = {str(path): path.read_text() for path in sorted((ROOT / "studies").rglob("*.py"))}
-    for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
-        cells = json.loads(path.read_text())["cells"]
-        code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
-        studies[str(path)] = "\n".join(code)
-    return studies
+def code_of(notebook: Path) -> str:
+    cells = json.loads(notebook.read_text())["cells"]
+    return "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
 
 
 def test_studies_and_notebooks_import_public_names_only():
     public = {"clearjoint", "clearjoint.plot.style", *PUBLIC}
-    wrong = {path: imported_from_outside(text) - public for path, text in outside_sources().items()}
+    texts = {path: path.read_text() for path in (ROOT / "studies").rglob("*.py")}
+    texts |= {path: code_of(path) for path in (ROOT / "notebooks").glob("*.ipynb")}
+    wrong = {path: imported_from_outside(text) - public for path, text in texts.items()}
     assert {path: names for path, names in wrong.items() if names} == {}
 
 

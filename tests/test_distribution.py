@@ -2,29 +2,24 @@
 
 import os
 import subprocess
-import sys
 import tarfile
 import zipfile
 
 import pytest
 
-from tests.support.rooms import PACKAGE
+from tests.support.processes import ROOT, printed
 
-ROOT = PACKAGE.parent
 BUILD = "import sys; from hatchling import build; print(getattr(build, sys.argv[1])(sys.argv[2]))"
 
 
 def _built(kind, folder):
-    command = [sys.executable, "-c", BUILD, f"build_{kind}", str(folder)]
-    lines = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
-    return folder / lines.split()[-1]
+    return folder / printed(BUILD, f"build_{kind}", folder).split()[-1]
 
 
 def _sources():
-    paths = subprocess.run(
-        ["git", "ls-files", "clearjoint"], cwd=ROOT, check=True, capture_output=True, text=True
-    ).stdout.split()
-    return {path for path in paths if (ROOT / path).exists()}
+    listed = ["git", "ls-files", "clearjoint"]
+    paths = subprocess.run(listed, cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    return {path for path in paths.split() if (ROOT / path).exists()}
 
 
 @pytest.fixture(scope="module")
@@ -51,23 +46,11 @@ def test_the_source_archive_holds_the_tests(tmp_path):
     assert _sources() | {"pyproject.toml", "README.md", "tests/test_distribution.py"} <= names
 
 
-def _printed(program, folder):
-    process = subprocess.run(
-        [sys.executable, "-c", *program],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(folder)},
-        check=True,
-        capture_output=True,
-        text=True,
-    )
-    return process.stdout
-
-
 def test_an_installed_wheel_works(wheel, tmp_path):
     with zipfile.ZipFile(wheel) as archive:
         archive.extractall(tmp_path)
+    here = {"cwd": tmp_path, "env": {**os.environ, "PYTHONPATH": str(tmp_path)}}
     program = "import clearjoint as cj; print(cj.__file__, len(cj.mechanisms.four_bar()[0].joints))"
-    assert _printed([program], tmp_path).split() == [str(tmp_path / "clearjoint/__init__.py"), "4"]
-    launched = _printed(["from clearjoint_command import main; main()", "--help"], tmp_path)
-    assert "clearjoint" in launched
-    assert "run" in launched
+    assert printed(program, **here).split() == [str(tmp_path / "clearjoint/__init__.py"), "4"]
+    launched = printed("from clearjoint_command import main; main()", "--help", **here)
+    assert "clearjoint" in launched and "run" in launched

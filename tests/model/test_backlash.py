@@ -9,18 +9,12 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.extend import (
-    AbstractContactJoint,
-    EulerParameters,
-    Gap,
-    Motion,
-    Vector,
-    rotation_matrix,
-    unpack,
-)
+from clearjoint.extend import AbstractContactJoint, Motion, Vector, unpack
 from clearjoint.testing import check_constraint, check_contact_joint, moving
+from tests.support import many_states
+from tests.support.motions import AT_REST
 
-LAW = cj.laws.HuntCrossley(0.5, 1e8)
+LAW, STEEL = cj.laws.HuntCrossley(0.5, 1e8), cj.laws.RavnStiffness(2e11, 0.3)
 MODULE, PLAY, ALPHA = 3e-3, 1e-4, math.radians(20.0)
 MOTIONS = {
     "a": moving((0.1, 0.2, 0.3), (1.0, 0.3, 0.2, 0.3), (1.0, 2.0, 3.0), (0.3, 0.2, 5.0)),
@@ -65,10 +59,7 @@ def depths(joint: AbstractContactJoint, motions: dict[str, Motion]) -> np.ndarra
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "joint",
-    [
-        backlash(middle=0.4),
-        backlash(axis_first=(1, 2, 0.5), axis_second=(0.3, 1, -1)),
-    ],
+    [backlash(middle=0.4), backlash(axis_first=(1, 2, 0.5), axis_second=(0.3, 1, -1))],
     ids=["along z", "along others"],
 )
 def test_joints_conform_in_motion(joint):
@@ -84,27 +75,28 @@ def test_gears_conform(teeth_second, wider):
 
 
 def test_a_contact_whose_force_does_other_work_than_its_gap_is_refused():
-    class Doubled(AbstractContactJoint):
-        joint: cj.Backlash
-
-        def pair(self):
-            return self.joint.pair()
-
-        def laws(self):
-            return self.joint.laws()
-
+    class Doubled(cj.Backlash):
         def contacts(self, motions):
-            contacts = self.joint.contacts(motions)
             return {
                 label: replace(contact, turning=tuple(2.0 * part for part in contact.turning))
-                for label, contact in contacts.items()
+                for label, contact in super().contacts(motions).items()
             }
 
-        def friction_force(self, name, contact, normal_force):
-            return None
-
     with pytest.raises(AssertionError, match="power of the couples"):
-        check_contact_joint(Doubled(backlash()), MOTIONS)
+        check_contact_joint(Doubled("a", "b", play=2e-3, radius=0.05, law=LAW), MOTIONS)
+
+
+def test_backlash_acts_by_couples_only():
+    joint, turn = backlash(), cj.rotation((0, 0, 1), 3e-3)
+    scene = cj.Scene({name: cj.Body(1.0, (1.0, 1.0, 1.0)) for name in "ab"}, {"play": joint})
+    still, places = np.zeros((1, 3)), {"a": np.array([1.0, 0.0, 0.0, 0.0]), "b": turn}
+    bodies = {
+        name: cj.BodyState(still, euler[None], still, still) for name, euler in places.items()
+    }
+    loads = many_states.loads(scene, cj.State(bodies))
+    moment = 0.05 * float(LAW.elastic_force(cj.extend.Gap(0.05 * (3e-3 - 1e-3), 0.0)))
+    for name, sign in (("a", 1.0), ("b", -1.0)):
+        np.testing.assert_allclose(loads[name], [[0, 0, 0, 0, 0, sign * moment]], rtol=1e-9)
 
 
 def test_a_play_length_is_the_angle_at_the_radius():
@@ -177,24 +169,16 @@ def test_centred_joints_conform_and_hold_the_middle():
 
 
 def test_gears_on_axes_that_point_against_each_other_turn_in_the_same_ratio():
-    joint = gears()
-    flipped = cj.GearBacklash(
-        *("a", "b"),
-        joint.point_first,
-        joint.point_second,
-        (0, 0, 1),
-        (0, 0, -1),
-        18,
-        41,
-        *(MODULE, PLAY, LAW),
-    )
+    flipped = replace(gears(), axis_second=np.array([0.0, 0.0, -1.0]))
     before, after = (meshing(flipped, angles=(x, 0.4 - x * 18 / 41)) for x in (0.2, 0.9))
     assert depths(flipped, after) == pytest.approx(depths(flipped, before), abs=1e-15)
 
 
 def test_derivatives_by_the_play_are_exact_and_finite_at_the_flank():
     def depth(play, angle):
-        motions = {"a": spinning(0.0, 0.0), "b": Motion(*_at(angle))}
+        parts = jnp.cos(0.5 * angle), 0.0, 0.0, jnp.sin(0.5 * angle)
+        turn = cj.extend.rotation_matrix(cj.extend.EulerParameters(*parts))
+        motions = {"a": AT_REST, "b": replace(AT_REST, rotation=turn)}
         joint = unpack(backlash(play=play))
         return joint.contacts(motions)["upper flank"].gap.depth
 
@@ -202,10 +186,8 @@ def test_derivatives_by_the_play_are_exact_and_finite_at_the_flank():
     assert (float(by_play), float(by_angle)) == pytest.approx((-0.025, 0.05), rel=1e-12)
 
 
-def _at(angle):
-    zero = Vector(0.0, 0.0, 0.0)
-    parts = jnp.cos(0.5 * angle), 0.0, 0.0, jnp.sin(0.5 * angle)
-    return zero, rotation_matrix(EulerParameters(*parts)), zero, zero
+def stiff(**options) -> cj.Backlash:
+    return cj.Backlash("ground", "link", **({"play": 1e-3} | options))
 
 
 @pytest.mark.parametrize(
@@ -218,10 +200,7 @@ def _at(angle):
         (lambda: backlash(play=7.0), "smaller than a full revolution"),
         (lambda: backlash(radius=0.0), "`radius`"),
         (lambda: backlash(axis_first=(0, 0, 0)), "`axis_first`"),
-        (
-            lambda: backlash(law=cj.laws.Hertz(cj.laws.RavnStiffness(2e11, 0.3))),
-            "explicit stiffness",
-        ),
+        (lambda: backlash(law=cj.laws.Hertz(STEEL)), "explicit stiffness"),
         (lambda: backlash(law=1e8), "AbstractContactLaw"),
         (lambda: cj.Backlash("a", "a", play=1e-3, radius=0.1, law=LAW), "another body"),
         (lambda: gears(17.5), "`teeth_first`"),
@@ -229,6 +208,18 @@ def _at(angle):
         (lambda: gears(-18, 41), "internal"),
         (lambda: gears(pressure_angle=20.0), "`pressure_angle`"),
         (lambda: gears(law=None), "law"),
+        (lambda: replace(gears(), backlash=1e-2), "smaller than the pitch"),
+        (lambda: stiff(), "torsional_stiffness"),
+        (lambda: stiff(law=LAW, radius=0.1, torsional_stiffness=2e4), "torsional_stiffness"),
+        (lambda: stiff(law=LAW), "`radius`"),
+        *(
+            (lambda radius=radius, options=options: stiff(radius=radius, **options), "`radius`")
+            for radius in (0.0, -0.1, np.nan)
+            for options in (
+                {"torsional_stiffness": 2e4},
+                {"play": None, "play_length": 1e-4, "law": LAW},
+            )
+        ),
     ],
 )
 @pytest.mark.filterwarnings("ignore::clearjoint.UnusualValueWarning")
@@ -248,30 +239,9 @@ def test_gears_closer_than_their_base_circles_are_refused():
         cj.simulate(cj.Scene(bodies, {"mesh": joint}), cj.State(states), 1e-3)
 
 
-def test_a_backlash_wider_than_the_pitch_is_refused():
-    with pytest.raises(ValueError, match="smaller than the pitch"):
-        cj.GearBacklash(
-            *("a", "b"), (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1), 18, 41, MODULE, 1e-2, LAW
-        )
-
-
 @pytest.mark.slow
 def test_a_torsional_stiffness_is_the_torque_by_the_angle():
-    bodies = "ground", "link"
-    backlash = cj.Backlash(*bodies, play=1e-3, torsional_stiffness=2e4, restitution=0.3)
-    gap = Gap(backlash.radius * 1e-3, 0.0)
-    assert float(backlash.radius * backlash.law.force(gap, 0.0)) == pytest.approx(20.0, rel=1e-12)
-    assert float(backlash.law.delivered_restitution()) == pytest.approx(0.3, rel=1e-6)
-    law = cj.laws.HuntCrossley(0.5, 1e8)
-    for options in ({}, {"law": law, "radius": 0.1, "torsional_stiffness": 2e4}):
-        with pytest.raises(ValueError, match="torsional_stiffness"):
-            cj.Backlash(*bodies, play=1e-3, **options)
-    with pytest.raises(ValueError, match="`radius`"):
-        cj.Backlash(*bodies, play=1e-3, law=law)
-    for radius in (0.0, -0.1, np.nan):
-        for given in (
-            {"play": 1e-3, "torsional_stiffness": 2e4},
-            {"play_length": 1e-4, "law": law},
-        ):
-            with pytest.raises(ValueError, match="`radius`"):
-                cj.Backlash(*bodies, radius=radius, **given)
+    joint = stiff(torsional_stiffness=2e4, restitution=0.3)
+    gap = cj.extend.Gap(joint.radius * 1e-3, 0.0)
+    assert float(joint.radius * joint.law.force(gap, 0.0)) == pytest.approx(20.0, rel=1e-12)
+    assert float(joint.law.delivered_restitution()) == pytest.approx(0.3, rel=1e-6)

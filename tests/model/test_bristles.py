@@ -9,20 +9,11 @@ from clearjoint.frictions import Dahl, ElastoPlastic, LuGre
 
 SLOW, FAST, STIFFNESS, STRIBECK_SPEED = 0.25, 0.15, 1e5, 0.01
 LUGRE = LuGre(
-    SLOW,
-    FAST,
-    stribeck_speed=STRIBECK_SPEED,
-    stiffness=STIFFNESS,
-    damping=30.0,
-    viscosity=0.4,
+    SLOW, FAST, stribeck_speed=STRIBECK_SPEED, stiffness=STIFFNESS, damping=30.0, viscosity=0.4
 )
 ELASTIC = 0.7e-6
 ELASTO_PLASTIC = ElastoPlastic(
-    SLOW,
-    FAST,
-    stribeck_speed=STRIBECK_SPEED,
-    elastic_deflection=ELASTIC,
-    stiffness=STIFFNESS,
+    SLOW, FAST, stribeck_speed=STRIBECK_SPEED, elastic_deflection=ELASTIC, stiffness=STIFFNESS
 )
 
 

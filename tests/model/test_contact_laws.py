@@ -7,25 +7,17 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
+import clearjoint as cj
 from clearjoint.extend import Gap
-from clearjoint.laws import (
-    Flores2011,
-    GivenStiffness,
-    Hertz,
-    HuntCrossley,
-    LankaraniNikravesh,
-    MemorylessHuntCrossley,
-    RavnStiffness,
-)
 
-STEEL = {"young_modulus": 207e9, "poisson_ratio": 0.3}
+STEEL = cj.laws.RavnStiffness(207e9, 0.3)
 RADII = {"bearing_radius": 10e-3, "clearance": 0.5e-3}
 K = 6.6e10
-DAMPED = (LankaraniNikravesh, HuntCrossley, Flores2011)
+DAMPED = (cj.laws.LankaraniNikravesh, cj.laws.HuntCrossley, cj.laws.Flores2011)
 CHI = {
-    LankaraniNikravesh: lambda c: 3 * (1 - c**2) / 4,
-    HuntCrossley: lambda c: 3 * (1 - c) / 2,
-    Flores2011: lambda c: 8 * (1 - c) / (5 * c),
+    cj.laws.LankaraniNikravesh: lambda c: 3 * (1 - c**2) / 4,
+    cj.laws.HuntCrossley: lambda c: 3 * (1 - c) / 2,
+    cj.laws.Flores2011: lambda c: 8 * (1 - c) / (5 * c),
 }
 DEPTH = np.array([-1e-3, -1e-9, 0.0, 1e-9, 8e-6, 1e-3])[:, None]
 RATE = np.array([-0.5, -0.09, 0.0, 0.09, 0.5])
@@ -42,11 +34,11 @@ def test_damped_force_is_the_closed_form(law, exponent):
 
 
 def test_clamp_is_reached_by_the_closed_form_above():
-    assert 1 + CHI[LankaraniNikravesh](0.7) * RATE[0] / 0.1 < 0
+    assert 1 + CHI[cj.laws.LankaraniNikravesh](0.7) * RATE[0] / 0.1 < 0
 
 
 def test_hertz_force_depends_on_the_depth_only():
-    law = Hertz(K)
+    law = cj.laws.Hertz(K)
     force = law.force(Gap(DEPTH, RATE), None)
     expected = np.broadcast_to(K * np.maximum(DEPTH, 0.0) ** 1.5, force.shape)
     np.testing.assert_allclose(force, expected, rtol=1e-13)
@@ -54,18 +46,12 @@ def test_hertz_force_depends_on_the_depth_only():
 
 
 def test_a_law_without_memory_is_hunt_crossley_at_its_design_speed():
-    law, gap = MemorylessHuntCrossley(0.7, K, 0.1), Gap(DEPTH, RATE)
-    with_memory = HuntCrossley(0.7, K).force(gap, 0.1)
+    law, gap = cj.laws.MemorylessHuntCrossley(0.7, K, 0.1), Gap(DEPTH, RATE)
+    with_memory = cj.laws.HuntCrossley(0.7, K).force(gap, 0.1)
     np.testing.assert_allclose(law.force(gap, None), with_memory, rtol=1e-14)
     assert not law.uses_entry_speed
     with pytest.raises(ValueError, match=r"`design_speed`.*0\.0"):
-        MemorylessHuntCrossley(0.7, K, 0.0)
-
-
-def test_elastic_restitution_leaves_no_damping():
-    gap = Gap(DEPTH, RATE)
-    for law in DAMPED:
-        np.testing.assert_array_equal(law(1.0, K).force(gap, 0.1), Hertz(K).force(gap, 0.1))
+        cj.laws.MemorylessHuntCrossley(0.7, K, 0.0)
 
 
 @pytest.mark.parametrize("exponent", [1.0, 1.5])
@@ -76,27 +62,20 @@ def test_smooth_force_is_the_closed_form(exponent):
         return np.where(x > w, x, np.where(x > -w, (x + w) ** 2 / (4 * w), 0.0))
 
     w, c, entry = 1e-5, 0.7, 0.1
-    law = LankaraniNikravesh(c, K, exponent, smoothing=w)
+    law = cj.laws.LankaraniNikravesh(c, K, exponent, smoothing=w)
     depth = np.array([-2e-5, -1e-5, -4e-6, 0.0, 4e-6, 1e-5, 3e-5, 1e-3])[:, None]
     rate = np.array([-0.5, -0.265, -0.1, 0.0, 0.1])
     factor = parabola(1 + CHI[type(law)](c) * rate / entry, w / (w + np.maximum(depth, 0.0)))
     expected = K * parabola(depth, w) ** exponent * factor
     np.testing.assert_allclose(law.force(Gap(depth, rate), entry), expected, rtol=1e-12, atol=1e-9)
-    assert law.onset_offset() == w and Hertz(K).onset_offset() == 0.0
-
-
-def test_smooth_law_tends_to_the_exact_one():
-    gap = Gap(DEPTH[3:], RATE)
-    exact = LankaraniNikravesh(0.7, K).force(gap, 0.1)
-    smooth = LankaraniNikravesh(0.7, K, smoothing=1e-15).force(gap, 0.1)
-    np.testing.assert_allclose(smooth, exact, rtol=1e-4)
+    assert law.onset_offset() == w and cj.laws.Hertz(K).onset_offset() == 0.0
 
 
 @pytest.mark.parametrize("smoothing", [None, 4e-6])
 @pytest.mark.parametrize("exponent", [1.0, 1.5])
 @pytest.mark.parametrize("depth", [-1e-6, 2e-6, 4e-6, 3e-5])
 def test_stored_energy_is_the_integral_of_the_elastic_force(depth, exponent, smoothing):
-    law = LankaraniNikravesh(0.5, K, exponent, smoothing=smoothing)
+    law = cj.laws.LankaraniNikravesh(0.5, K, exponent, smoothing=smoothing)
     work, _ = quad(
         lambda x: float(law.elastic_force(Gap(x, 0.0))),
         -1e-5,
@@ -122,7 +101,7 @@ def test_force_never_pulls(law, smoothing):
 @pytest.mark.parametrize("exponent", [1.0, 1.5])
 def test_derivatives_are_finite_at_touch(exponent, smoothing):
     """By depth, rate and entry speed, at the instant of touch and with the clamp at its kink."""
-    law = LankaraniNikravesh(0.5, K, exponent, smoothing=smoothing)
+    law = cj.laws.LankaraniNikravesh(0.5, K, exponent, smoothing=smoothing)
 
     def force(x):
         return law.force(Gap(x[0], x[1]), x[2])
@@ -133,13 +112,13 @@ def test_derivatives_are_finite_at_touch(exponent, smoothing):
 
 def test_derivative_by_depth_right_of_touch():
     """K (1 + chi) for a linear law entered just now."""
-    law = LankaraniNikravesh(0.5, K, 1.0)
+    law = cj.laws.LankaraniNikravesh(0.5, K, 1.0)
     slope = jax.grad(lambda depth: law.force(Gap(depth, 0.1), 0.1))(1e-15)
     assert slope == pytest.approx(K * 1.5625, rel=1e-12)
 
 
 def test_entry_speed_is_floored():
-    law = LankaraniNikravesh(0.5, K, entry_speed_floor=1e-3)
+    law = cj.laws.LankaraniNikravesh(0.5, K, entry_speed_floor=1e-3)
     gap = Gap(1e-6, 2e-3)
     expected = K * 1e-9 * (1 + 0.5625 * 2.0)
     for entry in (0.0, -0.3, 1e-12, 1e-3):
@@ -150,9 +129,8 @@ def test_entry_speed_is_floored():
 
 def test_ravn_stiffness_of_the_paper():
     """Internal contact of a journal of 9.5 mm in a bearing of 10 mm, steel."""
-    assert RavnStiffness(**STEEL).value(Gap(0.0, 0.0, **RADII)) == pytest.approx(
-        6.610198e10, rel=1e-7
-    )
+    found = STEEL.value(Gap(0.0, 0.0, **RADII))
+    assert found == pytest.approx(6.610198e10, rel=1e-7)
 
 
 @pytest.mark.parametrize(
@@ -160,23 +138,22 @@ def test_ravn_stiffness_of_the_paper():
 )
 def test_ravn_stiffness_follows_the_clearance(clearance, stiffness):
     gap = Gap(0.0, 0.0, 10e-3, clearance)
-    assert RavnStiffness(**STEEL).value(gap) == pytest.approx(stiffness, rel=3e-3)
+    assert STEEL.value(gap) == pytest.approx(stiffness, rel=3e-3)
 
 
 def test_ravn_stiffness_of_two_materials():
     """Steel on bronze; the compliances (1 - nu^2)/E add."""
-    mixed = RavnStiffness(207e9, 0.3, 110e9, 0.34).value(Gap(0.0, 0.0, **RADII))
+    mixed = cj.laws.RavnStiffness(207e9, 0.3, 110e9, 0.34).value(Gap(0.0, 0.0, **RADII))
     compliance = 0.91 / 207e9 + (1 - 0.34**2) / 110e9
     expected = 4 / (3 * compliance) * (10e-3 * 9.5e-3 / 0.5e-3) ** 0.5
     assert mixed == pytest.approx(expected, rel=1e-13)
-    assert RavnStiffness(207e9, 0.3, 207e9, 0.3).value(Gap(0.0, 0.0, **RADII)) == pytest.approx(
-        6.610198e10, rel=1e-7
-    )
+    twice = cj.laws.RavnStiffness(207e9, 0.3, 207e9, 0.3).value(Gap(0.0, 0.0, **RADII))
+    assert twice == pytest.approx(6.610198e10, rel=1e-7)
 
 
 def test_a_number_is_a_given_stiffness():
-    law = LankaraniNikravesh(0.9, K)
-    assert isinstance(law.stiffness, GivenStiffness)
+    law = cj.laws.LankaraniNikravesh(0.9, K)
+    assert isinstance(law.stiffness, cj.laws.GivenStiffness)
     assert law.stiffness.value(Gap(0.0, 0.0)) == K
 
 
@@ -196,7 +173,7 @@ def test_impact_of_two_spheres(material):
     modulus, ratio, density, peak_force, largest_depth, duration = SPHERES[material]
     radius, speed = 10e-3, 20.0
     mass = density * 4 / 3 * np.pi * radius**3 / 2
-    law = Hertz(4 / 3 * modulus / (2 * (1 - ratio**2)) * np.sqrt(radius / 2))
+    law = cj.laws.Hertz(4 / 3 * modulus / (2 * (1 - ratio**2)) * np.sqrt(radius / 2))
 
     def remaining(depth):
         return mass * speed**2 / 2 - float(law.stored_energy(Gap(depth, 0.0)))

@@ -9,38 +9,23 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.extend import quantity
+from tests.support.differences import by_differences
+from tests.support.shaft import INERTIA, ON_SHAFT, ORIGIN, SHAFT, Z, angle_about, shaft, turned
 
-Z = (0.0, 0.0, 1.0)
-ORIGIN = (0.0, 0.0, 0.0)
-INERTIA = 0.02
-SHAFT = cj.Body(1.0, (0.03, 0.03, INERTIA))
-
-
-def shaft_angle(body):
-    return 2.0 * np.arctan2(body.orientation[..., 3], body.orientation[..., 0])
-
-
-def shaft_scene(drive, **options):
-    """A shaft in a bearing about Z through its centre of mass."""
-    bearing = cj.RevoluteJoint("ground", "shaft", ORIGIN, ORIGIN, Z, Z)
-    scene = cj.Scene({"shaft": SHAFT}, {"bearing": bearing}, **options)
-    family = scene.forces if isinstance(drive, cj.extend.AbstractForce) else scene.joints
-    family["motor"] = drive
-    return scene
+ACCURATE = cj.Settings(rtol=1e-8, ledger=True)
+FREE = {"stator": cj.Body(2.0, (0.1, 0.1, 0.05)), "rotor": SHAFT}
+BEARING = cj.RevoluteJoint("stator", "rotor", ORIGIN, ORIGIN, Z, Z)
 
 
 @pytest.mark.slow
 def test_prescribed_rotation_keeps_its_angle_over_a_hundred_revolutions():
     """At 60 000 rpm: angle, violation and, since nothing accelerates, no moment."""
     speed, start = 60_000 * np.pi / 30, 2.5
-    scene = shaft_scene(cj.PrescribedRotation("ground", "shaft", (0, 0, 2.0), speed, start))
-    half = (np.cos(0.5 * start), 0.0, 0.0, np.sin(0.5 * start))
-    state = cj.State({"shaft": cj.body_state(ORIGIN, half, spin=(0, 0, speed))})
+    scene = shaft(motor=cj.PrescribedRotation("ground", "shaft", (0, 0, 2.0), speed, start))
     times = np.linspace(0.0, 0.1, 501)
-    solution = cj.simulate(
-        scene, state, 0.1, cj.Settings(stabilisation=cj.Projection()), save=cj.Saving(times)
-    )
-    error = shaft_angle(solution.states.bodies["shaft"]) - (start + speed * times)
+    settings = cj.Settings(stabilisation=cj.Projection())
+    solution = cj.simulate(scene, turned(start, speed), 0.1, settings, save=cj.Saving(times))
+    error = angle_about(solution.states.bodies["shaft"]) - (start + speed * times)
     assert np.abs(np.sin(0.5 * error)).max() < 1e-8
     observed = cj.observe(scene, solution)
     assert observed.drift["motor"].max() < 1e-8
@@ -49,49 +34,27 @@ def test_prescribed_rotation_keeps_its_angle_over_a_hundred_revolutions():
 
 
 def test_a_start_at_another_angle_is_refused_and_can_be_assembled():
-    scene = shaft_scene(cj.PrescribedRotation("ground", "shaft", Z, 3.0, initial_angle=3.0))
-    state = cj.State({"shaft": cj.body_state(ORIGIN)})
+    scene = shaft(motor=cj.PrescribedRotation(*ON_SHAFT, 3.0, initial_angle=3.0))
     with pytest.raises(ValueError, match="'motor: angle'"):
-        cj.simulate(scene, state, 1.0)
-    body = cj.assemble(scene, state).bodies["shaft"]
-    assert shaft_angle(body) == pytest.approx(3.0, abs=1e-12)
+        cj.simulate(scene, turned(), 1.0)
+    body = cj.assemble(scene, turned()).bodies["shaft"]
+    assert angle_about(body) == pytest.approx(3.0, abs=1e-12)
     np.testing.assert_allclose(body.spin, (0.0, 0.0, 3.0), atol=1e-12)
-
-
-class Swing(cj.extend.AbstractRotationDriver):
-    """The angle amplitude sin(frequency t)."""
-
-    amplitude: Any = quantity("rad")
-    frequency: Any = quantity("rad/s")
-    first: str = eqx.field(default="stator", static=True)
-    second: str = eqx.field(default="rotor", static=True)
-    axis: Any = quantity("1", default=Z)
-    orientation: Any = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
-
-    def angle(self, t):
-        return self.amplitude * jnp.sin(self.frequency * t)
 
 
 @pytest.mark.slow
 def test_driver_between_two_free_bodies():
-    """Stator and rotor in free space: the moment accelerates their reduced inertia, angular
-    momentum stays, and the kinetic energy is what the driver supplied."""
-    stator, rotor, amplitude, frequency = 0.05, 0.02, 2.0, 30.0
+    """The moment accelerates their reduced inertia, angular momentum stays, and the kinetic energy
+    is what the driver supplied."""
+    stator, rotor, amplitude, frequency = 0.05, INERTIA, 2.0, 30.0
     reduced = stator * rotor / (stator + rotor)
-    scene = cj.Scene(
-        {"stator": cj.Body(2.0, (0.1, 0.1, stator)), "rotor": SHAFT},
-        {
-            "bearing": cj.RevoluteJoint("stator", "rotor", ORIGIN, ORIGIN, Z, Z),
-            "motor": Swing(amplitude, frequency),
-        },
-    )
+    swing = cj.PrescribedAngle("stator", "rotor", Z, lambda t: amplitude * jnp.sin(frequency * t))
+    scene = cj.Scene(FREE, {"bearing": BEARING, "motor": swing})
     rate = amplitude * frequency
     spins = {"stator": -rate * reduced / stator, "rotor": rate * reduced / rotor}
     state = cj.State({k: cj.body_state(ORIGIN, spin=(0, 0, v)) for k, v in spins.items()})
     times = np.linspace(0.0, 0.4, 81)
-    solution = cj.simulate(
-        scene, state, 0.4, cj.Settings(rtol=1e-8, ledger=True), save=cj.Saving(times)
-    )
+    solution = cj.simulate(scene, state, 0.4, ACCURATE, save=cj.Saving(times))
     observed = cj.observe(scene, solution)
     moment = -reduced * amplitude * frequency**2 * np.sin(frequency * times)
     loads = observed.reactions["motor"]
@@ -121,24 +84,12 @@ class Motor(cj.extend.AbstractDriveTorque):
         return self.stall_torque * (1.0 - speed / self.no_load_speed)
 
 
-class Spring(Motor):
-    """A torque by the angle."""
-
-    def torque_at(self, angle, speed, t):
-        return -self.stall_torque * angle
-
-
 def test_motor_runs_up_to_its_no_load_speed():
     """w = w0 (1 - exp(-t/T)) with T = inertia w0/stall torque, over some 40 revolutions."""
     torque, limit = 0.5, 100.0
-    constant = INERTIA * limit / torque
-    scene = shaft_scene(Motor(torque, limit))
-    state = cj.State({"shaft": cj.body_state(ORIGIN)})
-    times = np.linspace(0.0, 6.0, 61)
-    solution = cj.simulate(
-        scene, state, 6.0, cj.Settings(rtol=1e-8, ledger=True), save=cj.Saving(times)
-    )
-    speed = limit * (1.0 - np.exp(-times / constant))
+    scene, times = shaft(motor=Motor(torque, limit)), np.linspace(0.0, 6.0, 61)
+    solution = cj.simulate(scene, turned(), 6.0, ACCURATE, save=cj.Saving(times))
+    speed = limit * (1.0 - np.exp(-times / (INERTIA * limit / torque)))
     np.testing.assert_allclose(solution.states.bodies["shaft"].spin[:, 2], speed, atol=1e-5)
     observed = cj.observe(scene, solution)
     energy = 0.5 * INERTIA * speed**2
@@ -148,73 +99,54 @@ def test_motor_runs_up_to_its_no_load_speed():
 
 def test_torque_may_depend_on_the_angle():
     """A torsional oscillator from 0.3 rad at rest."""
-    stiffness = 5.0
-    scene = shaft_scene(Spring(stiffness, 1.0))
-    half = (np.cos(0.15), 0.0, 0.0, np.sin(0.15))
-    times = np.linspace(0.0, 1.0, 41)
-    state = cj.State({"shaft": cj.body_state(ORIGIN, half)})
-    solution = cj.simulate(scene, state, 1.0, cj.Settings(rtol=1e-8), save=cj.Saving(times))
+    stiffness, times = 5.0, np.linspace(0.0, 1.0, 41)
+    scene = shaft(spring=cj.TorsionalSpring(*ON_SHAFT, stiffness))
+    solution = cj.simulate(scene, turned(0.3), 1.0, ACCURATE, save=cj.Saving(times))
     expected = 0.3 * np.cos(np.sqrt(stiffness / INERTIA) * times)
-    np.testing.assert_allclose(shaft_angle(solution.states.bodies["shaft"]), expected, atol=1e-6)
+    np.testing.assert_allclose(angle_about(solution.states.bodies["shaft"]), expected, atol=1e-6)
 
 
 def test_constant_torque_acts_on_both_bodies():
-    drive = cj.DriveTorque("stator", "rotor", (0.0, 0.0, 5.0), torque=0.3)
-    bearing = cj.RevoluteJoint("stator", "rotor", ORIGIN, ORIGIN, Z, Z)
-    bodies = {"stator": cj.Body(2.0, (0.1, 0.1, 0.05)), "rotor": SHAFT}
-    scene = cj.Scene(bodies, {"bearing": bearing}, {"motor": drive})
-    state = cj.State({name: cj.body_state(ORIGIN) for name in bodies})
+    drive = cj.DriveTorque("stator", "rotor", (0.0, 0.0, 5.0), 0.3)
+    scene = cj.Scene(FREE, {"bearing": BEARING}, {"motor": drive})
+    state = cj.State({name: cj.body_state(ORIGIN) for name in scene.bodies})
     final = cj.simulate(scene, state, 2.0).final.bodies
     np.testing.assert_allclose(final["rotor"].spin, (0, 0, 0.3 * 2.0 / INERTIA), atol=1e-9)
     np.testing.assert_allclose(final["stator"].spin, (0, 0, -0.3 * 2.0 / 0.05), atol=1e-9)
 
 
-class Ramp(cj.extend.AbstractRotationDriver):
+class Ramp(cj.extend.AbstractFunctionOfTime):
     """At rest until the start, and at constant speed from there on."""
 
     speed: Any = quantity("rad/s")
     start: Any = quantity("s")
-    declared: bool = eqx.field(default=True, static=True)
-    first: str = eqx.field(default="ground", static=True)
-    second: str = eqx.field(default="shaft", static=True)
-    axis: Any = quantity("1", default=Z)
-    orientation: Any = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
 
-    def angle(self, t):
+    def __call__(self, t):
         return jnp.where(t < self.start, 0.0, self.speed * (t - self.start))
 
     def breakpoints(self):
-        return self.start if self.declared else ()
-
-
-class Table(Ramp):
-    """An angle over time between given points."""
-
-    times: Any = quantity("s", default=(0.0, 1.0), table=True)
-    angles: Any = quantity("rad", default=(0.0, 1.0), table=True)
-
-    def angle(self, t):
-        return jnp.interp(t, self.times, self.angles)
-
-    def breakpoints(self):
-        return self.times if self.declared else ()
+        return self.start
 
 
 class Step(Ramp):
     """An angle that jumps by as many rad as the `speed` has rad/s."""
 
-    def angle(self, t):
+    def __call__(self, t):
         return jnp.where(t < self.start, 0.0, self.speed)
 
 
-def crank_and_arm(drive):
+def undeclared(function):
+    """The function without its breakpoints."""
+    return lambda t: function(t)
+
+
+def crank_and_arm(angle):
     """A driven shaft that carries an arm on a hinge beside its axis, under gravity."""
-    scene = shaft_scene(drive, gravity=(0.0, -9.81, 0.0))
+    scene = shaft((0.0, -9.81, 0.0), motor=cj.PrescribedAngle(*ON_SHAFT, angle))
     scene.bodies["arm"] = cj.Body(1.0, (0.01, 0.01, 0.01))
     places = (0.3, 0.0, 0.0), (-0.2, 0.0, 0.0)
     scene.joints["pin"] = cj.RevoluteJoint("shaft", "arm", *places, Z, Z)
-    state = {"shaft": cj.body_state(ORIGIN), "arm": cj.body_state((0.5, 0.0, 0.0))}
-    return scene, cj.State(state)
+    return scene, cj.State({**turned().bodies, "arm": cj.body_state((0.5, 0.0, 0.0))})
 
 
 RAMP = Ramp(10.0, 0.1)
@@ -223,13 +155,11 @@ RAMP = Ramp(10.0, 0.1)
 @pytest.mark.slow
 def test_a_driver_with_a_kink_is_followed_and_its_impulse_booked():
     scene, state = crank_and_arm(RAMP)
-    times = [0.05, 0.1, 0.3]
-    solution = cj.simulate(
-        scene, state, 0.3, cj.Settings(rtol=1e-9, ledger=True), save=cj.Saving(times)
-    )
-    shaft = solution.states.bodies["shaft"]
-    np.testing.assert_allclose(shaft_angle(shaft), [0.0, 0.0, 2.0], atol=1e-10)
-    np.testing.assert_allclose(shaft.spin[:, 2], [0.0, 10.0, 10.0], atol=1e-9)
+    settings, save = cj.Settings(rtol=1e-9, ledger=True), cj.Saving([0.05, 0.1, 0.3])
+    solution = cj.simulate(scene, state, 0.3, settings, save=save)
+    body = solution.states.bodies["shaft"]
+    np.testing.assert_allclose(angle_about(body), [0.0, 0.0, 2.0], atol=1e-10)
+    np.testing.assert_allclose(body.spin[:, 2], [0.0, 10.0, 10.0], atol=1e-9)
     observed = cj.observe(scene, solution)
     assert np.abs(observed.ledger_residual()).max() < 1e-7
     assert observed.energies["supplied"][1] > 1.0
@@ -240,58 +170,48 @@ def test_sensitivities_across_a_kink_are_those_of_the_motion():
     """Against differences of runs; the impulse acts on the arm too."""
     scene, state = crank_and_arm(RAMP)
     places = {
-        "start": lambda s: s.joints["motor"].start,
-        "speed": lambda s: s.joints["motor"].speed,
+        "start": lambda s: s.joints["motor"].function.start,
+        "speed": lambda s: s.joints["motor"].function.speed,
     }
-    found = cj.sensitivities(
-        scene,
-        state,
-        0.3,
-        {name: cj.Parameter(place) for name, place in places.items()},
-        {"x": cj.quantities.Position("arm", "x"), "y": cj.quantities.Position("arm", "y")},
-        [0.3],
-    )
+    parameters = {name: cj.Parameter(place) for name, place in places.items()}
+    outputs = {axis: cj.quantities.Position("arm", axis) for axis in "xy"}
+    found = cj.sensitivities(scene, state, 0.3, parameters, outputs, [0.3])
 
-    def ended(place, value):
-        final = cj.simulate(
-            cj.set_value(scene, place, value), state, 0.3, cj.Settings(rtol=1e-11)
-        ).final
+    def ended(scene):
+        final = cj.simulate(scene, state, 0.3, cj.Settings(rtol=1e-11)).final
         return final.bodies["arm"].position[:2]
 
-    for k, (place, value, step) in enumerate(
-        zip(places.values(), (0.1, 10.0), (1e-4, 1e-2), strict=True)
-    ):
-        around = [ended(place, value + sign * step) for sign in (1, -1)]
+    for k, (name, step) in enumerate((("start", 1e-4), ("speed", 1e-2))):
         slopes = [found.derivatives[axis][0, k] for axis in "xy"]
-        np.testing.assert_allclose(slopes, (around[0] - around[1]) / (2 * step), rtol=1e-5)
+        numeric = by_differences(ended, scene, places[name], step)
+        np.testing.assert_allclose(slopes, numeric, rtol=1e-5)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("points", [3, 6])
 def test_a_table_of_angles_is_followed_however_many_there_are(points):
-    times = np.linspace(0.0, 0.5, points)
-    scene = shaft_scene(Table(0.0, 0.0, times=times, angles=times**2))
-    state = cj.assemble(scene, cj.State({"shaft": cj.body_state(ORIGIN)}))
-    final = cj.simulate(scene, state, 0.45).final.bodies["shaft"]
-    assert shaft_angle(final) == pytest.approx(np.interp(0.45, times, times**2), abs=1e-9)
+    times = np.linspace(-0.1, 0.5, points)
+    table = cj.PiecewiseLinear(times, times**2)
+    scene = shaft(motor=cj.PrescribedAngle(*ON_SHAFT, table))
+    final = cj.simulate(scene, cj.assemble(scene, turned()), 0.45).final.bodies["shaft"]
+    assert angle_about(final) == pytest.approx(np.interp(0.45, times, times**2), abs=1e-9)
 
 
 @pytest.mark.parametrize("size", [pytest.param(1.0, marks=pytest.mark.slow), 1e-5])
 @pytest.mark.parametrize(
-    "drive",
+    "angle",
     [
-        pytest.param(lambda size: Ramp(size, 0.1, declared=False), marks=pytest.mark.slow),
+        pytest.param(lambda size: undeclared(Ramp(size, 0.1)), marks=pytest.mark.slow),
         pytest.param(lambda size: Step(size, 0.1), marks=pytest.mark.slow),
-        lambda size: Step(size, 0.1, declared=False),
+        lambda size: undeclared(Step(size, 0.1)),
     ],
     ids=["undeclared kink", "declared step", "undeclared step"],
 )
-def test_a_driver_that_is_not_followed_is_reported(drive, size):
+def test_a_driver_that_is_not_followed_is_reported(angle, size):
     """For any size of the jump: the run ends where the driver's angle is not smooth."""
-    scene = shaft_scene(drive(size))
-    state = cj.State({"shaft": cj.body_state(ORIGIN)})
+    scene = shaft(motor=cj.PrescribedAngle(*ON_SHAFT, angle(size)))
     with pytest.raises(cj.SimulationError, match="breakpoints") as raised:
-        cj.simulate(scene, state, 1.0)
+        cj.simulate(scene, turned(), 1.0)
     assert raised.value.solution.result == cj.RESULTS.not_followed
     assert raised.value.solution.time == pytest.approx(0.1, abs=1e-9)
 
@@ -301,14 +221,11 @@ def test_a_driver_that_is_not_followed_is_reported(drive, size):
 @pytest.mark.parametrize("kink", [0.1, 0.2 - 1e-5])
 def test_undeclared_kinks_of_half_a_millimetre_are_not_passed_over(preset, kink):
     """One of them is within a run's last step."""
-    times, distances = jnp.array([0.0, kink, 0.2]), jnp.array([0.0, 0.0, 5e-4])
-    drive = cj.PrescribedTranslation(
-        "ground", "shaft", ORIGIN, ORIGIN, (1.0, 0, 0), lambda t: jnp.interp(t, times, distances)
-    )
-    guide = cj.PrismaticJoint("ground", "shaft", ORIGIN, ORIGIN, (1.0, 0, 0))
-    scene = cj.Scene({"shaft": SHAFT}, {"guide": guide, "drive": drive})
-    state = cj.State({"shaft": cj.body_state(ORIGIN)})
-    solution = cj.simulate(scene, state, 0.2, getattr(cj.presets, preset), throw=False)
+    line = cj.PiecewiseLinear([0.0, kink, 0.2], [0.0, 0.0, 5e-4])
+    rail = "ground", "shaft", ORIGIN, ORIGIN, (1.0, 0, 0)
+    drive = cj.PrescribedTranslation(*rail, undeclared(cj.extend.unpack(line)))
+    scene = cj.Scene({"shaft": SHAFT}, {"guide": cj.PrismaticJoint(*rail), "drive": drive})
+    solution = cj.simulate(scene, turned(), 0.2, getattr(cj.presets, preset), throw=False)
     assert solution.result == cj.RESULTS.not_followed
     assert solution.time == pytest.approx(kink, abs=1e-9)
 
@@ -316,7 +233,7 @@ def test_undeclared_kinks_of_half_a_millimetre_are_not_passed_over(preset, kink)
 @pytest.mark.slow
 def test_projection_takes_no_step_of_a_driver_for_an_error_of_integration():
     """One linearised projection over 0.2 rad left the arm's hinge 2 mm open."""
-    scene, state = crank_and_arm(Step(0.2, 0.1, declared=False))
+    scene, state = crank_and_arm(undeclared(Step(0.2, 0.1)))
     coordinates, stabilisation = cj.AbsoluteCoordinates(), cj.Projection()
     settings = cj.Settings(coordinates=coordinates, stabilisation=stabilisation)
     save = cj.Saving(np.linspace(0.0, 0.2, 21))

@@ -11,14 +11,13 @@ import clearjoint as cj
 from clearjoint.extend import FilmGap, Vector
 from clearjoint.testing import check_film
 from clearjoint.testing.films import complaints_of_film
+from studies.catalogue.films import SOMMERFELD_NUMBERS
 from tests.support.reynolds import finite_bearing_force, short_bearing_force
 
 RADIUS, CLEARANCE, LENGTH, VISCOSITY = 25e-3, 50e-6, 20e-3, 0.03
 SHORT = VISCOSITY * RADIUS * LENGTH**3 / CLEARANCE**2
 LONG = VISCOSITY * LENGTH * RADIUS**3 / CLEARANCE**2
 Z = Vector(0.0, 0.0, 1.0)
-SOMMERFELD_NUMBERS = {1.0: (0.8903, 8.4352), 0.5: (0.3124, 5.0881), 0.25: (0.0888, 2.1595)}
-"""By B/D, at eccentricity ratios of 0.5 and 0.9 (H.-J. Butenschoen 1976, DIN 31652)."""
 
 
 def gap(offset, rate, length=LENGTH, spin=0.0):
@@ -166,21 +165,12 @@ class Pulling(cj.extend.AbstractFilm):
         return gap.spin
 
 
-def test_a_broken_film_is_refused():
+def test_all_faults_of_a_broken_film_are_named():
     with pytest.raises(AssertionError, match="not finite"):
         check_film(Pulling(1.0))
-
-
-@pytest.mark.slow
-def test_all_faults_of_a_broken_film_are_named():
     complaints = " ".join(complaints_of_film(Pulling(1.0), RADIUS, CLEARANCE, LENGTH))
-    for words in (
-        "force is not finite",
-        "supplies power",
-        "drives the spin",
-        "derivative by offset",
-    ):
-        assert words in complaints
+    words = "force is not finite", "supplies power", "drives the spin", "derivative by offset"
+    assert [said for said in words if said not in complaints] == []
 
 
 def test_negative_viscosity_is_refused():

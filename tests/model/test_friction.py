@@ -1,4 +1,4 @@
-"""Friction laws: closed forms, and properties of every friction law."""
+"""Friction laws: printed formulas, and properties of every friction law."""
 
 import jax
 import jax.numpy as jnp
@@ -6,78 +6,95 @@ import numpy as np
 import pytest
 
 from clearjoint.extend import Vector, pack, slip_velocity
-from clearjoint.frictions import Ambrosio, RegularisedCoulomb
+from clearjoint.frictions import BengisuAkay, BrownMcPhee, Stribeck
+from studies.catalogue.frictions import FAST, SLOW
+from studies.catalogue.frictions import LAWS as PRINTED
 
-MU, LOAD = 0.3, 1500.0
-LAWS = (
-    RegularisedCoulomb(MU, regularisation_speed=2e-3),
-    Ambrosio(MU, lower_speed=1e-4, upper_speed=1e-3),
-)
-STEEPEST = (MU / 2e-3, MU / 9e-4)
+LOAD = 1500.0
+SLOPES = {
+    "RegularisedCoulomb": FAST / 1e-3,
+    "LinearCoulomb": FAST / 1e-3,
+    "Threlfall": 3.0 * FAST / 1e-3,
+    "Ambrosio": 0.0,
+    "Stribeck": SLOW / 1e-6,
+    "BengisuAkay": 2.0 * SLOW / 2e-3,
+    "BrownMcPhee": (4.0 * FAST + (SLOW - FAST) / 0.75**2) / 2e-3,
+}
+"""Of the ratio at rest, s/m."""
 RANDOM = np.random.default_rng(5)
 SLIPS = RANDOM.normal(size=(60, 3)) * np.logspace(-7, 2, 60)[:, None]
-both_laws = pytest.mark.parametrize("law", LAWS)
+every_law = pytest.mark.parametrize("name", PRINTED)
+FALLING = ["Stribeck", "BengisuAkay", "BrownMcPhee"]
 
 
-def force(law, slips):
-    return np.asarray(pack(law.force(LOAD, Vector(*np.moveaxis(slips, -1, 0)))))
+def force(law, slip):
+    return pack(law.force(LOAD, Vector(*np.moveaxis(slip, -1, 0))))
 
 
-@both_laws
-def test_force_is_odd(law):
-    np.testing.assert_array_equal(force(law, -SLIPS), -force(law, SLIPS))
+@every_law
+def test_the_ratio_is_that_of_the_printed_formula(name):
+    law, _, formula = PRINTED[name]
+    speeds = np.concatenate([np.linspace(0.0, 5e-3, 5001), np.linspace(5e-3, 0.2, 101), [10.0]])
+    regularisation = np.tanh(speeds / 1e-6) if name == "Stribeck" else 1.0
+    expected = formula(speeds) * regularisation
+    np.testing.assert_allclose(law.ratio(speeds), expected, rtol=1e-13, atol=1e-16)
 
 
-@both_laws
-def test_force_opposes_the_slip_within_coulombs_limit(law):
-    """Antiparallel, so that its power is -|F||v|, and never above mu N."""
-    friction = force(law, SLIPS)
+def test_stribecks_exponent_may_be_one():
+    v = np.array([1e-3, 0.02, 0.05, 0.1])
+    law = Stribeck(SLOW, FAST, stribeck_speed=0.05, exponent=1.0, regularisation_speed=1e-5)
+    expected = FAST + (SLOW - FAST) * np.exp(-v / 0.05)
+    np.testing.assert_allclose(law.ratio(v), expected, rtol=1e-13)
+
+
+@every_law
+def test_force_opposes_the_slip_within_the_limit(name):
+    """Antiparallel, so that its power is -|F||v|, and never above the largest friction."""
+    law, _, formula = PRINTED[name]
+    friction = np.asarray(force(law, SLIPS))
     size, speed = np.linalg.norm(friction, axis=1), np.linalg.norm(SLIPS, axis=1)
     power = np.sum(friction * SLIPS, axis=1)
     np.testing.assert_allclose(power, -size * speed, rtol=1e-12)
-    assert (size <= MU * LOAD * (1 + 1e-12)).all()
-    assert size[-1] == pytest.approx(MU * LOAD, rel=1e-12)
+    assert (size <= (SLOW if name in FALLING else FAST) * LOAD * (1 + 1e-12)).all()
+    assert size[-1] == pytest.approx(formula(speed[-1]) * LOAD, rel=1e-12)
 
 
-@both_laws
-def test_force_is_proportional_to_the_normal_force(law):
-    slip = Vector(0.01, -0.02, 0.0)
-    np.testing.assert_allclose(
-        pack(law.force(2 * LOAD, slip)), 2 * pack(law.force(LOAD, slip)), rtol=1e-14
-    )
+@every_law
+def test_force_is_proportional_to_the_normal_force(name):
+    law, slip = PRINTED[name][0], Vector(0.01, -0.02, 0.0)
+    double = 2 * pack(law.force(LOAD, slip))
+    np.testing.assert_allclose(pack(law.force(2 * LOAD, slip)), double, rtol=1e-14)
 
 
-@pytest.mark.parametrize(("law", "steepest"), list(zip(LAWS, STEEPEST, strict=True)))
-def test_ratio_is_continuous(law, steepest):
-    """The change between adjacent speeds is limited by the largest slope."""
-    speeds = np.linspace(0.0, 5e-3, 5001)
-    changes = np.diff(np.asarray(law.ratio(speeds)))
-    assert law.ratio(0.0) == 0.0
-    assert (changes >= 0.0).all() and (changes <= steepest * 1e-6 * (1 + 1e-6)).all()
-    assert changes.max() > 0.99 * steepest * 1e-6
+@every_law
+def test_force_and_its_derivative_at_rest_are_those_of_the_law(name):
+    """The force falls with the slip in its direction by the slope of the ratio times the load."""
+    law, steepest = PRINTED[name][0], max(SLOPES[name], FAST / 9e-4)
+    assert not np.any(force(law, np.zeros(3)))
+    for differentiate in (jax.jacfwd, jax.jacrev):
+        at_rest = differentiate(lambda slip: force(law, slip))(jnp.zeros(3))
+        np.testing.assert_allclose(at_rest, -LOAD * SLOPES[name] * np.eye(3), rtol=1e-12)
+    for slip in (np.array([1e-120, 0.0, 0.0]), np.array([1e-9, 0.0, -1e-9])):
+        jacobian = jax.jacfwd(lambda slip: force(law, slip))(slip)
+        assert np.abs(jacobian).max() <= LOAD * steepest * (1 + 1e-9)
 
 
-@both_laws
-def test_force_and_its_derivative_vanish_or_are_finite_at_zero_slip(law):
-    for slip in (np.zeros(3), np.array([1e-120, 0.0, 0.0]), np.array([1e-9, 0.0, -1e-9])):
-        jacobian = jax.jacfwd(lambda v: pack(law.force(LOAD, Vector(*v))))(slip)
-        assert np.isfinite(jacobian).all()
-        assert np.abs(jacobian).max() <= LOAD * max(STEEPEST)
-    assert not force(law, np.zeros(3)).any()
+@pytest.mark.parametrize("name", FALLING)
+def test_falls_from_breakaway_to_kinetic_friction(name):
+    """It starts at zero, has its peak at the breakaway coefficient, but for the rounding of the
+    corner, and falls from there to the kinetic one."""
+    ratios = np.asarray(PRINTED[name][0].ratio(np.linspace(0.0, 0.2, 20_001)))
+    peak = int(np.argmax(ratios))
+    assert ratios[0] == 0.0 and float(PRINTED[name][0].ratio(1e3)) == pytest.approx(FAST, rel=1e-6)
+    assert SLOW * 0.998 < ratios[peak] <= SLOW * 1.002
+    assert (np.diff(ratios[: peak + 1]) > 0.0).all()
+    assert (np.diff(ratios[peak:]) <= 0.0).all()
 
 
-def test_regularised_coulomb_is_a_hyperbolic_tangent():
-    speeds = np.array([0.0, 1e-4, 2e-3, 0.1])
-    expected = MU * (1 - 2 / (np.exp(2 * speeds / 2e-3) + 1))
-    np.testing.assert_allclose(LAWS[0].ratio(speeds), expected, rtol=1e-12, atol=1e-16)
-
-
-def test_ambrosio_rises_between_its_two_speeds():
-    speeds = np.array([0.0, 5e-5, 1e-4, 3.25e-4, 5.5e-4, 1e-3, 2e-3, 10.0])
-    np.testing.assert_allclose(
-        LAWS[1].ratio(speeds), MU * np.array([0, 0, 0, 0.25, 0.5, 1, 1, 1]), atol=1e-15
-    )
-    assert not force(LAWS[1], np.array([[9.9e-5, 0, 0], [0, 5e-5, -5e-5]])).any()
+def test_brown_and_mcphees_peak_is_at_the_transition_speed():
+    slope = jax.grad(PRINTED["BrownMcPhee"][0].ratio)(2e-3)
+    coulomb = FAST * 4.0 / 2e-3 / np.cosh(4.0) ** 2
+    assert float(slope) == pytest.approx(coulomb, rel=1e-10)
 
 
 def test_slip_is_the_tangential_part_of_the_velocity():
@@ -87,14 +104,13 @@ def test_slip_is_the_tangential_part_of_the_velocity():
     np.testing.assert_allclose(slip, (np.eye(3) - np.outer(normal, normal)) @ velocity, rtol=1e-13)
 
 
-@pytest.mark.parametrize(
-    ("law", "slope"), [(RegularisedCoulomb(0.3, 2e-3), 150.0), (Ambrosio(0.3), 0.0)]
-)
-def test_derivative_at_rest_is_that_of_the_law(law, slope):
-    """At zero slip the force falls with the slip in its direction by mu/v_d times the load."""
+@pytest.mark.parametrize("kind", [Stribeck, BengisuAkay, BrownMcPhee])
+def test_friction_that_rises_from_breakaway_is_refused(kind):
+    options = {"stribeck_speed": 0.01} if kind is Stribeck else {}
+    with pytest.raises(ValueError, match="breakaway.*at least kinetic = 0.2"):
+        kind(0.1, 0.2, **options)
 
-    def force(slip):
-        return pack(law.force(7.0, Vector(slip[0], slip[1], slip[2])))
 
-    np.testing.assert_allclose(jax.jacfwd(force)(jnp.zeros(3)), -7.0 * slope * np.eye(3))
-    np.testing.assert_allclose(jax.jacrev(force)(jnp.zeros(3)), -7.0 * slope * np.eye(3))
+def test_an_exponent_below_one_is_refused():
+    with pytest.raises(ValueError, match="exponent"):
+        Stribeck(0.2, 0.1, stribeck_speed=0.01, exponent=0.5)

@@ -7,13 +7,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline
 
 import clearjoint as cj
 from clearjoint.extend import UNIT_X, ZERO, unpack
+from tests.support.shaft import INERTIA, ON_SHAFT, ORIGIN, Z, shaft, turned
 
-Z = (0.0, 0.0, 1.0)
-ORIGIN = (0.0, 0.0, 0.0)
-INERTIA = 0.02
 TIMES, LEVELS = [0.0, 0.2, 0.3], [2.0, -1.0, 0.5]
 
 
@@ -33,14 +32,39 @@ def test_a_piecewise_linear_table_is_that_of_numpy_and_exact_at_its_points():
     np.testing.assert_array_equal(lines.breakpoints(), TIMES)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_derivatives_at_the_times_of_a_table_are_those_just_after_them(seed):
+    rng = np.random.default_rng(seed)
+    times = np.cumsum(rng.uniform(0.1, 1.0, 4)) + rng.normal()
+    values, rates = rng.normal(size=(2, 4))
+    lines, spline = cj.PiecewiseLinear(times, values), cj.Spline(times, values, rates)
+    slopes = [*np.diff(values) / np.diff(times), 0.0]
+    np.testing.assert_allclose([jax.grad(unpack(lines))(t) for t in times], slopes, rtol=1e-12)
+    # At the last time, the tangent continues the spline.
+    curvatures = CubicHermiteSpline(times, values, rates)(times, 2)
+    found = [jax.grad(jax.grad(unpack(spline)))(t) for t in times]
+    np.testing.assert_allclose([jax.grad(unpack(spline))(t) for t in times], rates, rtol=1e-12)
+    np.testing.assert_allclose(found, curvatures, rtol=1e-10)
+
+
+@pytest.mark.parametrize("start", [0.0, -0.3])
+def test_a_driven_run_begins_at_the_first_time_of_its_table(start):
+    times = start + np.array([0.0, 0.25, 0.5])
+    scene = shaft(motor=cj.PrescribedAngle(*ON_SHAFT, cj.PiecewiseLinear(times, [0, 0.1, 0.4])))
+    state = cj.assemble(scene, turned(), start)
+    np.testing.assert_allclose(state.bodies["shaft"].spin, (0, 0, 0.4), rtol=1e-12)
+    solution = cj.simulate(scene, state, times[-1] - 0.05, start_time=start)
+    assert solution.result == cj.RESULTS.successful
+    np.testing.assert_allclose(solution.final.bodies["shaft"].spin, (0, 0, 1.2), rtol=1e-9)
+
+
 def test_elements_have_the_breakpoints_of_their_tables():
     steps, lines = cj.PiecewiseConstant(TIMES, LEVELS), cj.PiecewiseLinear([0.5, 0.6], [0, 1])
     load = cj.AppliedLoad("rod", (steps, 0.0, lines), torque=(0.0, 0.0, lambda t: t))
     found = np.concatenate(jax.tree.leaves(load.breakpoints()))
     np.testing.assert_array_equal(found, [0.2, 0.3, 0.5, 0.6])
-    np.testing.assert_array_equal(
-        *jax.tree.leaves(cj.DriveTorque("a", "b", Z, steps).breakpoints()), [0.2, 0.3]
-    )
+    (found,) = jax.tree.leaves(cj.DriveTorque("a", "b", Z, steps).breakpoints())
+    np.testing.assert_array_equal(found, [0.2, 0.3])
     assert jax.tree.leaves(cj.DriveTorque("a", "b", Z, 2.0).breakpoints()) == []
     assert jax.tree.leaves(cj.AppliedLoad("rod", (1.0, 0.0, 0.0)).breakpoints()) == []
 
@@ -69,7 +93,7 @@ def switched(at, how=jnp.greater) -> cj.Scene:
 @pytest.mark.slow
 @pytest.mark.parametrize("at", [np.inf, -np.inf])
 def test_runs_with_infinite_breakpoints(at):
-    scene, state = switched(at), cj.State({"rod": cj.body_state((0.0, 0.0, 0.0))})
+    scene, state = switched(at), cj.State({"rod": cj.body_state(ORIGIN)})
     way = 0.0 if at > 0.0 else 0.5
     found = cj.simulate(scene, state, 1.0)
     np.testing.assert_allclose(found.final.bodies["rod"].position[0], way, rtol=1e-9)
@@ -83,50 +107,38 @@ def test_runs_with_infinite_breakpoints(at):
 
 @pytest.mark.parametrize("how", [jnp.greater, jnp.greater_equal])
 def test_a_load_that_is_switched_at_time_zero(how):
-    state = cj.State({"rod": cj.body_state((0.0, 0.0, 0.0))})
+    state = cj.State({"rod": cj.body_state(ORIGIN)})
     found = cj.simulate(switched(0.0, how), state, 1.0, start_time=-1.0)
     np.testing.assert_allclose(found.final.bodies["rod"].position[0], 0.5, rtol=1e-9)
     assert found.attempts < 12
 
 
-def shaft(torque) -> tuple[cj.Scene, cj.State]:
-    """A shaft in a bearing about Z, driven by a torque."""
-    bearing = cj.RevoluteJoint("ground", "shaft", ORIGIN, ORIGIN, Z, Z)
-    motor = cj.DriveTorque("ground", "shaft", Z, torque)
-    body = cj.Body(1.0, (0.03, 0.03, INERTIA))
-    scene = cj.Scene({"shaft": body}, {"bearing": bearing}, {"motor": motor})
-    return scene, cj.State({"shaft": cj.body_state(ORIGIN)})
+SWITCHED = shaft(motor=cj.DriveTorque(*ON_SHAFT, cj.PiecewiseConstant(TIMES, LEVELS)))
 
 
 @pytest.mark.slow
 def test_a_switched_torque_is_that_of_its_impulses_to_rounding():
     """Steps end at the switches, so that what is integrated is constant in each."""
-    scene, state = shaft(cj.PiecewiseConstant(TIMES, LEVELS))
     times = np.linspace(0.0, 0.5, 51)
-    solution = cj.simulate(scene, state, 0.5, cj.Settings(ledger=True), save=cj.Saving(times))
+    save = cj.Saving(times)
+    solution = cj.simulate(SWITCHED, turned(), 0.5, cj.Settings(ledger=True), save=save)
     edges = np.array([0.0, 0.2, 0.3, 0.5])
     impulse = np.interp(times, edges, np.cumsum([0.0, *np.diff(edges) * LEVELS]))
     spin = solution.states.bodies["shaft"].spin[:, 2]
     np.testing.assert_allclose(spin, impulse / INERTIA, atol=1e-12)
-    supplied = cj.observe(scene, solution).energies["supplied"]
+    supplied = cj.observe(SWITCHED, solution).energies["supplied"]
     np.testing.assert_allclose(supplied, 0.5 * INERTIA * spin**2, atol=1e-9)
 
 
 @pytest.mark.slow
 def test_a_switch_is_a_parameter():
     """Of the times and of the levels: the speed changes by the torque's jump over the inertia."""
-    scene, state = shaft(cj.PiecewiseConstant(TIMES, LEVELS))
-    found = cj.sensitivities(
-        scene,
-        state,
-        0.5,
-        {
-            "time": cj.Parameter(lambda s: s.forces["motor"].torque.times[1]),
-            "level": cj.Parameter(lambda s: s.forces["motor"].torque.values[1]),
-        },
-        {"speed": cj.quantities.AngularVelocity("shaft", "z")},
-        [0.5],
-    )
+    parameters = {
+        "time": cj.Parameter(lambda s: s.forces["motor"].torque.times[1]),
+        "level": cj.Parameter(lambda s: s.forces["motor"].torque.values[1]),
+    }
+    outputs = {"speed": cj.quantities.AngularVelocity("shaft", "z")}
+    found = cj.sensitivities(SWITCHED, turned(), 0.5, parameters, outputs, [0.5])
     np.testing.assert_allclose(found.derivatives["speed"][0], [150.0, 5.0], rtol=1e-9)
 
 

@@ -2,6 +2,7 @@
 machines beside each other, their motions, reactions and work."""
 
 import math
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -14,37 +15,10 @@ from scipy.spatial.transform import Rotation
 import clearjoint as cj
 from clearjoint import quantities as Q  # noqa: N812
 from clearjoint.extend import unpack
-from clearjoint.testing import moving
-from studies.catalogue.machines import (
-    CART,
-    DAMPER,
-    DAMPING,
-    DRIVE,
-    GAIN,
-    GRAVITY,
-    LEAD,
-    LIMIT,
-    NUT,
-    NUT_INERTIA,
-    ORIGIN,
-    PACE,
-    PINION,
-    RELEASED,
-    REST,
-    ROTOR,
-    SLOPE,
-    STIFFNESS,
-    STROKE,
-    TILT,
-    TORQUE,
-    WHEEL,
-    X,
-    Z,
-    hooke,
-    machines,
-)
-
-AT_REST = moving(ORIGIN, (1.0, 0.0, 0.0, 0.0), ORIGIN, ORIGIN)
+from studies.catalogue import joints as study
+from studies.catalogue import machines as of
+from studies.catalogue.machines import ORIGIN, X, Y, Z
+from tests.support.shaft import angle_about
 
 
 def turned_about(axis, angle, speed, frame=None, position=ORIGIN, velocity=ORIGIN):
@@ -52,15 +26,67 @@ def turned_about(axis, angle, speed, frame=None, position=ORIGIN, velocity=ORIGI
     rotation = Rotation.from_rotvec(angle * np.asarray(axis))
     rotation = rotation if frame is None else rotation * frame
     spin = rotation.inv().apply(speed * np.asarray(axis))
-    return moving(position, rotation.as_quat(scalar_first=True), velocity, spin)
+    return cj.body_state(position, rotation.as_quat(scalar_first=True), velocity, spin)
+
+
+AT_REST = cj.body_state(ORIGIN)
+
+
+def constraints(joint, **states):
+    """Values and rates of the joint's constraint equations."""
+    bodies = {name: cj.Body(1.0, (1.0, 1.0, 1.0)) for name in states}
+    report = cj.constraint_report(cj.Scene(bodies, {"it": joint}), cj.State(states))
+    return report.values, report.rates
+
+
+def held(joint, tolerance=1e-12, **states):
+    """Assert that the joint allows a motion."""
+    values, rates = constraints(joint, **states)
+    np.testing.assert_allclose(values, 0.0, atol=tolerance)
+    np.testing.assert_allclose(rates, 0.0, atol=1e-11)
 
 
 def test_the_error_of_a_gear_out_of_mesh_is_reported():
-    joint = unpack(cj.GearJoint("ground", "a", "b", Z, Z, 10, 30))
-    motions = {"ground": AT_REST, "a": turned_about(Z, 0.1, 0.0), "b": AT_REST}
-    assert float(joint.rows(motions, 0.0)["mesh"].value) == pytest.approx(0.1)
-    motions["a"] = turned_about(Z, 0.1 + 2.0 * math.pi * 7 / 10, 0.0)
-    assert float(joint.rows(motions, 0.0)["mesh"].value) == pytest.approx(0.1)
+    joint = cj.GearJoint("ground", "a", "b", Z, Z, 10, 30)
+    for angle in (0.1, 0.1 + 2.0 * math.pi * 7 / 10):
+        values, _ = constraints(joint, a=turned_about(Z, angle, 0.0), b=AT_REST)
+        assert values == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7, 2.9, -1.3])
+def test_universal_joint_turns_as_hookes(angle):
+    tilt, speed = 0.6, 3.0
+    second, ratio = of.hooke(angle, tilt)
+    frame = Rotation.from_rotvec(tilt * Y)
+    driven = turned_about(frame.apply(Z), second, speed * ratio, frame)
+    joint = cj.UniversalJoint("a", "b", ORIGIN, ORIGIN, X, Y)
+    held(joint, a=turned_about(Z, angle, speed), b=driven)
+
+
+@pytest.mark.parametrize("turns", [0.1, 0.5, 17.3, -4000.9])
+@pytest.mark.parametrize("lead", [0.004, -0.25])
+def test_screw_advances_by_its_lead_in_a_turn(turns, lead):
+    speed, angle = 5.0, 2.0 * math.pi * turns
+    along = {"position": turns * lead * X, "velocity": speed * lead / (2.0 * math.pi) * X}
+    joint = cj.ScrewJoint("a", "b", ORIGIN, ORIGIN, X, X, lead)
+    held(joint, 1e-11, a=AT_REST, b=turned_about(X, angle, speed, **along))
+
+
+@pytest.mark.parametrize("turns", [0.03, 12.4, -700.7])
+@pytest.mark.parametrize("internal", [False, True])
+def test_gears_turn_by_their_teeth(turns, internal):
+    """Over many turns, on an arm that turns itself: relative to the arm 17 : 51 and 19 : 44."""
+    for first, second in ((17, 51), (19, 44)):
+        angle, speed = 2.0 * math.pi * turns, 7.0
+        ratio = (1.0 if internal else -1.0) * first / second
+        axis = np.array([0.6, 0.0, 0.8])
+        joint = cj.GearJoint("arm", "a", "b", axis, axis, first, second, internal, 0.3)
+        held(
+            joint,
+            arm=turned_about(axis, 0.4, 2.0),
+            a=turned_about(axis, 0.4 + angle + 0.3, 2.0 + speed),
+            b=turned_about(axis, 0.4 + angle * ratio, 2.0 + speed * ratio),
+        )
 
 
 @pytest.mark.parametrize(
@@ -140,23 +166,15 @@ def test_a_motor_clips_its_torque():
     assert float(motor.torque_at(2 * math.pi + 0.4, 3.0, 0.0)) == pytest.approx(0.2)
 
 
-END = 10.0
 TABLE = np.array([[0.0, 0.7, 2.0, 4.5, 6.0, 9.0], [2.0, 2.2, 1.0, -1.0, 0.5, 1.5]])
 """Times, s, and angles, rad, of the motor's target."""
-TIMES = np.array([*np.linspace(0.0, END - 0.01, 112), END])
 
 
 @pytest.fixture(scope="module", params=[cj.AbsoluteCoordinates, cj.JointCoordinates])
 def run(request):
-    scene, state = machines(cj.Spline.through(*TABLE))
-    settings = cj.Settings(
-        rtol=1e-10,
-        atol=1e-10,
-        stabilisation=cj.Projection(),
-        coordinates=request.param(),
-        ledger=True,
-    )
-    solution = cj.simulate(scene, state, END, settings, save=cj.Saving(TIMES))
+    scene, state = of.machines(cj.Spline.through(*TABLE))
+    settings = replace(study.SETTINGS, coordinates=request.param(), ledger=True)
+    solution = cj.simulate(scene, state, study.END, settings, save=cj.Saving(study.TIMES))
     return solution.states.bodies, cj.observe(scene, solution)
 
 
@@ -167,68 +185,53 @@ def close(found, expected, tolerance):
     assert error < tolerance
 
 
-@pytest.mark.slow
-def test_cardan_shaft_runs_unevenly(run):
-    bodies, _ = run
-    angle = DRIVE[0] + TIMES * (DRIVE[1] + TIMES * DRIVE[2])
-    speed = DRIVE[1] + 2.0 * DRIVE[2] * TIMES
-    close(bodies["tilted"].spin[:, 2], speed * hooke(angle, TILT)[1], 1e-6)
+MOTIONS = {
+    study.cardan: 1e-6,
+    study.nut: 1e-8,
+    study.gears: 1e-7,
+    study.plate: 1e-8,
+    study.cart: 1e-9,
+    study.rod: 1e-8,
+    study.cushioned: 1e-8,
+}
+"""Largest differences from the closed forms."""
 
 
 @pytest.mark.slow
-def test_nut_comes_down_its_screw(run):
+@pytest.mark.parametrize("motion", MOTIONS, ids=lambda motion: motion.__name__)
+def test_motions_of_the_closed_form(run, motion):
+    """Among them the IFToMM benchmark A01, of a ball on a rod."""
     bodies, _ = run
-    acceleration = GRAVITY / (1.0 + NUT_INERTIA * (2.0 * math.pi / LEAD) ** 2 / NUT)
-    close(bodies["nut"].velocity[:, 1], -acceleration * TIMES, 1e-8)
-    close(bodies["nut"].position[:, 1], -0.5 * acceleration * TIMES**2, 1e-8)
+    close(*motion(bodies), MOTIONS[motion])
 
 
 @pytest.mark.slow
 def test_gears_share_the_torque(run):
-    """Speed 1 : 3, and the moments between them."""
-    bodies, observed = run
-    acceleration = TORQUE / (PINION + WHEEL / 9.0)
-    close(bodies["pinion"].spin[:, 2], acceleration * TIMES, 1e-7)
-    close(bodies["wheel"].spin[:, 2], -acceleration * TIMES / 3.0, 1e-7)
+    _, observed = run
+    acceleration = of.TORQUE / (of.PINION + of.WHEEL / 9.0)
     loads = observed.reactions["gears"]
-    close(loads["wheel"].moment[:, 2], -WHEEL * acceleration / 3.0, 1e-10)
-    close(loads["pinion"].moment[:, 2], -WHEEL * acceleration / 9.0, 1e-10)
+    close(loads["wheel"].moment[:, 2], -of.WHEEL * acceleration / 3.0, 1e-10)
+    close(loads["pinion"].moment[:, 2], -of.WHEEL * acceleration / 9.0, 1e-10)
 
 
 @pytest.mark.slow
-def test_plate_slides_on_a_slope(run):
+def test_plate_keeps_its_spin(run):
     bodies, _ = run
-    down = SLOPE.inv().apply((0.0, -GRAVITY, 0.0)) * (1.0, 1.0, 0.0)
-    path = np.outer(TIMES, (1.0, 2.0, 0.0)) + 0.5 * np.outer(TIMES**2, down)
-    close(SLOPE.inv().apply(bodies["plate"].position), path, 1e-8)
     close(bodies["plate"].spin, (0.0, 0.0, 3.0), 1e-10)
 
 
 @pytest.mark.slow
-def test_rod_swings_as_the_iftomm_pendulum(run):
-    """Benchmark A01 at 9.99 s and 10 s."""
-    bodies, _ = run
-    expected = [(-0.316436469914, -0.948613704576), (-0.275087462577, -0.961419205099)]
-    close(bodies["ball"].position[-2:, :2], expected, 1e-8)
-
-
-@pytest.mark.slow
-def test_pusher_gives_its_force_and_work(run):
-    bodies, observed = run
-    close(bodies["cart"].position[:, 0], STROKE * np.cos(PACE * TIMES), 1e-9)
-    force = -CART * STROKE * PACE**2 * np.cos(PACE * TIMES)
+def test_pusher_gives_its_force(run):
+    _, observed = run
+    force = -of.CART * of.STROKE * of.PACE**2 * np.cos(of.PACE * study.TIMES)
     close(observed.reactions["pusher"]["cart"].force[:, 0], force, 1e-8)
 
 
 @pytest.mark.slow
 def test_torsional_spring_swings_and_dies_away(run):
     bodies, _ = run
-    decay = 0.5 * DAMPING / ROTOR
-    pace = math.sqrt(STIFFNESS / ROTOR - decay**2)
-    phase = pace * TIMES
-    away = np.exp(-decay * TIMES) * (np.cos(phase) + decay / pace * np.sin(phase))
-    angle = 2.0 * np.arctan2(*bodies["sprung"].orientation[:, [3, 0]].T)
-    close(np.sin(0.5 * (angle - REST - RELEASED * away)), 0.0, 1e-8)
+    found, expected = study.sprung(bodies)
+    close(np.sin(0.5 * (found - expected)), 0.0, 1e-8)
 
 
 def motor_path(limit, times):
@@ -245,8 +248,8 @@ def motor_path(limit, times):
         return math.copysign(abs(wanted) - bend, wanted)
 
     def rates(t, y):
-        wanted = GAIN * (target(t, 0) - y[0]) + DAMPER * (target(t, 1) - y[1])
-        return y[1], clipped(wanted) / ROTOR
+        wanted = of.GAIN * (target(t, 0) - y[0]) + of.DAMPER * (target(t, 1) - y[1])
+        return y[1], clipped(wanted) / of.ROTOR
 
     fine = {"rtol": 1e-12, "atol": 1e-13, "max_step": 0.01}
     return solve_ivp(rates, (0.0, times[-1]), (0.0, 0.0), "DOP853", times, **fine).y
@@ -255,11 +258,10 @@ def motor_path(limit, times):
 @pytest.mark.slow
 def test_motor_follows_a_table_within_its_limit(run):
     bodies, _ = run
-    angle, speed = motor_path(LIMIT, TIMES)
+    angle, speed = motor_path(of.LIMIT, study.TIMES)
     assert speed.max() > 2.0
     close(bodies["driven"].spin[:, 2], speed, 1e-6)
-    turned = 2.0 * np.arctan2(*bodies["driven"].orientation[:, [3, 0]].T)
-    close(np.sin(0.5 * (turned - angle)), 0.0, 1e-6)
+    close(np.sin(0.5 * (angle_about(bodies["driven"]) - angle)), 0.0, 1e-6)
 
 
 @pytest.mark.slow
@@ -280,7 +282,7 @@ def test_sensitivities_are_those_of_the_closed_forms():
     """Of the screw to its lead, of the gears to their teeth, of the spring to its stiffness, and
     of the motor, which is at its limit for a part of the time, to that."""
     end = 0.3
-    scene, state = machines(cj.Spline.through(*TABLE))
+    scene, state = of.machines(cj.Spline.through(*TABLE))
     kept = ("nut", "pinion", "wheel", "sprung", "driven")
     joints, forces = (
         {name: one for name, one in family.items() if set(one.body_names()) <= {"ground", *kept}}
@@ -306,20 +308,20 @@ def test_sensitivities_are_those_of_the_closed_forms():
     derivatives = np.array([found.derivatives[name][0] for name in outputs])
 
     def nut(lead):
-        return -GRAVITY * end / (1.0 + NUT_INERTIA * (2.0 * math.pi / lead) ** 2 / NUT)
+        return -of.GRAVITY * end / (1.0 + of.NUT_INERTIA * (2.0 * math.pi / lead) ** 2 / of.NUT)
 
     def pinion(teeth):
-        return 0.5 * TORQUE * end**2 / (PINION + WHEEL * (17.0 / teeth) ** 2)
+        return 0.5 * of.TORQUE * end**2 / (of.PINION + of.WHEEL * (17.0 / teeth) ** 2)
 
     def sprung(stiffness):
-        decay = 0.5 * DAMPING / ROTOR
-        pace = math.sqrt(stiffness / ROTOR - decay**2)
+        decay = 0.5 * of.DAMPING / of.ROTOR
+        pace = math.sqrt(stiffness / of.ROTOR - decay**2)
         swing = math.cos(pace * end) + decay / pace * math.sin(pace * end)
-        return REST + RELEASED * math.exp(-decay * end) * swing
+        return of.REST + of.RELEASED * math.exp(-decay * end) * swing
 
     def driven(limit):
         return motor_path(limit, [end])[0, -1]
 
-    pairs = ((nut, LEAD), (pinion, 51.0), (sprung, STIFFNESS), (driven, LIMIT))
+    pairs = ((nut, of.LEAD), (pinion, 51.0), (sprung, of.STIFFNESS), (driven, of.LIMIT))
     expected = np.diag([slope(function, value) for function, value in pairs])
     np.testing.assert_allclose(derivatives, expected, rtol=1e-6, atol=1e-7)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from tests.support.shaft import INERTIA, ON_SHAFT, ORIGIN, Z, shaft, turned
 
-Z, ORIGIN = (0, 0, 1), (0, 0, 0)
-INERTIA, LOAD = 0.02, 0.5
+LOAD = 0.5
 COULOMB = cj.frictions.RegularisedCoulomb(1.0, regularisation_speed=1e-4)
 BRISTLES = cj.frictions.LuGre(1.2, 1.0, stribeck_speed=0.05, stiffness=1e4, damping=10.0)
 COORDINATES = pytest.mark.parametrize(
@@ -16,17 +16,9 @@ COORDINATES = pytest.mark.parametrize(
 
 
 def hinged(friction, torque=0.0, spin=0.0, viscosity=None):
-    """An arm on a hinge with a motor's torque, N m."""
-    joints = {
-        "hinge": cj.RevoluteJoint("ground", "arm", ORIGIN, ORIGIN, Z, Z),
-        "friction": cj.JointFriction(
-            "ground", "arm", friction, LOAD, axis=Z, radius=1.0, viscosity=viscosity
-        ),
-    }
-    forces = {"motor": cj.DriveTorque("ground", "arm", Z, torque)}
-    body = cj.Body(1.0, (INERTIA, INERTIA, INERTIA))
-    state = cj.State({"arm": cj.body_state(ORIGIN, spin=(0, 0, spin))})
-    return cj.Scene({"arm": body}, joints, forces), state
+    """A shaft whose bearing has friction, with a motor's torque, N m."""
+    rub = cj.JointFriction("ground", "shaft", friction, LOAD, Z, radius=1.0, viscosity=viscosity)
+    return shaft(friction=rub, motor=cj.DriveTorque(*ON_SHAFT, torque)), turned(speed=spin)
 
 
 @COORDINATES
@@ -36,15 +28,15 @@ def test_bristles_hold_a_hinge_below_its_breakaway_moment(coordinates):
         1.2, 1.0, stribeck_speed=0.05, elastic_deflection=0.8e-4, stiffness=1e4, damping=10.0
     )
     scene, state = hinged(elastic, torque=0.15)
-    arm = cj.simulate(scene, state, 2.0, settings).final.bodies["arm"]
+    ended = cj.simulate(scene, state, 2.0, settings).final.bodies["shaft"]
     # The bristles deflect by 0.15 N m over their stiffness of 0.5e4 N m/rad, and not more.
-    assert 2.0 * arm.orientation[3] == pytest.approx(0.3e-4, rel=1e-6)
+    assert 2.0 * ended.orientation[3] == pytest.approx(0.3e-4, rel=1e-6)
     scene, state = hinged(BRISTLES, torque=0.3)
-    held = [cj.simulate(scene, state, time, settings).final.bodies["arm"] for time in (1.0, 2.0)]
+    held = [cj.simulate(scene, state, time, settings).final.bodies["shaft"] for time in (1.0, 2.0)]
     assert held[1].orientation[3] - held[0].orientation[3] == pytest.approx(0.0, abs=1e-9)
     scene, state = hinged(BRISTLES, torque=0.7)
-    arm = cj.simulate(scene, state, 0.5, settings).final.bodies["arm"]
-    assert arm.spin[2] == pytest.approx(0.5 * (0.7 - LOAD) / INERTIA, rel=0.02)
+    ended = cj.simulate(scene, state, 0.5, settings).final.bodies["shaft"]
+    assert ended.spin[2] == pytest.approx(0.5 * (0.7 - LOAD) / INERTIA, rel=0.02)
 
 
 @COORDINATES
@@ -56,13 +48,13 @@ def test_a_hinge_slides_as_in_the_closed_form(coordinates):
     solution = cj.simulate(scene, state, time, settings, cj.Saving([time], impacts=True))
     last = (torque - LOAD) / viscosity
     expected = last + (1.0 - last) * np.exp(-viscosity * time / INERTIA)
-    assert solution.final.bodies["arm"].spin[2] == pytest.approx(expected, rel=1e-6)
+    assert solution.final.bodies["shaft"].spin[2] == pytest.approx(expected, rel=1e-6)
     assert len(solution.impacts) == 0
     work = solution.final.work
     gained = 0.5 * INERTIA * (expected**2 - 1.0)
     balance = work["supplied"] - work["friction"] - work["film"]
     assert gained == pytest.approx(balance, rel=1e-6)
-    reaction = cj.observe(scene, solution).reactions["hinge"]["arm"]
+    reaction = cj.observe(scene, solution).reactions["bearing"]["shaft"]
     np.testing.assert_allclose(reaction.force, 0.0, atol=1e-12)
 
 
@@ -98,7 +90,7 @@ def test_a_ball_keeps_its_axis_and_loses_speed_evenly():
 def test_the_derivative_by_the_load_is_that_of_the_closed_form():
     scene, state = hinged(COULOMB, spin=5.0)
     load = cj.Parameter(lambda scene: scene.joints["friction"].load)
-    spin = cj.quantities.AngularVelocity("arm", "z")
+    spin = cj.quantities.AngularVelocity("shaft", "z")
     derivatives = cj.sensitivities(scene, state, 0.1, {"load": load}, {"spin": spin}, [0.1])
     assert derivatives.derivatives["spin"][0, 0] == pytest.approx(-0.1 / INERTIA, rel=1e-6)
 

@@ -1,21 +1,17 @@
 """Mechanisms with clearance in guides, slots and sockets: published motions and closed forms."""
 
 import math
-from typing import Any
+import warnings
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
 import clearjoint as cj
+from tests.support.observations import penetrations
+from tests.support.shaft import angle_about
 
 FINE = cj.Settings(rtol=1e-10, atol=1e-12)
-
-
-def turned(body: Any, axis: int) -> np.ndarray:
-    """Angle of a body about a coordinate axis, rad, at the saved times."""
-    orientation = np.asarray(body.orientation)
-    return 2.0 * np.arctan2(orientation[:, axis], orientation[:, 0])
 
 
 @pytest.mark.slow
@@ -31,7 +27,7 @@ def test_slider_in_its_guide_as_published():
     impacts, crank = solution.impacts, solution.states.bodies["crank"]
     assert set(impacts.contact[:2]) == {"rear upper", "front upper"}
     np.testing.assert_allclose(impacts.onset[:2], 0.002692503, rtol=2e-7)
-    spin, turns = np.asarray(crank.spin)[:, 2], turned(crank, 3) / (2.0 * math.pi)
+    spin, turns = np.asarray(crank.spin)[:, 2], angle_about(crank) / (2.0 * math.pi)
     np.testing.assert_allclose(spin[:2], [139.1159, 109.5577], rtol=1e-6)
     assert turns[1] == pytest.approx(0.056548, rel=1e-5)
     rigid = cj.simulate_nonsmooth(scene, state, 0.055, step=2e-5, save=cj.Saving(save.times))
@@ -69,7 +65,7 @@ def test_quick_return_goes_back_in_half_the_time():
     crank = np.array([0.3, 1.0, 2.0 * math.pi / 3.0, 3.0, 4.0 * math.pi / 3.0, 6.0])
     save = cj.Saving((crank - 0.3) / 10.0)
     lever = cj.simulate(scene, state, 0.6, FINE, save=save).states.bodies["lever"]
-    angles, spins = turned(lever, 3) - 0.5 * math.pi, np.asarray(lever.spin)[:, 2]
+    angles, spins = angle_about(lever) - 0.5 * math.pi, np.asarray(lever.spin)[:, 2]
     np.testing.assert_allclose(angles, lever_angle(crank), atol=1e-9)
     np.testing.assert_allclose(angles[[2, 4]], [math.pi / 6, -math.pi / 6], atol=1e-9)
     np.testing.assert_allclose(spins[[2, 4]], 0.0, atol=1e-7)
@@ -85,7 +81,7 @@ def test_quick_return_with_play_stays_within_its_play():
     save = cj.Saving(np.linspace(0.0, 0.6, 61), impacts=True)
     solution = cj.simulate(scene, state, 0.6, cj.Settings(rtol=1e-8), save=save)
     crank = 10.0 * np.asarray(solution.times)
-    off = turned(solution.states.bodies["lever"], 3) - 0.5 * math.pi - lever_angle(crank)
+    off = angle_about(solution.states.bodies["lever"]) - 0.5 * math.pi - lever_angle(crank)
     distance = np.hypot(0.05 * np.sin(crank), 0.1 + 0.05 * np.cos(crank))
     assert np.abs(off * distance).max() < 0.5 * play + solution.impacts.largest_penetration.max()
     assert np.abs(off * distance).max() > 0.4 * play
@@ -100,12 +96,12 @@ def test_spatial_four_bar_without_clearance_closes():
     save = cj.Saving(np.linspace(0.01, 0.3, 30))
     settings = cj.Settings(rtol=1e-10, atol=1e-12, ledger=True)
     solution = cj.simulate(scene, state, 0.3, settings, save=save)
-    crank = turned(solution.states.bodies["crank"], 1)
+    crank = angle_about(solution.states.bodies["crank"], 1)
     assert np.ptp(np.unwrap(crank)) > 2.0 * math.pi
     x, y, z = -0.122 + 0.0 * crank, 0.02 * np.cos(crank) + 0.054, 0.02 * np.sin(crank)
     share = (x**2 + y**2 + z**2 + 0.074**2 - 0.122**2) / (2.0 * 0.074 * np.hypot(x, y))
     rocker = np.arctan2(y, x) - np.arccos(share)
-    found = turned(solution.states.bodies["rocker"], 3) + 0.5 * math.pi
+    found = angle_about(solution.states.bodies["rocker"]) + 0.5 * math.pi
     np.testing.assert_allclose(np.sin(found - rocker), 0.0, atol=1e-8)
     assert np.ptp(found) > 0.05
     residual = cj.observe(scene, solution).ledger_residual()
@@ -134,18 +130,41 @@ def first_contact(shaft: float, play: float, sense: float) -> float:
     hole: the distance of their centres is the eccentricity plus the play."""
     eccentricity, radius, disc = 1e-3, 25e-3, -shaft / 10
     found = []
-    for k in range(6):
-        around = np.array([disc + 2.0 * np.pi * k / 6])
+    for around in disc + 2.0 * np.pi * np.arange(6) / 6:
 
         def distance(turn: float, around=around) -> float:
-            pin = radius * np.array([np.cos(around + turn), np.sin(around + turn)])
-            hole = radius * np.array([np.cos(around), np.sin(around)])
-            hole = hole + eccentricity * np.array([[np.cos(shaft)], [np.sin(shaft)]])
-            return float(np.linalg.norm(pin - hole)) - eccentricity - play
+            pin = radius * np.exp(1j * (around + turn))
+            hole = radius * np.exp(1j * around) + eccentricity * np.exp(1j * shaft)
+            return abs(pin - hole) - eccentricity - play
 
         if distance(sense * 0.01) > 0.0:
             found.append(brentq(distance, 0.0, sense * 0.01, xtol=1e-16))
     return min(found, key=abs)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shaft", [0.0, 0.3, 2.0])
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_the_backlash_of_a_cycloid_stage_is_that_of_its_pins(shaft, sense):
+    """One pin touches at the angle at which the geometry has it touch, and the others are free."""
+    play = 0.02e-3
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scene, state = cj.mechanisms.cycloid_stage(play, angle=shaft)
+    report = cj.constraint_report(scene, state)
+    assert report.degrees_of_freedom() == 1
+    assert np.abs(report.values).max() < 1e-12 and np.abs(report.rates).max() < 1e-12
+    turn = first_contact(shaft, play, sense)
+    # To first order by the formula of the docstring: a pin moves across its radius.
+    directions = -shaft / 10 + np.pi / 2 + 2.0 * np.pi * np.arange(6) / 6
+    cosine = np.abs(np.cos(directions - shaft)).max()
+    assert abs(turn) == pytest.approx(play / 25e-3 / cosine, rel=0.02)
+    angle = -shaft / 10 + turn
+    output = cj.body_state((0.0, 0.0, 0.0), cj.rotation((0.0, 0.0, 1.0), angle))
+    gaps = penetrations(scene, cj.State({**state.bodies, "output": output}))
+    deepest = sorted(family["V"] for family in gaps.values())
+    assert deepest[-1] == pytest.approx(0.0, abs=1e-14)
+    assert deepest[-2] < -1e-7 or shaft == 0.0  # by symmetry, two pins touch at once then
 
 
 @pytest.mark.slow
@@ -156,9 +175,9 @@ def test_a_cycloid_stage_transmits_with_the_ratio_of_its_lobes():
     scene, state = cj.mechanisms.cycloid_stage(play, speed=speed, torque=0.1)
     times = np.linspace(0.04, 0.1, 31)
     bodies = cj.simulate(scene, state, 0.1, FINE, cj.Saving(times), progress=False).states.bodies
-    disc = turned(bodies["disc"], 3)
+    disc = angle_about(bodies["disc"])
     np.testing.assert_allclose(disc, -speed * times / 10, atol=1e-9)
-    ahead = turned(bodies["output"], 3) - disc
+    ahead = angle_about(bodies["output"]) - disc
     expected = [first_contact(speed * t, play, 1.0) for t in times]
     np.testing.assert_allclose(ahead, expected, rtol=1e-2)
     assert np.ptp(expected) > 0.1 * np.mean(expected)

@@ -10,20 +10,11 @@ from scipy.integrate import quad
 import clearjoint as cj
 from clearjoint.extend import Gap
 from clearjoint.testing import check_law
+from studies.catalogue.films import CLEARANCE, RADIUS, ROUGH, mixed
 
-RADIUS, CLEARANCE, LENGTH, MU, VISCOSITY = 25e-3, 50e-6, 20e-3, 0.1, 0.005
-ROUGH = cj.laws.GreenwoodTripp(roughness=0.5e-6, modulus=1.14e11)
-LAW = cj.laws.RoughCylinders(ROUGH, 0.5 * LENGTH, cj.laws.Hertz(1e10))
-DRY = cj.ClearanceJoint(
-    "ground",
-    "rotor",
-    bearing_radius=RADIUS,
-    clearance=CLEARANCE,
-    journal_length=LENGTH,
-    law=LAW,
-    friction=cj.frictions.RegularisedCoulomb(MU, 1e-6),
-    axial=cj.FixedAxially(),
-)
+LENGTH, MU, VISCOSITY = 20e-3, 0.1, 0.005
+DRY = mixed().dry
+LAW = DRY.law
 JOINT = cj.LubricatedJoint(DRY, cj.films.CaponeFilm(VISCOSITY), transition=None)
 LOAD = 1000.0
 
@@ -141,10 +132,17 @@ def test_the_ledger_of_a_run_closes():
     assert abs(left) < 1e-6 * (gain["film"] + gain["friction"])
 
 
-def test_walls_whose_force_begins_with_a_slope_are_refused():
-    with pytest.raises(ValueError, match="law.*zero slope"):
-        cj.laws.RoughCylinders(ROUGH, LENGTH, cj.laws.Hertz(1e10, exponent=1.0))
-    with pytest.raises(ValueError, match="asperities"):
-        cj.laws.RoughCylinders(0.5e-6, LENGTH, cj.laws.Hertz(1e10))
-    with pytest.raises(ValueError, match="roughness"):
-        cj.laws.GreenwoodTripp(roughness=-1e-6, modulus=1e11)
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: cj.laws.RoughCylinders(ROUGH, LENGTH, cj.laws.Hertz(1e10, exponent=1.0)),
+            "law.*zero slope",
+        ),
+        (lambda: cj.laws.RoughCylinders(0.5e-6, LENGTH, cj.laws.Hertz(1e10)), "asperities"),
+        (lambda: cj.laws.GreenwoodTripp(roughness=-1e-6, modulus=1e11), "roughness"),
+    ],
+)
+def test_unsuitable_asperities_are_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()

@@ -6,17 +6,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.extend import (
-    EulerParameters,
-    JointState,
-    Relative,
-    Twist,
-    Vector,
-    normalised,
-    pack,
-    rotation_matrix,
-    unpack,
-)
+from clearjoint.extend import EulerParameters, JointState, Vector, normalised, pack, unpack
 
 POINTS, AXES = ((0.1, 0.2, -0.3), (-0.2, 0.4, 0.1)), ((1.0, 2.0, 2.0), (0.5, -1.0, 0.3))
 UNIT = np.array([0.5, -0.1, 0.7, 0.5])
@@ -61,7 +51,7 @@ def later(subspace, state, time):
     """The state after a short time at constant speeds, to first order, and its rotation matrix."""
     rates = subspace.rates(state)
     position = jax.tree.map(lambda value, rate: value + time * rate, state.position, rates)
-    turned = rotation_matrix(normalised(subspace.orientation(position)))
+    turned = cj.extend.rotation_matrix(normalised(subspace.orientation(position)))
     return JointState(position, state.speeds), np.asarray(pack(turned))
 
 
@@ -84,11 +74,38 @@ def test_the_twist_is_the_rate_of_the_pose(name, parent):
     np.testing.assert_allclose(numbers((bias.angular, bias.linear)), rates, atol=1e-9)
 
 
+@each
+@both
+def test_encoding_is_the_inverse_and_the_joint_is_satisfied(name, parent):
+    subspace, state = subspace_and_state(name, parent)
+    orientation = normalised(subspace.orientation(state.position))
+    apart, twist = subspace.displacement(state.position), subspace.twist(state)
+    found = subspace.encode(cj.extend.Relative(orientation, apart, twist))
+    np.testing.assert_allclose(numbers(found.position), numbers(state.position), atol=1e-14)
+    np.testing.assert_allclose(numbers(found.speeds), state.speeds, atol=1e-14)
+    rotation = subspace.rotation(state.position)
+    np.testing.assert_allclose(
+        pack(rotation), pack(cj.extend.rotation_matrix(orientation)), atol=1e-14
+    )
+    # The parent rests in the origin; the child's point is `apart` from the parent's.
+    here = cj.body_state((0.0, 0.0, 0.0))
+    at = subspace.point_parent + rotation @ (apart - subspace.point_child)
+    rate = twist.linear + twist.angular.cross(apart - subspace.point_child)
+    parts = at, orientation, rotation @ rate, twist.angular
+    there = cj.body_state(*map(numbers, parts))
+    states = dict(zip(("a", "b") if parent == "a" else ("b", "a"), (here, there), strict=True))
+    bodies = {name: cj.Body(1.0, (1.0, 1.0, 1.0)) for name in states}
+    scene = cj.Scene(bodies, {"joint": JOINTS[name]})
+    report = cj.constraint_report(scene, cj.State(states))
+    np.testing.assert_allclose(report.values, 0.0, atol=1e-14)
+    np.testing.assert_allclose(report.rates, 0.0, atol=1e-13)
+
+
 @pytest.mark.parametrize("turns", [-3, 0, 5])
 def test_a_screw_s_advance_tells_its_revolutions(turns):
     subspace, _ = subspace_and_state("screw", "a")
     angle = 2.0 * np.pi * turns + 0.4
     advance = subspace.axis * (-0.7 / (2.0 * np.pi) * angle)
-    still = Twist(Vector(0.0, 0.0, 0.0), Vector(0.0, 0.0, 0.0))
-    found = subspace.encode(Relative(subspace.orientation(angle), advance, still))
+    still = cj.extend.Twist(Vector(0.0, 0.0, 0.0), Vector(0.0, 0.0, 0.0))
+    found = subspace.encode(cj.extend.Relative(subspace.orientation(angle), advance, still))
     assert float(found.position) == pytest.approx(angle, rel=1e-13)

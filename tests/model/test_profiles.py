@@ -1,6 +1,5 @@
 """Profiles of bearings and journals: contact geometry, equilibria, derivatives and refusals."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -15,6 +14,7 @@ from clearjoint.frictions import RegularisedCoulomb
 from clearjoint.laws import Hertz
 from clearjoint.profiles import Harmonics, PeriodicSpline
 from clearjoint.testing import check_contact_joint, moving
+from tests.support.differences import by_differences
 from tests.support.motions import AT_REST
 
 RADIUS, CLEARANCE, STIFFNESS = 10e-3, 0.5e-3, 1e9
@@ -24,7 +24,7 @@ ANGLES = np.linspace(0.0, 2.0 * np.pi, 50)
 def pin(bearing=None, journal=None, **options):
     options = {"journal_length": 20e-3, "law": Hertz(STIFFNESS), **options}
     return cj.ClearanceJoint(
-        GROUND,
+        options.pop("frame", GROUND),
         "arm",
         bearing_radius=RADIUS,
         clearance=options.pop("clearance", CLEARANCE),
@@ -44,6 +44,12 @@ def tumbling(position=(0.3e-3, -0.4e-3, 1e-3), tilt=0.01):
     return moving(position, rotation, (0.1, 0.2, -0.1), (0.3, -0.2, 2.0))
 
 
+def assert_same(found, expected, *parts):
+    np.testing.assert_allclose(found.gap.depth, expected.gap.depth, atol=1e-17)
+    for part in ("normal", "slip", *parts):
+        np.testing.assert_allclose(getattr(found, part), getattr(expected, part), atol=1e-12)
+
+
 @pytest.mark.parametrize("part", ["bearing", "journal"])
 def test_the_first_harmonic_shifts_the_circle(part):
     shift = np.array([60e-6, -80e-6, 0.0])
@@ -52,12 +58,13 @@ def test_the_first_harmonic_shifts_the_circle(part):
     motion = tumbling(tilt=0.0)
     shifted = contact(pin(**{f"{part}_point": shift}, **options), motion)
     found = contact(pin(**{part: harmonic}, **options), motion)
-    np.testing.assert_allclose(found.gap.depth, shifted.gap.depth, atol=1e-17)
+    assert_same(found, shifted, "arm_first", "arm_second")
     np.testing.assert_allclose(found.gap.rate, shifted.gap.rate, atol=1e-12)
-    np.testing.assert_allclose(found.normal, shifted.normal, atol=1e-12)
-    np.testing.assert_allclose(found.arm_first, shifted.arm_first, atol=1e-12)
-    np.testing.assert_allclose(found.arm_second, shifted.arm_second, atol=1e-12)
-    np.testing.assert_allclose(found.slip, shifted.slip, atol=1e-12)
+
+
+def aligned(x, y):
+    """At rest, its axis parallel to the bearing's."""
+    return moving((x, y, 0.0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
 
 
 class Ellipse(AbstractProfile):
@@ -87,7 +94,7 @@ def test_a_journal_touches_an_elliptic_bearing_on_the_ellipse(angle):
     a, b = RADIUS + 30e-6, RADIUS - 20e-6
     joint = pin(Ellipse(a, b, RADIUS), friction=RegularisedCoulomb(0.1))
     centre = 0.55e-3 * np.array([np.cos(angle), np.sin(angle)])
-    found = contact(joint, moving((*centre, 0.0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0)))
+    found = contact(joint, aligned(*centre))
     normal = found.normal[:2]
     wall = found.arm_first[:2] - 0.5 * found.gap.depth * normal
     surface = centre + (RADIUS - CLEARANCE) * normal
@@ -98,6 +105,25 @@ def test_a_journal_touches_an_elliptic_bearing_on_the_ellipse(angle):
     support = np.hypot(a * np.cos(t), b * np.sin(t))
     along = centre[0] * np.cos(t) + centre[1] * np.sin(t) + RADIUS - CLEARANCE
     assert found.gap.depth == pytest.approx((along - support).max(), abs=1e-12)
+
+
+def test_of_many_waves_the_deepest_is_found():
+    """The search by 48 angles finds the largest of several maxima."""
+    wall, t = Harmonics([0.0] * 5 + [50e-6]), np.linspace(0.0, 2.0 * np.pi, 20_001)
+    for x, y in np.random.default_rng(5).normal(size=(5, 2)) * 0.4e-3:
+        along = x * np.cos(t) + y * np.sin(t) - 50e-6 * np.cos(6 * t)
+        found = contact(pin(wall), aligned(x, y)).gap.depth
+        assert float(found) == pytest.approx(along.max() - CLEARANCE, abs=1e-10)
+
+
+def test_a_journal_rests_where_its_load_presses_it():
+    """Both bases carry half of the load there, and the wall's normal is along the load."""
+    joint = pin(Harmonics([0.0, 30e-6, -10e-6], [0.0, 20e-6, 0.0]))
+    load = np.array([3.0, -2.0, 0.5])
+    x, y, _ = joint.resting_joint(load).attachments()[0][2]
+    found, size = contact(joint, aligned(x, y)), np.hypot(*load[:2])
+    assert 2.0 * float(joint.law.elastic_force(found.gap)) == pytest.approx(size, rel=1e-9)
+    np.testing.assert_allclose(found.normal[:2], load[:2] / size, atol=1e-12)
 
 
 @pytest.mark.slow
@@ -122,27 +148,14 @@ def test_a_profile_turned_with_its_bearing_gives_the_same_contact():
     """The wall of a turned bearing has the profile cos(k (angle - turn))."""
     turn, k = 0.9, 3
     amplitude = 15e-6
-    cosines, sines = np.zeros(k), np.zeros(k)
-    cosines[-1], sines[-1] = amplitude * np.cos(k * turn), amplitude * np.sin(k * turn)
-    still = pin(Harmonics(cosines, sines), friction=RegularisedCoulomb(0.1))
-    straight = np.zeros(k)
-    straight[-1] = amplitude
-    bearing = cj.ClearanceJoint(
-        "frame",
-        "arm",
-        bearing_radius=RADIUS,
-        clearance=CLEARANCE,
-        journal_length=20e-3,
-        law=Hertz(STIFFNESS),
-        friction=RegularisedCoulomb(0.1),
-        bearing_profile=Harmonics(straight),
-    )
+    wave = amplitude * np.array([0.0, 0.0, 1.0])
+    rub = RegularisedCoulomb(0.1)
+    still = pin(Harmonics(np.cos(k * turn) * wave, np.sin(k * turn) * wave), friction=rub)
+    bearing = pin(Harmonics(wave), friction=rub, frame="frame")
     frame = moving((0, 0, 0), (np.cos(turn / 2), 0, 0, np.sin(turn / 2)), (0, 0, 0), (0, 0, 0))
     expected = contact(still, tumbling())
     found = pack(unpack(bearing).contacts({"frame": frame, "arm": tumbling()})["V"])
-    np.testing.assert_allclose(found.gap.depth, expected.gap.depth, atol=1e-17)
-    np.testing.assert_allclose(found.normal, expected.normal, atol=1e-12)
-    np.testing.assert_allclose(found.slip, expected.slip, atol=1e-12)
+    assert_same(found, expected)
 
 
 @pytest.mark.parametrize("along, sign", [(0, 1.0), (1, -1.0)])
@@ -157,7 +170,7 @@ def test_a_two_lobed_bearing_has_its_equilibrium_and_two_stiffnesses(along, sign
     centre[along] = eccentricity
 
     def force(centre):
-        arm = moving((centre[0], centre[1], 0.0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
+        arm = aligned(*centre)
         touch = joint.contacts({GROUND: AT_REST, "arm": arm})["V"]
         size = joint.law.force(touch.gap, None)
         return jnp.stack([touch.normal.x * size, touch.normal.y * size])
@@ -194,60 +207,45 @@ def test_harmonics_are_sums_of_waves():
     )
 
 
-def dropped(profile, clearance=CLEARANCE):
+def dropped(profile):
     """A pin in a bearing, thrown against the wall beside the lobe."""
-    scene = cj.Scene(
-        {"arm": cj.Body(1.0, (1e-4, 1e-4, 1e-4))},
-        {
-            "pin": pin(profile, clearance=clearance),
-            "plane": cj.PlanarJoint(GROUND, "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1)),
-        },
-    )
+    plane = cj.PlanarJoint(GROUND, "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1))
+    body = cj.Body(1.0, (1e-4, 1e-4, 1e-4))
+    scene = cj.Scene({"arm": body}, {"pin": pin(profile), "plane": plane})
     return scene, cj.State({"arm": cj.body_state((0.0, 0.0, 0.0), velocity=(0.15, 0.1, 0.0))})
 
 
 @pytest.mark.slow
 def test_derivatives_by_the_coefficients_agree_with_differences():
     scene, state = dropped(Harmonics([0.0, 20e-6, 5e-6]))
-    path = lambda scene: scene.joints["pin"].bearing_profile.cosines  # noqa: E731
 
-    def end(cosines):
-        return cj.simulate(eqx.tree_at(path, scene, cosines), state, 8e-3).final.bodies["arm"]
+    def ended(scene):
+        return cj.simulate(scene, state, 8e-3).final.bodies["arm"].position[:2]
 
-    start, step = np.array([0.0, 20e-6, 5e-6]), 1e-9
-    named = {
-        f"wave {k}": cj.Parameter(lambda s, k=k: s.joints["pin"].bearing_profile.cosines[k])
-        for k in (1, 2)
-    }
-    outputs = {"x": cj.quantities.Position("arm", "x"), "y": cj.quantities.Position("arm", "y")}
+    paths = [lambda s, k=k: s.joints["pin"].bearing_profile.cosines[k] for k in (1, 2)]
+    named = {f"wave {k}": cj.Parameter(path) for k, path in enumerate(paths)}
+    outputs = {x: cj.quantities.Position("arm", x) for x in "xy"}
     found = cj.sensitivities(scene, state, 8e-3, named, outputs, [8e-3], progress=False)
-    for j, k in enumerate((1, 2)):
-        change = step * np.eye(3)[k]
-        difference = (end(start + change).position - end(start - change).position) / (2.0 * step)
-        for i, output in enumerate(("x", "y")):
-            assert found.derivatives[output][0, j] == pytest.approx(difference[i], rel=1e-4)
+    for k, path in enumerate(paths):
+        slopes = [found.derivatives[x][0, k] for x in "xy"]
+        np.testing.assert_allclose(slopes, by_differences(ended, scene, path, 1e-9), rtol=1e-4)
 
 
-def test_unsuitable_profiles_are_refused():
-    with pytest.raises(ValueError, match="clearance.*larger than the 0.0006 m"):
-        pin(Harmonics([0.0, 0.6e-3]))
-    with pytest.raises(ValueError, match="cosines"):
-        Harmonics([[1e-6]])
-    with pytest.raises(ValueError, match="sines"):
-        Harmonics([1e-6, 2e-6], [1e-6])
-    with pytest.raises(ValueError, match="coefficients"):
-        PeriodicSpline.through([1e-6, 2e-6])
-    with pytest.raises(ValueError, match="finite"):
-        Harmonics([np.nan])
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: pin(Harmonics([0.0, 0.6e-3])), "clearance.*larger than the 0.0006 m"),
+        (lambda: Harmonics([[1e-6]]), "cosines"),
+        (lambda: Harmonics([1e-6, 2e-6], [1e-6]), "sines"),
+        (lambda: PeriodicSpline.through([1e-6, 2e-6]), "coefficients"),
+        (lambda: Harmonics([np.nan]), "finite"),
+    ],
+)
+def test_unsuitable_profiles_are_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
 
 
 def test_a_wall_that_touches_twice_gives_a_warning():
     with pytest.warns(cj.UnusualValueWarning, match="several points of contact"):
         pin(Harmonics([0.0] * 7 + [10e-6]))
-
-
-def test_profiles_are_saved_with_their_scene(tmp_path):
-    scene, state = dropped(Harmonics([0.0, 20e-6], [1e-6, 0.0]))
-    cj.save(scene, state, tmp_path / "scene.toml")
-    loaded, _ = cj.load(tmp_path / "scene.toml")
-    assert eqx.tree_equal(loaded.joints["pin"], scene.joints["pin"])

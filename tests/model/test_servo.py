@@ -7,43 +7,31 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from studies.robots.sampled_servo import SampledPid
+from tests.support.differences import by_differences
+from tests.support.shaft import INERTIA, ON_SHAFT, ORIGIN, Z, shaft, turned
 from tests.support.symmetry_transformations import euler
 
-Z, ORIGIN = (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
-INERTIA = 0.02
 TIGHT = cj.Settings(rtol=1e-10)
 QUIET = {"progress": False}
-ABOUT = "ground", "arm", Z
 
 
-def one_inertia(servo, inertia=INERTIA, damping=None, **forces):
-    hinge = cj.RevoluteJoint("ground", "arm", ORIGIN, ORIGIN, Z, Z)
-    if damping is not None:
-        forces["oil"] = cj.TorsionalSpring(*ABOUT, 0.0, damping)
+def one_inertia(servo, inertia=INERTIA, damping=None):
     across = max(0.03, float(inertia))
-    bodies = {"arm": cj.Body(1.0, (across, across, inertia))}
-    return cj.Scene(bodies, {"hinge": hinge}, {"servo": servo, **forces})
-
-
-def turned(angle=0.0, speed=0.0):
-    orientation = (math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle))
-    return cj.body_state(ORIGIN, orientation, spin=(0.0, 0.0, speed))
-
-
-def at(angle=0.0, speed=0.0):
-    return cj.State({"arm": turned(angle, speed)})
+    oil = {} if damping is None else {"oil": cj.TorsionalSpring(*ON_SHAFT, 0.0, damping)}
+    return shaft(body=cj.Body(1.0, (across, across, inertia)), servo=servo, **oil)
 
 
 def motion(scene, state, end, times, settings=TIGHT, **options):
-    """Angle and speed of the arm at times, and the solution."""
+    """Angle and speed of the shaft at times, and the solution."""
     outputs = {
-        "angle": cj.quantities.JointAngle("hinge"),
-        "speed": cj.quantities.JointAngularVelocity("hinge"),
+        "angle": cj.quantities.JointAngle("bearing"),
+        "speed": cj.quantities.JointAngularVelocity("bearing"),
         "torque": cj.quantities.MotorTorque("servo"),
     }
     save = cj.Saving(times, states=False)
@@ -55,11 +43,11 @@ def test_a_step_response_is_that_of_the_discrete_linear_system(delayed):
     """A double integrator with zero-order hold, exactly discretised: x(k+1) = A x(k) + B u(k)."""
     rate, p, d, goal = 200.0, 20.0, 0.3, 0.5
     servo = cj.Servo(
-        *(*ABOUT, goal, rate, p, d), delay=1.0 / rate if delayed else None, speed_from="sensor"
+        *(*ON_SHAFT, goal, rate, p, d), delay=1.0 / rate if delayed else None, speed_from="sensor"
     )
     count = 60
     times = np.arange(count) / rate
-    outputs = motion(one_inertia(servo), at(), times[-1], times).outputs
+    outputs = motion(one_inertia(servo), turned(), times[-1], times).outputs
     exact = expm(np.array([[0, 1, 0], [0, 0, 1 / INERTIA], [0, 0, 0]]) / rate)
     a, b = exact[:2, :2], exact[:2, 2]
     x, states, held = np.zeros(2), [], p * goal
@@ -71,6 +59,11 @@ def test_a_step_response_is_that_of_the_discrete_linear_system(delayed):
     angles, speeds = np.transpose(states)
     np.testing.assert_allclose(outputs["angle"], angles, atol=1e-9)
     np.testing.assert_allclose(outputs["speed"], speeds, atol=1e-9 * np.abs(speeds).max())
+
+
+def damped_rates(t, y, u):
+    """Of the angle and the speed of the shaft in oil, under a torque u."""
+    return [y[1], (u - 0.03 * y[1]) / INERTIA]
 
 
 CASES = {
@@ -85,38 +78,27 @@ CASES = {
 }
 
 
-FAST = ("saturated",)
-
-
 @pytest.mark.parametrize(
-    "name", [n if n in FAST else pytest.param(n, marks=pytest.mark.slow) for n in CASES]
+    "name", [n if n == "saturated" else pytest.param(n, marks=pytest.mark.slow) for n in CASES]
 )
 def test_it_moves_as_scipy_says_from_sample_to_sample(name):
     """PD and PID of a damped inertia, with a goal that changes between samples."""
     options = CASES[name]
     target = cj.Polynomial([0.5, 0.6, -1.0])
     goal = target.coefficients
-    servo = cj.Servo(*ABOUT, target, 200.0, 18.0, derivative=0.25, **options)
+    servo = cj.Servo(*ON_SHAFT, target, 200.0, 18.0, derivative=0.25, **options)
     times = np.sort(np.random.default_rng(3).uniform(0.0, 0.4, 30))
     scene = one_inertia(servo, damping=0.03)
-    found = motion(scene, at(0.1, 0.7), 0.4, times).outputs
+    found = motion(scene, turned(0.1, 0.7), 0.4, times).outputs
     law = SampledPid(
-        200.0,
-        18.0,
-        0.25,
-        options.get("integral", 0.0),
-        options.get("delay", 0.0),
+        *(200.0, 18.0, 0.25, options.get("integral", 0.0), options.get("delay", 0.0)),
         options.get("torque_limit", np.inf),
         lambda t: goal[0] + goal[1] * t + goal[2] * t**2,
         lambda t: goal[1] + 2.0 * goal[2] * t,
         options.get("speed_limit", np.inf) / 200.0,
         by_difference=options.get("speed_from") != "sensor",
     )
-
-    def rates(t, y, u):
-        return [y[1], (u - 0.03 * y[1]) / INERTIA]
-
-    states, torques = law.run(rates, [0.1, 0.7], 0.4, lambda y: (y[0], y[1]), times)
+    states, torques = law.run(damped_rates, [0.1, 0.7], 0.4, lambda y: y, times)
     np.testing.assert_allclose(found["angle"], states[:, 0], atol=1e-9)
     np.testing.assert_allclose(found["speed"], states[:, 1], atol=1e-8)
     np.testing.assert_allclose(found["torque"], torques, atol=1e-8)
@@ -186,7 +168,7 @@ def geared(servo, play=PLAY, drag=0.1):
     return cj.Scene(bodies, joints, forces)
 
 
-AT_REST = cj.State({"rotor": turned(), "link": turned()})
+AT_REST = cj.State({name: cj.body_state(ORIGIN) for name in ("rotor", "link")})
 
 
 def rates_with_play(t, y, u, play=PLAY, drag=0.1):
@@ -198,12 +180,7 @@ def rates_with_play(t, y, u, play=PLAY, drag=0.1):
             load += side * FLANK * depth * max(1.0 + DAMPED * rate, 0.0)
     x = y[3] / SPEED
     rub = drag * (np.tanh(4.0 * x) + 0.3 * x / (0.25 * x * x + 0.75) ** 2)
-    return [
-        y[2],
-        y[3],
-        (u + load) / ROTOR,
-        (-load - rub - 0.02 * y[3] - WEIGHT * y[1]) / LINK,
-    ]
+    return [y[2], y[3], (u + load) / ROTOR, (-load - rub - 0.02 * y[3] - WEIGHT * y[1]) / LINK]
 
 
 def swing(t):
@@ -214,11 +191,10 @@ TABLE = np.arange(0, 201) / 200.0
 """Times of a log, at the samples of the servo."""
 
 
-def with_play(encoder, **options):
+def with_play(encoder, goal=swing, table=TABLE, **options):
     """The servo drives the rotor, by the steps of a log at its own rate."""
     return cj.Servo(
-        *("ground", "rotor", Z, cj.PiecewiseConstant(TABLE, swing(TABLE)), 200.0),
-        *(8.0, 0.12),
+        *("ground", "rotor", Z, cj.PiecewiseConstant(table, goal(table)), 200.0, 8.0, 0.12),
         delay=0.005,
         torque_limit=1.5,
         encoder=encoder,
@@ -226,24 +202,16 @@ def with_play(encoder, **options):
     )
 
 
-def scipy_with_play(of_link, times, drag=0.1, play=PLAY):
+def scipy_with_play(of_link, times, drag=0.1, play=PLAY, goal=swing, **options):
     law = SampledPid(
-        200.0,
-        8.0,
-        0.12,
+        *(200.0, 8.0, 0.12),
         delay=0.005,
         limit=1.5,
-        goal=lambda t: swing(math.floor(t * 200.0 + 1e-6) / 200.0),
+        goal=lambda t: goal(math.floor(t * 200.0 + 1e-6) / 200.0),
     )
     read = (lambda y: (y[1], y[3])) if of_link else (lambda y: (y[0], y[2]))
-    return law.run(
-        lambda t, y, u: rates_with_play(t, y, u, play, drag),
-        np.zeros(4),
-        times[-1],
-        read,
-        times,
-        max_step=2e-4,
-    )
+    rates = partial(rates_with_play, play=play, drag=drag)
+    return law.run(rates, np.zeros(4), times[-1], read, times, **({"max_step": 2e-4} | options))
 
 
 @pytest.mark.parametrize("of_link", [True, pytest.param(False, marks=pytest.mark.slow)])
@@ -273,18 +241,13 @@ def test_any_rate_and_delay():
     times = np.array([0.0923, 0.2])
     for rate in (30.0, 100.0 / 3.0, 333.3):
         for delay in (0.0, 1.0 / rate, 2.0 / rate, 3.0 * (1.0 / rate), 2.37 / rate):
-            servo = cj.Servo(*ABOUT, 0.5, rate, 3.0, 0.05, delay=delay, delay_periods=3)
+            servo = cj.Servo(*ON_SHAFT, 0.5, rate, 3.0, 0.05, delay=delay, delay_periods=3)
             scene = one_inertia(servo, damping=0.03)
-            found = motion(scene, at(0.1, 0.7), 0.2, times).outputs["angle"]
-            rows, _ = SampledPid(rate, 3.0, 0.05, delay=delay, goal=lambda t: 0.5).run(
-                lambda t, y, u: [y[1], (u - 0.03 * y[1]) / INERTIA],
-                [0.1, 0.7],
-                0.2,
-                lambda y: (y[0], y[1]),
-                times,
-            )
+            found = motion(scene, turned(0.1, 0.7), 0.2, times).outputs["angle"]
+            law = SampledPid(rate, 3.0, 0.05, delay=delay, goal=lambda t: 0.5)
+            rows, _ = law.run(damped_rates, [0.1, 0.7], 0.2, lambda y: y, times)
             np.testing.assert_allclose(found, rows[:, 0], atol=1e-9)
-            late = motion(scene, at(0.1, 0.7), 3000.2, 3000.0 + times, start_time=3000.0)
+            late = motion(scene, turned(0.1, 0.7), 3000.2, 3000.0 + times, start_time=3000.0)
             np.testing.assert_allclose(late.outputs["angle"], rows[:, 0], atol=1e-7)
 
 
@@ -321,11 +284,7 @@ def test_between_two_free_bodies_in_any_orientation_and_order():
         solution = cj.simulate(scene, state, 0.2, TIGHT, cj.Saving(times), **QUIET)
         law = SampledPid(200.0, 6.0, 0.1, delay=0.0025, goal=lambda t: 0.8)
         rows, _ = law.run(
-            lambda t, y, u: [y[1], u * (1 / 0.03 + 1 / 0.01)],
-            [start, 0.0],
-            0.2,
-            lambda y: (y[0], y[1]),
-            times,
+            lambda t, y, u: [y[1], u * (1 / 0.03 + 1 / 0.01)], [start, 0.0], 0.2, lambda y: y, times
         )
         ends = [
             Rotation.from_quat(solution.states.bodies[name].orientation, scalar_first=True)
@@ -343,11 +302,11 @@ def test_the_voltage_limits_the_torque_between_samples_too(coordinates):
     """A slow servo whose motor reaches its no-load speed within a sample: w' = limit(w)/J."""
     stall, no_load = 0.8, 3.0
     servo = cj.Servo(
-        *(*ABOUT, 40.0, 10.0, 3.0), stall_torque=stall, no_load_speed=no_load, torque_limit=0.5
+        *(*ON_SHAFT, 40.0, 10.0, 3.0), stall_torque=stall, no_load_speed=no_load, torque_limit=0.5
     )
     times = np.linspace(0.0, 0.09, 10)
     settings = cj.Settings(rtol=1e-11, coordinates=coordinates)
-    found = motion(one_inertia(servo), at(), 0.09, times, settings)
+    found = motion(one_inertia(servo), turned(), 0.09, times, settings)
 
     def limited(speed):
         """The command of 0.5 N m, below stall (1 - w/no-load), with a parabola at the kink."""
@@ -356,34 +315,31 @@ def test_the_voltage_limits_the_torque_between_samples_too(coordinates):
             return 0.5 - (excess + width) ** 2 / (4.0 * width)
         return 0.5 - max(excess, 0.0)
 
-    # With many small steps of Euler's midpoint rule the error is far below 1e-7.
-    count, speed, speeds = 90_000, 0.0, [0.0]
-    h = 0.09 / count
-    for k in range(1, count + 1):
-        half = speed + 0.5 * h * limited(speed) / INERTIA
-        speed += h * limited(half) / INERTIA
-        if k % 10_000 == 0:
-            speeds.append(speed)
-    np.testing.assert_allclose(found.outputs["speed"], speeds[: len(times)], atol=1e-6)
+    options = {"method": "DOP853", "t_eval": times, "rtol": 1e-11, "max_step": 1e-4}
+    path = solve_ivp(lambda t, y: [limited(y[0]) / INERTIA], (0.0, 0.09), [0.0], **options)
+    np.testing.assert_allclose(found.outputs["speed"], path.y[0], atol=1e-6)
     assert found.outputs["torque"][1] == 0.5 and found.outputs["torque"][-1] < 0.4
 
 
-SERVO = cj.Servo(*ABOUT, 0.5, 200.0, 18.0, 0.25, 60.0, delay=0.0031, torque_limit=6.0, offset=0.001)
+SERVO = cj.Servo(
+    *ON_SHAFT, 0.5, 200.0, 18.0, 0.25, 60.0, delay=0.0031, torque_limit=6.0, offset=0.001
+)
 
 
-def changed(numbers, base=SERVO):
-    """The servo with other numbers, and the inertia of its arm."""
-    servo = base
-    for name, value in numbers.items():
-        if name != "inertia":
-            servo = cj.set_value(servo, lambda s, name=name: getattr(s, name), value)
-    return one_inertia(servo, numbers.get("inertia", INERTIA), damping=0.03)
+SCENE, START_STATE = one_inertia(SERVO, damping=0.03), turned(0.1, 0.7)
 
 
 PATHS = {
-    name: partial(lambda scene, name: getattr(scene.forces["servo"], name), name=name)
+    name: lambda scene, name=name: getattr(scene.forces["servo"], name)
     for name in ("proportional", "derivative", "integral", "delay", "rate", "offset")
-} | {"inertia": lambda scene: scene.bodies["arm"].inertia[2]}
+} | {"inertia": lambda scene: scene.bodies["shaft"].inertia[2]}
+
+
+def slopes(name, evaluate):
+    """Of what is evaluated of the scene, by one of its numbers."""
+    return by_differences(evaluate, SCENE, PATHS[name], 1e-4 * float(PATHS[name](SCENE)))
+
+
 START = 0.0137
 """Between two samples."""
 
@@ -391,40 +347,35 @@ START = 0.0137
 def test_derivatives_are_those_of_the_sampled_motion():
     """Central differences of runs, which SciPy confirms above; also by rate, delay and offset."""
     times = np.array([0.08131, 0.14, 0.2007])
-    outputs = {"angle": cj.quantities.JointAngle("hinge")}
+    outputs = {"angle": cj.quantities.JointAngle("bearing")}
     parameters = {name: cj.Parameter(path) for name, path in PATHS.items()}
-    start = {"start_time": START}
-    scene = changed({})
-    found = cj.sensitivities(
-        scene, at(0.1, 0.7), 0.21, parameters, outputs, times, TIGHT, **start, **QUIET
-    ).derivatives["angle"]
-    for k, (name, path) in enumerate(PATHS.items()):
-        middle = float(path(scene))
-        ends = []
-        for sign in (-1.0, 1.0):
-            other = changed({name: middle * (1.0 + sign * 1e-4)})
-            ends.append(motion(other, at(0.1, 0.7), 0.21, times, **start).outputs["angle"])
-        slope = (ends[1] - ends[0]) / (2e-4 * middle)
-        np.testing.assert_allclose(found[:, k], slope, rtol=1e-5, err_msg=name)
+    run = SCENE, START_STATE, 0.21, parameters, outputs, times, TIGHT
+    found = cj.sensitivities(*run, start_time=START, **QUIET).derivatives["angle"]
+
+    def angles(scene):
+        return motion(scene, START_STATE, 0.21, times, start_time=START).outputs["angle"]
+
+    for k, name in enumerate(PATHS):
+        np.testing.assert_allclose(found[:, k], slopes(name, angles), rtol=1e-5, err_msg=name)
 
 
 @pytest.mark.slow
 def test_reverse_mode_has_the_same_derivatives():
     """Also of the integral of the squared torque, which jumps at instants that parameters move."""
-    scene, times = changed({}), np.array([0.08131, 0.14, 0.2007])
+    times = np.array([0.08131, 0.14, 0.2007])
     torque = cj.quantities.MotorTorque("servo")
 
     def square(now):
         return torque(now) ** 2
 
-    outputs = {"angle": cj.quantities.JointAngle("hinge"), "torque": torque}
+    outputs = {"angle": cj.quantities.JointAngle("bearing"), "torque": torque}
     parameters = {name: cj.Parameter(path) for name, path in PATHS.items()}
     options = {"settings": TIGHT, "start_time": START}
     found = cj.sensitivities(
-        scene, at(0.1, 0.7), 0.21, parameters, outputs, times, **options, **QUIET
+        SCENE, START_STATE, 0.21, parameters, outputs, times, **options, **QUIET
     )
-    predict = cj.predictor(scene, at(0.1, 0.7), 0.21, PATHS, outputs, times, **options)
-    here = {name: jnp.asarray(path(scene)) for name, path in PATHS.items()}
+    predict = cj.predictor(SCENE, START_STATE, 0.21, PATHS, outputs, times, **options)
+    here = {name: jnp.asarray(path(SCENE)) for name, path in PATHS.items()}
     backward = jax.jacrev(predict)(here)
     for name in outputs:
         for k, parameter in enumerate(PATHS):
@@ -432,16 +383,15 @@ def test_reverse_mode_has_the_same_derivatives():
                 backward[name][parameter], found.derivatives[name][:, k], rtol=1e-8, atol=1e-9
             )
     effort = {"effort": cj.Integral(square, "N^2 m^2")}
-    predict = cj.predictor(scene, at(0.1, 0.7), 0.21, PATHS, effort, **options)
-    slopes = jax.grad(lambda values: predict(values)["effort"])(here)
+    predict = cj.predictor(SCENE, START_STATE, 0.21, PATHS, effort, **options)
+    gradient = jax.grad(lambda values: predict(values)["effort"])(here)
+
+    def efforts(scene):
+        run = cj.simulate(scene, START_STATE, 0.21, TIGHT, outputs=effort, start_time=START)
+        return run.outputs["effort"]
+
     for name in PATHS:
-        middle, ends = float(here[name]), []
-        for sign in (-1.0, 1.0):
-            other = changed({name: middle * (1.0 + sign * 1e-4)})
-            run = cj.simulate(other, at(0.1, 0.7), 0.21, TIGHT, outputs=effort, start_time=START)
-            ends.append(run.outputs["effort"])
-        slope = (ends[1] - ends[0]) / (2e-4 * middle)
-        assert slopes[name] == pytest.approx(slope, rel=2e-4), name
+        assert gradient[name] == pytest.approx(slopes(name, efforts), rel=2e-4), name
 
 
 @pytest.mark.slow
@@ -465,35 +415,35 @@ def test_derivatives_with_play_are_those_of_scipy():
 
 def test_a_run_continues_from_a_state_in_the_middle():
     """Also at an instant of a sample, where the memory is that after the sample."""
-    scene, times = changed({}), np.array([0.05, 0.1, 0.2])
-    whole = motion(scene, at(0.1, 0.7), 0.2, times)
+    times = np.array([0.05, 0.1, 0.2])
+    whole = motion(SCENE, START_STATE, 0.2, times)
     for middle in (0.0874, 0.086):
-        first = motion(scene, at(0.1, 0.7), middle, [middle])
-        second = motion(scene, first.final, 0.2, times[1:], start_time=middle)
+        first = motion(SCENE, START_STATE, middle, [middle])
+        second = motion(SCENE, first.final, 0.2, times[1:], start_time=middle)
         for name, values in second.outputs.items():
             np.testing.assert_allclose(values, whole.outputs[name][1:], rtol=1e-9)
     # Without the memory it is a servo that is switched on.
     other = cj.State(first.final.bodies)
-    assert motion(scene, other, 0.2, times[1:], start_time=middle).outputs["angle"][0] != (
+    assert motion(SCENE, other, 0.2, times[1:], start_time=middle).outputs["angle"][0] != (
         pytest.approx(whole.outputs["angle"][1], rel=1e-6)
     )
     given = {"servo": {"torque": 0.0, "command 0": 0.0, "command 1": 0.0}}
-    idle = cj.State(at().bodies, memory=given)
-    assert motion(scene, idle, 0.003, [0.003]).outputs["angle"] == pytest.approx(0.0, abs=1e-15)
+    idle = cj.State(turned().bodies, memory=given)
+    assert motion(SCENE, idle, 0.003, [0.003]).outputs["angle"] == pytest.approx(0.0, abs=1e-15)
 
 
 def test_lanes_of_a_sweep_equal_single_runs():
-    scene, times = changed({}), np.array([0.05, 0.101, 0.2])
+    times = np.array([0.05, 0.101, 0.2])
     rates = [90.0, 200.0, 310.0]
     axes = {"rate": cj.Axis(PATHS["rate"], rates)}
     outputs = {
-        "angle": cj.quantities.JointAngle("hinge"),
+        "angle": cj.quantities.JointAngle("bearing"),
         "torque": cj.quantities.MotorTorque("servo"),
     }
     save = cj.Saving(times, states=False)
-    swept = cj.sweep(scene, at(0.1, 0.7), 0.2, axes, outputs, TIGHT, save, **QUIET)
+    swept = cj.sweep(SCENE, START_STATE, 0.2, axes, outputs, TIGHT, save, **QUIET)
     for k, rate in enumerate(rates):
-        alone = motion(changed({"rate": rate}), at(0.1, 0.7), 0.2, times).outputs
+        alone = motion(cj.set_value(SCENE, PATHS["rate"], rate), START_STATE, 0.2, times).outputs
         for name in outputs:
             np.testing.assert_allclose(swept[name][k], alone[name], rtol=1e-9)
 
@@ -501,8 +451,8 @@ def test_lanes_of_a_sweep_equal_single_runs():
 def test_it_counts_revolutions():
     """A servo that lags by more than half a revolution does not turn back."""
     target = cj.PiecewiseLinear([0.0, 0.1, 0.6], [0.0, 0.0, 30.0])
-    scene = one_inertia(cj.Servo(*ABOUT, target, 200.0, 2.0, 1.0, torque_limit=0.3))
-    solution = motion(scene, at(), 8.0, [0.6, 8.0])
+    scene = one_inertia(cj.Servo(*ON_SHAFT, target, 200.0, 2.0, 1.0, torque_limit=0.3))
+    solution = motion(scene, turned(), 8.0, [0.6, 8.0])
     assert solution.final.memory["servo"]["angle"] == pytest.approx(30.0, abs=1e-3)
     lagging, last = solution.outputs["angle"]
     assert last == pytest.approx(30.0 - 10.0 * np.pi, abs=1e-3)
@@ -514,7 +464,7 @@ def test_it_counts_revolutions():
 def test_reductions_take_the_torque_before_and_after_its_jump():
     """A steady ramp of the target: each held torque, of known length, and the largest of them."""
     target, rate = cj.Polynomial([0.0, 1.0]), 50.0
-    servo = cj.Servo(*ABOUT, target, rate, 10.0, torque_constant=0.5)
+    servo = cj.Servo(*ON_SHAFT, target, rate, 10.0, torque_constant=0.5)
     scene = one_inertia(servo, inertia=1e9)
     torque = cj.quantities.MotorTorque("servo")
     outputs = {
@@ -522,8 +472,8 @@ def test_reductions_take_the_torque_before_and_after_its_jump():
         "mean": cj.Statistics(torque, "N m"),
         "late": cj.Quantiles(torque, "N m", np.linspace(-0.05, 5.15, 53), [0.5]),
     }
-    found = cj.simulate(scene, at(), 0.5, outputs=outputs, **QUIET).outputs
-    # The arm hardly moves: 25 steps of 10 N m/rad times k/50 rad, the last one held no longer.
+    found = cj.simulate(scene, turned(), 0.5, outputs=outputs, **QUIET).outputs
+    # The shaft hardly moves: 25 steps of 10 N m/rad times k/50 rad, the last one held no longer.
     held = 10.0 * np.arange(25) / rate
     assert found["largest"] == pytest.approx(held[-1], rel=1e-6)
     assert found["mean_mean"] == pytest.approx(held.mean(), rel=1e-6)
@@ -533,13 +483,13 @@ def test_reductions_take_the_torque_before_and_after_its_jump():
 
 @pytest.mark.slow
 def test_the_energy_ledger_counts_its_work():
-    servo = cj.Servo(*ABOUT, 2.0, 200.0, 18.0, 0.25, delay=0.0031)
+    servo = cj.Servo(*ON_SHAFT, 2.0, 200.0, 18.0, 0.25, delay=0.0031)
     settings = cj.Settings(rtol=1e-10, ledger=True)
     outputs = {"supplied": lambda now: now.work["supplied"]}
     times = np.linspace(0.0, 0.3, 40)
     saving = cj.Saving(times)
     scene = one_inertia(servo, damping=0.03)
-    solution = cj.simulate(scene, at(), 0.3, settings, saving, outputs=outputs, **QUIET)
+    solution = cj.simulate(scene, turned(), 0.3, settings, saving, outputs=outputs, **QUIET)
     residual = cj.observe(scene, solution).ledger_residual()
     assert np.abs(residual).max() < 1e-8 < np.abs(solution.outputs["supplied"]).max()
 
@@ -582,25 +532,25 @@ def test_a_sampled_force_of_a_user():
         assert final.bodies[name].velocity[0] == pytest.approx(expected, rel=1e-9)
 
 
-def test_wrong_arguments_are_refused():
-    for options, words in (
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
         ({"delay": 0.011}, r"`delay` must be at most .* 1/\(200.0 Hz\), but is 0.011"),
         ({"speed_from": "encoder"}, "`speed_from` must be in"),
         ({"delay_periods": 0}, "`delay_periods` must be a whole number"),
         ({"stall_torque": 1.0}, "`no_load_speed` must be given together with `stall_torque`"),
         ({"no_load_speed": 1.0}, "`stall_torque` must be given together with `no_load_speed`"),
         ({"torque_limit": -1.0}, "`torque_limit` must be positive"),
-    ):
-        with pytest.raises(ValueError, match=words):
-            cj.Servo(*ABOUT, 0.5, 200.0, 18.0, **options)
-    scene = changed({})
-    with pytest.raises(ValueError, match="without sampled forces, but is .'servo'.: take simulate"):
-        cj.simulate_nonsmooth(scene, at(), 0.1, step=1e-3)
-    axes = {"delay": cj.Axis(PATHS["delay"], [0.001, 0.011])}
-    outputs = {"top": cj.Peak(cj.quantities.JointAngle("hinge"), "rad")}
-    with pytest.warns(UserWarning, match="Lane 1: Argument `delay` must be at most"):
-        cj.sweep(scene, at(), 0.1, axes, outputs, **QUIET)
-    for memory, words in (
+    ],
+)
+def test_wrong_arguments_are_refused(options, words):
+    with pytest.raises(ValueError, match=words):
+        cj.Servo(*ON_SHAFT, 0.5, 200.0, 18.0, **options)
+
+
+@pytest.mark.parametrize(
+    ("memory", "words"),
+    [
         (
             {"servos": {}},
             r"`state.memory` must be of sampled forces of the scene, \['servo'\].*did",
@@ -609,12 +559,23 @@ def test_wrong_arguments_are_refused():
             {"servo": {"torqe": 0.0}},
             r"`state.memory\['servo'\]` must be one of.*did you mean 'torque",
         ),
-    ):
-        with pytest.raises(ValueError, match=words):
-            cj.simulate(scene, cj.State(at().bodies, memory=memory), 0.1, **QUIET)
+    ],
+)
+def test_a_memory_of_another_name_is_refused(memory, words):
+    with pytest.raises(ValueError, match=words):
+        cj.simulate(SCENE, cj.State(turned().bodies, memory=memory), 0.1, **QUIET)
+
+
+def test_servos_are_refused_where_they_do_not_belong():
+    with pytest.raises(ValueError, match="without sampled forces, but is .'servo'.: take simulate"):
+        cj.simulate_nonsmooth(SCENE, turned(), 0.1, step=1e-3)
+    axes = {"delay": cj.Axis(PATHS["delay"], [0.001, 0.011])}
+    outputs = {"top": cj.Peak(cj.quantities.JointAngle("bearing"), "rad")}
+    with pytest.warns(UserWarning, match="Lane 1: Argument `delay` must be at most"):
+        cj.sweep(SCENE, turned(), 0.1, axes, outputs, **QUIET)
     for quantity in (cj.quantities.MotorCurrent("servo"), cj.quantities.MotorTorque("servos")):
         with pytest.raises(ValueError, match="`drive` must be one of"):
-            quantity.check(scene)
+            quantity.check(SCENE)
 
 
 @pytest.mark.slow
@@ -625,27 +586,11 @@ def test_play_and_friction_are_found_from_goal_and_position_alone():
         return 0.35 * np.sin(5.0 * t) + 0.1 * np.sin(13.0 * t)
 
     table = np.arange(0, 1201) / 200.0
-    law = SampledPid(
-        200.0,
-        8.0,
-        0.12,
-        delay=0.005,
-        limit=1.5,
-        goal=lambda t: goal(math.floor(t * 200.0 + 1e-6) / 200.0),
-    )
-    times, start = table[2:], np.zeros(4)
-    states, _ = law.run(
-        rates_with_play, start, 6.0, lambda y: (y[1], y[3]), times, max_step=1e-3, rtol=1e-9
-    )
+    times = table[2:]
+    states, _ = scipy_with_play(True, times, goal=goal, max_step=1e-3, rtol=1e-9)
     count = 2.0 * np.pi / 4096
     measured = np.round(states[:, 1] / count) * count
-    steps = cj.PiecewiseConstant(table, goal(table))
-    limits = {"delay": 0.005, "torque_limit": 1.5}
-    servo = cj.Servo(
-        *("ground", "rotor", Z, steps, 200.0, 8.0, 0.12),
-        **limits,
-        encoder=cj.Encoder("ground", "link", Z),
-    )
+    servo = with_play(cj.Encoder("ground", "link", Z), goal, table)
     channel = cj.quantities.JointAngle("hinge of the link")
     series = cj.Series(channel, times, measured, noise=count / math.sqrt(12.0))
     truth = {"play": PLAY, "drag": 0.1, "viscosity": 0.02, "inertia": LINK}

@@ -2,21 +2,22 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from clearjoint import GROUND
+from tests.support import many_states
 
 AXIS = np.array([2.0, -1.0, 2.0]) / 3.0
 COEFFICIENT, FULL_SPEED, RADIUS, STIFFNESS, PLAY = 0.15, 0.05, 12e-3, 1e8, 0.2e-3
 MASS, INERTIA, GRAVITY = 2.0, 4e-4, 9.81
 
 
-def shaft_on_face(axis=AXIS, house=GROUND):
+def shaft_on_face(axis=AXIS):
     """A shaft whose weight presses it on the lower shoulder of a bearing."""
     friction = cj.frictions.LinearCoulomb(COEFFICIENT, FULL_SPEED)
     joint = cj.ClearanceJoint(
-        house,
-        "shaft",
+        *(GROUND, "shaft"),
         bearing_axis=axis,
         journal_axis=axis,
         bearing_radius=10e-3,
@@ -26,8 +27,32 @@ def shaft_on_face(axis=AXIS, house=GROUND):
         axial=cj.EndPlay(PLAY, cj.laws.Hertz(STIFFNESS), friction, RADIUS),
     )
     shaft = cj.Body(MASS, (3e-4, 3e-4, INERTIA))
-    bodies = {"shaft": shaft} | ({} if house == GROUND else {house: shaft})
-    return cj.Scene(bodies, {"pin": joint}, gravity=-GRAVITY * axis)
+    return cj.Scene({"shaft": shaft}, {"pin": joint}, gravity=-GRAVITY * axis)
+
+
+ACROSS = np.array([1.0, 2.0, 0.0]) / np.sqrt(5.0)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize(
+    ("speed", "spin"), [(0.3, 0.0), (0.0, 40.0), (0.0, -40.0), (0.4, 70.0), (0.01, 1.0)]
+)
+def test_friction_opposes_sliding_and_rotation_at_the_mean_radius(side, speed, spin):
+    """With mu N v/s and mu N r^2 w/s at the slip speed s above the full speed, and s/v_d of that
+    below it."""
+    scene, depth = shaft_on_face(), 1e-5
+    centre, velocity = side * (0.5 * PLAY + depth) * AXIS, speed * ACROSS
+    turn = Rotation.from_rotvec(0.7 * AXIS)
+    parts = centre, turn.as_quat(scalar_first=True), velocity, turn.inv().apply(spin * AXIS)
+    state = cj.State({"shaft": cj.BodyState(*(part[None] for part in parts))})
+    (found,) = many_states.loads(scene, state, scene.gravity)["shaft"]
+    push, slip = STIFFNESS * depth**1.5, np.hypot(speed, RADIUS * spin)
+    expected = COEFFICIENT * push / max(slip, FULL_SPEED)
+    sliding = -expected * velocity
+    np.testing.assert_allclose(found[:3], -side * push * AXIS + sliding, rtol=1e-9, atol=1e-12)
+    arm = 0.5 * 20e-3 * side * AXIS
+    turning = np.cross(arm, sliding) - expected * RADIUS**2 * spin * AXIS
+    np.testing.assert_allclose(found[3:], turning, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.slow

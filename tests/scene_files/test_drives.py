@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import numpy as np
@@ -9,45 +10,31 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import clearjoint as cj
-from tests.support.many_states import system_of
-from tests.support.random_mjcf import file_of, frame, model_of, text
+from clearjoint import Drive
+from tests.support import urdf
+from tests.support.random_mjcf import file_of, frame, model_of, random_body, random_inertial, text
+from tests.support.robots import accelerations, joint_accelerations, require_close
+from tests.support.slow import slow_but
 
 FEW, MANY = range(2), range(100, 130)
-SEEDS = [*FEW, *(pytest.param(seed, marks=pytest.mark.slow) for seed in MANY)]
+SEEDS = slow_but(FEW, [*FEW, *MANY])
 COORDINATES = cj.JointCoordinates(), cj.AbsoluteCoordinates()
-ARM = """<robot name="arm"><link name="base"/>
-  <link name="upper"><inertial><origin xyz="0.2 0 0"/><mass value="1.5"/>
-    <inertia ixx="0.01" iyy="0.03" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <link name="tool"><inertial><origin xyz="0.1 0 0"/><mass value="0.5"/>
-    <inertia ixx="0.001" iyy="0.002" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="elbow" type="revolute"><parent link="base"/><child link="upper"/>
-    <axis xyz="0 1 0"/><limit lower="-1" upper="3" effort="50" velocity="9"/></joint>
-  <joint name="slide" type="prismatic"><parent link="upper"/><child link="tool"/>
-    <origin xyz="0.4 0 0"/><axis xyz="1 0 0"/>
-    <limit lower="-1" upper="1" effort="50" velocity="9"/></joint>
-</robot>"""
+SWING = [
+    urdf.link("base"),
+    urdf.link("upper", 1.5, (0.01, 0.03, 0.02), xyz="0.2 0 0"),
+    urdf.joint("elbow", "revolute", "base", "upper", "0 1 0", limit=(50, 9, -1, 3)),
+]
+ARM = [
+    *SWING,
+    urdf.link("tool", 0.5, (0.001, 0.002, 0.002), xyz="0.1 0 0"),
+    urdf.joint("slide", "prismatic", "upper", "tool", "1 0 0", xyz="0.4 0 0", limit=(50, 9, -1, 1)),
+]
 DRIVE = cj.Drive(armature="1e-5 kg m^2", ratio=100.0, play="0.5 deg", stiffness=900.0)
 
 
 @pytest.fixture
-def read(tmp_path) -> Callable[..., cj.results.Robot]:
-    def read(content: str = ARM, **options) -> cj.results.Robot:
-        name = "robot.xml" if content.startswith("<mujoco") else "robot.urdf"
-        (tmp_path / name).write_text(content)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", cj.NotCarriedOverWarning)
-            return cj.load_robot(tmp_path / name, **options)
-
-    return read
-
-
-def accelerations(robot: cj.results.Robot, state: cj.State, coordinates) -> dict:
-    system = system_of(robot.scene, coordinates, 0.0)
-    dynamics = system.dynamics(system.encode(cj.extend.unpack(state).bodies), {}, 0.0)
-    return {
-        name: np.array([*jax.tree.leaves(part.linear), *jax.tree.leaves(part.angular)])
-        for name, part in dynamics.accelerations.items()
-    }
+def read(read_robot) -> Callable[..., cj.results.Robot]:
+    return lambda parts=ARM, **options: read_robot(urdf.robot(*parts), **options)
 
 
 def in_series(seed: int, names: list[str]) -> tuple[str, str, dict[str, cj.Drive]]:
@@ -72,10 +59,8 @@ def in_series(seed: int, names: list[str]) -> tuple[str, str, dict[str, cj.Drive
                 f'<joint name="{name} motor" {shape} {rotor}/>'
                 f'<joint name="{name}" {shape} {spring}/>',
             ]
-        mass, sides = generator.uniform(0.5, 5.0), generator.uniform(0.2, 1.0, 3) ** 2
-        moments = text(mass * (sides.sum() - sides) / 12)
         head = f'<body name="{names[k]}" {frame(generator)}>'
-        inertial = f'<inertial mass="{text(mass)}" diaginertia="{moments}" {frame(generator)}/>'
+        inertial = random_inertial(generator)
         parent = int(generator.integers(k)) if k else 0
         for bodies, joint in zip((single, double), joints, strict=True):
             body = f"{head}{joint}{inertial}{bodies[k]}</body>"
@@ -85,14 +70,14 @@ def in_series(seed: int, names: list[str]) -> tuple[str, str, dict[str, cj.Drive
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_mujoco_accelerates_drives_in_series_alike(seed, read):
+def test_mujoco_accelerates_drives_in_series_alike(seed, read_robot):
     """MuJoCo has two joints in series without a body between them, of which the first has an
     armature and the second a spring: the motion of the rotor and of the link."""
     mujoco = pytest.importorskip("mujoco")
     generator = np.random.default_rng(seed)
     names = [f"body {k}" for k in generator.permutation(6)]
     single, double, drives = in_series(seed, names)
-    robot = read(single)
+    robot = read_robot(single)
     for joint, drive in drives.items():
         robot = robot.with_drive(joint, drive)
     model, data = model_of(double)
@@ -109,99 +94,59 @@ def test_mujoco_accelerates_drives_in_series_alike(seed, read):
     for name, angle in robot.angles(state).items():
         assert angle == pytest.approx(numbers[name][0], abs=1e-12)
         assert robot.speeds(state)[name] == pytest.approx(numbers[name][1], abs=1e-12)
-    expected = {name: numbers[name][2] for name in numbers}
-    scale = max(map(abs, expected.values()))
-    system = system_of(robot.scene, cj.JointCoordinates())
-    variables = dict(system.encode(cj.extend.unpack(state).bodies))
-    rates = system.dynamics(variables, {}, 0.0).variable_rates
-    for name, rate in expected.items():
-        carried = robot.scene.joints[name].second
-        assert float(rates[carried].speeds[0]) == pytest.approx(rate, abs=1e-9 * scale), name
+    expected = {name: part[2] for name, part in numbers.items()}
+    require_close(joint_accelerations(robot, state), expected, 1e-9)
     # Absolute coordinates, in which `observe` computes.
-    first, second = (accelerations(robot, state, c) for c in COORDINATES)
+    first, second = (accelerations(robot.scene, state, c) for c in COORDINATES)
+    scale = max(map(abs, expected.values()))
     for name, rate in first.items():
         assert np.abs(rate - second[name]).max() < 1e-8 * max(scale, np.abs(rate).max()), name
 
 
-SWING = (
-    ARM.split('<link name="tool">')[0]
-    + ARM[ARM.index('<joint name="elbow"') :].split('<joint name="slide"')[0]
-    + "</robot>"
-)
 INERTIA, WEIGHT, ARMATURE, STIFFNESS, DAMPING = 0.03 + 1.5 * 0.2**2, 1.5 * 9.81 * 0.2, 0.1, 9e2, 0.2
 PLAY, TORQUE, SPEED = np.radians(0.5), 40.0, 30.0
+LOSS, DRY, SMOOTH = 0.3, 0.5, 0.05
 
 
-def reference(times: np.ndarray) -> np.ndarray:
+def reference(times: np.ndarray, play: float, damping: float, dry: float, loss: float):
     """Angles, rad, of rotor and link, (2, N), which start at rest at zero, by SciPy: two inertias
-    with a spring and a damper that begin at the ends of the play and do not pull."""
+    with a spring and a damper that begin at the ends of the play and do not pull, and with friction
+    of the rotor."""
 
-    def force(y: np.ndarray) -> tuple[float, float, float]:
+    def rates(t, y):
         twist, rate = y[1] - y[0], y[3] - y[2]
-        side = np.sign(twist)
-        depth = abs(twist) - 0.5 * PLAY
-        return depth, STIFFNESS * depth + DAMPING * side * rate, side
+        depth, side = abs(twist) - 0.5 * play, np.sign(twist)
+        pushes = depth > 0.0
+        torque = side * max(STIFFNESS * depth + damping * side * rate, 0.0) * pushes
+        friction = (dry + loss * abs(torque)) * np.tanh(y[2] / SMOOTH)
+        motor = TORQUE * np.sin(SPEED * t) + torque - friction
+        return [y[2], y[3], motor / ARMATURE, (WEIGHT * np.cos(y[1]) - torque) / INERTIA]
 
-    def rates(pressed: bool):
-        def evaluate(t, y):
-            _, push, side = force(y)
-            torque = -side * push if pressed else 0.0
-            motor = TORQUE * np.sin(SPEED * t)
-            own = (motor - torque) / ARMATURE, (torque + WEIGHT * np.cos(y[1])) / INERTIA
-            return [y[2], y[3], *own]
+    # So short that no flank passes the play within a step.
+    options = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14, "max_step": 1e-4}
+    return solve_ivp(rates, (0.0, times[-1]), np.zeros(4), t_eval=times, **options).y[:2]
 
-        return evaluate
 
-    def event(index: int, direction: float):
-        def evaluate(t, y):
-            return force(y)[index]
-
-        evaluate.terminal, evaluate.direction = True, direction
-        return evaluate
-
-    # Apart until the flanks touch; pressed until the force vanishes; parting until they do not
-    # touch, or the force is positive again.
-    modes = {
-        "apart": (False, {"pressed": event(0, 1.0)}),
-        "pressed": (True, {"parting": event(1, -1.0)}),
-        "parting": (False, {"apart": event(0, -1.0), "pressed": event(1, 1.0)}),
-    }
-    t, y, mode, parts = 0.0, np.zeros(4), "apart", []
-    while t < times[-1]:
-        pressed, exits = modes[mode]
-        found = solve_ivp(
-            rates(pressed),
-            (t, times[-1]),
-            y,
-            "DOP853",
-            events=list(exits.values()),
-            dense_output=True,
-            rtol=1e-12,
-            atol=1e-14,
-            max_step=1e-4,  # so that no flank passes the play within a step
-        )
-        inside = times[(times > t) & (times <= found.t[-1])]
-        parts += [found.sol(inside)[:2]] if len(inside) else []
-        t, y = found.t[-1], found.y[:, -1]
-        for name, hits in zip(exits, found.t_events, strict=True):
-            mode = name if len(hits) else mode
-    return np.concatenate(parts, axis=1)
+def swinging(read, **drive: Any) -> cj.results.Robot:
+    """The arm, whose motor has a torque that oscillates."""
+    drive = {"armature": ARMATURE, "stiffness": STIFFNESS, **drive}
+    robot = read(SWING).with_drive("elbow", cj.Drive(**drive))
+    torque = cj.DriveTorque(*robot.motor_side("elbow"), lambda t: TORQUE * jax.numpy.sin(SPEED * t))
+    return robot.with_elements({"torque": torque})
 
 
 def test_an_arm_with_play_and_compliance_moves_as_in_scipy(read):
-    drive = cj.Drive(ARMATURE / 50.0**2, 50.0, "0.5 deg", STIFFNESS, damping=DAMPING)
-    robot = read(SWING).with_drive("elbow", drive)
-    torque = cj.DriveTorque(*robot.motor_side("elbow"), lambda t: TORQUE * jax.numpy.sin(SPEED * t))
-    robot = robot.with_elements({"torque": torque})
+    gear = {"armature": ARMATURE / 50.0**2, "ratio": 50.0}
+    robot = swinging(read, **gear, play="0.5 deg", damping=DAMPING)
     times = np.linspace(0.03, 0.6, 20)
     settings = cj.Settings(rtol=1e-9, ledger=True)
     save = cj.Saving(times, impacts=True)
     solution = cj.simulate(robot.scene, robot.state(), 0.6, settings, save, progress=False)
     angles = robot.angles(solution)
-    expected = reference(times)
+    expected = reference(times, PLAY, DAMPING, 0.0, 0.0)
     assert len(solution.impacts) >= 5
-    assert np.abs(angles["elbow motor"] - expected[0]).max() < 1e-6
-    assert np.abs(angles["elbow"] - expected[1]).max() < 1e-6
+    found = np.array([angles["elbow motor"], angles["elbow"]])
+    assert np.abs(found - expected).max() < 1e-6
     assert np.ptp(expected[0] - expected[1]) > 1.2 * PLAY
     residual = cj.observe(robot.scene, solution).ledger_residual()
     assert np.abs(residual).max() < 1e-6
@@ -267,35 +212,19 @@ def test_a_robot_with_drives_is_saved_and_assembled(read, tmp_path):
     ("joint", "drive", "message"),
     [
         ("elbw", DRIVE, "`joint` must be one of the ideal hinges.*'elbw'.*did you mean 'elbow'"),
+        ("elbow", Drive(1e-5, play="1 mm", stiffness=1.0), "drive, `play`: found '1 mm', .*rad"),
+        ("slide", Drive(1e-5, play="1 deg", stiffness=1.0), "drive, `play`: found '1 deg', .*in m"),
+        ("elbow", Drive(1e-5, play=-1.0), "`drive.play` must be positive, but is -1.0"),
+        ("elbow", Drive(1e-5, play=0.01), "`drive.stiffness` must be given with a play"),
+        ("elbow", Drive(stiffness=5.0), "`drive.armature` must be given, since joint 'elbow' has"),
+        ("elbow", Drive(1e-5, damping=5.0), "`drive.damping` must be omitted without a stiffness"),
         (
             "elbow",
-            cj.Drive(1e-5, play="0.5 mm", stiffness=1.0),
-            "drive, `play`: found '0.5 mm', .*rad",
+            Drive(1e-5, stiffness=5.0, restitution=0.5),
+            "`drive.restitution` must be omitted",
         ),
-        (
-            "slide",
-            cj.Drive(1e-5, play="0.5 deg", stiffness=1.0),
-            "drive, `play`: found '0.5 deg', .*in m",
-        ),
-        ("elbow", cj.Drive(1e-5, play=-1.0), "`drive.play` must be positive, but is -1.0"),
-        ("elbow", cj.Drive(1e-5, play=0.01), "`drive.stiffness` must be given with a play"),
-        (
-            "elbow",
-            cj.Drive(stiffness=5.0),
-            "`drive.armature` must be given, since joint 'elbow' has",
-        ),
-        ("elbow", cj.Drive(1e-5, damping=5.0), "`drive.damping` must be omitted without a stiffn"),
-        (
-            "elbow",
-            cj.Drive(1e-5, stiffness=5.0, restitution=0.5),
-            "`drive.restitution` must be omi",
-        ),
-        (
-            "slide",
-            cj.Drive(1.0, stiffness=5.0, loss=0.1),
-            "`drive.loss` must be omitted without a pl",
-        ),
-        ("elbow", cj.Drive(True), "`drive.armature` must be a number"),
+        ("slide", Drive(1.0, stiffness=5.0, loss=0.1), "`drive.loss` must be omitted without a pl"),
+        ("elbow", Drive(True), "`drive.armature` must be a number"),
         ("elbow", None, "`drive` must be a Drive"),
     ],
 )
@@ -326,32 +255,14 @@ def test_a_second_drive_and_a_taken_name_are_refused(read):
         read(play=played).with_drive("elbow", DRIVE)
 
 
-LOSS, DRY, SMOOTH = 0.3, 0.5, 0.05
-
-
 @pytest.mark.parametrize("play", [None, "0.5 deg"])
 def test_the_loss_of_a_gear_is_friction_over_the_transmitted_torque(read, play):
     law = cj.frictions.RegularisedCoulomb(1.0, regularisation_speed=SMOOTH)
-    numbers = {"armature": ARMATURE, "stiffness": STIFFNESS, "damping": 1e-6}
-    drive = cj.Drive(**numbers, play=play, friction=DRY, loss=LOSS, law=law)
-    robot = read(SWING).with_drive("elbow", drive)
-    torque = cj.DriveTorque(*robot.motor_side("elbow"), lambda t: TORQUE * jax.numpy.sin(SPEED * t))
-    robot = robot.with_elements({"torque": torque})
-    half = 0.0 if play is None else 0.5 * PLAY
-
-    def rates(t, y):
-        twist = y[1] - y[0]
-        elastic = STIFFNESS * np.sign(twist) * max(abs(twist) - half, 0.0)
-        friction = (DRY + LOSS * abs(elastic)) * np.tanh(y[2] / SMOOTH)
-        motor = TORQUE * np.sin(SPEED * t) + elastic - friction
-        return [y[2], y[3], motor / ARMATURE, (WEIGHT * np.cos(y[1]) - elastic) / INERTIA]
-
-    end = 0.5
-    options = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-13, "max_step": 2e-4}
-    expected = solve_ivp(rates, (0.0, end), np.zeros(4), **options).y[:2, -1]
+    robot = swinging(read, damping=1e-6, play=play, friction=DRY, loss=LOSS, law=law)
     settings = cj.Settings(rtol=1e-9, ledger=True)
-    solution = cj.simulate(robot.scene, robot.state(), end, settings, progress=False)
+    solution = cj.simulate(robot.scene, robot.state(), 0.5, settings, progress=False)
     angles = robot.angles(solution.final)
+    expected = reference(np.array([0.5]), 0.0 if play is None else PLAY, 1e-6, DRY, LOSS)[:, 0]
     assert [angles["elbow motor"], angles["elbow"]] == pytest.approx(expected, abs=1e-6)
     assert solution.final.work["friction"] > 1.0
 
@@ -373,10 +284,8 @@ FRICTION = "ground", "upper", cj.frictions.Dahl(0.1), 1.0, (0, 1, 0), 1.0
 
 def test_armatures_of_joints_with_clearance_are_named(tmp_path):
     pytest.importorskip("mujoco")
-    generator = np.random.default_rng(0)
-    inertial = f'<inertial mass="1" diaginertia="0.1 0.1 0.1" {frame(generator)}/>'
-    hinge = '<joint name="hinge" armature="0.1"/>'
-    (tmp_path / "robot.xml").write_text(file_of(f"<body>{hinge}{inertial}</body>", generator))
+    body = random_body(np.random.default_rng(0), "a", '<joint name="hinge" armature="0.1"/>', "")
+    (tmp_path / "robot.xml").write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
     law = cj.laws.HuntCrossley(0.5, 1e9)
     play = {"bearing_radius": 0.01, "clearance": 1e-4, "journal_length": 0.02, "law": law}
     with pytest.warns(cj.NotCarriedOverWarning, match="armatures of hinge"):

@@ -1,49 +1,24 @@
 """Robots from MJCF files: MuJoCo computes the same accelerations, of random robots too."""
 
-import jax
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
-from tests.support.many_states import system_of
-from tests.support.random_mjcf import (
-    file_of,
-    frame,
-    model_of,
-    random_body,
-    random_tree,
-    text,
-)
+from tests.support.random_mjcf import file_of, frame, model_of, random_body, random_tree, text
+from tests.support.robots import accelerations, accelerations_in_mujoco, turned
+from tests.support.slow import slow_but
 
 mujoco = pytest.importorskip("mujoco")
 FEW, MANY = range(2), range(100, 130)
-SEEDS = [*FEW, *(pytest.param(seed, marks=pytest.mark.slow) for seed in MANY)]
-pytestmark = pytest.mark.filterwarnings("ignore::clearjoint.NotCarriedOverWarning")
-
-
-@pytest.fixture
-def read(tmp_path):
-    def read(robot: str, **options):
-        (tmp_path / "robot.xml").write_text(robot)
-        return cj.load_robot(tmp_path / "robot.xml", **options)
-
-    return read
-
-
-def dynamics(loaded: cj.results.Robot, state: cj.State, feedback: float = 0.0):
-    system = system_of(loaded.scene, cj.JointCoordinates(), feedback)
-    return system.dynamics(system.encode(cj.extend.unpack(state).bodies), {}, 0.0)
+SEEDS = slow_but(FEW, [*FEW, *MANY])
 
 
 def free_state(model, data, body: str, start: np.ndarray) -> cj.BodyState:
     """Of a free body, whose axes are the world's at the start."""
-    index = model.body(body).id
-    turned = Rotation.from_quat(data.xquat[index], scalar_first=True)
-    first = Rotation.from_quat(start, scalar_first=True)
-    velocity = np.zeros(6)
+    index, velocity = model.body(body).id, np.zeros(6)
     mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, index, velocity, 0)
-    orientation = turned * first.inv()
+    orientation = turned(data.xquat[index]) * turned(start).inv()
     return cj.body_state(
         data.xipos[index],
         orientation.as_quat(scalar_first=True),
@@ -53,7 +28,7 @@ def free_state(model, data, body: str, start: np.ndarray) -> cj.BodyState:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_mujoco_computes_the_same_accelerations(seed, read):
+def test_mujoco_computes_the_same_accelerations(seed, read_robot):
     """Hinges and sliders, one or several of a body, with references, springs and dampers, fixed
     links, and a free body that carries links."""
     generator = np.random.default_rng(seed)
@@ -68,44 +43,34 @@ def test_mujoco_computes_the_same_accelerations(seed, read):
     data.qpos[model.joint("free").qposadr[0] + 3 :][:4] = Rotation.random(rng=generator).as_quat()
     data.qvel[:] = generator.uniform(-2, 2, model.nv)
     mujoco.mj_forward(model, data)
-    mujoco.mj_rnePostConstraint(model, data)
-    loaded = read(robot)
+    loaded = read_robot(robot)
     q = {name: float(data.joint(name).qpos[0]) for name in loaded.joints}
     qd = {name: float(data.joint(name).qvel[0]) for name in loaded.joints}
     state = loaded.state(q, qd, free={names[7]: free_state(model, data, names[7], start)})
     for name, angle in loaded.angles(state).items():
         assert angle == pytest.approx(q[name], abs=1e-12)
         assert loaded.speeds(state)[name] == pytest.approx(qd[name], abs=1e-12)
-    accelerations = dynamics(loaded, state).accelerations
-    for name in names:
-        link = loaded.links[name]
-        if link.body != name:  # a part of another body
-            continue
-        found = accelerations[name]
+    found = accelerations(loaded.scene, state)
+    for name in [name for name in names if loaded.links[name].body == name]:
         # MuJoCo's is that of the body alone; here fixed bodies are parts of the body.
-        expected = np.zeros(6)
-        kind, index = mujoco.mjtObj.mjOBJ_XBODY, model.body(name).id
-        mujoco.mj_objectAcceleration(model, data, kind, index, expected, 0)
-        body = state.bodies[name]
-        turn = Rotation.from_quat(np.asarray(body.orientation), scalar_first=True)
-        spin, arm = turn.apply(body.spin), turn.apply(link.point)
-        angular = turn.apply(jax.tree.leaves(found.angular))
-        linear = np.array(jax.tree.leaves(found.linear))
+        expected = accelerations_in_mujoco(model, data, name, "XBODY")
+        angular, linear = np.split(found[name], 2)
+        turn = turned(state.bodies[name].orientation)
+        spin, arm = turn.apply(state.bodies[name].spin), turn.apply(loaded.links[name].point)
         linear += np.cross(angular, arm) + np.cross(spin, np.cross(spin, arm))
         scale = np.abs(expected).max()
-        assert np.abs(angular - expected[:3]).max() < 1e-9 * scale
-        assert np.abs(linear - (expected[3:] + model.opt.gravity)).max() < 1e-9 * scale
+        assert np.abs(np.concatenate([angular, linear]) - expected).max() < 1e-9 * scale
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_torques_are_those_of_mujocos_inverse_dynamics(seed, read):
+def test_torques_are_those_of_mujocos_inverse_dynamics(seed, read_robot):
     generator = np.random.default_rng(seed)
     names = [f"body {k}" for k in generator.permutation(6)]
     robot = file_of(random_tree(generator, names, fixed=True), generator)
     model, data = model_of(robot)
     data.qpos[:], data.qvel[:], data.qacc[:] = generator.uniform(-2, 2, (3, model.nv))
     mujoco.mj_inverse(model, data)
-    loaded = read(robot)
+    loaded = read_robot(robot)
     assert [model.joint(k).name for k in range(model.njnt)] == [*loaded.joints]
     found = loaded.torques(data.qpos, data.qvel, data.qacc)
     scale = np.abs(data.qfrc_inverse).max()
@@ -113,7 +78,7 @@ def test_torques_are_those_of_mujocos_inverse_dynamics(seed, read):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_equalities_accelerate_as_mujocos_jacobian_says(seed, read):
+def test_equalities_accelerate_as_mujocos_jacobian_says(seed, read_robot):
     """At rest: M a = forces + J^T multipliers with J a = 0."""
     generator = np.random.default_rng(seed)
     names = [f"body {k}" for k in generator.permutation(7)]
@@ -140,29 +105,25 @@ def test_equalities_accelerate_as_mujocos_jacobian_says(seed, read):
     data.qacc[:] = free_rates - response @ np.linalg.solve(
         jacobian @ response, jacobian @ free_rates
     )
-    mujoco.mj_rnePostConstraint(model, data)
-    loaded = read(robot)
+    loaded = read_robot(robot)
     q = {name: float(data.joint(name).qpos[0]) for name in loaded.joints}
     followers = {f"to {names[0]}", f"to {names[1]}"}
     # The equations are evaluated at MuJoCo's start, which violates the couplings.
-    tree_only = read(robot.split("<equality>")[0] + "</mujoco>")
+    tree_only = read_robot(robot.split("<equality>")[0] + "</mujoco>")
     state = tree_only.state(q)
     assert {*loaded.leaders} == followers - {f"to {names[0]}"}
     kinds = {name: type(joint) for name, joint in loaded.scene.joints.items()}
     assert kinds["pin"] is cj.SphericalJoint and kinds["weld"] is cj.FixedJoint
-    found = dynamics(loaded, state).accelerations
+    found = accelerations(loaded.scene, state)
     for name in names:
-        expected = np.zeros(6)
-        kind, index = mujoco.mjtObj.mjOBJ_BODY, model.body(name).id
-        mujoco.mj_objectAcceleration(model, data, kind, index, expected, 0)
-        linear = np.array(jax.tree.leaves(found[name].linear))
+        expected = accelerations_in_mujoco(model, data, name)
         scale = max(np.abs(expected).max(), 10.0)
-        assert np.abs(linear - (expected[3:] + model.opt.gravity)).max() < 1e-8 * scale
+        assert np.abs(found[name] - expected).max() < 1e-8 * scale
 
 
 @pytest.mark.parametrize("kind", ["connect", "weld"])
 @pytest.mark.parametrize("seed", range(5))
-def test_equalities_of_sites_are_those_of_bodies(seed, kind, read):
+def test_equalities_of_sites_are_those_of_bodies(seed, kind, read_robot):
     generator = np.random.default_rng(seed)
     bodies = [
         random_body(generator, name, f"<freejoint/><site name='on {name}' {frame(generator)}/>", "")
@@ -172,7 +133,7 @@ def test_equalities_of_sites_are_those_of_bodies(seed, kind, read):
     robot = file_of("".join(bodies), generator, sites)
     model, data = model_of(robot)
     mujoco.mj_forward(model, data)
-    loaded = read(robot)
+    loaded = read_robot(robot)
     joint, start = loaded.scene.joints["e"], loaded.state()
     for body, point in (("a", joint.point_first), ("b", joint.point_second)):
         # At the start, the axes of all bodies are the world's.
@@ -182,5 +143,4 @@ def test_equalities_of_sites_are_those_of_bodies(seed, kind, read):
         first, second = (
             Rotation.from_matrix(data.site(f"on {body}").xmat.reshape(3, 3)) for body in "ab"
         )
-        turn = Rotation.from_quat(np.asarray(joint.orientation), scalar_first=True)
-        assert (turn.inv() * first * second.inv()).magnitude() < 1e-9
+        assert (turned(joint.orientation).inv() * first * second.inv()).magnitude() < 1e-9

@@ -13,12 +13,14 @@ from scipy.spatial.transform import Rotation
 import clearjoint as cj
 from studies.backlash import ours
 from studies.backlash.shafts import END, FREQUENCY, exact
-from tests.support.many_states import system_of
-from tests.support.random_mjcf import file_of, random_body, random_tree
+from tests.support import urdf
+from tests.support.random_mjcf import file_of, random_body, random_box, random_tree
+from tests.support.robots import accelerations, accelerations_in_mujoco, require_close
+from tests.support.slow import slow_but
 
 mujoco = pytest.importorskip("mujoco")
 FEW, MANY = range(4), range(100, 140)
-SEEDS = [*FEW, *(pytest.param(seed, marks=pytest.mark.slow) for seed in MANY)]
+SEEDS = slow_but(FEW, [*FEW, *MANY])
 AXIS = (0.0, 0.0, 1.0)
 
 
@@ -38,42 +40,15 @@ def at_keyframe(model):
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("start").id)
     mujoco.mj_forward(model, data)
-    mujoco.mj_rnePostConstraint(model, data)
     return data
-
-
-def accelerations(scene: cj.Scene, state: cj.State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Of the bodies' centres, m/s^2, and angular, rad/s^2, in global axes."""
-    system = system_of(scene, cj.JointCoordinates(), 0.0)
-    speeds = {name: dict.fromkeys(laws, 0.1) for name, laws in scene.laws().items()}
-    variables = system.encode(cj.extend.unpack(state).bodies)
-    found = system.dynamics(variables, speeds, 0.0).accelerations
-    turns = {
-        name: Rotation.from_quat(np.asarray(body.orientation), scalar_first=True)
-        for name, body in state.bodies.items()
-    }
-    return {
-        name: (
-            np.array(jax.tree.leaves(body.linear), dtype=float),
-            turns[name].apply(np.array(jax.tree.leaves(body.angular), dtype=float)),
-        )
-        for name, body in found.items()
-    }
 
 
 def require_same_accelerations(model, data, scene, state, tolerance):
     found = accelerations(scene, state)
-    expected = {name: np.zeros(6) for name in found}
-    for name, numbers in expected.items():
-        kind, index = mujoco.mjtObj.mjOBJ_BODY, model.body(name).id
-        mujoco.mj_objectAcceleration(model, data, kind, index, numbers, 0)
-    scale = max(np.abs(numbers).max() for numbers in expected.values())
-    for name, (linear, angular) in found.items():
-        place = np.asarray(state.bodies[name].position)
-        assert data.body(name).xipos == pytest.approx(place, abs=1e-12)
-        own = expected[name]
-        assert np.abs(angular - own[:3]).max() < tolerance * scale
-        assert np.abs(linear - (own[3:] + model.opt.gravity)).max() < tolerance * scale
+    expected = {name: accelerations_in_mujoco(model, data, name) for name in found}
+    require_close(found, expected, tolerance)
+    for name, body in state.bodies.items():
+        assert data.body(name).xipos == pytest.approx(np.asarray(body.position), abs=1e-12)
 
 
 class RandomScene:
@@ -89,12 +64,10 @@ class RandomScene:
         self.kinds: dict[str, type] = {}
         self.bodies, self.joints, self.parents = {}, {}, {}
         for k, name in enumerate(self.names):
-            sides = generator.uniform(0.3, 1.0, 3) ** 2
-            mass = generator.uniform(0.5, 5.0)
-            moments = np.diag(mass * (sides.sum() - sides) / 12)
+            mass, moments = random_box(generator, least=0.3)
             turn = Rotation.random(rng=generator).as_matrix()
-            whole = turn @ moments @ turn.T
-            inertia = moments.diagonal() if k % 2 else 0.5 * (whole + whole.T)
+            whole = turn @ np.diag(moments) @ turn.T
+            inertia = moments if k % 2 else 0.5 * (whole + whole.T)
             self.bodies[name] = cj.Body(mass, inertia)
             self.poses[name] = generator.uniform(-1, 1, 3), Rotation.random(rng=generator)
             parent = ["ground", *self.names[:k]][generator.integers(k + 1)]
@@ -154,15 +127,8 @@ class RandomScene:
     def backlash(self, first: str, second: str, local: np.ndarray, axis: np.ndarray) -> cj.Backlash:
         """With play of 0.01 rad, of which some is left, or a flank is pressed by up to 1 mrad."""
         own = np.sign(self.local(first, axis) @ local) * self.local(second, axis)
-        free = cj.Backlash(
-            first,
-            second,
-            axis_first=local,
-            axis_second=own,
-            play=0.01,
-            radius=0.03,
-            law=cj.laws.SpringDashpot(1e7, 1e3),
-        )
+        flanks = {"play": 0.01, "radius": 0.03, "law": cj.laws.SpringDashpot(1e7, 1e3)}
+        free = cj.Backlash(first, second, axis_first=local, axis_second=own, **flanks)
         motions = self.motions()
         angle = float(cj.extend.unpack(free).relative_angle(motions).value)
         return replace(free, middle=angle + self.generator.uniform(-6e-3, 6e-3))
@@ -241,10 +207,8 @@ def test_mujoco_accelerates_random_scenes_alike(seed, written):
     data = at_keyframe(model)
     now, later = made.motions(), made.motions(state, 1e-6)
     for name in made.axes:
-        joint, written_joint = (
-            cj.extend.unpack(scene.joints[f"on {name}"]),
-            data.joint(f"on {name}"),
-        )
+        joint = cj.extend.unpack(scene.joints[f"on {name}"])
+        written_joint = data.joint(f"on {name}")
         position, after = (float(joint.position(motions).value) for motions in (now, later))
         turns = (position - written_joint.qpos[0]) / (2 * math.pi)
         assert turns == pytest.approx(round(turns), abs=1e-9)
@@ -266,47 +230,40 @@ def driven(model, robot: cj.results.Robot, q, qd):
 
 @pytest.mark.filterwarnings("ignore::clearjoint.NotCarriedOverWarning")
 @pytest.mark.parametrize("seed", SEEDS)
-def test_robots_are_read_as_they_were(seed, tmp_path, written):
+def test_robots_are_read_as_they_were(seed, tmp_path, read_robot, written):
     """MuJoCo accelerates a written robot as that of the first file, and so does clearjoint."""
     generator = np.random.default_rng(seed)
     names = [f"body {k}" for k in generator.permutation(7)]
     tree = random_tree(generator, names[:6], fixed=True)
     free = random_body(generator, names[6], '<freejoint name="free"/>', "")
-    (tmp_path / "first.xml").write_text(file_of(tree + free, generator))
-    first = cj.load_robot(tmp_path / "first.xml")
+    robot = file_of(tree + free, generator)
+    first = read_robot(robot)
     q, qd = generator.uniform(-2, 2, (2, len(first.joints)))
     state = first.state(q, qd)
     model = written(first, state)
     again = cj.load_robot(tmp_path / "written.xml")
     assert {*again.joints} == {*first.joints}
     assert again.scene.bodies.keys() == first.scene.bodies.keys()
-    by_name = dict(zip(first.joints, q, strict=True)), dict(zip(first.joints, qd, strict=True))
-    second = again.state(*by_name)
-    for body in state.bodies:
+    second = again.state(*(dict(zip(first.joints, part, strict=True)) for part in (q, qd)))
+    for name, body in state.bodies.items():
+        other = second.bodies[name]
         for part in ("position", "velocity", "spin"):
-            ends = (np.asarray(getattr(each.bodies[body], part)) for each in (state, second))
-            assert next(ends) == pytest.approx(next(ends), abs=1e-12)
-    pair = accelerations(first.scene, state), accelerations(again.scene, second)
-    scale = np.abs([*pair[0].values()]).max()
-    for body, parts in pair[0].items():
-        assert np.abs(np.subtract(parts, pair[1][body])).max() < 1e-9 * scale
+            assert getattr(other, part) == pytest.approx(getattr(body, part), abs=1e-12)
+    require_close(accelerations(again.scene, second), accelerations(first.scene, state), 1e-9)
     require_same_accelerations(model, at_keyframe(model), first.scene, state, 1e-9)
-    original = mujoco.MjModel.from_xml_path(str(tmp_path / "first.xml"))
-    rates = [driven(each, first, q, qd) for each in (original, model)]
-    for name in first.joints:
-        one, other = (data.joint(name).qacc[0] for data in rates)
-        assert one == pytest.approx(other, rel=1e-9, abs=1e-9 * scale)
+    original = mujoco.MjModel.from_xml_string(robot)
+    rates = [driven(each, first, q, qd) for each in (model, original)]
+    require_close(*({n: data.joint(n).qacc for n in first.joints} for data in rates), 1e-9)
 
 
 @pytest.mark.filterwarnings("ignore::clearjoint.NotCarriedOverWarning")
 @pytest.mark.parametrize("seed", SEEDS)
-def test_mujoco_accelerates_drive_trains_alike(seed, tmp_path, written):
+def test_mujoco_accelerates_drive_trains_alike(seed, read_robot, written):
     """Rotors that turn with the link, by a spring, and by pressed flanks, of hinges and sliders."""
     generator = np.random.default_rng(seed)
     names = [f"body {k}" for k in generator.permutation(6)]
     tree = random_tree(generator, names, fixed=True)
-    (tmp_path / "first.xml").write_text(file_of(tree, generator))
-    robot = cj.load_robot(tmp_path / "first.xml")
+    robot = read_robot(file_of(tree, generator))
     q, qd = generator.uniform(-2, 2, (2, len(robot.joints)))
     positions, speeds = (dict(zip(robot.joints, part, strict=True)) for part in (q, qd))
     law = cj.frictions.RegularisedCoulomb(1.0, 1e-9)
@@ -326,29 +283,30 @@ def test_mujoco_accelerates_drive_trains_alike(seed, tmp_path, written):
     require_same_accelerations(model, at_keyframe(model), robot.scene, state, 1e-3)
 
 
+INERTIAL = '<inertial pos="0.1 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>'
+
+
 @pytest.mark.parametrize("seed", FEW)
-def test_properties_of_joints_and_actuators_are_read_as_they_were(seed, tmp_path, written):
+def test_properties_of_joints_and_actuators_are_read_as_they_were(
+    seed, tmp_path, read_robot, written
+):
     generator = np.random.default_rng(seed)
-    numbers = dict(zip("abcdefghij", generator.uniform(0.1, 2.0, 10), strict=True))
-    file = """<mujoco><compiler angle="radian"/><worldbody><body name="arm">
-      <joint name="elbow" axis="0 1 0" range="-{a} {b}" frictionloss="{c}" damping="{d}"
-        armature="{e}" stiffness="{f}" springref="{g}" actuatorfrcrange="-{h} {h}"/>
-      <inertial pos="0.1 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>
-      <body name="hand"><joint name="grip" type="slide" axis="1 0 0" frictionloss="{i}"/>
-      <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>
-      <body name="tip"><joint name="tilt" axis="1 0 0"/>
-      <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>
-      <body name="end"><joint name="held" axis="1 0 0"/>
-      <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/></body></body></body></body>
-      </worldbody>
+    a, b, c, d, e, f, g, h, i, j = generator.uniform(0.1, 2.0, 10)
+    elbow = f"""<joint name="elbow" axis="0 1 0" range="-{a} {b}" frictionloss="{c}" damping="{d}"
+      armature="{e}" stiffness="{f}" springref="{g}" actuatorfrcrange="-{h} {h}"/>"""
+    grip = f'<joint name="grip" type="slide" axis="1 0 0" frictionloss="{i}"/>'
+    others = (f'<joint name="{name}" axis="1 0 0"/>' for name in ("tilt", "held"))
+    bodies = ""
+    for joint in reversed((elbow, grip, *others)):
+        bodies = f"<body>{joint}{INERTIAL}{bodies}</body>"
+    rest = f"""
       <equality><joint name="e" joint1="grip" joint2="elbow" polycoef="{a} {b} {c} {d} {e}"/>
       <joint name="f" joint1="tilt" joint2="elbow" polycoef="{b} {c} {d} 0 {e}"/>
       <joint name="g" joint1="held" polycoef="{a} 0 0 0 0"/></equality><actuator>
       <position name="servo" joint="elbow" kp="{i}" kv="{j}" ctrlrange="-1 {a}"/>
-      <motor name="push" joint="grip" gear="{g}" forcerange="-{h} {h}"/></actuator></mujoco>"""
-    (tmp_path / "first.xml").write_text(file.format(**numbers))
-    first = cj.load_robot(tmp_path / "first.xml")
-    original = mujoco.MjModel.from_xml_path(str(tmp_path / "first.xml"))
+      <motor name="push" joint="grip" gear="{g}" forcerange="-{h} {h}"/></actuator>"""
+    file = file_of(bodies, generator, rest)
+    first, original = read_robot(file), mujoco.MjModel.from_xml_string(file)
     model = written(first)
     again = cj.load_robot(tmp_path / "written.xml")
     assert again.limits == first.limits
@@ -366,27 +324,29 @@ def test_properties_of_joints_and_actuators_are_read_as_they_were(seed, tmp_path
         assert float(position) == pytest.approx(float(other[name]), abs=1e-12)
 
 
-def test_stops_play_and_actuators_of_drives(tmp_path, written):
+def require_limit(model, name: str, limits: tuple[float, float], stiffness: float) -> None:
+    joint = model.joint(name)
+    assert joint.range == pytest.approx(limits, abs=1e-12)
+    weight = model.dof_invweight0[joint.dofadr[0]]
+    assert -model.jnt_solref[joint.id][0] == pytest.approx(stiffness * weight)
+
+
+def test_stops_play_and_actuators_of_drives(read_robot, written):
     """Stops are at the limits of the file; of a stop and a play, the narrower one acts; an actuator
     acts on the rotor. The wider one is named."""
-    bodies = "".join(
-        f'<body name="on {name}"><joint name="{name}" axis="0 1 0" {options}/>'
-        '<inertial pos="0.1 0 0" mass="1" diaginertia="0.1 0.1 0.1"/></body>'
-        for name, options in (
-            ("elbow", 'range="-0.4 0.9"'),
-            ("grip", 'type="slide" range="-0.1 0.3"'),
-            ("twist", 'range="2 6" armature="1e-6"'),
-        )
+    joints = (
+        'name="elbow" range="-0.4 0.9"',
+        'name="grip" type="slide" range="-0.1 0.3"',
+        'name="twist" range="2 6" armature="1e-6"',
     )
+    bodies = "".join(f'<body><joint axis="0 1 0" {one}/>{INERTIAL}</body>' for one in joints)
     servo = '<actuator><position name="servo" joint="twist" kp="3"/></actuator>'
-    compiler = '<compiler angle="radian"/>'
-    file = f"<mujoco>{compiler}<worldbody>{bodies}</worldbody>{servo}</mujoco>"
-    (tmp_path / "first.xml").write_text(file)
+    file = file_of(bodies, np.random.default_rng(0), servo)
     law = cj.laws.SpringDashpot(2e6, 30.0)
     stops = {"elbow": {"torsional_stiffness": 500.0, "restitution": 0.3}, "grip": {"law": law}}
     play = {"elbow": {"backlash": 0.01, "torsional_stiffness": 900.0, "restitution": 0.3}}
     for added, limits, stiffness in (({}, (-0.4, 0.9), 500.0), (play, (-0.005, 0.005), 900.0)):
-        robot = cj.load_robot(tmp_path / "first.xml", play=added, stops=stops)
+        robot = read_robot(file, play=added, stops=stops)
         robot = robot.with_drive("twist", cj.Drive(stiffness=80.0, damping=0.1))
         # Within the limits, whatever the revolution.
         with warnings.catch_warnings(record=True) as caught:
@@ -394,13 +354,8 @@ def test_stops_play_and_actuators_of_drives(tmp_path, written):
             model = written(robot, robot.state({"twist": 5.0 - 2 * math.pi}))
         messages = "".join(str(warning.message) for warning in caught)
         assert ("wider limits of elbow stop" in messages) == bool(added)
-        assert model.joint("elbow").range == pytest.approx(limits, abs=1e-12)
-        assert model.joint("grip").range == pytest.approx((-0.1, 0.3), abs=1e-12)
-        numbers = model.jnt_solref[:, 0]
-        for name, expected in (("elbow", stiffness), ("grip", 2e6)):
-            number = numbers[model.joint(name).id]
-            weight = model.dof_invweight0[model.joint(name).dofadr[0]]
-            assert -number == pytest.approx(expected * weight)
+        require_limit(model, "elbow", limits, stiffness)
+        require_limit(model, "grip", (-0.1, 0.3), 2e6)
         assert model.key_qpos[0][model.joint("twist").qposadr[0]] == pytest.approx(5.0)
         assert model.actuator("servo").trnid[0] == model.joint("twist motor").id
         assert model.tendon_stiffness == pytest.approx(80.0)
@@ -409,38 +364,28 @@ def test_stops_play_and_actuators_of_drives(tmp_path, written):
             2 * math.pi / 20 * math.sqrt(1e-6 / 80), rel=1e-3
         )
     # Also if the narrower one is added later.
-    robot = cj.load_robot(tmp_path / "first.xml", stops=stops)
+    robot = read_robot(file, stops=stops)
     first, second, axis = robot.link_side("elbow")
-    law = cj.laws.SpringDashpot(900.0 / 0.02**2, 1.0)
-    narrow = cj.Backlash(
-        first, second, axis_first=axis, axis_second=axis, play=0.01, radius=0.02, law=law
-    )
+    options = {"play": 0.01, "radius": 0.02, "law": cj.laws.SpringDashpot(900.0 / 0.02**2, 1.0)}
+    narrow = cj.Backlash(first, second, axis_first=axis, axis_second=axis, **options)
     with pytest.warns(cj.NotCarriedOverWarning, match="wider limits of elbow stop"):
         model = written(robot.with_elements({"elbow play": narrow}))
-    joint = model.joint("elbow")
-    assert joint.range == pytest.approx((-0.005, 0.005), abs=1e-12)
-    weight = model.dof_invweight0[joint.dofadr[0]]
-    assert -model.jnt_solref[joint.id][0] == pytest.approx(900.0 * weight)
+    require_limit(model, "elbow", (-0.005, 0.005), 900.0)
 
 
 @pytest.mark.parametrize("seed", FEW)
-def test_loops_are_equations_of_the_file(seed, tmp_path, written):
+def test_loops_are_equations_of_the_file(seed, written):
     """Two bodies on balls of the ground and a third joint: its points coincide in the pose of the
     file. With a ball, they move in three ways; with a hinge or a weld, only about the line of the
     two balls on the ground."""
     generator = np.random.default_rng(seed)
-    for kind, rows, rank in (
-        (cj.SphericalJoint, 3, 3),
-        (cj.FixedJoint, 6, 5),
-        (cj.RevoluteJoint, 6, 5),
-    ):
+    kinds = (cj.SphericalJoint, 3, 3), (cj.FixedJoint, 6, 5), (cj.RevoluteJoint, 6, 5)
+    for kind, rows, rank in kinds:
         made = RandomScene(generator, 2)
         a, b = made.names
         made.joints.clear()
-        places, axis = (
-            generator.uniform(-1, 1, (3, 3)),
-            Rotation.random(rng=generator).as_matrix()[0],
-        )
+        places = generator.uniform(-1, 1, (3, 3))
+        axis = Rotation.random(rng=generator).as_matrix()[0]
         turns = [made.poses[body][1] for body in (a, b)]
         options = {
             cj.SphericalJoint: [],
@@ -483,12 +428,11 @@ def test_flanks_give_way_under_a_load_as_springs_in_any_pose(seed, written):
     generator = np.random.default_rng(seed)
     arm = cj.Body(1.0, (0.02, 0.02, 0.02))
     stiffness, play, torque = 800.0, 0.02, generator.uniform(2.0, 5.0)
+    flanks = {"play": play, "torsional_stiffness": stiffness, "restitution": 0.2}
     joints = {
         "shoulder": cj.RevoluteJoint("ground", "upper", (0, 0, 0), (-0.5, 0, 0), AXIS, AXIS),
         "elbow": cj.RevoluteJoint("upper", "lower", (0.5, 0, 0), (-0.3, 0, 0), AXIS, AXIS),
-        "play": cj.Backlash(
-            "upper", "lower", middle=1.0, play=play, torsional_stiffness=stiffness, restitution=0.2
-        ),
+        "play": cj.Backlash("upper", "lower", middle=1.0, **flanks),
     }
     scene = cj.Scene({"upper": arm, "lower": arm}, joints)
     turn = cj.rotation((0, 0, 1), 1.0)
@@ -509,30 +453,27 @@ def test_flanks_give_way_under_a_load_as_springs_in_any_pose(seed, written):
     assert depth == pytest.approx(carried / stiffness, rel=2e-3)
 
 
-CHAIN = """<robot name="chain"><link name="base"/>
-  <link name="upper"><inertial><origin xyz="0.15 0 0"/><mass value="1"/>
-    <inertia ixx="0.01" iyy="0.02" izz="0.02"/></inertial></link>
-  <link name="lower"><inertial><origin xyz="0.1 0 0"/><mass value="0.5"/>
-    <inertia ixx="0.002" iyy="0.004" izz="0.004"/></inertial></link>
-  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
-    <axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="100" velocity="9"/>
-    <dynamics damping="0.2"/></joint>
-  <joint name="elbow" type="continuous"><parent link="upper"/><child link="lower"/>
-    <origin xyz="0.3 0 0"/><axis xyz="0 1 0"/></joint></robot>"""
+RESISTED = {"limit": (100, 9, -3, 3), "damping": 0.2}
+CHAIN = urdf.robot(
+    urdf.link("base"),
+    urdf.link("upper", 1, (0.01, 0.02, 0.02), xyz="0.15 0 0"),
+    urdf.link("lower", 0.5, (0.002, 0.004, 0.004), xyz="0.1 0 0"),
+    urdf.joint(
+        "shoulder", "revolute", "base", "upper", "0 1 0", limit=(100, 9, -3, 3), damping=0.2
+    ),
+    urdf.joint("elbow", "continuous", "upper", "lower", "0 1 0", xyz="0.3 0 0"),
+)
 
 
 @pytest.fixture
-def chain(tmp_path):
-    (tmp_path / "chain.urdf").write_text(CHAIN)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", cj.NotCarriedOverWarning)
-        return cj.load_robot(tmp_path / "chain.urdf")
+def chain(read_robot):
+    return read_robot(CHAIN)
 
 
-def test_the_file_names_what_it_lacks(chain, tmp_path):
+def test_the_file_names_what_it_lacks(chain, read_robot, tmp_path):
     elbow = {"bearing_radius": 0.01, "clearance": 1e-4, "journal_length": 0.02}
     law = cj.laws.HuntCrossley(0.8, 1e9)
-    scene = cj.load_robot(tmp_path / "chain.urdf", play={"elbow": elbow | {"law": law}}).scene
+    scene = read_robot(CHAIN, play={"elbow": elbow | {"law": law}}).scene
     load = cj.AppliedLoad("lower", force=(1.0, 0.0, 0.0))
     floor = cj.Stop("ground", "lower", normal=(0, 0, 1), law=law)
     whole = cj.Scene(scene.bodies, scene.joints | {"floor": floor}, {"load": load})
@@ -549,19 +490,19 @@ def test_the_file_names_what_it_lacks(chain, tmp_path):
 
 def test_what_cannot_be_written_is_named(chain, tmp_path):
     path = tmp_path / "file.xml"
-    with pytest.raises(ValueError, match="`state` must be given for a scene"):
-        cj.save_mjcf(chain.scene, path)
-    with pytest.raises(ValueError, match="`integrator` must be one of"):
-        cj.save_mjcf(chain, path, integrator="euler")
-    with pytest.raises(ValueError, match="timestep"):
-        cj.save_mjcf(chain, path, timestep=0.0)
-    moved = chain.state()
-    moved = cj.set_value(moved, lambda state: state.bodies["lower"].position, (0.0, 1.0, 0.0))
-    with pytest.raises(ValueError, match=r"joint of 'lower'.*assemble"):
-        cj.save_mjcf(chain.scene, path, moved)
-    loop = cj.Scene({"world": cj.Body(1.0, (1.0, 1.0, 1.0))})
-    with pytest.raises(ValueError, match="MuJoCo compiles"):
-        cj.save_mjcf(loop, path, cj.State({"world": cj.body_state((0, 0, 0))}))
+    place = (0.0, 1.0, 0.0)
+    moved = cj.set_value(chain.state(), lambda state: state.bodies["lower"].position, place)
+    world = cj.Scene({"world": cj.Body(1.0, (1.0, 1.0, 1.0))})
+    here = cj.State({"world": cj.body_state((0, 0, 0))})
+    for of, state, options, message in (
+        (chain.scene, None, {}, "`state` must be given for a scene"),
+        (chain, None, {"integrator": "euler"}, "`integrator` must be one of"),
+        (chain, None, {"timestep": 0.0}, "timestep"),
+        (chain.scene, moved, {}, r"joint of 'lower'.*assemble"),
+        (world, here, {}, "MuJoCo compiles"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            cj.save_mjcf(of, path, state, **options)
 
 
 @pytest.mark.slow  # compiles

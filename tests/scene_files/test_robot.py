@@ -1,40 +1,27 @@
 """Robots from files: states and angles, stops, friction, and messages."""
 
-import warnings
-
 import jax
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
+from tests.support import urdf
 from tests.support.many_states import system_of
 
-HAND = """<robot name="hand">
-  <link name="base"/>
-  <link name="palm">
-    <inertial><origin xyz="0.3 0 0"/><mass value="1"/><inertia ixx="0.01" iyy="0.02" izz="0.02"/>
-    </inertial>
-  </link>
-  <link name="left"><inertial><mass value="0.5"/><inertia ixx="0.01" iyy="0.02" izz="0.02"/>
-  </inertial></link>
-  <link name="right"><inertial><mass value="0.5"/><inertia ixx="0.01" iyy="0.02" izz="0.02"/>
-  </inertial></link>
-  <joint name="wrist" type="revolute">
-    <parent link="base"/><child link="palm"/><axis xyz="0 1 0"/>
-    <limit lower="-0.4" upper="0.9" effort="5" velocity="1"/>
-    <dynamics friction="0.5" damping="0.1"/>
-  </joint>
-  <joint name="left finger" type="prismatic">
-    <parent link="palm"/><child link="left"/><axis xyz="0 2 0"/>
-    <limit lower="-0.1" upper="0.2" effort="5" velocity="1"/><dynamics friction="0.7" damping="3"/>
-  </joint>
-  <joint name="right finger" type="prismatic">
-    <parent link="palm"/><child link="right"/><axis xyz="0 1 0"/>
-    <mimic joint="left finger" multiplier="-1" offset="0.01"/>
-  </joint>
-</robot>
-"""
+FINGER = (0.01, 0.02, 0.02)
+FOLLOWS = '<mimic joint="left finger" multiplier="-1" offset="0.01"/>'
+WRIST = {"limit": (5, 1, -0.4, 0.9), "friction": 0.5, "damping": 0.1}
+SLIDE = {"limit": (5, 1, -0.1, 0.2), "friction": 0.7, "damping": 3}
+HAND = urdf.robot(
+    urdf.link("base"),
+    urdf.link("palm", 1, FINGER, xyz="0.3 0 0"),
+    urdf.link("left", 0.5, FINGER),
+    urdf.link("right", 0.5, FINGER),
+    urdf.joint("wrist", "revolute", "base", "palm", "0 1 0", **WRIST),
+    urdf.joint("left finger", "prismatic", "palm", "left", "0 2 0", **SLIDE),
+    urdf.joint("right finger", "prismatic", "palm", "right", "0 1 0", FOLLOWS),
+)
 STOPS = {
     "wrist": {"torsional_stiffness": "10 kN m/rad", "restitution": 0.3},
     "left finger": {"law": cj.laws.ExactRestitution(0.3, 1e6, exponent=1.0)},
@@ -42,13 +29,12 @@ STOPS = {
 
 
 @pytest.fixture
-def read(tmp_path):
-    def read(old="", new="", text=HAND, name="hand.urdf", **options):
-        assert old in text
-        (tmp_path / name).write_text(text.replace(old, new) if old else text)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", cj.NotCarriedOverWarning)
-            return cj.load_robot(tmp_path / name, **options)
+def read(read_robot):
+    """Read the hand, with a change to its text."""
+
+    def read(old="", new="", **options):
+        assert old in HAND
+        return read_robot(HAND.replace(old, new), **options)
 
     return read
 
@@ -117,18 +103,11 @@ def test_angles_of_a_motion_continue_over_revolutions(seed, read):
     assert np.abs(single - 0.25).max() <= np.pi + 1e-12
 
 
-def test_joints_follow_and_torques_follow_too(read):
+def test_a_joint_that_follows_may_be_given_too(read):
     loaded = read()
-    assert loaded.leaders == {"right finger": "left finger"}
     assert loaded.joints == ("wrist", "left finger", "right finger")
     state = loaded.state([0.1, 0.05, -0.04])
     assert loaded.angles(state)["right finger"] == pytest.approx(-0.04)
-    torques = loaded.torques(qdd={"left finger": 2.0})
-    assert torques["right finger"] == 0.0
-    assert torques["left finger"] == pytest.approx((0.5 + 0.5) * 2.0)
-    damped = loaded.torques({"wrist": 0.0}, {"wrist": 2.0})["wrist"]
-    still = loaded.torques()["wrist"]
-    assert damped - still == pytest.approx(0.2)
 
 
 def test_torques_of_many_states_are_those_of_each_and_states_have_derivatives(read):
@@ -156,9 +135,9 @@ BALLS = """<mujoco><worldbody><body name="a" pos="0 0 1"><joint name="ball" type
 <inertial mass="1" pos="0.1 0.2 0.3" diaginertia="1 1 1"/></body></body></worldbody></mujoco>"""
 
 
-def test_ball_joints_have_euler_parameters(read):
+def test_ball_joints_have_euler_parameters(read_robot):
     pytest.importorskip("mujoco")
-    loaded = read(text=BALLS, name="balls.xml")
+    loaded = read_robot(BALLS)
     assert loaded.joints == ("hinge",)
     turn = Rotation.from_rotvec([0.2, -0.4, 0.3]).as_quat(scalar_first=True)
     state = loaded.state({"ball": turn, "hinge": 0.3}, {"ball": (1.0, 2.0, 3.0)})
@@ -183,43 +162,29 @@ def test_wrong_positions_are_refused(read, call, message):
         call(read())
 
 
-FOLLOWS = '<limit lower="-0.1" upper="0.2" effort="5" velocity="1"/>'
-
-
 @pytest.mark.parametrize(
-    ("old", "new", "options", "message"),
+    ("old", "new", "stops", "message"),
     [
-        (
-            "",
-            "",
-            {"stops": {"right finger": {}}},
-            r"'right finger', expected stops in one of the j",
-        ),
-        (
-            "",
-            "",
-            {"stops": {"wrist": {"play": 1}}},
-            r"`wrist`: found 'play', .*torsional_stiffness",
-        ),
-        ("", "", {"stops": {"wrist": {}}}, r"`wrist`: .*`law`.*`torsional_stiffness`"),
-        ("", "", {"stops": {"left finger": {}}}, r"`left finger`: .*a `law` of the ends"),
-        ("", "", {"stops": {"wrist": 1.0}}, r"`wrist`: found 1.0, expected arguments by name"),
-        (FOLLOWS, '<mimic joint="right finger"/>', {}, "hand.urdf: .*cycle"),
+        ("", "", {"right finger": {}}, r"'right finger', expected stops in one of the j"),
+        ("", "", {"wrist": {"play": 1}}, r"`wrist`: found 'play', .*torsional_stiffness"),
+        ("", "", {"wrist": {}}, r"`wrist`: .*`law`.*`torsional_stiffness`"),
+        ("", "", {"left finger": {}}, r"`left finger`: .*a `law` of the ends"),
+        ("", "", {"wrist": 1.0}, r"`wrist`: found 1.0, expected arguments by name"),
+        ('friction="0.7" damping="3"/>', '/><mimic joint="right finger"/>', {}, "cycle"),
         ('offset="0.01"', 'offset="one"', {}, r"`right finger.mimic.offset`: found 'one'"),
         ('damping="0.1"', 'damping="-1"', {}, r"`wrist`: Argument `damping` must"),
         ('friction="0.5"', 'friction="-1"', {}, r"`wrist`: Argument `load` must"),
         ('"right finger"', '"wrist damping"', {}, r"`wrist`: .* no joint 'wrist damping'"),
     ],
 )
-def test_errors_name_file_and_joint(read, old, new, options, message):
-    with pytest.raises(ValueError, match=message):
-        read(old, new, **options)
+def test_errors_name_file_and_joint(read, old, new, stops, message):
+    with pytest.raises(ValueError, match=f"robot.urdf.*{message}"):
+        read(old, new, stops=stops)
 
 
 def test_mimics_of_other_joints_are_left_out_with_a_warning(tmp_path):
-    (tmp_path / "hand.urdf").write_text(
-        HAND.replace('mimic joint="left finger"', 'mimic joint="x"')
-    )
+    text = HAND.replace('mimic joint="left finger"', 'mimic joint="x"')
+    (tmp_path / "hand.urdf").write_text(text)
     with pytest.warns(cj.NotCarriedOverWarning, match="mimics, between .* of right finger"):
         loaded = cj.load_robot(tmp_path / "hand.urdf")
     assert loaded.leaders == {}
@@ -254,11 +219,11 @@ def test_one_warning_lists_what_mjcf_has_and_a_robot_lacks(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("<mujoco><worldbody/></mujoco>", "x.xml: .*no link that moves.*add a joint"),
-        ("<mujoco><bodie/></mujoco>", "x.xml: .*MuJoCo reads: correct the file"),
+        ("<mujoco><worldbody/></mujoco>", "robot.xml: .*no link that moves.*add a joint"),
+        ("<mujoco><bodie/></mujoco>", "robot.xml: .*MuJoCo reads: correct the file"),
     ],
 )
-def test_wrong_mjcf_is_refused(read, text, message):
+def test_wrong_mjcf_is_refused(read_robot, text, message):
     pytest.importorskip("mujoco")
     with pytest.raises(ValueError, match=message):
-        read(text=text, name="x.xml")
+        read_robot(text)

@@ -1,8 +1,9 @@
 """The JSON Schema: saved files satisfy it, files with mistakes don't."""
 
-import enum
 import json
 import tomllib
+from functools import reduce
+from operator import getitem
 from typing import Any, Literal
 
 import equinox as eqx
@@ -10,6 +11,7 @@ import jsonschema
 import pytest
 
 import clearjoint as cj
+from tests.scene_files.test_round_trips import Way
 
 
 class Motor(cj.extend.AbstractDriveTorque):
@@ -86,10 +88,8 @@ def test_a_table_needs_its_kind_only_where_several_classes_are_allowed(tmp_path)
 )
 def test_mistakes_are_found(files, validator, path, value):
     document = json.loads((files / "json" / "crank.json").read_text())
-    table = document
-    for key in path[:-1]:
-        table = table[key]
-    table[path[-1]] = value
+    *parents, last = path
+    reduce(getitem, parents, document)[last] = value
     with pytest.raises(jsonschema.ValidationError):
         validator.validate(document)
 
@@ -100,11 +100,6 @@ def test_the_schema_has_units_and_summaries(schema):
     assert definitions["Hertz"]["description"].startswith("Purely elastic contact")
     assert f"{__name__}:Motor" in definitions and "RevoluteJoint" in definitions
     assert not [name for name in definitions if name.startswith("Abstract")]
-
-
-class Way(enum.Enum):
-    SOFT = 1
-    HARD = 2
 
 
 class Pad(eqx.Module):

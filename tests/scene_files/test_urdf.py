@@ -7,210 +7,160 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint import constraint_report
 from clearjoint.extend import Gap
+from tests.support import urdf
 
-ARM = """<?xml version="1.0"?>
-<robot name="arm">
-  <link name="base"><inertial><mass value="9"/></inertial></link>
-  <link name="stand"/>
-  <link name="upper">
-    <inertial>
-      <origin xyz="0.5 0 0"/> <mass value="2"/>
-      <inertia ixx="0.001" iyy="0.17" izz="0.17"/>
-    </inertial>
-    <visual><geometry><box size="1 0.1 0.1"/></geometry></visual>
-  </link>
-  <link name="lower">
-    <inertial>
-      <origin xyz="0 0.25 0" rpy="0 0 1.5707963267948966"/> <mass value="1"/>
-      <inertia ixx="0.001" iyy="0.02" izz="0.021"/>
-    </inertial>
-  </link>
-  <link name="rail">
-    <inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial>
-  </link>
-  <link name="tool">
-    <inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4"/></inertial>
-  </link>
-  <joint name="foot" type="fixed">
-    <parent link="base"/><child link="stand"/><origin xyz="0 0 1"/>
-  </joint>
-  <joint name="shoulder" type="continuous">
-    <parent link="stand"/><child link="upper"/><axis xyz="0 1 0"/>
-  </joint>
-  <joint name="elbow" type="revolute">
-    <parent link="upper"/><child link="lower"/><axis xyz="0 0 1"/>
-    <origin xyz="1 0 0" rpy="1.5707963267948966 0 0"/>
-    <limit lower="-1" upper="1" effort="10" velocity="2"/>
-    <dynamics damping="0.1"/>
-  </joint>
-  <joint name="slide" type="prismatic">
-    <parent link="lower"/><child link="rail"/><axis xyz="0 1 0"/>
-    <origin xyz="0 0.5 0" rpy="0 0.3 0.2"/><mimic joint="elbow"/>
-  </joint>
-  <joint name="flange" type="fixed">
-    <parent link="rail"/><child link="tool"/><origin rpy="0.1 0.2 0.3"/>
-  </joint>
-  <gazebo/><material name="red"/>
-</robot>
-"""
-PLAY = {
-    "bearing_radius": 0.01,
-    "clearance": 1e-4,
-    "journal_length": 0.02,
-    "law": cj.laws.Hertz(1e9),
-}
+VISUAL = '<visual><geometry><box size="1 0.1 0.1"/></geometry></visual>'
+ELBOW = {"xyz": "1 0 0", "rpy": f"{0.5 * math.pi} 0 0", "damping": 0.1}
+SLIDE = {"xyz": "0 0.5 0", "rpy": "0 0.3 0.2"}
+ARM = '<?xml version="1.0"?>' + urdf.robot(
+    urdf.link("base", 9),
+    urdf.link("stand"),
+    urdf.link("upper", 2, (0.001, 0.17, 0.17), VISUAL, xyz="0.5 0 0"),
+    urdf.link("lower", 1, (0.001, 0.02, 0.021), xyz="0 0.25 0", rpy=f"0 0 {0.5 * math.pi}"),
+    urdf.link("rail", 1, (0.01, 0.01, 0.01)),
+    urdf.link("tool", 0.1, (1e-4, 1e-4, 1e-4)),
+    urdf.joint("foot", "fixed", "base", "stand", xyz="0 0 1"),
+    urdf.joint("shoulder", "continuous", "stand", "upper", "0 1 0"),
+    urdf.joint("elbow", "revolute", "upper", "lower", "0 0 1", **ELBOW, limit=(10, 2, -1, 1)),
+    urdf.joint("slide", "prismatic", "lower", "rail", "0 1 0", '<mimic joint="elbow"/>', **SLIDE),
+    urdf.joint("flange", "fixed", "rail", "tool", rpy="0.1 0.2 0.3"),
+    '<gazebo/><material name="red"/>',
+    name="arm",
+)
+PLAY = {"bearing_radius": 0.01, "clearance": 1e-4, "journal_length": 0.02}
+PLAY |= {"law": cj.laws.Hertz(1e9)}
 
 
 @pytest.fixture
-def robot(tmp_path):
+def read(tmp_path):
     """Read a robot, with a change to its text; also returns the texts of the warnings."""
 
-    def robot(old="", new="", **options):
+    def read(old="", new="", **options):
         assert old in ARM
-        (tmp_path / "arm.urdf").write_text(ARM.replace(old, new) if old else ARM)
+        (tmp_path / "arm.urdf").write_text(ARM.replace(old, new))
         with warnings.catch_warnings(record=True) as messages:
             warnings.simplefilter("always")
-            read = cj.load_robot(tmp_path / "arm.urdf", **options)
-        return read.scene, read.state(), [str(entry.message) for entry in messages]
+            loaded = cj.load_robot(tmp_path / "arm.urdf", **options)
+        return loaded, [str(entry.message) for entry in messages]
 
-    return robot
+    return read
 
 
 MERGED = ["upper", "lower", "rail"]
 
 
-def test_moving_links_are_bodies_parallel_to_the_root_at_zero(robot):
-    scene, state, _ = robot()
-    assert list(scene.bodies) == MERGED
-    assert scene.bodies["upper"].inertia.tolist() == [0.001, 0.17, 0.17]
+def drift(loaded: cj.results.Robot) -> float:
+    return np.abs(cj.constraint_report(loaded.scene, loaded.state(), 0.0).values).max()
+
+
+def test_moving_links_are_bodies_parallel_to_the_root_at_zero(read):
+    loaded, _ = read()
+    bodies = loaded.scene.bodies
+    assert list(bodies) == MERGED
     # (0.02, 0.001, 0.021) in the link's axes, which the elbow's <origin> turns by 90 deg about x.
-    assert scene.bodies["lower"].inertia.tolist() == [0.02, 0.021, 0.001]
-    assert np.allclose(state.bodies["upper"].position, (0.5, 0.0, 1.0))
-    assert np.allclose(state.bodies["lower"].position, (1.0, 0.0, 1.25))
-    for body in state.bodies.values():
+    assert bodies["lower"].inertia.tolist() == [0.02, 0.021, 0.001]
+    for body in loaded.state().bodies.values():
         assert body.orientation.tolist() == [1.0, 0.0, 0.0, 0.0]
-    assert scene.gravity is not None and scene.gravity.tolist() == [0.0, 0.0, -9.81]
+    assert loaded.scene.gravity.tolist() == [0.0, 0.0, -9.81]
 
 
-def test_fixed_links_can_be_bodies(robot):
-    scene, state, _ = robot(merge_fixed=False)
-    assert list(scene.bodies) == [*MERGED, "tool"]
-    assert isinstance(scene.joints["flange"], cj.FixedJoint)
-    assert np.abs(constraint_report(scene, state, 0.0).values).max() < 1e-14
+def test_joints_frames_and_limits_are_those_of_the_file(read):
+    loaded, _ = read()
+    joints = loaded.scene.joints
+    assert {name: type(joint) for name, joint in joints.items()} == {
+        "shoulder": cj.RevoluteJoint,
+        "elbow": cj.RevoluteJoint,
+        "slide": cj.PrismaticJoint,
+        "slide coupling": cj.JointCoupling,
+    }
+    assert joints["elbow"].axis_first.tolist() == [0.0, -1.0, 0.0]
+    assert joints["elbow"].axis_second.tolist() == [0.0, -1.0, 0.0]
+    assert drift(loaded) < 1e-14
+    assert list(loaded.links) == ["base", "stand", "upper", "lower", "rail", "tool"]
+    assert loaded.links["stand"] == cj.results.LinkPose("ground", (0.0, 0.0, 1.0))
+    assert loaded.links["tool"].body == "rail"
+    assert loaded.limits == {"elbow": cj.results.JointLimits(-1.0, 1.0, 10.0, 2.0)}
 
 
-def test_the_root_may_be_named_ground(robot):
-    scene, _, _ = robot('"base"', '"ground"')
-    assert list(scene.bodies) == MERGED
+def test_fixed_links_can_be_bodies(read):
+    loaded, _ = read(merge_fixed=False)
+    assert list(loaded.scene.bodies) == [*MERGED, "tool"]
+    assert isinstance(loaded.scene.joints["flange"], cj.FixedJoint)
+    assert drift(loaded) < 1e-14
 
 
-def test_a_moving_link_named_ground_is_renamed(robot, tmp_path):
-    scene, _, _ = robot('"upper"', '"ground"')
-    assert list(scene.bodies) == ["ground link", "lower", "rail"]
-    assert scene.joints["elbow"].first == "ground link"
-    assert cj.load_robot(tmp_path / "arm.urdf").links["ground"].body == "ground link"
+def test_a_link_may_be_named_ground(read):
+    loaded, _ = read('"base"', '"ground"')
+    assert list(loaded.scene.bodies) == MERGED
+    loaded, _ = read('"upper"', '"ground"')  # moves
+    assert list(loaded.scene.bodies) == ["ground link", "lower", "rail"]
+    assert loaded.scene.joints["elbow"].first == loaded.links["ground"].body == "ground link"
 
 
-def test_the_root_can_be_free(robot, tmp_path):
+def test_the_root_can_be_free(read, tmp_path):
     inertia = '<mass value="9"/><inertia ixx="1" iyy="1" izz="1"/>'
-    scene, state, messages = robot('<mass value="9"/>', inertia, free_root=True)
-    assert list(scene.bodies) == ["base", *MERGED]
-    assert scene.joints["shoulder"].first == "base"
+    loaded, messages = read('<mass value="9"/>', inertia, free_root=True)
+    assert list(loaded.scene.bodies) == ["base", *MERGED]
+    assert loaded.scene.joints["shoulder"].first == "base"
     assert not any("inertia of" in text for text in messages)
-    links = cj.load_robot(tmp_path / "arm.urdf", free_root=True).links
-    assert links["stand"].point == (0.0, 0.0, 1.0)
-    single = f'<robot name="r"><link name="ball"><inertial>{inertia}</inertial></link></robot>'
-    (tmp_path / "ball.urdf").write_text(single)
+    assert loaded.links["stand"].point == (0.0, 0.0, 1.0)
+    (tmp_path / "ball.urdf").write_text(urdf.robot(urdf.link("ball", 9, (1, 1, 1))))
     with pytest.raises(ValueError, match=r"ball.urdf: .*'ball'.*free_root=True"):
         cj.load_robot(tmp_path / "ball.urdf")
     ball = cj.load_robot(tmp_path / "ball.urdf", free_root=True).scene
     assert float(ball.bodies["ball"].mass) == 9.0
 
 
-def test_joints_fit_the_state(robot):
-    scene, state, _ = robot()
-    kinds = {name: type(joint).__name__ for name, joint in scene.joints.items()}
-    hinge = "RevoluteJoint"
-    assert kinds == {
-        "shoulder": hinge,
-        "elbow": hinge,
-        "slide": "PrismaticJoint",
-        "slide coupling": "JointCoupling",
-    }
-    assert np.allclose(scene.joints["shoulder"].point_first, (0.0, 0.0, 1.0))
-    assert scene.joints["elbow"].axis_first.tolist() == [0.0, -1.0, 0.0]
-    assert scene.joints["elbow"].axis_second.tolist() == [0.0, -1.0, 0.0]
-    report = constraint_report(scene, state, 0.0)
-    assert np.abs(report.values).max() < 1e-14
-
-
 @pytest.mark.parametrize(
     ("kind", "joint", "freedoms"),
     [("planar", cj.PlanarJoint, 5), ("spherical", cj.SphericalJoint, 5), ("floating", None, 8)],
 )
-def test_other_types_of_joints(robot, kind, joint, freedoms):
-    scene, state, messages = robot('type="prismatic"', f'type="{kind}"')
+def test_other_types_of_joints(read, kind, joint, freedoms):
+    loaded, messages = read('type="prismatic"', f'type="{kind}"')
     assert "mimics, between other joints than hinges and sliders, of slide;" in messages[-1]
-    assert joint is None or isinstance(scene.joints["slide"], joint)
-    assert constraint_report(scene, state).degrees_of_freedom() == freedoms
+    assert joint is None or isinstance(loaded.scene.joints["slide"], joint)
+    report = cj.constraint_report(loaded.scene, loaded.state())
+    assert report.degrees_of_freedom() == freedoms
 
 
-def test_namespaces_prefixes_and_unknown_shapes_do_not_matter(robot):
-    scene, _, messages = robot('<robot name="arm">', '<robot name="arm" xmlns="http://a.b">')
-    assert list(scene.bodies) == MERGED
-    _, _, messages = robot("<gazebo/>", '<sensor:camera name="c"/>')
+def test_namespaces_prefixes_and_unknown_shapes_do_not_matter(read):
+    loaded, _ = read('<robot name="arm">', '<robot name="arm" xmlns="http://a.b">')
+    assert list(loaded.scene.bodies) == MERGED
+    _, messages = read("<gazebo/>", '<sensor:camera name="c"/>')
     assert "<sensor:camera>" in messages[-1]
-    robot('<box size="1 0.1 0.1"/>', '<capsule radius="1" length="1"/>')
-    robot('<?xml version="1.0"?>', "\n")
+    read('<box size="1 0.1 0.1"/>', '<capsule radius="1" length="1"/>')
+    read('<?xml version="1.0"?>', "\n")
 
 
-IMPOSSIBLE = '<inertia ixx="0.001" iyy="0.02" izz="0.9"/>'
-
-
-def test_impossible_inertias_are_balanced(robot):
+def test_impossible_inertias_are_balanced(read):
     """As by MuJoCo's `balanceinertia`."""
-    old = '<inertia ixx="0.001" iyy="0.02" izz="0.021"/>'
-    scene, _, messages = robot(old, IMPOSSIBLE, balance_inertia=True)
-    assert scene.bodies["lower"].inertia == pytest.approx(np.full(3, 0.921 / 3), rel=1e-15)
+    loaded, messages = read('izz="0.021"', 'izz="0.9"', balance_inertia=True)
+    inertia = loaded.scene.bodies["lower"].inertia
+    assert inertia == pytest.approx(np.full(3, 0.921 / 3), rel=1e-15)
     assert "impossible inertias, replaced by their mean moment, of links lower." in messages[0]
-    _, _, messages = robot(balance_inertia=True)
+    _, messages = read(balance_inertia=True)
     assert len(messages) == 1
 
 
-def test_masses_and_inertias_are_bounded(robot):
+def test_masses_and_inertias_are_bounded(read):
     """As by MuJoCo's `boundmass` and `boundinertia`."""
-    light = '<link name="tip"/><joint name="spin" type="continuous"><parent link="rail"/>'
-    light += '<child link="tip"/></joint></robot>'
+    light = urdf.link("tip") + urdf.joint("spin", "continuous", "rail", "tip") + "</robot>"
     with pytest.raises(ValueError, match=r"`tip`: found 'no mass', .*bound_mass=1e-3"):
-        robot("</robot>", light)
-    scene, _, messages = robot("</robot>", light, bound_mass=1e-3, bound_inertia=1e-6)
-    assert float(scene.bodies["tip"].mass) == 1e-3
-    assert scene.bodies["tip"].inertia == pytest.approx(np.full(3, 1e-6), rel=1e-14)
+        read("</robot>", light)
+    loaded, messages = read("</robot>", light, bound_mass=1e-3, bound_inertia=1e-6)
+    tip = loaded.scene.bodies["tip"]
+    assert float(tip.mass) == 1e-3
+    assert tip.inertia == pytest.approx(np.full(3, 1e-6), rel=1e-14)
     assert "increased, of bodies tip." in messages[0]
     with pytest.raises(ValueError, match="Argument `bound_mass` must be"):
-        robot(bound_mass=-1.0)
+        read(bound_mass=-1.0)
 
 
-def test_frames_of_links_are_returned(robot, tmp_path):
-    robot()
-    frames = cj.load_robot(tmp_path / "arm.urdf").links
-    assert list(frames) == ["base", "stand", "upper", "lower", "rail", "tool"]
-    assert frames["stand"] == cj.results.LinkPose("ground", (0.0, 0.0, 1.0))
-    assert frames["upper"].point == (-0.5, 0.0, 0.0)
-    assert frames["tool"].body == "rail"
-    assert np.linalg.norm(frames["tool"].orientation) == pytest.approx(1.0)
-
-
-def test_one_warning_lists_omitted_contents(robot):
-    _, _, messages = robot()
-    (text,) = messages
-    for left in (
-        "not carried over: visual shapes of upper;",
-        "inertia of the fixed links of base; <gazebo>.",
-    ):
-        assert left in text
+def test_one_warning_lists_omitted_contents(read):
+    _, (text,) = read()
+    assert "not carried over: visual shapes of upper;" in text
+    assert "inertia of the fixed links of base; <gazebo>." in text
 
 
 @pytest.mark.parametrize(
@@ -254,15 +204,16 @@ def test_one_warning_lists_omitted_contents(robot):
         ('effort="10"', 'effort="ten"', {}, r"`elbow.limit.effort`: found 'ten', expected a fin"),
     ],
 )
-def test_errors_have_locations(robot, old, new, play, message):
+def test_errors_have_locations(read, old, new, play, message):
     with pytest.raises(ValueError, match=message):
-        robot(old, new, play=play)
+        read(old, new, play=play)
 
 
-def test_backlash_is_added_to_a_hinge(robot):
+def test_backlash_is_added_to_a_hinge(read):
     given = {"backlash": "0.1 deg", "torsional_stiffness": "20 N m/mrad", "restitution": 0.3}
-    scene, _, _ = robot(play={"elbow": {"backlash": "0.1 deg"}, "shoulder": given})
-    hinge, elbow = scene.joints["elbow"], scene.joints["elbow backlash"]
+    loaded, _ = read(play={"elbow": {"backlash": "0.1 deg"}, "shoulder": given})
+    joints = loaded.scene.joints
+    hinge, elbow = joints["elbow"], joints["elbow backlash"]
     assert isinstance(hinge, cj.RevoluteJoint) and isinstance(elbow, cj.Backlash)
     assert elbow.play == pytest.approx(math.radians(0.1), rel=1e-15)
     assert (elbow.first, elbow.second) == (hinge.first, hinge.second)
@@ -272,30 +223,20 @@ def test_backlash_is_added_to_a_hinge(robot):
         gap = Gap(backlash.radius * angle, 0.0)
         return float(backlash.radius * backlash.law.force(gap, 0.0))
 
-    assert torque(scene.joints["shoulder backlash"], 1e-3) == pytest.approx(20.0, rel=1e-12)
-    assert scene.joints["shoulder backlash"].law.restitution == 0.3
+    assert torque(joints["shoulder backlash"], 1e-3) == pytest.approx(20.0, rel=1e-12)
+    assert joints["shoulder backlash"].law.restitution == 0.3
     assert torque(elbow, 0.1 * float(elbow.play)) == pytest.approx(10.0, rel=1e-12)  # the limit
 
 
-def test_clearances_are_read_with_units(robot):
-    scene, _, _ = robot(play={"elbow": PLAY | {"clearance": "0.05 mm"}})
-    assert scene.joints["elbow"].clearance == 0.05e-3
+def test_clearances_are_read_with_units(read):
+    loaded, _ = read(play={"elbow": PLAY | {"clearance": "0.05 mm"}})
+    assert loaded.scene.joints["elbow"].clearance == 0.05e-3
 
 
-def test_limits_are_returned(robot, tmp_path):
-    robot()
-    limits = cj.load_robot(tmp_path / "arm.urdf").limits
-    assert limits == {"elbow": cj.results.JointLimits(-1.0, 1.0, 10.0, 2.0)}
-
-
-def test_long_chains_and_hostile_files_end_soon(robot, tmp_path):
-    link = (
-        '<link name="l{0}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
-        '</link><joint name="j{0}" type="fixed"><parent link="l{1}"/><child link="l{0}"/></joint>'
-    )
-    rows = [link.format(k, k - 1) for k in reversed(range(1, 300))]
-    whole = f'<robot name="r"><link name="l0"/>{"".join(rows)}</robot>'
-    (tmp_path / "chain.urdf").write_text(whole)
+def test_long_chains_and_hostile_files_end_soon(tmp_path):
+    links = [urdf.link(f"l{k}", 1, (1, 1, 1)) for k in range(1, 300)]
+    joints = [urdf.joint(f"j{k}", "fixed", f"l{k - 1}", f"l{k}") for k in reversed(range(1, 300))]
+    (tmp_path / "chain.urdf").write_text(urdf.robot(urdf.link("l0"), *links, *joints))
     assert len(cj.load_robot(tmp_path / "chain.urdf", merge_fixed=False).scene.bodies) == 299
     with pytest.raises(ValueError, match=r"chain.urdf: .*no link that moves"):
         cj.load_robot(tmp_path / "chain.urdf")
@@ -305,11 +246,3 @@ def test_long_chains_and_hostile_files_end_soon(robot, tmp_path):
     (tmp_path / "bomb.urdf").write_text(f'<!DOCTYPE r [{entities}]><robot name="&j;"/>')
     with pytest.raises(ValueError, match="bomb.urdf: found 'no XML'"):
         cj.load_robot(tmp_path / "bomb.urdf")
-
-
-def test_a_robot_becomes_a_scene_file(robot, tmp_path):
-    scene, state, _ = robot(play={"elbow": PLAY})
-    cj.save(scene, state, tmp_path / "arm.toml")
-    read, _ = cj.load(tmp_path / "arm.toml")
-    assert read.joints["elbow"].clearance == 1e-4
-    assert read.joints["slide coupling"].function.coefficients.tolist() == [0.0, 1.0]

@@ -6,28 +6,20 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from studies.backlash.shafts import (
-    DAMPING,
-    END,
-    FREQUENCY,
-    PLAY,
-    SPEED,
-    exact,
-    exact_derivative,
-    relative,
-)
+from studies.backlash import shafts
+from studies.backlash.shafts import END, PLAY, SPEED, exact, relative
 
+pytestmark = pytest.mark.slow
 needs_mujoco = pytest.mark.skipif(
     importlib.util.find_spec("mujoco") is None,
     reason="MuJoCo is not installed: pip install -e '.[mujoco]'",
 )
 
 
-@pytest.mark.slow
 def test_the_exact_motion_is_that_of_small_steps():
     def rates(_, y):
         beyond, side = abs(y[0]) - 0.5 * PLAY, np.sign(y[0])
-        push = FREQUENCY**2 * beyond + 2.0 * DAMPING * FREQUENCY * side * y[1]
+        push = shafts.FREQUENCY**2 * beyond + 2.0 * shafts.DAMPING * shafts.FREQUENCY * side * y[1]
         return y[1], -side * max(push, 0.0) * (beyond > 0.0)
 
     found = solve_ivp(rates, (0.0, END), (0.0, SPEED), rtol=1e-9, atol=1e-13, max_step=1e-5)
@@ -36,15 +28,15 @@ def test_the_exact_motion_is_that_of_small_steps():
     assert float(rate[0]) == pytest.approx(found.y[1, -1], rel=1e-4)
 
 
-@pytest.mark.slow
 def test_its_derivative_is_that_of_differences():
     end, change = np.array([END]), 1e-6 * PLAY
     more, less = (float(relative(end, PLAY + s * change)[0][0]) for s in (1.0, -1.0))
-    assert exact_derivative(END) == pytest.approx(-0.2 * (more - less) / (2.0 * change), rel=1e-6)
+    assert shafts.exact_derivative(END) == pytest.approx(
+        -0.2 * (more - less) / (2.0 * change), rel=1e-6
+    )
     assert exact(end)[0].energy < 0.5 * 1e-3 * SPEED**2
 
 
-@pytest.mark.slow
 @needs_mujoco
 def test_quick_study_finds_the_differences_of_its_readme(tmp_path):
     from studies.backlash.__main__ import main
@@ -60,7 +52,6 @@ def test_quick_study_finds_the_differences_of_its_readme(tmp_path):
     assert float(written[1]) < 0.5 * float(default[1])
 
 
-@pytest.mark.slow
 @needs_mujoco
 def test_both_tend_to_the_exact_motion():
     from studies.backlash import ours, recipe

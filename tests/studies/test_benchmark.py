@@ -19,19 +19,7 @@ from studies.benchmark import (
     yardstick,
 )
 from studies.benchmark.chain import chain
-from studies.benchmark.table import (
-    BEGIN,
-    END,
-    Plan,
-    Row,
-    Sample,
-    cores,
-    figure,
-    interleaved,
-    replace_table,
-    row,
-    shown,
-)
+from studies.benchmark.table import BEGIN, END, Plan, Row, row
 
 
 @pytest.fixture(autouse=True)
@@ -112,7 +100,7 @@ def test_rows_of_sweeps(plan):
     beside = [one.yardstick for one in rows[:2]]
     assert beside == list(yardstick.WIDTHS)
     on_two = [one for one in rows if "two threads" in one.label]
-    assert len(on_two) == (0 if len(cores()) == 1 else 3)
+    assert len(on_two) == (0 if len(table.cores()) == 1 else 3)
 
 
 @pytest.mark.slow
@@ -131,14 +119,9 @@ def test_derivatives_by_all_parameters_begin_with_those_that_are_known():
 
 
 @pytest.mark.slow
-def test_rows_of_others(plan):
+def test_rows_of_other_programs(plan):
     rows = runs.others(plan)
-    assert len(rows) == 1 + bool(find_spec("exudyn"))
-    ratios(rows)
-
-
-@pytest.mark.slow
-def test_rows_of_backlash(plan):
+    assert len(ratios(rows)) == 1 + bool(find_spec("exudyn"))
     (one,) = backlash_chain.rows(plan)
     assert one.seconds > 0.0 and (one.ratio is not None) == bool(find_spec("mujoco"))
 
@@ -184,9 +167,9 @@ def test_calls_take_turns_after_a_first_one_each():
     order = []
 
     def call(name):
-        return lambda k: order.append((name, k)) or Sample(1.0 + k)
+        return lambda k: order.append((name, k)) or table.Sample(1.0 + k)
 
-    found = interleaved({"a": call("a"), "b": call("b")}, 2)
+    found = table.interleaved({"a": call("a"), "b": call("b")}, 2)
     assert order == [("a", 0), ("b", 0), ("a", 0), ("b", 0), ("a", 1), ("b", 1)]
     assert [sample.seconds for sample in found["b"]] == [1.0, 2.0]
 
@@ -197,18 +180,18 @@ def test_row_has_median_and_range_of_the_ratios_of_its_rounds():
     assert found.cells() == ("run", "3 s", "2 s, C++", "2 (1.5 … 4)", "2.5")
     alone = row("call", np.array([2e-3]), aim=1e-3)
     assert alone.cells() == ("call", "2 ms", "", "", "1 ms")
-    assert [shown(t) for t in (0.9999, 1.25e-5, 3e-10)] == ["1 s", "12.5 µs", "0.3 ns"]
+    assert [table.shown(t) for t in (0.9999, 1.25e-5, 3e-10)] == ["1 s", "12.5 µs", "0.3 ns"]
 
 
 def test_table_stands_between_the_markers_of_a_file(tmp_path):
     file = tmp_path / "README.md"
     file.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
     for _ in range(2):
-        replace_table(file, "| new |")
+        table.replace_table(file, "| new |")
     assert file.read_text() == f"before\n{BEGIN}\n\n| new |\n\n{END}\nafter\n"
     file.write_text("no markers")
     with pytest.raises(ValueError, match="must have the lines"):
-        replace_table(file, "| new |")
+        table.replace_table(file, "| new |")
 
 
 def test_readme_has_the_markers():
@@ -222,7 +205,7 @@ def test_figure_has_a_line_for_each_row_with_a_ratio_or_an_aim():
         Row("c", 1.0, aim=2.0),
         Row("neither", 1.0),
     ]
-    labels = [label.get_text() for label in figure(rows).axes[0].get_yticklabels()]
+    labels = [label.get_text() for label in table.figure(rows).axes[0].get_yticklabels()]
     assert labels == ["a / b", "c / aim"]
 
 

@@ -96,17 +96,9 @@ def test_the_order_does_not_depend_on_other_functions(tmp_path):
 def test_tests_that_execute_the_statement_come_first_and_the_cheapest_before_others(tmp_path):
     mutant = mutants_of(tmp_path, source_file(tmp_path, SOURCE))[-1]
     assert mutant.lines == (15, 15)
-    names = [
-        "tests/model/test_a.py::of_room",
-        "t.py::dear",
-        "t.py::cheap",
-        "u.py::of_file",
-        "v.py::x",
-    ]
-    seconds = dict(zip(names, [1.0, 4.0, 1.0, 0.5, 0.1], strict=True))
-    lines = {mutant.file: {"15": names[1:3], "7": [names[3], names[1]]}}
-    recording = Recording(seconds, lines)
-    room, dear, cheap, of_file, _ = names
+    room, dear, cheap, of_file = "tests/model/test_a.py::x", "t.py::dear", "t.py::cheap", "u.py::x"
+    seconds = {room: 1.0, dear: 4.0, cheap: 1.0, of_file: 0.5, "v.py::x": 0.1}
+    recording = Recording(seconds, {mutant.file: {"15": [dear, cheap], "7": [of_file, dear]}})
     assert recording.tests_for(mutant, 100.0) == [cheap, dear, of_file, room]
     # The last two groups have a quarter of the time.
     assert recording.tests_for(mutant, 8.0) == [cheap, dear, of_file, room]

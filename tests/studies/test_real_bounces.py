@@ -4,15 +4,9 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from studies.real_bounces import ball as balls
 from studies.real_bounces.__main__ import main
-from studies.real_bounces.ball import (
-    RestitutionOverSpeed,
-    damping_factor,
-    flight_time,
-    landing_speed,
-    scene,
-    simulated_intervals,
-)
+from studies.real_bounces.ball import flight_time, landing_speed
 from studies.real_bounces.bounce_files import read_balls
 from studies.real_bounces.bounce_fit import fit, from_drops, from_intervals, requested
 from studies.real_bounces.throws import BALLS, chains, deviations, study
@@ -45,9 +39,8 @@ def drops(number, terminal, generator):
     for height in heights:
         e = restitution(fallen(height, terminal)) + 2e-3 * generator.standard_normal(8)
         rebounds.append([100 * risen(x * fallen(height, terminal), terminal) for x in e])
-    return written(f"pallina{number}_H0", 100 * heights[:, None]) + written(
-        f"pallina{number}_H1", rebounds
-    )
+    columns = written(f"pallina{number}_H0", 100 * heights[:, None])
+    return columns + written(f"pallina{number}_H1", rebounds)
 
 
 def fallen(height, terminal, steps=4000):
@@ -72,8 +65,6 @@ def folder(tmp_path_factory):
     """Files of two balls with drag in the repository's format; a throw has a copied interval."""
     generator = np.random.default_rng(1)
     path = tmp_path_factory.mktemp("bounces")
-    (path / "Method1").mkdir()
-    (path / "Method2").mkdir()
     intervals, heights = "import numpy as np\nfrom missing_module import *\n", ""
     for number in (TENNIS_TABLE, GOLF):
         terminal = BALLS[number].terminal
@@ -85,8 +76,9 @@ def folder(tmp_path_factory):
             intervals += written(f"pallina{number}_intervalli_h{series}", rows)
         intervals += f"print(pallina{number}_intervalli_h1)\n"
         heights += drops(number, terminal, generator)
-    (path / "Method1" / "data.py").write_text(heights)
-    (path / "Method2" / "data.py").write_text(intervals)
+    for name, text in (("Method1", heights), ("Method2", intervals)):
+        (path / name).mkdir()
+        (path / name / "data.py").write_text(text)
     return path
 
 
@@ -96,10 +88,8 @@ def test_true_restitution_is_recovered_within_its_errors(folder):
     points = from_intervals(ball.series, BALLS[TENNIS_TABLE].terminal)
     assert len(points.speed) == 3 * 8 * 5 and points.left_out == ()
     assert points.scatter == pytest.approx(2e-3, rel=0.2)
-    for found in (
-        fit(points, constant=False),
-        fit(from_drops(ball.drops, BALLS[TENNIS_TABLE].terminal), constant=False),
-    ):
+    dropped = from_drops(ball.drops, BALLS[TENNIS_TABLE].terminal)
+    for found in (fit(points, constant=False), fit(dropped, constant=False)):
         errors = (np.array(found.values) - (LOSS, POWER)) / found.errors
         assert np.abs(errors).max() < 3.0
         assert max(found.errors) < 0.02
@@ -109,8 +99,7 @@ def test_true_restitution_is_recovered_within_its_errors(folder):
 
 
 def test_copied_interval_ends_its_throw(folder):
-    ball = read_balls([folder])[GOLF]
-    points = from_intervals(ball.series, np.inf)
+    points = from_intervals(read_balls([folder])[GOLF].series, np.inf)
     (line,) = points.left_out
     assert "series 1, throw 3: from interval 5" in line
     assert len(points.speed) == 3 * 8 * 5 - 2
@@ -130,16 +119,16 @@ def test_simulated_ball_keeps_to_the_closed_form():
     """The duration of contacts is the remaining difference."""
     terminal = BALLS[TENNIS_TABLE].terminal
     expected = throw(2.5, 6, terminal, 0.0, np.random.default_rng())
-    law = RestitutionOverSpeed(LOSS, POWER, cj.laws.Hertz(1e8))
+    law = balls.RestitutionOverSpeed(LOSS, POWER, cj.laws.Hertz(1e8))
     ball = BALLS[TENNIS_TABLE]
-    made = scene(law, ball.mass, ball.diameter, terminal)
-    found = simulated_intervals(made, expected[0], terminal, 6)
+    made = balls.scene(law, ball.mass, ball.diameter, terminal)
+    found = balls.simulated_intervals(made, expected[0], terminal, 6)
     np.testing.assert_allclose(found, expected, rtol=5e-4)
 
 
 @pytest.mark.parametrize("delivered", [0.5, 0.7, 0.9, 0.97])
 def test_damping_delivers_what_is_asked(delivered):
-    found = float(cj.laws.delivered_restitution(damping_factor(delivered)))
+    found = float(cj.laws.delivered_restitution(balls.damping_factor(delivered)))
     assert found == pytest.approx(delivered, abs=5e-4)
 
 
@@ -178,10 +167,9 @@ def test_simulated_throws_deviate_as_the_scatter_explains(folder, number):
     ],
 )
 def test_files_without_measurements_are_refused(tmp_path, text, said):
-    file = tmp_path / "data.py"
-    file.write_text(text)
+    (tmp_path / "data.py").write_text(text)
     with pytest.raises(ValueError, match=said):
-        read_balls([file])
+        read_balls([tmp_path / "data.py"])
 
 
 def test_computed_arrays_of_scripts_are_no_data(folder, tmp_path):
@@ -193,5 +181,5 @@ def test_computed_arrays_of_scripts_are_no_data(folder, tmp_path):
 
 
 def test_missing_file_is_refused(tmp_path):
-    with pytest.raises(ValueError, match=r"is not there"):
+    with pytest.raises(ValueError, match="is not there"):
         read_balls([tmp_path / "nothing.py"])

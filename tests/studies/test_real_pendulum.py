@@ -5,17 +5,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.io import savemat
 
+from studies.real_pendulum import swing_fits
 from studies.real_pendulum.__main__ import main
 from studies.real_pendulum.fits import ALL, prepared, study
 from studies.real_pendulum.pendulum import Pendulum, predicted
 from studies.real_pendulum.swing_files import Swing, read_swings
-from studies.real_pendulum.swing_fits import (
-    fit_frictions,
-    guess,
-    identified,
-    roughly,
-    standard_errors,
-)
+from studies.real_pendulum.swing_fits import fit_frictions, identified, roughly
 
 TRUTH = Pendulum(0.15, 1e-3, 3e-3, 5e-5, 2e-3, 0.3, 10.0)
 NOISE = 2e-4
@@ -48,15 +43,12 @@ def pieces(recorded, tmp_path_factory):
     """A MATLAB file with two pieces for the fit and one for validation."""
     times, angles = recorded
     cells = {}
-    for name, cuts in (("id", (0, 900, 1800)), ("vad", (1800, 2500))):
-        slices = [slice(a, b) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
-        for key, values in (
-            ("Time", [times[s][:, None] for s in slices]),
-            ("Y", [np.stack([angles[s] + np.pi, 0 * angles[s]]) for s in slices]),
-        ):
-            cell = np.empty((len(values), 1), dtype=object)
-            cell[:, 0] = values
-            cells[f"{key}_{name}"] = cell
+    for name, cuts in (("id", [(0, 900), (900, 1800)]), ("vad", [(1800, 2500)])):
+        for key in ("Time", "Y"):
+            cells[f"{key}_{name}"] = cell = np.empty((len(cuts), 1), dtype=object)
+            for k, (a, b) in enumerate(cuts):
+                both = np.stack([angles[a:b] + np.pi, 0 * angles[a:b]])
+                cell[k, 0] = times[a:b, None] if key == "Time" else both
     path = tmp_path_factory.mktemp("swing") / "pieces.mat"
     savemat(path, cells)
     return path
@@ -117,24 +109,21 @@ def test_standard_errors_allow_for_correlation():
     """The mean of residuals repeated ten times is as uncertain as that of a tenth of them."""
     generator = np.random.default_rng(4)
     residuals = np.repeat(generator.standard_normal(400), 10)
-    (error,), (naive,) = standard_errors(np.ones((4000, 1)), residuals, 40)
+    (error,), (naive,) = swing_fits.standard_errors(np.ones((4000, 1)), residuals, 40)
     assert naive == pytest.approx(1 / np.sqrt(4000), rel=0.1)
     assert error == pytest.approx(1 / np.sqrt(400), rel=0.2)
 
 
 def test_text_files_of_both_forms_are_read(recorded, tmp_path):
     times, angles = recorded
-    degrees = tmp_path / "one_column.txt"
-    lines = [f"{value:.6f}" for value in np.degrees(angles)]
-    head = ["trigger_start_deg, sample_rate, duration_sec", "90, 250, 10 "]
-    degrees.write_text("\n".join(head + lines) + "\n")
+    degrees, columns = tmp_path / "one_column.txt", tmp_path / "columns.txt"
+    head = "trigger_start_deg, sample_rate, duration_sec\n90, 250, 10 "
+    np.savetxt(degrees, np.degrees(angles), "%.6f", header=head, comments="")
     (found,) = read_swings(degrees)
     np.testing.assert_allclose(found.times, times, atol=1e-12)
     np.testing.assert_allclose(found.angles, angles, atol=1e-8)
-    columns = tmp_path / "columns.txt"
-    rows = [f" 0 {t:.16e} {a:.16e} 0" for t, a in zip(times, angles, strict=True)]
-    rows += [f" 1 {t:.16e} {-a:.16e} 0" for t, a in zip(times, angles, strict=True)]
-    columns.write_text("\n".join(["%o v", *rows]) + "\n")
+    rows = [(k, t, s * a, 0) for k, s in enumerate((1, -1)) for t, a in zip(*recorded, strict=True)]
+    np.savetxt(columns, rows, " %d %.16e %.16e %d", header="%o v", comments="")
     one, two = read_swings(columns)
     np.testing.assert_array_equal(one.angles, angles)
     np.testing.assert_array_equal(two.angles, -angles)
@@ -158,7 +147,7 @@ def test_a_swing_begins_at_the_vertical():
 
 def test_less_than_a_period_is_refused():
     with pytest.raises(ValueError, match="half passes its middle 1 times"):
-        guess(Swing("half", np.arange(20.0), np.linspace(-1.0, 1.0, 20)))
+        swing_fits.guess(Swing("half", np.arange(20.0), np.linspace(-1.0, 1.0, 20)))
 
 
 @pytest.mark.parametrize(
@@ -176,16 +165,14 @@ def test_less_than_a_period_is_refused():
     ],
 )
 def test_files_without_a_swing_are_refused(tmp_path, name, text, said):
-    path = tmp_path / name
-    path.write_text(text)
+    (tmp_path / name).write_text(text)
     with pytest.raises(ValueError, match=said):
-        read_swings(path)
+        read_swings(tmp_path / name)
 
 
-def test_matlab_file_of_other_content_is_refused(tmp_path):
-    path = tmp_path / "other.mat"
-    savemat(path, {"x": np.ones(3)})
+def test_matlab_files_of_other_content_and_missing_ones_are_refused(tmp_path):
+    savemat(tmp_path / "other.mat", {"x": np.ones(3)})
     with pytest.raises(ValueError, match=r"\['x'\], neither"):
-        read_swings(path)
+        read_swings(tmp_path / "other.mat")
     with pytest.raises(ValueError, match="is not there"):
         read_swings(tmp_path / "nothing.mat")

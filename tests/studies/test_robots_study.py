@@ -13,10 +13,10 @@ from studies.robots.__main__ import main
 from studies.robots.arm import SimulatedArm
 from studies.robots.geared_joint import URDF
 from studies.robots.standard_joint import StandardJoint
+from tests.support import urdf
 
 ARM = URDF.format(inertia=0.01)
-TIP = '<link name="tip"/><joint name="wrist" type="continuous"><parent link="arm"/>'
-TIP += '<child link="tip"/></joint></robot>'
+TIP = urdf.link("tip") + urdf.joint("wrist", "continuous", "arm", "tip") + "</robot>"
 TWO = """<mujoco><worldbody><body name="a"><joint name="j"/><joint name="k" axis="1 0 0"/>
 <geom size="0.1" pos="0.3 0.2 0"/></body></worldbody></mujoco>"""
 TEXTS = {
@@ -43,9 +43,8 @@ def test_files_are_loaded_as_messages_say_and_compared(tmp_path):
         assert rows[name].difference is not None and rows[name].difference < 1e-12
     assert rows["light.urdf"].options == {"bound_mass": 1e-3, "bound_inertia": 1e-6}
     assert "nowhere" in rows["loop.urdf"].refused
-    assert (
-        "| refused, with element and remedy | 1 |" in main(["files", "--files", str(tmp_path)])[0]
-    )
+    table, *_ = main(["files", "--files", str(tmp_path)])
+    assert "| refused, with element and remedy | 1 |" in table
 
 
 def test_logs_that_are_not_there_are_named(tmp_path, capsys):
@@ -71,12 +70,10 @@ def test_mujoco_standard_joint_is_fitted():
     angles = solution.sol(np.maximum(times - 0.004, 0.0))[0] + 0.01
     table = pd.DataFrame({"t": times, "q [rad]": angles, "goal [rad]": goals})
     log = cj.RobotLog.read(table, angles={"servo": "q"}, goals={"servo": "goal"})
-    truth = {"friction": 0.03, "damping": 0.05, "armature": 0.003, "gain": 2.0, "offset": 0.01}
-    truth |= {"lag": 0.004}
-    starts = {"friction": 0.01, "damping": 0.1, "armature": 0.002, "gain": 1.5, "offset": 0.0}
-    found = joint.fitted(log, {**starts, "lag": 0.0})
-    for name, value in truth.items():
-        assert found[name] == pytest.approx(value, rel=0.1, abs=2e-3), name
+    names = "friction", "damping", "armature", "gain", "offset", "lag"
+    starts = dict(zip(names, (0.01, 0.1, 0.002, 1.5, 0.0, 0.0), strict=True))
+    truth = dict(zip(names, (0.03, 0.05, 0.003, 2.0, 0.01, 0.004), strict=True))
+    assert joint.fitted(log, starts) == pytest.approx(truth, rel=0.1, abs=2e-3)
 
 
 @pytest.mark.slow

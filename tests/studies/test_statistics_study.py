@@ -9,6 +9,8 @@ from studies.statistics import shadowing
 from studies.statistics.__main__ import main
 from studies.statistics.parts import FORCE, PERIOD
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
@@ -20,21 +22,18 @@ def lines(folder):
     return main(["--quick", "--output", str(folder)])
 
 
-@pytest.mark.slow
 def test_the_quick_study_draws(lines, folder):
     for name in ("ensemble", "derivatives", "sensitivity"):
         assert (folder / f"{name}.png").stat().st_size > 3000
     assert len(lines) == 8 + 4 + 5
 
 
-@pytest.mark.slow
 def test_intervals_hold_the_differences(lines):
     counts = [re.search(r"(\d+) of 3 intervals hold", line) for line in lines]
     held = [int(count[1]) for count in counts if count]
     assert len(held) == 3 and sum(held) >= 6
 
 
-@pytest.mark.slow
 def test_the_clearance_drives_the_peak_of_the_first_revolution(lines):
     (line,) = [line for line in lines if line.startswith("first peak, total order")]
     shares = {name: float(share) for name, share in re.findall(r"(\w+) (-?[\d.]+) \(", line)}
@@ -42,7 +41,6 @@ def test_the_clearance_drives_the_peak_of_the_first_revolution(lines):
     assert len(shares) == 5
 
 
-@pytest.mark.slow
 def test_tangents_of_segments_agree_with_differences():
     clearance, step, after = 5e-5, 1e-10, 0.5 * PERIOD
     found = shadowing.segments(clearance, 1, PERIOD)

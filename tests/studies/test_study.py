@@ -6,16 +6,7 @@ import pytest
 from studies.double_pendulum.__main__ import main, parse, run
 from studies.double_pendulum.findings import report
 
-WRITTEN = {
-    "figure_13.png",
-    "figure_14.png",
-    "figure_15.png",
-    "figure_16.png",
-    "figure_17.png",
-    "orbit.png",
-    "journal.gif",
-    "claims.md",
-}
+WRITTEN = {*(f"figure_{k}.png" for k in range(13, 18)), "orbit.png", "journal.gif", "claims.md"}
 pytestmark = pytest.mark.slow
 
 

@@ -10,6 +10,8 @@ from studies.clearance_sweep import sweeps as clearance_sweep
 from studies.clearance_sweep.__main__ import main
 from studies.common.output import Output
 
+pytestmark = pytest.mark.slow
+
 GRAVITY = 9.81
 
 
@@ -28,14 +30,12 @@ def pictures(output, *names):
     return all((output.folder / f"{name}.png").stat().st_size > 3000 for name in names)
 
 
-@pytest.mark.slow
 def test_sweep_draws_and_stores_what_does_not_fail(output, swept):
     assert pictures(output, "summary", "impacts", "orbits")
     assert (swept["result"] == 0).all()
     assert swept.sizes["clearance"] == 16
 
 
-@pytest.mark.slow
 def test_journal_falls_freely_at_first(swept):
     """The offset is g t^2 / 2 up to the wall, which is met at sqrt(2 g c) after sqrt(2 c / g)."""
     clearance = swept["clearance"].values
@@ -49,20 +49,17 @@ def test_journal_falls_freely_at_first(swept):
         assert float(np.abs(error).max()) < 1e-12
 
 
-@pytest.mark.slow
 def test_restitution_is_the_delivered_one(swept):
     """It is that of impacts 1 and 2; the extended-precision reference has 0.9115 at 0.5 mm."""
     half = swept["impact_entry_speed"].sel(clearance=0.5e-3, method="nearest").values
     assert half[1] / half[0] == pytest.approx(0.9115, abs=3e-4)
 
 
-@pytest.mark.slow
 def test_journal_stays_in_its_bearing(swept):
     eccentricity = np.hypot(swept["x"], swept["y"])
     assert float((eccentricity - swept["clearance"]).max()) < 20e-6
 
 
-@pytest.mark.slow
 def test_a_finished_sweep_is_read_and_not_computed(output, swept, capsys):
     def written():
         return {path: path.stat().st_mtime_ns for path in (output.folder / "sweep.zarr").rglob("*")}
@@ -74,7 +71,6 @@ def test_a_finished_sweep_is_read_and_not_computed(output, swept, capsys):
     assert "0 of 16 lanes failed" in findings
 
 
-@pytest.mark.slow
 def test_map_of_clearance_and_restitution(output):
     findings = clearance_sweep.restitution_map(output)
     assert pictures(output, "map")
@@ -86,7 +82,6 @@ def test_map_of_clearance_and_restitution(output):
     assert any("nothing is dissipated" in line for line in findings)
 
 
-@pytest.mark.slow
 def test_limit_is_the_ideal_joint_if_the_journal_is_fixed_axially(output):
     """Its tilt over 20 mm moves the end arm's centre, sqrt(1.25) m away, 112 times the gap."""
     fixed = clearance_limit.deviations(output, "limit_held", cj.FixedAxially())
@@ -97,7 +92,6 @@ def test_limit_is_the_ideal_joint_if_the_journal_is_fixed_axially(output):
     assert float(ratio.max()) < 160.0
 
 
-@pytest.mark.slow
 def test_limit_is_another_joint_if_it_is_not(output):
     findings = clearance_limit.limit(output)
     assert pictures(output, "limit")
@@ -106,7 +100,6 @@ def test_limit_is_another_joint_if_it_is_not(output):
     assert float(free["deviation"][0]) > 0.04
 
 
-@pytest.mark.slow
 def test_a_store_of_another_sweep_is_refused(output, swept, monkeypatch):
     monkeypatch.setattr(clearance_sweep, "QUICK_DURATION", 0.25)
     with pytest.raises(SystemExit, match="end_time"):

@@ -9,6 +9,8 @@ from studies.tolerance_design.figures import ideal_pin_force
 from studies.tolerance_design.findings import run
 from studies.tolerance_design.search import POSITION, settled, start
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def output(tmp_path_factory):
@@ -20,7 +22,6 @@ def found(output):
     return run(output)
 
 
-@pytest.mark.slow
 def test_quick_study_draws_and_finds_the_largest_for_both_limits(found, output):
     for name in ("margin", "motion"):
         assert (output.folder / f"{name}.png").stat().st_size > 3000
@@ -33,14 +34,12 @@ def test_quick_study_draws_and_finds_the_largest_for_both_limits(found, output):
     assert len(found.lines()) == 3 + len(found.growths)
 
 
-@pytest.mark.slow
 def test_the_slider_is_off_by_clearance_and_penetration():
     design = start()
     furthest = design.position_tolerance * np.exp(-design.margins(np.array([20e-6]))[POSITION])
     assert 20e-6 < furthest[0] < 1.1 * (20e-6 + 10e-6)
 
 
-@pytest.mark.slow
 def test_ideal_pin_force_drives_the_slider_alone_at_the_dead_centres():
     design = settled(1.5)
     exact = closed_form(Settings(revolutions_a_minute=design.speed))

@@ -24,11 +24,41 @@ def checks(tmp_path_factory):
     return main(["--quick", "--output", str(tmp_path_factory.mktemp("validation"))])
 
 
+def far(found, tolerance):
+    """Those values that are further from the published ones than a tolerance, or no numbers."""
+    return [check for check in found if not check.difference < tolerance]
+
+
 @pytest.mark.slow
-def test_modelica_examples_agree_to_the_tolerance_of_their_solver(checks):
-    examples = [check for check in checks if "Examples" in check.source]
-    assert len(examples) == 12
-    assert [check for check in examples if not check.difference < 2e-4] == []
+@pytest.mark.parametrize(
+    ("source", "count", "tolerance"),
+    [
+        (".Examples.", 12, 2e-4),
+        ("mujoco#3284", 4, 2e-5),
+        ("MuJoCo, double pendulum", 2 * has("mujoco"), 1e-9),
+        ("Exudyn, double pendulum", 2 * has("exudyn"), 1e-7),
+        ("MuJoCo, bouncing ball", 2 * has("mujoco"), 1e-7),
+        ("Exudyn, bouncing ball", 2 * has("exudyn"), 1e-7),
+        ("IFToMM", 2, 1e-7),
+    ],
+)
+def test_values_agree_with_the_published_ones(checks, source, count, tolerance):
+    found = [check for check in checks if source in check.source]
+    assert len(found) == count and far(found, tolerance) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("compute", "names", "tolerance"),
+    [
+        (collision, ["dx/dx1", "dx/dx2", "dx/dv1", "dx/dv2"], 1e-7),
+        (journal_friction, ["breakaway", "kinetic", "stiffness"], 1e-3),
+    ],
+    ids=["derivatives across an elastic collision", "LuGre friction in a bearing"],
+)
+def test_values_agree_with_closed_forms_and_true_ones(compute, names, tolerance):
+    found = compute()
+    assert [check.name for check in found] == names and far(found, tolerance) == []
 
 
 @pytest.mark.slow
@@ -37,13 +67,6 @@ def test_the_wheel_is_free_between_the_flanks(checks):
     found = {check.name: check.ours for check in checks}
     crossing = found["the other flank is met"] - found["its gap opens"]
     assert found["speed there"] * crossing == pytest.approx(-0.25 * math.pi, rel=1e-9)
-
-
-@pytest.mark.slow
-def test_derivatives_across_an_elastic_collision_agree_with_the_closed_form():
-    slopes = collision()
-    assert [check.name for check in slopes] == ["dx/dx1", "dx/dx2", "dx/dv1", "dx/dv2"]
-    assert [check for check in slopes if not check.difference < 1e-7] == []
 
 
 @pytest.fixture(scope="module")
@@ -75,13 +98,6 @@ def test_the_ball_of_siconos_bounces_as_published():
 
 
 @pytest.mark.slow
-def test_friction_and_inertia_are_identified_from_starts_near_zero(checks):
-    found = {check.name: check for check in checks if check.source.startswith("mujoco#3284")}
-    assert list(found) == ["mass", "inertia", "friction", "damping"]
-    assert [check for check in found.values() if not check.difference < 2e-5] == []
-
-
-@pytest.mark.slow
 def test_a_fit_of_the_whole_record_at_once_stalls_and_says_so():
     with pytest.warns(cj.PoorFitWarning):
         fit = fitted(driven_link(), LINK_GUESS)
@@ -93,29 +109,6 @@ def test_lugre_friction_is_identified(checks):
     found = {check.name: check for check in checks if check.source.startswith("mujoco#3286")}
     assert found["breakaway"].difference < 2e-4 and found["kinetic"].difference < 2e-4
     assert found["stiffness"].difference < 0.02
-
-
-@pytest.mark.slow
-def test_lugre_friction_in_a_bearing_is_identified():
-    found = journal_friction()
-    assert [check.name for check in found] == ["breakaway", "kinetic", "stiffness"]
-    assert [check for check in found if not check.difference < 1e-3] == []
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("source", "tolerance"),
-    [
-        ("MuJoCo, double pendulum", 1e-9),
-        ("Exudyn, double pendulum", 1e-7),
-        ("MuJoCo, bouncing ball", 1e-7),
-        ("Exudyn, bouncing ball", 1e-7),
-    ],
-)
-def test_a_scene_moves_as_in_other_programs(checks, source, tolerance):
-    found = [check for check in checks if check.source == source]
-    assert len(found) == (2 if has(source.partition(",")[0].lower()) else 0)
-    assert [check for check in found if not check.difference < tolerance] == []
 
 
 @pytest.mark.skipif(not has("mujoco"), reason="MuJoCo is not installed")
@@ -132,17 +125,10 @@ def test_without_other_programs_their_rows_are_left_out(checks_of_others, monkey
 
 
 @pytest.mark.slow
-def test_the_first_benchmark_ends_at_its_reference(checks):
-    found = [check for check in checks if check.source.startswith("IFToMM")]
-    assert len(found) == 2
-    assert [check for check in found if not check.difference < 1e-7] == []
-
-
-@pytest.mark.slow
 def test_all_benchmarks_end_at_their_references():
     found = benchmarks(quick=False)
     assert {check.source[:10] for check in found} == {f"IFToMM A0{k}" for k in range(1, 5)}
-    assert [check for check in found if not check.difference < 1e-7] == []
+    assert far(found, 1e-7) == []
 
 
 PLAY, STIFFNESS, FORWARDS, BACKWARDS = 3e-3, 4e6, 9e3, 7e3
@@ -198,12 +184,8 @@ def test_a_file_that_is_no_record_of_the_damper_is_refused(tmp_path, text, compl
 @pytest.mark.slow
 def test_play_and_friction_of_a_made_up_record_are_found(damper_record):
     fit = fit_damper(damper_record)
-    expected = {
-        "play": PLAY,
-        "stiffness": STIFFNESS,
-        "forwards": FORWARDS,
-        "backwards": BACKWARDS,
-    }
+    friction = {"forwards": FORWARDS, "backwards": BACKWARDS}
+    expected = {"play": PLAY, "stiffness": STIFFNESS, **friction}
     assert fit.estimates == pytest.approx(expected, rel=0.01)
     assert fit.rms < 0.02 * FORWARDS
 

@@ -7,8 +7,9 @@ import pytest
 
 from studies.wear.__main__ import main
 
+pytestmark = pytest.mark.slow
 
-@pytest.mark.slow
+
 def test_stages_of_two_lengths_agree(tmp_path):
     lines = main(["profile", "--quick", "--output", str(tmp_path)])
     assert (tmp_path / "profile.png").stat().st_size > 3000
@@ -17,7 +18,6 @@ def test_stages_of_two_lengths_agree(tmp_path):
     assert len(numbers) == 2 and all(abs(number) < 0.5 for number in numbers)
 
 
-@pytest.mark.slow
 def test_a_groove_approaches_that_of_a_rigid_journal(tmp_path):
     lines = main(["groove", "--quick", "--output", str(tmp_path)])
     pairs = [re.search(r"([\d.]+) µm, a rigid journal ([\d.]+) µm", line) for line in lines]
@@ -27,7 +27,6 @@ def test_a_groove_approaches_that_of_a_rigid_journal(tmp_path):
     assert abs(float(re.search(r"relative error (\S+)$", lines[-1])[1])) < 1e-6
 
 
-@pytest.mark.slow
 def test_derivatives_of_the_life_are_those_of_differences(tmp_path):
     lines = main(["life", "--quick", "--output", str(tmp_path)])
     pairs = [re.search(r"(\S+) cycles, by differences (\S+)", line) for line in lines]
@@ -38,7 +37,6 @@ def test_derivatives_of_the_life_are_those_of_differences(tmp_path):
         assert derivative == pytest.approx(difference, abs=3e-3 * life)
 
 
-@pytest.mark.slow
 def test_differences_over_short_steps_have_the_derivative(tmp_path):
     """Of the depths after two numbers of cycles, to 1.5e-4 of them; 1 % is too long a step."""
     lines = main(["steps", "--quick", "--output", str(tmp_path)])

@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,14 +32,22 @@ class CatalogueScene(NamedTuple):
     """Whose mass and inertia derivatives are along; the last one's unless given."""
 
 
+def with_joint(scene: cj.Scene, name: str, joint: Any) -> cj.Scene:
+    return replace(scene, joints={**scene.joints, name: joint})
+
+
+def alone(
+    body: str, mass: float, inertia: float, joint: Any, velocity: Any
+) -> tuple[cj.Scene, cj.State]:
+    """A sphere that starts at the origin, in a joint to the ground."""
+    scene = cj.Scene({body: cj.Body(mass, (inertia,) * 3)}, {"joint": joint})
+    return scene, cj.State({body: cj.body_state(REST, velocity=velocity)})
+
+
 def thrown(law: cj.extend.AbstractContactLaw) -> tuple[cj.Scene, cj.State]:
     """A ball in a wide socket, which meets the wall once."""
     joint = cj.BallInSocket("ground", "ball", socket_radius=10e-3, clearance=0.1e-3, law=law)
-    body = cj.Body(laws.MASS, (1e-3, 1e-3, 1e-3))
-    velocity = (laws.SPEED, 0.3 * laws.SPEED, 0.0)
-    return cj.Scene({"ball": body}, {"joint": joint}), cj.State(
-        {"ball": cj.body_state(REST, velocity=velocity)}
-    )
+    return alone("ball", laws.MASS, 1e-3, joint, (laws.SPEED, 0.3 * laws.SPEED, 0.0))
 
 
 def pressed(law: cj.extend.AbstractContactLaw) -> tuple[cj.Scene, cj.State]:
@@ -61,10 +70,8 @@ def with_everything() -> tuple[cj.Scene, cj.State]:
 
 def with_film_and_friction() -> tuple[cj.Scene, cj.State]:
     """A rotor pressed into the wall of its bearing, from which a film carries it."""
-    film, friction = (
-        cj.films.PinkusSternlichtFilm(films.VISCOSITY),
-        cj.frictions.RegularisedCoulomb(0.1, 1e-3),
-    )
+    film = cj.films.PinkusSternlichtFilm(films.VISCOSITY)
+    friction = cj.frictions.RegularisedCoulomb(0.1, 1e-3)
     return cj.mechanisms.rotor_in_bearing(film=film, offset=IN_THE_WALL, friction=friction)
 
 
@@ -73,7 +80,7 @@ def with_profiles() -> tuple[cj.Scene, cj.State]:
     scene, state, _ = plays.two_lobes()
     worn = cj.profiles.PeriodicSpline.through(-1e-6 * np.exp(np.cos(np.arange(16) * np.pi / 8)))
     pin = replace(scene.joints["bearing"], journal_profile=worn)
-    return replace(scene, joints={**scene.joints, "bearing": pin}), state
+    return with_joint(scene, "bearing", pin), state
 
 
 def tilted() -> tuple[cj.Scene, cj.State]:
@@ -81,14 +88,13 @@ def tilted() -> tuple[cj.Scene, cj.State]:
     law = cj.laws.ElastoGap(stiffness=1e8, damping=1e3, exponent=1.0)
     scene, state = cj.mechanisms.rotor_in_bearing(law=law, speed=20.0)
     pin = replace(scene.joints["bearing"], line_points=5)
-    scene = replace(scene, joints={**scene.joints, "bearing": pin})
     tilt = 5e-4
     turned = cj.body_state(
         state.bodies["rotor"].position,
         orientation=cj.rotation((1.0, 0.0, 0.0), tilt),
         spin=(0.0, 20.0 * np.sin(tilt), 20.0 * np.cos(tilt)),
     )
-    return scene, cj.State({"rotor": turned})
+    return with_joint(scene, "bearing", pin), cj.State({"rotor": turned})
 
 
 def with_film_and_asperities() -> tuple[cj.Scene, cj.State]:
@@ -96,17 +102,15 @@ def with_film_and_asperities() -> tuple[cj.Scene, cj.State]:
     scene, _ = cj.mechanisms.rotor_in_bearing(speed=10.0)
     # So rough that they touch where the damping of the film is not yet stiff.
     rough = cj.laws.GreenwoodTripp(roughness=3e-6, modulus=1.14e11)
-    joints = {**scene.joints, "bearing": films.mixed(rough)}
     place = (0.0, -films.CLEARANCE + 8e-6, 0.0)
     state = cj.State({"rotor": cj.body_state(place, spin=(0.0, 0.0, 10.0))})
-    return replace(scene, joints=joints), state
+    return with_joint(scene, "bearing", films.mixed(rough)), state
 
 
 def in_slot() -> tuple[cj.Scene, cj.State]:
     """A pin that flies from wall to wall."""
     joint = cj.PinInSlot("ground", "b", play=1e-3, pin_radius=5e-3, law=cj.laws.Hertz(1e9))
-    state = cj.State({"b": cj.body_state(REST, velocity=(0.3, 0.4, 0.0))})
-    return cj.Scene({"b": cj.Body(0.5, (1e-4, 1e-4, 1e-4))}, {"joint": joint}), state
+    return alone("b", 0.5, 1e-4, joint, (0.3, 0.4, 0.0))
 
 
 def on_plate() -> tuple[cj.Scene, cj.State]:
@@ -171,82 +175,71 @@ def _laws() -> dict[str, cj.extend.AbstractContactLaw]:
 
 
 def _cylinders() -> dict[str, cj.extend.AbstractContactLaw]:
+    size = cylinders.YOUNG, cylinders.POISSON
     kinds = [*cylinders.FORMULAS, *cylinders.AT_EIGHT_MICROMETRES, cj.laws.PerssonCylinder]
-    return {
-        kind.__name__: cj.laws.HuntCrossley(
-            0.5, kind(cylinders.YOUNG, cylinders.POISSON, length=cylinders.LENGTH)
-        )
-        for kind in kinds
-    }
+    made = {kind.__name__: kind(*size, length=cylinders.LENGTH) for kind in kinds}
+    return {name: cj.laws.HuntCrossley(0.5, cylinder) for name, cylinder in made.items()}
 
 
 def catalogue_scenes() -> dict[str, CatalogueScene]:
     """All scenes by name: the family and the entry."""
+    rubbed = {name: friction for name, (friction, *_) in frictions.LAWS.items()}
+    rubbed |= {name: friction for name, (friction, *_) in frictions.BRISTLES.items()}
     found = {
-        f"law {name}": CatalogueScene(lambda law=law: thrown(law), 3e-3)
-        for name, law in _laws().items()
-    }
-    found |= {
-        f"cylinder {name}": CatalogueScene(lambda law=law: pressed(law), 3e-3)
-        for name, law in _cylinders().items()
-    }
-    for name, (friction, *_) in {**frictions.LAWS, **frictions.BRISTLES}.items():
-        found[f"friction {name}"] = CatalogueScene(lambda law=friction: rubbing(law), 3e-3)
-    for kind in (cj.films.CaponeFilm, cj.films.ButenschoenFilm, cj.films.PinkusSternlichtFilm):
-        film = kind(films.VISCOSITY)
-        found[f"film {kind.__name__}"] = CatalogueScene(
-            lambda film=film: cj.mechanisms.rotor_in_bearing(film=film, offset=(0.3, -0.6)), 0.01
+        f"{family} {name}": CatalogueScene(partial(make, entry), 3e-3)
+        for family, make, entries in (
+            ("law", thrown, _laws()),
+            ("cylinder", pressed, _cylinders()),
+            ("friction", rubbing, rubbed),
         )
+        for name, entry in entries.items()
+    }
+    for kind in (cj.films.CaponeFilm, cj.films.ButenschoenFilm, cj.films.PinkusSternlichtFilm):
+        options = {"film": kind(films.VISCOSITY), "offset": (0.3, -0.6)}
+        make = partial(cj.mechanisms.rotor_in_bearing, **options)
+        found[f"film {kind.__name__}"] = CatalogueScene(make, 0.01)
     found["rotor with film, line contact and bristles"] = CatalogueScene(with_everything, 2e-3)
     found["rotor with film and friction"] = CatalogueScene(with_film_and_friction, 2e-3)
     found["rotor with profiles"] = CatalogueScene(with_profiles, 3e-3)
     found["rotor, tilted, in line contact"] = CatalogueScene(tilted, 2e-3)
     found["rotor with film and asperities"] = CatalogueScene(with_film_and_asperities, 2e-3)
     for name, target in TARGETS.items():
-        found[f"joints, {name}"] = CatalogueScene(
-            lambda target=target: machines(target), 0.03, "driven"
-        )
+        found[f"joints, {name}"] = CatalogueScene(partial(machines, target), 0.03, "driven")
     torque = cj.PiecewiseConstant([0.0, 1e-3, 2e-3], [2.0, -1.0, 0.0])
     motor = cj.DriveTorque("ground", "crank", (0.0, 0.0, 1.0), torque)
+    plays_of_four_bar = {"crank pin": 0.1e-3, "rocker foot": 0.2e-3}
+    ready = cj.mechanisms
     mechanisms = {
         "slider_crank under a torque that is switched": (
-            lambda: cj.mechanisms.slider_crank(None, motor=motor),
+            partial(ready.slider_crank, None, motor=motor),
             3e-3,
         ),
-        "Backlash": (lambda: plays.shafts(0.6), 0.02),
-        "gear_pair": (lambda: cj.mechanisms.gear_pair(), 0.02),
+        "Backlash": (partial(plays.shafts, 0.6), 0.02),
+        "gear_pair": (ready.gear_pair, 0.02),
         "gear_pair with a mesh that varies": (meshing_gears, 0.01),
         "PinInSlot": (in_slot, 0.01),
         "Stop": (on_plate, 0.03),
         "BallOnBall": (billiards, 0.01),
-        "guided_slider_crank": (lambda: cj.mechanisms.guided_slider_crank(), 4e-3),
-        "double_pendulum": (lambda: cj.mechanisms.double_pendulum(), 0.02),
-        "slider_crank": (lambda: cj.mechanisms.slider_crank(0.1e-3), 2e-3),
-        "four_bar": (lambda: cj.mechanisms.four_bar(speed=5.0), 0.1),
-        "four_bar with two plays": (
-            lambda: cj.mechanisms.four_bar(
-                {"crank pin": 0.1e-3, "rocker foot": 0.2e-3}, speed=10.0
-            ),
-            0.01,
-        ),
-        "cycloid_stage": (lambda: cj.mechanisms.cycloid_stage(torque=2.0), 3e-3),
-        "quick_return": (lambda: cj.mechanisms.quick_return(), 0.04),
-        "quick_return without play": (lambda: cj.mechanisms.quick_return(None, angle=0.3), 0.1),
-        "spatial_four_bar": (lambda: cj.mechanisms.spatial_four_bar(speed=40.0), 0.01),
+        "guided_slider_crank": (ready.guided_slider_crank, 4e-3),
+        "double_pendulum": (ready.double_pendulum, 0.02),
+        "slider_crank": (partial(ready.slider_crank, 0.1e-3), 2e-3),
+        "four_bar": (partial(ready.four_bar, speed=5.0), 0.1),
+        "four_bar with two plays": (partial(ready.four_bar, plays_of_four_bar, speed=10.0), 0.01),
+        "cycloid_stage": (partial(ready.cycloid_stage, torque=2.0), 3e-3),
+        "quick_return": (ready.quick_return, 0.04),
+        "quick_return without play": (partial(ready.quick_return, None, angle=0.3), 0.1),
+        "spatial_four_bar": (partial(ready.spatial_four_bar, speed=40.0), 0.01),
         "spatial_four_bar without play": (
-            lambda: cj.mechanisms.spatial_four_bar(None, speed=40.0),
+            partial(ready.spatial_four_bar, None, speed=40.0),
             0.05,
         ),
-        "robot_arm without play": (
-            lambda: cj.mechanisms.robot_arm(None, speeds=(2.0, -1.0, 3.0)),
-            0.05,
-        ),
+        "robot_arm without play": (partial(ready.robot_arm, None, speeds=(2.0, -1.0, 3.0)), 0.05),
         # In contact, what gravity asks of the links turns flanges of 1 g: roundings of so large
         # accelerations make the steps short.
-        "robot_arm": (lambda: cj.mechanisms.robot_arm(2e-4), 7e-3, "link 3"),
-        "double_four_bar": (lambda: cj.mechanisms.double_four_bar(), 0.1),
-        "bricard": (lambda: cj.mechanisms.bricard(), 0.1),
-        "andrews_squeezer": (lambda: cj.mechanisms.andrews_squeezer(), 3e-3),
+        "robot_arm": (partial(ready.robot_arm, 2e-4), 7e-3, "link 3"),
+        "double_four_bar": (ready.double_four_bar, 0.1),
+        "bricard": (ready.bricard, 0.1),
+        "andrews_squeezer": (ready.andrews_squeezer, 3e-3),
     }
     return found | {
         f"mechanism {name}": CatalogueScene(*scene) for name, scene in mechanisms.items()

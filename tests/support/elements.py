@@ -223,105 +223,74 @@ def contacts(lossless: bool) -> dict[str, Case]:
     near = {"rotation": 0.02, "shift": 1.5 * PLAY}
     pair = FIRST, SECOND
     plane = {"point": ON_FIRST, "normal": ACROSS, "point_second": ON_SECOND}
-    found = {
-        "bearing": case(cj.ClearanceJoint(*pair, **bearing, **shared), **near),
-        "bearing along its length": case(
-            cj.ClearanceJoint(*pair, **bearing, **shared, line_points=4), **near
+    bearings = {
+        "bearing": {},
+        "bearing along its length": {"line_points": 4},
+        "bearing with collars": {"axial": collars},
+        "bearing that holds its journal": {"axial": cj.FixedAxially()},
+    }
+    joints = {
+        name: cj.ClearanceJoint(*pair, **bearing, **shared, **options)
+        for name, options in bearings.items()
+    }
+    joints |= {
+        "ball": cj.BallInSocket(
+            *pair,
+            clearance=PLAY,
+            socket_radius=10e-3,
+            socket_point=ON_FIRST,
+            ball_point=ON_SECOND,
+            **shared,
         ),
-        "bearing with collars": case(
-            cj.ClearanceJoint(*pair, **bearing, **shared, axial=collars), **near
+        "pin": cj.PinInSlot(
+            *pair,
+            play=PLAY,
+            pin_radius=5e-3,
+            travel=1.5 * PLAY,
+            slot_point=ON_FIRST,
+            slot_axis=AXIS,
+            slot_normal=ACROSS,
+            pin_point=ON_SECOND,
+            **shared,
         ),
-        "bearing that holds its journal": case(
-            cj.ClearanceJoint(*pair, **bearing, **shared, axial=cj.FixedAxially()), **near
+        "slider": cj.SliderInGuide(
+            *pair,
+            half_length=0.03,
+            clearance=PLAY,
+            half_height=0.02,
+            guide_point=ON_FIRST,
+            guide_normal=ACROSS,
+            slider_point=ON_SECOND,
+            slider_axis=AXIS,
+            slider_normal=ACROSS,
+            **shared,
         ),
-        "ball": case(
-            cj.BallInSocket(
-                *pair,
-                clearance=PLAY,
-                socket_radius=10e-3,
-                socket_point=ON_FIRST,
-                ball_point=ON_SECOND,
-                **shared,
-            ),
-            **near,
+        "point on a plane": cj.Stop(*pair, **plane, **shared),
+        "edge on a plane": cj.Stop(
+            *pair, **plane, **shared, end_point_second=ON_SECOND + 0.03 * AXIS
         ),
-        "pin": case(
-            cj.PinInSlot(
-                *pair,
-                play=PLAY,
-                pin_radius=5e-3,
-                travel=1.5 * PLAY,
-                slot_point=ON_FIRST,
-                slot_axis=AXIS,
-                slot_normal=ACROSS,
-                pin_point=ON_SECOND,
-                **shared,
-            ),
-            **near,
-        ),
-        "slider": case(
-            cj.SliderInGuide(
-                *pair,
-                half_length=0.03,
-                clearance=PLAY,
-                half_height=0.02,
-                guide_point=ON_FIRST,
-                guide_normal=ACROSS,
-                slider_point=ON_SECOND,
-                slider_axis=AXIS,
-                slider_normal=ACROSS,
-                **shared,
-            ),
-            **near,
-        ),
-        "point on a plane": case(cj.Stop(*pair, **plane, **shared), **near),
-        "sphere on a plane": case(
-            cj.Stop(*pair, **plane, **shared, radius=0.02),
-            apart=ON_FIRST - ON_SECOND + 0.02 * ACROSS,
-            **near,
-        ),
-        "edge on a plane": case(
-            cj.Stop(*pair, **plane, **shared, end_point_second=ON_SECOND + 0.03 * AXIS), **near
-        ),
-        "ball on ball": case(
-            cj.BallOnBall(
-                *pair,
-                radius_first=0.01,
-                radius_second=0.02,
-                point_first=ON_FIRST,
-                point_second=ON_SECOND,
-                **shared,
-            ),
-            apart=ON_FIRST - ON_SECOND + 0.0297 * ACROSS,
-            **near,
-        ),
-        "backlash": case(
-            cj.Backlash(
-                *pair,
-                axis_first=AXIS,
-                axis_second=AXIS,
-                play=0.03,
-                radius=0.02,
-                middle=0.005,
-                law=law(lossless),
-            ),
-            {"hinge": cj.RevoluteJoint(*PARTS, *PARALLEL_AXES)},
-            rotation=0.1,
-        ),
-        "massless link": case(
-            cj.MasslessLink(*pair, **points, **axes, **sizes, axial=cj.FixedAxially()),
-            apart=ON_FIRST - ON_SECOND + PLAY * ACROSS,
-            rotation=1e-3,
-            shift=0.1 * PLAY,
-        ),
+    }
+    found = {name: case(joint, **near) for name, joint in joints.items()}
+    hinge = {"hinge": cj.RevoluteJoint(*PARTS, *PARALLEL_AXES)}
+    play = {"play": 0.03, "radius": 0.02, "middle": 0.005, "law": law(lossless)}
+    backlash = cj.Backlash(*pair, axis_first=AXIS, axis_second=AXIS, **play)
+    sphere = cj.Stop(*pair, **plane, **shared, radius=0.02)
+    balls = {"point_first": ON_FIRST, "point_second": ON_SECOND, **shared}
+    on_ball = cj.BallOnBall(*pair, radius_first=0.01, radius_second=0.02, **balls)
+    link = cj.MasslessLink(*pair, **points, **axes, **sizes, axial=cj.FixedAxially())
+    centres = ON_FIRST - ON_SECOND
+    found |= {
+        "sphere on a plane": case(sphere, apart=centres + 0.02 * ACROSS, **near),
+        "ball on ball": case(on_ball, apart=centres + 0.0297 * ACROSS, **near),
+        "backlash": case(backlash, hinge, rotation=0.1),
+        "massless link": case(link, apart=centres + PLAY * ACROSS, rotation=1e-3, shift=0.1 * PLAY),
     }
     if lossless:
         return found
     held = cj.SphericalJoint(*PARTS)
     found |= {
         "friction of a hinge": case(
-            cj.JointFriction(*pair, rub, 20.0, AXIS, radius=0.01, viscosity=0.3),
-            {"hinge": cj.RevoluteJoint(*PARTS, *PARALLEL_AXES)},
+            cj.JointFriction(*pair, rub, 20.0, AXIS, radius=0.01, viscosity=0.3), hinge
         ),
         "friction of a ball": case(
             cj.JointFriction(*pair, cj.frictions.Dahl(0.1), 20.0, radius=0.01), {"ball": held}

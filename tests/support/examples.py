@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 
 import clearjoint
+from tests.support import urdf
 from tests.support.public_names import PublicName, public_names
 
 COMPILES = re.compile(
@@ -21,24 +22,14 @@ TABLE = re.compile(r"```toml\n(.*?)```", re.DOTALL)
 """A scene file, which an example reads."""
 
 
-ROBOT = """<robot name="arm">
-  <link name="base"/>
-  <link name="lever">
-    <inertial>
-      <origin xyz="0.25 0 0"/> <mass value="1"/> <inertia ixx="1e-3" iyy="0.02" izz="0.02"/>
-    </inertial>
-  </link>
-  <link name="hand">
-    <inertial><mass value="1"/> <inertia ixx="1e-3" iyy="0.02" izz="0.02"/></inertial>
-  </link>
-  <joint name="elbow" type="continuous">
-    <parent link="base"/><child link="lever"/><axis xyz="0 0 1"/><limit effort="10" velocity="2"/>
-  </joint>
-  <joint name="wrist" type="continuous">
-    <parent link="lever"/><child link="hand"/><axis xyz="0 0 1"/><origin xyz="0.5 0 0"/>
-  </joint>
-</robot>
-"""
+ROBOT = urdf.robot(
+    urdf.link("base"),
+    urdf.link("lever", 1, (1e-3, 0.02, 0.02), xyz="0.25 0 0"),
+    urdf.link("hand", 1, (1e-3, 0.02, 0.02)),
+    urdf.joint("elbow", "continuous", "base", "lever", "0 0 1", limit=(10, 2)),
+    urdf.joint("wrist", "continuous", "lever", "hand", "0 0 1", xyz="0.5 0 0"),
+    name="arm",
+)
 """What the examples of `load_robot` read."""
 
 

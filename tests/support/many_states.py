@@ -80,3 +80,24 @@ def states(case: Case, generator: np.random.Generator, held: str | None = None) 
             for name, b in system.decode(variables).items()
         }
     )
+
+
+def loads(scene: cj.Scene, state: cj.State, gravity: Any = 0.0) -> dict[str, np.ndarray]:
+    """Forces, N, and moments about the centre of mass, N m, (N, 6), global, beside gravity, on each
+    body in states (N, ...), from its accelerations; all contacts began at 1 m/s."""
+    system = system_of(scene, cj.AbsoluteCoordinates())
+    entry_speeds = {
+        name: dict.fromkeys(joint.laws(), 1.0) for name, joint in scene.contact_joints().items()
+    }
+    accelerations = system.dynamics(in_scalars(state), entry_speeds, 0.0).accelerations
+    by_body = {}
+    for name, body in scene.bodies.items():
+        there, rates = state.bodies[name], accelerations[name]
+        size, inertia = np.zeros(len(there.spin)), np.diag(body.inertia)
+        linear, angular = (
+            np.transpose(np.broadcast_arrays(*v, size)[:3]) for v in (rates.linear, rates.angular)
+        )
+        moment = angular @ inertia + np.cross(there.spin, there.spin @ inertia)
+        turn = Rotation.from_quat(there.orientation, scalar_first=True)
+        by_body[name] = np.hstack([body.mass * (linear - gravity), turn.apply(moment)])
+    return by_body

@@ -8,20 +8,8 @@ import types
 from dataclasses import dataclass
 from functools import cache
 
-MODULES = (
-    "clearjoint",
-    "clearjoint.extend",
-    "clearjoint.films",
-    "clearjoint.frictions",
-    "clearjoint.laws",
-    "clearjoint.mechanisms",
-    "clearjoint.plot",
-    "clearjoint.presets",
-    "clearjoint.profiles",
-    "clearjoint.quantities",
-    "clearjoint.results",
-    "clearjoint.testing",
-)
+PARTS = "extend films frictions laws mechanisms plot presets profiles quantities results testing"
+MODULES = "clearjoint", *(f"clearjoint.{part}" for part in PARTS.split())
 """Where public names are imported from."""
 
 

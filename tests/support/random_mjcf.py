@@ -14,14 +14,20 @@ def frame(generator: np.random.Generator) -> str:
     return f'pos="{text(generator.uniform(-1, 1, 3))}" quat="{text(quaternion)}"'
 
 
+def random_box(generator: np.random.Generator, least: float = 0.2) -> tuple[float, np.ndarray]:
+    """Mass, kg, and principal moments of inertia, kg m^2, of a box with sides up to 1 m."""
+    sides, mass = generator.uniform(least, 1.0, 3) ** 2, generator.uniform(0.5, 5.0)
+    return mass, mass * (sides.sum() - sides) / 12
+
+
+def random_inertial(generator: np.random.Generator) -> str:
+    mass, moments = random_box(generator)
+    return f'<inertial mass="{text(mass)}" diaginertia="{text(moments)}" {frame(generator)}/>'
+
+
 def random_body(generator: np.random.Generator, name: str, joint: str, inner: str) -> str:
-    sides = generator.uniform(0.2, 1.0, 3) ** 2
-    mass = generator.uniform(0.5, 5.0)
-    moments = text(mass * (sides.sum() - sides) / 12)
-    return (
-        f'<body name="{name}" {frame(generator)}>{joint}'
-        f'<inertial mass="{text(mass)}" diaginertia="{moments}" {frame(generator)}/>{inner}</body>'
-    )
+    head = f'<body name="{name}" {frame(generator)}>{joint}'
+    return f"{head}{random_inertial(generator)}{inner}</body>"
 
 
 def random_joint(generator: np.random.Generator, name: str) -> str:

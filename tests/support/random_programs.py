@@ -118,19 +118,9 @@ class Drawing:
     # Operations.
 
     def grow(self, size: int) -> None:
-        simple = [
-            self.arithmetic,
-            self.arithmetic,
-            self.whole,
-            self.logic,
-            self.rearranged,
-            self.combined,
-            self.sliced,
-            self.updated,
-            self.updated,
-            self.gathered,
-            self.scattered,
-        ]
+        simple = [self.arithmetic, self.arithmetic, self.whole, self.logic, self.rearranged]
+        simple += [self.combined, self.sliced, self.updated, self.updated, self.gathered]
+        simple += [self.scattered]
         control = [self.branch, self.branch, self.loop, self.scan, self.called]
         for _ in range(size):
             nested = self.depth < DEEPEST and self.rng.random() < 0.3

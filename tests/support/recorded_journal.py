@@ -3,6 +3,7 @@
 import numpy as np
 
 import clearjoint as cj
+from tests.support.observations import observation_of
 
 CLEARANCE, RADIUS, COUNT = 0.5e-3, 10e-3, 40
 FORCE = 200.0
@@ -64,17 +65,6 @@ def observed() -> cj.results.Observation:
             point_on_bearing=at_wall,
             point_on_journal=at_wall,
         )
-    modes = np.where(
-        TOUCHING, cj.results.MotionMode.LINE_CONTACT, cj.results.MotionMode.FREE_FLIGHT
-    )
-    return cj.results.Observation(
-        times=TIMES,
-        contacts={"pin": ends},
-        modes={"pin": modes.astype(int)},
-        reactions={},
-        accelerations={},
-        drift={},
-        drift_rate={},
-        energies={},
-        reactions_unique=True,
-    )
+    kinds = cj.results.MotionMode
+    modes = np.where(TOUCHING, kinds.LINE_CONTACT, kinds.FREE_FLIGHT)
+    return observation_of(TIMES, contacts={"pin": ends}, modes={"pin": modes.astype(int)})

@@ -27,7 +27,7 @@ PLAIN = "ground", "x", "y", "z"
 
 class Names(dict[str, str]):
     """Names by role, made when a role is first asked for: in alphabetical order, or, with a seed,
-    random ones, which differ from any other word."""
+    random ones, which differ from any other word. They are arguments of cached functions."""
 
     def __init__(self, seed: int | None = None):
         super().__init__()
@@ -39,6 +39,12 @@ class Names(dict[str, str]):
         letters = "".join(self._random.choices("bcdfghjklmnpqrstvwxzBCDFGHJKLMNPQRSTVWXZ", k=6))
         self[role] = f"n{len(self):03d}n" if self._seed is None else letters
         return self[role]
+
+    def __hash__(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return id(self)
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
 
     def sort_otherwise(self) -> bool:
         """Whether the names, in the order of their making, are not in alphabetical order."""

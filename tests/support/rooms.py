@@ -1,8 +1,7 @@
-"""The rooms of the package, who imports whom, and their floors: `python -m tests.support.rooms`.
+"""The rooms of the package, and who imports whom.
 
 A room is a package in `clearjoint/` or a module that lies beside them; an underscore marks those
-that users do not open. Its floor is one above the
-highest room that it imports from.
+that users do not open.
 """
 
 import ast
@@ -11,16 +10,8 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[2] / "clearjoint"
 DOORS = (
-    "__init__",
-    "__main__",
-    "extend",
-    "films",
-    "frictions",
-    "laws",
-    "mechanisms",
-    "presets",
-    "profiles",
-    "results",
+    *("__init__", "__main__", "extend", "films", "frictions", "laws", "mechanisms"),
+    *("presets", "profiles", "results"),
 )
 """Modules through which users come in: they import from everywhere, and nobody imports them."""
 
@@ -73,28 +64,3 @@ def neighbours() -> dict[str, set[str]]:
         targets = {room_of(name.removeprefix("clearjoint.")) for name in own}
         found[room_of(module)] |= targets - {room_of(module)}
     return found
-
-
-def floors() -> dict[str, int]:
-    """The floor of each room, lowest first.
-
-    **Raises:** `RecursionError` for rooms that import each other in a circle.
-    """
-    below = neighbours()
-
-    @cache
-    def floor(room: str) -> int:
-        return 1 + max((floor(other) for other in below[room]), default=0)
-
-    return {room: floor(room) for room in sorted(below, key=lambda room: (floor(room), room))}
-
-
-def main() -> None:
-    """Print each room with its floor and the rooms that it imports from."""
-    below = neighbours()
-    for room, floor in floors().items():
-        print(f"{floor}  {room:16} {', '.join(sorted(below[room]))}")
-
-
-if __name__ == "__main__":
-    main()

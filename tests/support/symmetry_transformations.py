@@ -15,17 +15,8 @@ import clearjoint as cj
 
 SECOND = ("second", "journal", "ball", "pin", "slider")
 ABOUT_AXIS = (
-    cj.PrescribedRotation,
-    cj.PrescribedAngle,
-    cj.DriveTorque,
-    cj.Motor,
-    cj.Servo,
-    cj.Encoder,
-    cj.TorsionalSpring,
-    cj.GearJoint,
-    cj.GearBacklash,
-    cj.Backlash,
-    cj.ScrewJoint,
+    *(cj.PrescribedRotation, cj.PrescribedAngle, cj.DriveTorque, cj.Motor, cj.Servo, cj.Encoder),
+    *(cj.TorsionalSpring, cj.GearJoint, cj.GearBacklash, cj.Backlash, cj.ScrewJoint),
 )
 """Elements whose axis tells the sense of a rotation: a mirror reverses it."""
 Maps = Mapping[str, np.ndarray]

@@ -158,11 +158,15 @@ class Spline(AbstractTable):
     def __call__(self, t: Scalar) -> Scalar:
         times, values, rates = map(on_device, (self.times, self.values, self.rates))
         k = jnp.clip(jnp.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
-        length, inside = times[k + 1] - times[k], jnp.clip(t, times[0], times[-1])
+        # Not clipped, because the derivative of `jnp.clip` is 1/2 at both ends: a run would begin
+        # at the first time with a wrong acceleration.
+        inside = jnp.where(t < times[0], times[0], jnp.where(t > times[-1], times[-1], t))
+        length = times[k + 1] - times[k]
         start, end = (Slope(values[j], rates[j]) for j in (k, k + 1))
         value = hermite_value((inside - times[k]) / length, start, end, length)
         # Outside the table the Hermite value is that of the end, and the tangent continues it.
-        before, after = jnp.minimum(t - times[0], 0.0), jnp.maximum(t - times[-1], 0.0)
+        before = jnp.where(t < times[0], t - times[0], 0.0)
+        after = jnp.where(t > times[-1], t - times[-1], 0.0)
         return value + before * rates[0] + after * rates[-1]
 
     @override
@@ -259,9 +263,11 @@ class PiecewiseLinear(AbstractTable):
     def __call__(self, t: Scalar) -> Scalar:
         times, values = on_device(self.times), on_device(self.values)
         # k is the index of the interval that contains t. Before the first time it is the first
-        # interval, after the last time the last one, and t is clipped to the range of the table.
+        # interval, after the last time the last one, and t is replaced by the end of the table. At
+        # its time a new slope holds already: with `jnp.clip`, whose derivative is 1/2 at both ends,
+        # a driven body began a run at the first time with half of its speed.
         k = jnp.clip(jnp.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
-        inside = jnp.clip(t, times[0], times[-1])
+        inside = jnp.where(t < times[0], times[0], jnp.where(t < times[-1], t, times[-1]))
         fraction = (inside - times[k]) / (times[k + 1] - times[k])
         return values[k] + fraction * (values[k + 1] - values[k])
 

@@ -6,16 +6,13 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._dynamics.breakpoints import (
-    next_breakpoint,
-    one_sided_time,
-    since_breakpoints,
-)
+from clearjoint._dynamics.breakpoints import next_breakpoint, one_sided_time, since_breakpoints
 from clearjoint._math.vectors import fold_constants
 from clearjoint._simulation.step.discontinuities import require_declared
 from clearjoint.extend import UNIT_X, unpack
-from tests.model.test_functions_of_time import LEVELS, ORIGIN, TIMES, Z, switched
+from tests.model.test_functions_of_time import LEVELS, TIMES, switched
 from tests.support.motions import AT_REST
+from tests.support.shaft import ORIGIN, Z
 
 
 def load_at(load: cj.AppliedLoad, t: float) -> np.ndarray:
@@ -49,12 +46,8 @@ def test_breakpoints_are_found_in_arrays_of_any_shape(table):
 
     bodies, load = {"rod": cj.Body(1.0, (0.1, 0.1, 0.1))}, Switched("rod", (1.0, 0.0, 0.0))
     system = cj.extend.System(cj.Scene(bodies, forces={"load": load}), cj.extend.Formulation())
-    assert [float(next_breakpoint(system, t)) for t in (0.0, 0.15, 0.3, 0.4)] == [
-        0.1,
-        0.2,
-        0.4,
-        np.inf,
-    ]
+    following = [float(next_breakpoint(system, t)) for t in (0.0, 0.15, 0.3, 0.4)]
+    assert following == [0.1, 0.2, 0.4, np.inf]
     assert 0.2 < float(one_sided_time(system, 0.2, 0.2)) < 0.2 + 1e-12
     assert 0.3 - 1e-12 < float(one_sided_time(system, 0.2, 0.3)) < 0.3
 
@@ -102,6 +95,14 @@ def test_a_function_that_decides_by_time_without_saying_so_has_no_derivatives():
             require_declared(bad)
 
 
+STEPS, ROWS = cj.PiecewiseConstant([0, 1], [1, 2]), np.zeros((2, 3))
+RAIL = "ground", "a", ORIGIN, ORIGIN, Z
+
+
+def rows_of(driver):
+    return unpack(driver).rows({"ground": AT_REST, "a": AT_REST}, 0.0)
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -109,45 +110,32 @@ def test_a_function_that_decides_by_time_without_saying_so_has_no_derivatives():
         (lambda: cj.PiecewiseLinear([0.0], [1]), "`times`.*two or more times"),
         (lambda: cj.PiecewiseLinear([0.0, 1.0], [1, 2, 3]), r"`values`.*\(2,\) of `times`"),
         (lambda: cj.PiecewiseConstant([0.0, 1.0], [1, np.inf]), "`values`.*finite"),
-        (lambda: cj.Spline([0.0, 1.0], [0.0, 1.0], np.zeros((2, 3))), "`rates`.*`values`"),
+        (lambda: cj.Spline([0.0, 1.0], [0.0, 1.0], ROWS), "`rates`.*`values`"),
         (
-            lambda: cj.PrescribedAngle("a", "b", Z, cj.PiecewiseConstant([0, 1], [1, 2])),
+            lambda: cj.PrescribedAngle("a", "b", Z, STEPS),
             "`function` must be continuous.*PiecewiseLinear",
         ),
-        (
-            lambda: cj.PrescribedTranslation(
-                "a", "b", ORIGIN, ORIGIN, Z, cj.PiecewiseConstant([0, 1], [1, 2])
-            ),
-            "`function` must be continuous",
-        ),
+        (lambda: cj.PrescribedTranslation(*RAIL, STEPS), "`function` must be continuous"),
         (lambda: cj.DriveTorque("a", "b", Z, (1.0, 2.0)), r"`torque`.*shape \(\).*PiecewiseC"),
         (lambda: cj.AppliedLoad("a", (1.0, lambda t: t)), "`force` must be three components"),
         (lambda: cj.AppliedLoad("a", 5.0), r"`force`.*shape \(3,\).*function of time"),
-        (lambda: load_at(cj.AppliedLoad("rod", lambda t: t), 0.0), "`function`.*three numbers"),
-        (
-            lambda: load_at(cj.AppliedLoad("rod", lambda t: None), 0.0),
-            "`function`.*three numbers, but is None",
+        *(
+            (lambda force=force: load_at(cj.AppliedLoad("rod", force), 0.0), f"`function`.*{said}")
+            for force, said in (
+                (lambda t: t, "three numbers"),
+                (lambda t: None, "three numbers, but is None"),
+                ((0.0, lambda t: None, 0.0), "one number, but is None"),
+                ((0.0, lambda t: (t, t), 0.0), "one number"),
+            )
         ),
         (
-            lambda: load_at(cj.AppliedLoad("rod", (0.0, lambda t: None, 0.0)), 0.0),
-            "`function`.*one number, but is None",
-        ),
-        (
-            lambda: load_at(cj.AppliedLoad("rod", (0.0, lambda t: (t, t), 0.0)), 0.0),
+            lambda: rows_of(
+                cj.PrescribedAngle("ground", "a", Z, cj.Spline([0.0, 1.0], ROWS, ROWS))
+            ),
             "`function`.*one number",
         ),
         (
-            lambda: unpack(
-                cj.PrescribedAngle(
-                    "ground", "a", Z, cj.Spline([0.0, 1.0], np.zeros((2, 3)), np.zeros((2, 3)))
-                )
-            ).rows({"ground": AT_REST, "a": AT_REST}, 0.0),
-            "`function`.*one number",
-        ),
-        (
-            lambda: unpack(
-                cj.PrescribedTranslation("ground", "a", ORIGIN, ORIGIN, Z, lambda t: (t, t, t))
-            ).rows({"ground": AT_REST, "a": AT_REST}, 0.0),
+            lambda: rows_of(cj.PrescribedTranslation(*RAIL, lambda t: (t, t, t))),
             "`function`.*one number",
         ),
     ],

@@ -13,41 +13,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from clearjoint import (
-    AbsoluteCoordinates,
-    Body,
-    CylindricalJoint,
-    FixedJoint,
-    InlineJoint,
-    PrismaticJoint,
-    RevoluteJoint,
-    Scene,
-    SphericalJoint,
-    body_state,
-)
-from clearjoint._math import block_matrices
+import clearjoint as cj
 from clearjoint._math.rotations import transverse_axes
 from clearjoint._model.joints import ideal
 from clearjoint._model.joints.constraint_rows import row_following
-from clearjoint.extend import (
-    Formulation,
-    Matrix,
-    Motion,
-    Row,
-    System,
-    Vector,
-    pack,
-    perpendicular,
-    point_in_plane,
-    rows_from_residual,
-    unpack,
-)
+from clearjoint.extend import Matrix, Motion, Row, Vector, pack, unpack
 from tests.support.motions import AT_REST
 
 RANDOM = np.random.default_rng(6)
 N = 12
 P1, P2, A1, A2 = RANDOM.normal(size=(4, 3))
 TURN = Rotation.from_rotvec([0.3, -1.2, 0.8])
+QUATERNION = TURN.as_quat(scalar_first=True)
 compare = functools.partial(np.testing.assert_allclose, rtol=1e-11, atol=1e-12)
 
 
@@ -149,18 +126,18 @@ def plane(r, a):
     return [np.sum((a[0] @ A1) * (r[1] + a[1] @ P2 - r[0]), axis=-1) - A1 @ P1]
 
 
-REVOLUTE = RevoluteJoint("a", "b", P1, P2, A1, A2)
+REVOLUTE = cj.RevoluteJoint("a", "b", P1, P2, A1, A2)
 CASES = {
-    "spherical": (SphericalJoint("a", "b", P1, P2), spherical),
+    "spherical": (cj.SphericalJoint("a", "b", P1, P2), spherical),
     "revolute": (REVOLUTE, revolute),
-    "fixed": (FixedJoint("a", "b", P1, P2, TURN.as_quat(scalar_first=True)), fixed),
-    "inline": (InlineJoint("a", "b", P1, P2, A1), inline),
-    "cylindrical": (CylindricalJoint("a", "b", P1, P2, A1, A2), cylindrical),
-    "prismatic": (PrismaticJoint("a", "b", P1, P2, A1, TURN.as_quat(scalar_first=True)), prismatic),
+    "fixed": (cj.FixedJoint("a", "b", P1, P2, QUATERNION), fixed),
+    "inline": (cj.InlineJoint("a", "b", P1, P2, A1), inline),
+    "cylindrical": (cj.CylindricalJoint("a", "b", P1, P2, A1, A2), cylindrical),
+    "prismatic": (cj.PrismaticJoint("a", "b", P1, P2, A1, QUATERNION), prismatic),
 }
 PRIMITIVES = {
-    "right angle": (perpendicular, (A1, A2), lambda r, a: right_angles(a, [(A1, A2)])),
-    "point in plane": (point_in_plane, (P1, A1, P2), plane),
+    "right angle": (cj.extend.perpendicular, (A1, A2), lambda r, a: right_angles(a, [(A1, A2)])),
+    "point in plane": (cj.extend.point_in_plane, (P1, A1, P2), plane),
 }
 
 
@@ -203,10 +180,10 @@ def test_rows_from_a_residual_are_those_by_hand():
     motions = Bodies(1).motions()
     motions = jax.tree.map(lambda leaf: leaf[0] if np.ndim(leaf) else leaf, motions)
     by_hand = joint.rows(motions, 0.0)
-    by_jax = rows_from_residual(("a", "b"), list(by_hand), residual, *motions.values())
+    by_jax = cj.extend.rows_from_residual(("a", "b"), list(by_hand), residual, *motions.values())
     jax.tree.map(compare, by_jax, by_hand)
     with pytest.raises(ValueError, match="`labels` must be 5, as many as the residual has values"):
-        rows_from_residual(("a", "b"), list(by_hand)[:4], residual, *motions.values())
+        cj.extend.rows_from_residual(("a", "b"), list(by_hand)[:4], residual, *motions.values())
 
 
 def test_a_row_follows_two_functions_of_time():
@@ -267,61 +244,59 @@ def free_rank(matrix):
     return np.linalg.matrix_rank(matrix, tol=0.1)
 
 
+STILL = np.zeros(3)
+
+
+def check_freedom(joint, turn, count, shift=STILL, about=STILL):
+    """Assert that the joint has so many independent rows, which leave the second body free to move
+    along `shift`, in the first body's axes, and about `about`, in its own."""
+    bodies = joined(joint, turn)
+    first, second = bodies.rotation
+    bodies.position[1] += 2.5 * first @ shift
+    j = jacobian(joint, bodies)
+    assert j.shape == (count, 12) and free_rank(j) == count
+    velocity = first[0] @ shift - second[0] @ np.cross(about, P2)
+    np.testing.assert_allclose(j @ np.concatenate([np.zeros(6), velocity, about]), 0.0, atol=1e-13)
+
+
 @pytest.mark.parametrize("antiparallel", [False, True])
 def test_revolute_joint_has_five_independent_rows_for_every_axis(antiparallel):
     """And leaves the second body free to turn about the axis, frames antiparallel or not."""
     for axis in AXES:
         axis = axis / np.linalg.norm(axis)
-        turn = Rotation.from_rotvec(0.7 * axis).as_matrix()
+        turn = Rotation.from_rotvec(0.7 * axis)
         if antiparallel:
             across = np.cross(axis, [0.6, 0.0, 0.8] if abs(axis[1]) < 0.9 else [1.0, 0.0, 0.0])
-            flip = Rotation.from_rotvec(np.pi * across / np.linalg.norm(across)).as_matrix()
-            turn = turn @ flip
-        axis_second = turn.T @ axis
-        joint = RevoluteJoint("a", "b", P1, P2, 3.0 * axis, 0.2 * axis_second)
-        bodies = joined(joint, turn)
-        j = jacobian(joint, bodies)
-        spin = np.concatenate([-bodies.rotation[1][0] @ np.cross(axis_second, P2), axis_second])
-        assert j.shape == (5, 12) and free_rank(j) == 5
-        np.testing.assert_allclose(j @ np.concatenate([np.zeros(6), spin]), 0.0, atol=1e-13)
+            turn = turn * Rotation.from_rotvec(np.pi * across / np.linalg.norm(across))
+        axis_second = turn.inv().apply(axis)
+        joint = cj.RevoluteJoint("a", "b", P1, P2, 3.0 * axis, 0.2 * axis_second)
+        check_freedom(joint, turn.as_matrix(), 5, about=axis_second)
 
 
-def test_revolute_joint_accepts_opposite_axes():
-    """Axes that point against each other are parallel too."""
-    joint = RevoluteJoint("a", "b", P1, P2, A1, -A1)
-    assert free_rank(jacobian(joint, joined(joint, np.eye(3)))) == 5
-
-
-def test_spherical_joint_has_three_independent_rows():
-    joint = CASES["spherical"][0]
-    j = jacobian(joint, joined(joint, Rotation.random(rng=RANDOM).as_matrix()))
-    assert j.shape == (3, 12) and free_rank(j) == 3
-
-
-def test_fixed_joint_has_six_independent_rows():
-    joint = CASES["fixed"][0]
-    j = jacobian(joint, joined(joint, TURN.as_matrix()))
-    assert j.shape == (6, 12) and free_rank(j) == 6
+@pytest.mark.parametrize(
+    ("joint", "turn", "count"),
+    [
+        (cj.RevoluteJoint("a", "b", P1, P2, A1, -A1), np.eye(3), 5),
+        (CASES["spherical"][0], Rotation.random(rng=RANDOM).as_matrix(), 3),
+        (CASES["fixed"][0], TURN.as_matrix(), 6),
+    ],
+    ids=["revolute with axes that point against each other", "spherical", "fixed"],
+)
+def test_joints_have_independent_rows(joint, turn, count):
+    check_freedom(joint, turn, count)
 
 
 def test_sliding_joints_have_independent_rows_and_leave_the_slide_free():
     """Along every axis, at every offset along it: turned by TURN, and about the axis or not."""
-    quaternion = TURN.as_quat(scalar_first=True)
     for axis in AXES:
         axis = axis / np.linalg.norm(axis)
-        cases = (
-            (PrismaticJoint("a", "b", P1, P2, 3.0 * axis, quaternion), TURN.as_matrix(), 5),
-            (CylindricalJoint("a", "b", P1, P2, axis, TURN.inv().apply(axis)),
-             (Rotation.from_rotvec(0.7 * axis) * TURN).as_matrix(), 4),
-            (InlineJoint("a", "b", P1, P2, axis), Rotation.random(rng=RANDOM).as_matrix(), 2),
-        )  # fmt: skip
-        for joint, turn, count in cases:
-            bodies = joined(joint, turn)
-            bodies.position[1] += 2.5 * bodies.rotation[0] @ axis
-            j = jacobian(joint, bodies)
-            slide = np.concatenate([np.zeros(6), bodies.rotation[0][0] @ axis, np.zeros(3)])
-            assert j.shape == (count, 12) and free_rank(j) == count
-            np.testing.assert_allclose(j @ slide, 0.0, atol=1e-13)
+        prismatic = cj.PrismaticJoint("a", "b", P1, P2, 3.0 * axis, QUATERNION)
+        cylindrical = cj.CylindricalJoint("a", "b", P1, P2, axis, TURN.inv().apply(axis))
+        about = Rotation.from_rotvec(0.7 * axis) * TURN
+        check_freedom(prismatic, TURN.as_matrix(), 5, axis)
+        check_freedom(cylindrical, about.as_matrix(), 4, axis)
+        inline = cj.InlineJoint("a", "b", P1, P2, axis)
+        check_freedom(inline, Rotation.random(rng=RANDOM).as_matrix(), 2, axis)
 
 
 @pytest.mark.parametrize("case", ["revolute", "fixed", "cylindrical", "prismatic"])
@@ -336,34 +311,6 @@ def test_a_tilted_joint_violates_its_rows(case):
         rows = unpack(joint).rows(joined(joint, (tilt * start).as_matrix()).motions(), 0.0)
         size = np.linalg.norm([np.ravel(row.value)[0] for row in rows.values()])
         assert size == pytest.approx(1e-3, rel=1e-2)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("redundant", [False, True])
-def test_large_systems_solve_the_same_equations(monkeypatch, redundant):
-    """Large systems are solved in blocks; here a small one is as well.
-
-    The revolute joint is there twice where redundant multipliers of least norm are sought.
-    """
-    joints = {"hinge": REVOLUTE, "ball": SphericalJoint("ground", "b", P1, A1)}
-    joints |= {"again": REVOLUTE} if redundant else {}
-    scene = unpack(Scene({"a": Body(2.0, (1.0, 1.2, 1.4)), "b": Body(0.5, np.eye(3))}, joints))
-    variables = {
-        name: unpack(body_state(p, TURN.as_quat(scalar_first=True), A1, A2))
-        for name, p in (("a", P1), ("b", P2))
-    }
-
-    def found(most_multiplications):
-        monkeypatch.setattr(block_matrices, "MOST_MULTIPLICATIONS", most_multiplications)
-        formulation = Formulation(AbsoluteCoordinates(), redundant=redundant)
-        return System(scene, formulation).dynamics(variables, {}, 0.0)
-
-    unrolled, blocks = found(1e9), found(0)
-    close = functools.partial(np.testing.assert_allclose, rtol=1e-4, atol=1e-4)
-    jax.tree.map(close if redundant else compare, unrolled.multipliers, blocks.multipliers)
-    jax.tree.map(compare, unrolled.accelerations, blocks.accelerations)
-    if redundant:
-        jax.tree.map(close, blocks.multipliers["hinge"], blocks.multipliers["again"])
 
 
 def test_assembly_knows_every_joint_that_holds_an_orientation():

@@ -20,97 +20,53 @@ from clearjoint._scene_files.documents import FileLocation
 from clearjoint._scene_files.files import first_difference
 from clearjoint.extend import AbstractElasticity
 from tests.scene_files.test_round_trips import BODIES, STATE, Polynomial, Push, Way
+from tests.support.elements import FIRST, SECOND, THIRD, elements
+from tests.support.symmetry_transformations import with_names
 
 FAMILIES = tuple(
     kind
     for name, kind in vars(cj.extend).items()
     if name.startswith("Abstract") and kind.__module__.startswith("clearjoint._model")
 )
-
-
-PUBLIC = (cj, cj.laws, cj.frictions, cj.films, cj.profiles)
-
-
 ELEMENTS = {
     name: kind
-    for name, kind in {k: v for names in PUBLIC for k, v in vars(names).items()}.items()
+    for module in (cj, cj.laws, cj.frictions, cj.films, cj.profiles)
+    for name, kind in vars(module).items()
     if isinstance(kind, type) and issubclass(kind, FAMILIES) and not is_abstract(kind)
 }
-
-
 LAW = cj.laws.HuntCrossley(0.7, 1e9 / 3, smoothing=1e-7 / 3)
-
-
 PIN = {"bearing_radius": 0.01, "clearance": 1e-3 / 3, "journal_length": 0.02, "law": LAW}
-
-
 DRY = cj.ClearanceJoint("ground", "a", **PIN)
-
-
-BALL = {"socket_radius": 0.01, "clearance": 1e-3 / 3, "law": LAW}
-
-
-SLIDER = {"half_length": 0.1 / 3, "half_height": 0.01, "clearance": 1e-3 / 3, "law": LAW}
-
-
+ROUGH = cj.frictions.Ambrosio(0.1)
+CASES = {
+    "ClearanceJoint": "bearing along its length",
+    "GearBacklash": "backlash of gears",
+    "GearJoint": "ring gear",
+    "JointFriction": "friction of a slider",
+    "Servo": "servo",
+    "BallInSocket": "ball",
+    "SliderInGuide": "slider",
+    "PinInSlot": "pin",
+    "LubricatedJoint": "CaponeFilm",
+}
+"""Elements of `tests.support.elements`, by the names of their cases."""
+PATCH = cj.laws.GreenwoodTripp(1e-6 / 3, 1e11 / 3)
 EXAMPLES = {
-    "RoughCylinders": lambda: cj.laws.RoughCylinders(
-        cj.laws.GreenwoodTripp(1e-6 / 3, 1e11 / 3), 1e-2 / 3, LAW
-    ),
-    "ClearanceJoint": lambda: cj.ClearanceJoint(
-        "ground", "a", **PIN, friction=cj.frictions.Ambrosio(0.1), line_points=5
-    ),
     "Backlash": lambda: cj.Backlash("a", "b", play_length=1e-4 / 3, radius=0.1, law=LAW),
-    "GearBacklash": lambda: cj.GearBacklash(
-        *("a", "b"),
-        (0, 0, 0),
-        (0, 0, 1 / 3),
-        (0, 0, 1),
-        (0, 1, 2),
-        18,
-        -57,
-        2e-3,
-        1e-4 / 3,
-        LAW,
-        stiffness=cj.profiles.TeethInMesh(4 / 3),
-        transmission_error=cj.profiles.Harmonics([1e-6 / 3]),
-    ),
+    "RoughCylinders": lambda: cj.laws.RoughCylinders(PATCH, 1e-2 / 3, LAW),
     "TeethInMesh": lambda: cj.profiles.TeethInMesh(4 / 3, middle=1 / 3),
     "StiffnessHarmonics": lambda: cj.profiles.StiffnessHarmonics([0.1 / 3], [-0.0]),
     "StiffnessSpline": lambda: cj.profiles.StiffnessSpline.through(1.0 + np.arange(5) / 30),
-    "GearJoint": lambda: cj.GearJoint("ground", "a", "b", (0, 1, 1 / 3), (1, 0, 0), 17, 51, True),
     "JointCoupling": lambda: cj.JointCoupling(
         cj.RevoluteJoint("ground", "a", (0, 0, 0), (0, 0, 1 / 3), (0, 0, 1), (0, 1, 2)),
         cj.PrismaticJoint("a", "b", (0, 0, 0), (0, 0, 1 / 3), (0, 0, 1)),
         cj.Polynomial([0.1, -1 / 3]),
     ),
-    "JointFriction": lambda: cj.JointFriction(
-        *("ground", "a", cj.frictions.Ambrosio(0.1), 1 / 3, (0, 1, 1 / 3), 0.1 / 3),
-        point_second=(0, 0, 1 / 3),
-        viscosity=0.2 / 3,
-    ),
-    "Servo": lambda: cj.Servo(
-        *("a", "b", (0, 0, 1 / 3), cj.Polynomial([0.1, -1 / 3]), 1e3 / 3, 7 / 3, 0.1 / 3, 1 / 7),
-        *(1e-3 / 3, 2 / 3, 4 / 3, 5 / 3, 7 / 9, 0.1 / 7),
-        encoder=cj.Encoder("ground", "b", (0, 1 / 3, 0)),
-        speed_from="sensor",
-        delay_periods=2,
-    ),
     "Polynomial": lambda: cj.Polynomial([1 / 3, 2.0, -1e-17]),
     "Spline": lambda: cj.Spline.through([0.0, 0.1, 0.4, 1 / 3 + 1], [1 / 3, 0.2, -0.0, 7.0]),
     "PiecewiseConstant": lambda: cj.PiecewiseConstant([0.1, 1 / 3], [1 / 3, -0.0]),
     "PiecewiseLinear": lambda: cj.PiecewiseLinear([0.1, 1 / 3], np.eye(2, 3) / 3),
-    "BallInSocket": lambda: cj.BallInSocket(
-        "ground", "a", **BALL, friction=cj.frictions.Ambrosio(0.1)
-    ),
-    "SliderInGuide": lambda: cj.SliderInGuide(
-        "ground", "a", **SLIDER, friction=cj.frictions.Ambrosio(0.1)
-    ),
-    "PinInSlot": lambda: cj.PinInSlot("ground", "a", play=1e-3 / 3, pin_radius=0.01, law=LAW),
-    "LubricatedJoint": lambda: cj.LubricatedJoint(DRY, cj.films.CaponeFilm(0.1 / 3), 1e-6 / 3),
-    "EndPlay": lambda: cj.EndPlay(
-        1e-4 / 3, cj.laws.Hertz(1e9), cj.frictions.Ambrosio(0.1), 0.01 / 3
-    ),
+    "EndPlay": lambda: cj.EndPlay(1e-4 / 3, cj.laws.Hertz(1e9), ROUGH, 0.01 / 3),
     "Harmonics": lambda: cj.profiles.Harmonics([0.0, 1e-5 / 3], [1e-6 / 7, -0.0]),
     "PeriodicSpline": lambda: cj.profiles.PeriodicSpline.through(1e-5 * np.sin(np.arange(20) / 3)),
     "Stribeck": lambda: cj.frictions.Stribeck(0.2, 0.1 / 3, stribeck_speed=1e-3 / 3),
@@ -174,43 +130,49 @@ def example(name: str) -> Any:
     """One of the exported elements."""
     if name in EXAMPLES:
         return EXAMPLES[name]()
+    if name in CASES:
+        scene = elements()[CASES[name]].scene
+        element = (scene.joints | scene.forces)["element"]
+        return with_names(element, {FIRST: "a", SECOND: "b", THIRD: "ground"})
     try:
         return made_at_random(ELEMENTS[name], rising_numbers())
     except (KeyError, ValueError) as error:
         raise AssertionError(f"give an instance of {name} in EXAMPLES") from error
 
 
+def options_of(element: Any) -> dict[str, Any]:
+    """Where an element may stand in a joint with clearance, as an option."""
+    if isinstance(element, cj.extend.AbstractContactLaw):
+        return {"law": element}
+    if isinstance(element, AbstractElasticity):
+        return {"law": cj.laws.Hertz(element)}
+    if isinstance(element, cj.extend.AbstractFriction | cj.extend.AbstractBristleFriction):
+        return {"friction": element}
+    if isinstance(element, cj.extend.AbstractProfile):
+        return {"bearing_profile": element, "journal_profile": element}
+    assert isinstance(element, cj.extend.AbstractAxialPolicy), "say where in a scene it may stand"
+    return {"axial": element}
+
+
 def scene_with(element: Any) -> cj.Scene:
     """A scene that contains an element."""
-    joints: dict[str, Any] = {}
+    if isinstance(element, cj.PiecewiseConstant):
+        element = cj.AppliedLoad("a", (0.1, element, 1 / 3))
     if isinstance(element, cj.extend.AbstractForce):
         return cj.Scene(BODIES, forces={"element": element}, gravity=(0.0, -9.81, 1e-17))
     if isinstance(element, cj.extend.AbstractConstraint | cj.extend.AbstractContactJoint):
-        joints["element"] = element
+        joint = element
     elif isinstance(element, cj.extend.AbstractFilm):
-        joints["element"] = cj.LubricatedJoint(DRY, element, 1e-6 / 3)
-    elif isinstance(element, cj.extend.AbstractContactLaw):
-        joints["pin"] = cj.ClearanceJoint("a", "b", **(PIN | {"law": element}))
-    elif isinstance(element, AbstractElasticity):
-        joints["pin"] = cj.ClearanceJoint("a", "b", **(PIN | {"law": cj.laws.Hertz(element)}))
-    elif isinstance(element, cj.extend.AbstractFriction | cj.extend.AbstractBristleFriction):
-        joints["pin"] = cj.ClearanceJoint("a", "b", **PIN, friction=element)
-    elif isinstance(element, cj.extend.AbstractProfile):
-        joints["pin"] = cj.ClearanceJoint(
-            "a", "b", **PIN, bearing_profile=element, journal_profile=element
-        )
+        joint = cj.LubricatedJoint(DRY, element, 1e-6 / 3)
     elif isinstance(element, cj.extend.AbstractMeshStiffness):
-        joints["mesh"] = dataclasses.replace(example("GearBacklash"), stiffness=element)
-    elif isinstance(element, cj.PiecewiseConstant):
-        return cj.Scene(BODIES, forces={"push": cj.AppliedLoad("a", (0.1, element, 1 / 3))})
+        error = cj.profiles.Harmonics([1e-6 / 3])
+        gears = example("GearBacklash")
+        joint = dataclasses.replace(gears, stiffness=element, transmission_error=error)
     elif isinstance(element, cj.extend.AbstractFunctionOfTime):
-        joints["drive"] = cj.PrescribedAngle("a", "b", (0, 0, 1), element)
+        joint = cj.PrescribedAngle("a", "b", (0, 0, 1), element)
     else:
-        assert isinstance(element, cj.extend.AbstractAxialPolicy), (
-            "say where in a scene it may stand"
-        )
-        joints["pin"] = cj.ClearanceJoint("a", "b", **PIN, axial=element)
-    return cj.Scene(BODIES, joints)
+        joint = cj.ClearanceJoint("a", "b", **(PIN | options_of(element)))
+    return cj.Scene(BODIES, {"element": joint})
 
 
 def test_all_families_have_elements():
@@ -224,38 +186,27 @@ def test_every_element_comes_back_exactly(name, suffix, tmp_path):
     assert ELEMENTS[name].__name__ in repr(scene)
 
 
-@pytest.mark.parametrize(
-    "mechanism",
-    [
-        *(
-            cj.mechanisms.double_pendulum,
-            cj.mechanisms.slider_crank,
-            cj.mechanisms.four_bar,
-            cj.mechanisms.double_four_bar,
-            cj.mechanisms.bricard,
-        ),
-        *(cj.mechanisms.andrews_squeezer, cj.mechanisms.gear_pair, cj.mechanisms.robot_arm),
-        *(
-            cj.mechanisms.guided_slider_crank,
-            cj.mechanisms.cycloid_stage,
-            cj.mechanisms.quick_return,
-            cj.mechanisms.spatial_four_bar,
-        ),
-    ],
+MECHANISMS = (
+    *("double_pendulum", "slider_crank", "four_bar", "double_four_bar", "bricard", "quick_return"),
+    *("andrews_squeezer", "gear_pair", "robot_arm", "guided_slider_crank", "cycloid_stage"),
+    *("spatial_four_bar",),
 )
+
+
+@pytest.mark.parametrize("mechanism", MECHANISMS)
 def test_mechanisms_come_back_exactly(mechanism, tmp_path):
-    exact(tmp_path / "mechanism.toml", *mechanism())
+    exact(tmp_path / "mechanism.toml", *getattr(cj.mechanisms, mechanism)())
 
 
 def test_entry_speeds_and_jax_arrays_come_back(tmp_path):
     scene, state = cj.mechanisms.double_pendulum()
     entry_speeds = {"shoulder": {"V": np.array(0.1), "W": np.array(0.0)}}
-    bodies = jax.tree.map(lambda leaf: jax.numpy.asarray(leaf), state.bodies)
-    exact(
-        tmp_path / "late.json",
-        scene,
-        cj.State(bodies, entry_speeds, {"supplied": np.array(-1 / 3)}),
-    )
+    bodies = jax.tree.map(jax.numpy.asarray, state.bodies)
+    late = cj.State(bodies, entry_speeds, {"supplied": np.array(-1 / 3)})
+    exact(tmp_path / "late.json", scene, late)
+
+
+DEEP = ((1.0, 2.0), (3.0,))
 
 
 @pytest.mark.parametrize("suffix", [".toml", ".json"])
@@ -265,12 +216,7 @@ def test_containers_options_and_none_of_a_user_defined_class_come_back(suffix, t
         Polynomial((0.1, 2.0)),
         (0.0, 1.0, 0.0),
         parts=(Polynomial((1.0,)), Polynomial((1 / 3,))),
-        limits={
-            "first": {"z": 1},
-            "low = high": (1, 2),
-            "deep": {"x": ((1.0, 2.0), (3.0,))},
-            "mass": 3,
-        },
+        limits={"first": {"z": 1}, "low = high": (1, 2), "deep": {"x": DEEP}, "mass": 3},
         offset=None,
         is_on=False,
         way=Way.HARD,
