@@ -9,10 +9,10 @@ import pytest
 import clearjoint as cj
 from tests.scene_files.test_random_robots import random_motion, random_robot
 from tests.support.many_states import system_of
+from tests.support.one_body import ORIGIN, X, Z, hinge
 
 FEW, MANY = range(2), range(100, 130)
 SEEDS = [*FEW, *(pytest.param(seed, marks=pytest.mark.slow) for seed in MANY)]
-X, Z, ORIGIN = (1, 0, 0), (0, 0, 1), (0, 0, 0)
 pytestmark = pytest.mark.filterwarnings("ignore::clearjoint.NotCarriedOverWarning")
 
 
@@ -75,19 +75,10 @@ def parallelogram(armatures: dict[str, float]) -> tuple[cj.Scene, cj.State]:
         "C": ("coupler", "rocker", (0, 0.2, 0), ends["right"]),
         "D": ("rocker", "ground", ends["left"], (0, 0.2, 0)),
     }
-    joints = {
-        name: cj.RevoluteJoint(*ends, Z, Z, armatures.get(name)) for name, ends in points.items()
-    }
-    state = cj.State(
-        {
-            "crank": cj.body_state((0.5 * length, 0, 0)),
-            "rocker": cj.body_state((0.5 * length, 0.2, 0)),
-            "coupler": cj.body_state((length, 0, 0)),
-        }
-    )
-    return cj.Scene(
-        dict.fromkeys(("crank", "rocker", "coupler"), bar), joints, {}, (0, -10, 0)
-    ), state
+    joints = {name: hinge(*ends, armature=armatures.get(name)) for name, ends in points.items()}
+    places = {"crank": (0.5 * length, 0), "rocker": (0.5 * length, 0.2), "coupler": (length, 0)}
+    state = cj.State({name: cj.body_state((*place, 0)) for name, place in places.items()})
+    return cj.Scene(dict.fromkeys(places, bar), joints, {}, (0, -10, 0)), state
 
 
 @pytest.mark.parametrize("coordinates", [cj.JointCoordinates(), cj.AbsoluteCoordinates()])
@@ -110,17 +101,11 @@ def driven(armature, sliding: bool) -> tuple[cj.Scene, cj.State]:
         joint = cj.PrismaticJoint("ground", "bar", ORIGIN, ORIGIN, X, armature=armature)
         start, velocity, point = (-0.05, 0, 0), (3.0, 0, 0), ORIGIN
     else:
-        joint = cj.RevoluteJoint("ground", "bar", ORIGIN, ORIGIN, Z, Z, armature)
+        joint = hinge("ground", "bar", armature=armature)
         start, velocity, point = (0.4, -0.05, 0), (0, 3.0, 0), (0.4, 0, 0)
-    pair = cj.BallOnBall(
-        "ball",
-        "bar",
-        radius_first=0.02,
-        radius_second=0.02,
-        point_first=ORIGIN,
-        point_second=point,
-        law=cj.laws.HuntCrossley(0.6, 1e8),
-    )
+    points = {"point_first": ORIGIN, "point_second": point}
+    sizes, law = {"radius_first": 0.02, "radius_second": 0.02}, cj.laws.HuntCrossley(0.6, 1e8)
+    pair = cj.BallOnBall("ball", "bar", **sizes, **points, law=law)
     states = {"bar": cj.body_state(ORIGIN), "ball": cj.body_state(start, velocity=velocity)}
     return cj.Scene({"bar": bar, "ball": ball}, {"joint": joint, "pair": pair}), cj.State(states)
 
@@ -153,9 +138,8 @@ def test_energy_is_balanced_and_derivatives_are_those_of_the_closed_form(coordin
     assert np.abs(observed.ledger_residual()).max() < 1e-9
     armature = cj.Parameter(lambda scene: scene.joints["joint"].armature)
     spin = cj.quantities.AngularVelocity("bar", "z")
-    found = cj.sensitivities(
-        scene, state, 0.5, {"armature": armature}, {"spin": spin}, [0.5], settings
-    )
+    parameters, outputs = {"armature": armature}, {"spin": spin}
+    found = cj.sensitivities(scene, state, 0.5, parameters, outputs, [0.5], settings)
     assert found.derivatives["spin"][0, 0] == pytest.approx(-0.7 * 0.5 / 0.6**2, rel=1e-7)
 
 
@@ -163,7 +147,7 @@ def test_an_armature_must_be_positive():
     with pytest.raises(
         ValueError, match="`armature` must be positive, but is -1.0: .*kg m.2, or Non"
     ):
-        cj.RevoluteJoint("ground", "arm", ORIGIN, ORIGIN, Z, Z, -1.0)
+        hinge("ground", "arm", armature=-1.0)
     with pytest.raises(ValueError, match="`armature` must be positive, but is 0.0: .*kg, or None"):
         cj.PrismaticJoint("ground", "arm", ORIGIN, ORIGIN, X, armature=0.0)
 
@@ -175,7 +159,7 @@ def test_velocities_are_projected_with_the_inertia_of_the_rotor():
         name: cj.Body(1.0, (inertia,) * 3) for name, inertia in (("first", 0.2), ("second", 0.3))
     }
     joints = {
-        "hinge": cj.RevoluteJoint("ground", "first", ORIGIN, ORIGIN, Z, Z, 0.5),
+        "hinge": hinge("ground", "first", armature=0.5),
         "weld": cj.FixedJoint("first", "second", ORIGIN, ORIGIN),
     }
     state = cj.State(

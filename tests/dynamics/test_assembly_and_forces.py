@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from clearjoint.extend import Formulation, System, Vector, unpack
+from tests.support.one_body import ORIGIN, X, Z, bearing, hinge, one_body
 
 
 def test_assembly_satisfies_positions_and_velocities():
@@ -31,10 +32,7 @@ def test_assembly_satisfies_positions_and_velocities():
 
 def test_rows_of_the_jacobian_are_those_of_their_names():
     """Translations and tilts of a hinge about z between the ground and a body at the origin."""
-    origin, z = (0, 0, 0), (0, 0, 1)
-    hinge = cj.RevoluteJoint("ground", "rotor", origin, origin, z, z)
-    scene = cj.Scene({"rotor": cj.Body(1.0, (0.1, 0.1, 0.1))}, {"hinge": hinge})
-    report = cj.constraint_report(scene, cj.State({"rotor": cj.body_state(origin)}))
+    report = cj.constraint_report(*one_body("rotor", {"hinge": hinge("ground", "rotor")}))
     for name, row in zip(report.names, report.jacobian, strict=True):
         translates, tilts = np.abs(row[:3]).sum() > 0, np.abs(row[3:]).sum() > 0
         assert (translates, tilts) == ("translation" in name, "tilt" in name), name
@@ -42,9 +40,8 @@ def test_rows_of_the_jacobian_are_those_of_their_names():
 
 def test_a_constraint_whose_rows_vanish_is_redundant_there():
     """The length of a rod between coincident points has no gradient: all its rates are zero."""
-    rod = cj.DistanceJoint("ground", "rotor", (0, 0, 0), (0, 0, 0), length=0.1)
-    scene = cj.Scene({"rotor": cj.Body(1.0, (0.1, 0.1, 0.1))}, {"rod": rod})
-    report = cj.constraint_report(scene, cj.State({"rotor": cj.body_state((0, 0, 0))}))
+    rod = cj.DistanceJoint("ground", "rotor", ORIGIN, ORIGIN, length=0.1)
+    report = cj.constraint_report(*one_body("rotor", {"rod": rod}))
     assert report.redundant == ("rod: length",)
     assert report.degrees_of_freedom() == 6
 
@@ -52,13 +49,11 @@ def test_a_constraint_whose_rows_vanish_is_redundant_there():
 def test_spring_and_damper_oscillate_as_in_the_closed_form():
     """m x'' + c x' + k x = 0 from x = 0.3 m: x = exp(-d t)(cos w t + d/w sin w t) 0.3."""
     mass, stiffness, damping, length = 2.0, 50.0, 1.2, 1.0
-    spring = cj.SpringDamper("ground", "block", (0, 0, 0), (0, 0, 0), stiffness, damping, length)
-    scene = cj.Scene({"block": cj.Body(mass, (1, 1, 1))}, forces={"spring": spring})
-    state = cj.State({"block": cj.body_state((length + 0.3, 0, 0))})
-    times = np.linspace(0, 3, 40)
-    solution = cj.simulate(
-        scene, state, 3.0, cj.Settings(rtol=1e-9, ledger=True), save=cj.Saving(times)
-    )
+    spring = cj.SpringDamper("ground", "block", ORIGIN, ORIGIN, stiffness, damping, length)
+    place = (length + 0.3, 0, 0)
+    scene, state = one_body("block", forces={"spring": spring}, mass=mass, position=place)
+    times, settings = np.linspace(0, 3, 40), cj.Settings(rtol=1e-9, ledger=True)
+    solution = cj.simulate(scene, state, 3.0, settings, cj.Saving(times))
     d = damping / (2 * mass)
     w = np.sqrt(stiffness / mass - d**2)
     expected = 0.3 * np.exp(-d * times) * (np.cos(w * times) + d / w * np.sin(w * times))
@@ -71,10 +66,8 @@ def test_spring_and_damper_oscillate_as_in_the_closed_form():
 
 def test_load_and_torque_accelerate_a_free_body():
     load = cj.AppliedLoad("top", force=(3.0, 0.0, 0.0), torque=(0.0, 0.0, 0.4))
-    scene = cj.Scene({"top": cj.Body(1.5, (0.1, 0.2, 0.25))}, forces={"load": load})
-    start = cj.State({"top": cj.body_state((0, 0, 0))})
-    solution = cj.simulate(scene, start, 2.0)
-    final = solution.final.bodies["top"]
+    pushed = one_body("top", forces={"load": load}, mass=1.5, inertia=(0.1, 0.2, 0.25))
+    final = cj.simulate(*pushed, 2.0).final.bodies["top"]
     np.testing.assert_allclose(final.position, (0.5 * 3.0 / 1.5 * 4.0, 0, 0), atol=1e-9)
     np.testing.assert_allclose(final.spin, (0, 0, 0.4 / 0.25 * 2.0), atol=1e-9)
     angle = 2.0 * np.arctan2(final.orientation[3], final.orientation[0])
@@ -99,9 +92,8 @@ def _axial_offset(observed: cj.results.Observation) -> np.ndarray:
 def test_axial_policies_hold_the_journal_as_declared(axial, least, most):
     """If it is free, arm 2 slides a millimetre along the journal in 0.12 s."""
     scene, state = cj.mechanisms.double_pendulum(axial=axial)
-    solution = cj.simulate(
-        scene, state, 0.13, cj.Settings(rtol=1e-8), save=cj.Saving(np.linspace(0, 0.13, 200))
-    )
+    save = cj.Saving(np.linspace(0, 0.13, 200))
+    solution = cj.simulate(scene, state, 0.13, cj.Settings(rtol=1e-8), save)
     slide = np.abs(_axial_offset(cj.observe(scene, solution))).max()
     assert least <= slide <= most
 
@@ -198,24 +190,16 @@ def test_assembly_warns_of_journals_that_strike_with_much_of_the_energy():
 @pytest.mark.slow
 def test_assembly_says_if_only_clearances_let_a_driven_mechanism_move():
     """A driven crank is pinned to a plate that a second pin holds to the ground."""
-    x, z, law = (1, 0, 0), (0, 0, 1), cj.laws.Hertz(stiffness=1e9)
-    pin = partial(
-        cj.ClearanceJoint, bearing_radius=0.01, clearance=1e-3, journal_length=0.02, law=law
-    )
-    foot = cj.RevoluteJoint("ground", "crank", (0, 0, 0), (0, 0, 0), z, z)
+    pin = partial(bearing, cj.laws.Hertz(stiffness=1e9), "plate", clearance=1e-3)
     # The second pin's axis is X, so that the plate cannot follow the crank.
-    hold = pin(
-        "ground",
-        "plate",
-        bearing_point=(0.2, 0, 0),
-        journal_point=(0.1, 0, 0),
-        bearing_axis=x,
-        journal_axis=x,
-    )
-    knee = pin("crank", "plate", bearing_point=(0.1, 0, 0))
+    points = {"bearing_point": (0.2, 0, 0), "journal_point": (0.1, 0, 0)}
+    joints = {
+        "foot": hinge("ground", "crank"),
+        "drive": cj.PrescribedRotation("ground", "crank", Z, speed=1.0),
+        "knee": pin("crank", bearing_point=(0.1, 0, 0)),
+        "hold": pin(**points, bearing_axis=X, journal_axis=X),
+    }
     body = cj.Body(1.0, (0.01, 0.01, 0.01))
-    drive = cj.PrescribedRotation("ground", "crank", z, speed=1.0)
-    joints = {"foot": foot, "drive": drive, "knee": knee, "hold": hold}
     scene = cj.Scene({"crank": body, "plate": body}, joints)
     guess = cj.State({"crank": cj.body_state((0, 0, 0)), "plate": cj.body_state((0.1, 0, 0))})
     with pytest.raises(ValueError, match="pass moving=False"):

@@ -7,24 +7,13 @@ import clearjoint as cj
 from tests.support.observations import observation_of
 
 
-def _observed(
-    restitution: float, stabilisation: cj.extend.AbstractStabilisation
-) -> cj.results.Observation:
-    scene, state = cj.mechanisms.double_pendulum(restitution=restitution)
-    solution = cj.simulate(
-        scene,
-        state,
-        4.0,
-        cj.Settings(rtol=1e-8, stabilisation=stabilisation, ledger=True),
-        save=cj.Saving(steps=True),
-    )
-    return cj.observe(scene, solution, solution.steps)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("restitution", [0.1, 0.5, 0.9, 1.0])
 def test_ledger_closes(restitution):
-    observed = _observed(restitution, cj.Projection())
+    scene, state = cj.mechanisms.double_pendulum(restitution=restitution)
+    settings = cj.Settings(rtol=1e-8, stabilisation=cj.Projection(), ledger=True)
+    solution = cj.simulate(scene, state, 4.0, settings, cj.Saving(steps=True))
+    observed = cj.observe(scene, solution, solution.steps)
     exchanged = np.ptp(observed.energies["gravity"])
     assert exchanged > 50.0
     assert np.abs(observed.ledger_residual()).max() < 1e-6 * exchanged
@@ -41,13 +30,8 @@ def test_ledger_closes(restitution):
 def test_friction_dissipates_and_is_booked():
     """For a body sliding on the bearing's wall, the ledger closes with friction."""
     scene, state = cj.mechanisms.double_pendulum(friction=cj.frictions.RegularisedCoulomb(0.1))
-    solution = cj.simulate(
-        scene,
-        state,
-        0.5,
-        cj.Settings(rtol=1e-8, ledger=True),
-        save=cj.Saving(np.linspace(0, 0.5, 50)),
-    )
+    settings, save = cj.Settings(rtol=1e-8, ledger=True), cj.Saving(np.linspace(0, 0.5, 50))
+    solution = cj.simulate(scene, state, 0.5, settings, save)
     observed = cj.observe(scene, solution)
     exchanged = np.ptp(observed.energies["gravity"])
     assert observed.energies["friction"][-1] > 1e-3 * exchanged
@@ -57,6 +41,5 @@ def test_friction_dissipates_and_is_booked():
 
 def test_an_observation_at_no_times_has_no_residual():
     none = np.zeros(0)
-    energies = {"mechanical": none}
-    observed = observation_of(none, energies=energies)
+    observed = observation_of(none, energies={"mechanical": none})
     assert observed.ledger_residual().shape == (0,)

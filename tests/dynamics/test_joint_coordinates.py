@@ -7,49 +7,47 @@ from scipy.integrate import solve_ivp
 
 import clearjoint as cj
 from clearjoint import GROUND
+from tests.support.one_body import ORIGIN, Z, hinge, one_body
 from tests.support.reference import CASES
 
-RANDOM = np.random.default_rng(11)
 ABSOLUTE, JOINT = cj.AbsoluteCoordinates(), cj.JointCoordinates()
-TURN = RANDOM.normal(size=4)
-TURN /= np.linalg.norm(TURN)
 
 
-def _first_impacts(coordinates):
-    """The pendulum through its first impacts, saved at the times of the reference."""
-    scene, state = cj.mechanisms.double_pendulum()
-    times = np.linspace(0.0, 0.1, 1001)
-    settings = cj.Settings(rtol=1e-11, coordinates=coordinates)
-    return scene, cj.simulate(scene, state, 0.1, settings, cj.Saving(times))
-
-
-@pytest.fixture(scope="module")
-def run():
-    return _first_impacts(JOINT)
+def _impacts(made, end, coordinates):
+    """The run of a mechanism through its first impacts, saved at 1001 times."""
+    save = cj.Saving(np.linspace(0.0, end, 1001), impacts=True)
+    return cj.simulate(*made, end, cj.Settings(rtol=1e-11, coordinates=coordinates), save)
 
 
 @pytest.mark.slow
-def test_trajectories_agree_within_the_horizon(run):
-    _, joint = run
-    _, absolute = _first_impacts(ABSOLUTE)
+@pytest.mark.parametrize(
+    ("mechanism", "end", "pin", "impacts"),
+    [
+        (cj.mechanisms.double_pendulum, 0.1, "shoulder", 5),
+        (cj.mechanisms.slider_crank, 2.5e-3, "slider pin", 9),
+    ],
+)
+def test_trajectories_agree_within_the_horizon(mechanism, end, pin, impacts):
+    """In absolute coordinates all rows are stabilised constraints; the slider-crank has 16, and a
+    fifth of a revolution."""
+    joint, absolute = (_impacts(mechanism(), end, each) for each in (JOINT, ABSOLUTE))
+    assert joint.impacts is not None and len(joint.impacts.of(pin, "V")) == impacts
     for name, expected in absolute.states.bodies.items():
         found = joint.states.bodies[name]
         np.testing.assert_allclose(found.position, expected.position, rtol=0, atol=1e-9)
         np.testing.assert_allclose(found.orientation, expected.orientation, rtol=0, atol=1e-8)
 
 
-def test_reactions_of_the_eliminated_hinge_are_those_of_the_reference(run, reference_folder):
-    scene, joint = run
+def test_reactions_of_the_eliminated_hinge_are_those_of_the_reference(reference_folder):
+    scene, state = cj.mechanisms.double_pendulum()
+    joint = _impacts((scene, state), 0.1, JOINT)
     observed = cj.observe(scene, joint)
     reference = CASES[0].trajectory(reference_folder)
     force = np.stack([reference[f"R{axis}"][: len(joint.times)] for axis in "xyz"], axis=-1)
     scale = np.abs(force).max()
-    np.testing.assert_allclose(
-        observed.reactions["elbow"]["arm 3"].force, force, rtol=0, atol=1e-6 * scale
-    )
-    np.testing.assert_allclose(
-        observed.reactions["elbow"]["arm 2"].force, -force, rtol=0, atol=1e-6 * scale
-    )
+    for body, sign in (("arm 3", 1.0), ("arm 2", -1.0)):
+        found = sign * observed.reactions["elbow"][body].force
+        np.testing.assert_allclose(found, force, rtol=0, atol=1e-6 * scale)
     assert observed.drift["elbow"].max() < 1e-15 and observed.drift_rate["elbow"].max() < 1e-14
 
 
@@ -61,9 +59,8 @@ def test_state_that_violates_an_eliminated_joint_is_refused():
 
 
 def test_antiparallel_axes_are_refused_and_run_in_absolute_coordinates():
-    joint = cj.RevoluteJoint(GROUND, "rod", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, -1))
-    scene = cj.Scene({"rod": cj.Body(1.0, (1.0, 1.0, 1.0))}, {"pin": joint})
-    state = cj.State({"rod": cj.body_state((0, 0, 0), spin=(0, 0, 1.0))})
+    joint = cj.RevoluteJoint(GROUND, "rod", ORIGIN, ORIGIN, Z, (0, 0, -1))
+    scene, state = one_body("rod", {"pin": joint}, spin=Z)
     with pytest.raises(ValueError, match="AbsoluteCoordinates"):
         cj.simulate(scene, state, 0.1)
     solution = cj.simulate(scene, state, 0.1, cj.Settings(coordinates=ABSOLUTE))
@@ -71,24 +68,19 @@ def test_antiparallel_axes_are_refused_and_run_in_absolute_coordinates():
 
 
 def test_structure_without_motion_is_for_absolute_coordinates():
-    joint = cj.FixedJoint(GROUND, "wall", (0, 0, 0), (0, 0, 0))
-    wall = cj.Body(2.0, (1.0, 1.0, 1.0))
-    scene = cj.Scene({"wall": wall}, {"foot": joint}, gravity=(0, 0, -9.81))
-    state = cj.State({"wall": cj.body_state((0, 0, 0))})
+    foot = {"foot": cj.FixedJoint(GROUND, "wall", ORIGIN, ORIGIN)}
+    scene, state = one_body("wall", foot, mass=2.0, gravity=(0, 0, -9.81))
     with pytest.raises(ValueError, match="a degree of freedom is left"):
         cj.simulate(scene, state, 0.1)
-    solution = cj.simulate(
-        scene, state, 0.1, cj.Settings(coordinates=ABSOLUTE), save=cj.Saving([0.1])
-    )
+    settings = cj.Settings(coordinates=ABSOLUTE)
+    solution = cj.simulate(scene, state, 0.1, settings, cj.Saving([0.1]))
     force = cj.observe(scene, solution).reactions["foot"]["wall"].force[0]
     np.testing.assert_allclose(force, (0, 0, 19.62), atol=1e-12)
 
 
 def test_orientations_keep_their_sign_over_several_turns():
     """The Euler parameters of a wheel after 450 degrees are not those of 90 degrees."""
-    joint = cj.RevoluteJoint(GROUND, "wheel", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1))
-    scene = cj.Scene({"wheel": cj.Body(1.0, (1.0, 1.0, 1.0))}, {"axle": joint})
-    state = cj.State({"wheel": cj.body_state((0, 0, 0), spin=(0, 0, 1.0))})
+    scene, state = one_body("wheel", {"axle": hinge(GROUND, "wheel")}, spin=Z)
     end = cj.simulate(scene, state, 2.5 * np.pi, cj.Settings(rtol=1e-9)).final
     half = 1.25 * np.pi
     expected = (np.cos(half), 0.0, 0.0, np.sin(half))
@@ -99,12 +91,9 @@ def test_orientations_keep_their_sign_over_several_turns():
 def test_a_door_on_two_hinges_swings_as_on_one(apart):
     """The coordinates satisfy all rows of a hinge; the angle is that of a physical pendulum."""
     places = {"low": -apart, "high": apart}
-    joints = {
-        name: cj.RevoluteJoint("ground", "door", (0, 0, z), (-0.5, 0, z), (0, 0, 1), (0, 0, 1))
-        for name, z in places.items()
-    }
-    scene = cj.Scene({"door": cj.Body(20.0, (5.0, 6.0, 2.0))}, joints, gravity=(0, -9.81, 0))
-    state = cj.State({"door": cj.body_state((0.5, 0, 0))})
+    joints = {name: hinge("ground", "door", (0, 0, z), (-0.5, 0, z)) for name, z in places.items()}
+    door = {"mass": 20.0, "inertia": (5.0, 6.0, 2.0), "position": (0.5, 0, 0)}
+    scene, state = one_body("door", joints, gravity=(0, -9.81, 0), **door)
     final = cj.simulate(scene, state, 0.5, cj.Settings(rtol=1e-9)).final.bodies["door"]
 
     def rates(t, y):

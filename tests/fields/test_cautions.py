@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.mechanisms import bricard, double_four_bar
+from tests.support.one_body import ORIGIN
 
-ORIGIN, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 ROD = cj.Body(1.0, (1e-3, 1 / 12, 1 / 12))
 pin = functools.partial(cj.ClearanceJoint, "ground", "rod", law=cj.laws.Hertz(1e9))
 
@@ -124,13 +123,8 @@ def test_usual_numbers_give_no_warning():
     """Mechanisms of the package, thin plates, light frames, plastic on diamond, a large bearing."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        for make in (
-            cj.mechanisms.double_pendulum,
-            cj.mechanisms.slider_crank,
-            double_four_bar,
-            bricard,
-        ):
-            make()
+        for name in ("double_pendulum", "slider_crank", "double_four_bar", "bricard"):
+            getattr(cj.mechanisms, name)()
         for mass, inertia in ((2.0, (1.0, 1.0, 2.0)), (1.0, (1.0, 1.0, 1.0)), (7e-3, (1e-7,) * 3)):
             cj.Body(mass, inertia)
         cj.laws.RavnStiffness(2e9, 0.4, 1e12, 0.1)

@@ -11,6 +11,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint import RESULTS
+from tests.support.one_body import one_body
 from tests.support.public_names import MODULES
 from tests.support.rooms import DOORS
 
@@ -55,10 +56,7 @@ def test_every_result_prints_text():
 
 
 def test_a_solution_prints_in_a_few_lines():
-    points = (0, 0, 0), (0, 0, 0)
-    spring = cj.SpringDamper("ground", "ball", *points, stiffness=100.0, free_length=0.1)
-    scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    state = cj.State({"ball": cj.body_state((0.1, 0, 0))})
+    scene, state = one_body("ball", position=(0.1, 0, 0))
     save = cj.Saving(np.linspace(0.0, 0.3e-2, 4), impacts=True)
     solution = cj.simulate(scene, state, 0.3e-2, save=save, progress=False)
     lines = str(solution).splitlines()

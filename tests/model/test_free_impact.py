@@ -41,6 +41,23 @@ def test_hertz_impact_matches_closed_forms():
     assert found.duration == pytest.approx(3.2181 * scale / SPEED, rel=2e-5)
 
 
+def test_a_smoothed_elastic_contact_stores_the_energy_of_the_impact_and_returns_it():
+    """Its force begins before the surfaces touch."""
+    law = cj.laws.Hertz(STIFFNESS, smoothing=4e-6)
+    found = free_impact(law, MASS, SPEED)
+    assert found.restitution == pytest.approx(1.0, abs=1e-8)
+    stored = float(law.stored_energy(cj.extend.Gap(found.largest_penetration, 0.0)))
+    assert stored == pytest.approx(0.5 * MASS * SPEED**2, rel=1e-6)
+
+
+def test_a_strongly_damped_contact_is_loaded_most_when_it_begins():
+    """By D v0, if the damping ratio is above 0.5."""
+    damping = 1.6 * np.sqrt(STIFFNESS * MASS)
+    found = free_impact(cj.laws.SpringDashpot(STIFFNESS, damping), MASS, SPEED)
+    assert found.peak_force == pytest.approx(damping * SPEED, rel=1e-9)
+    assert found.restitution == pytest.approx(float(cj.laws.clamped_restitution(0.8)), rel=1e-7)
+
+
 @pytest.mark.parametrize(
     ("radii", "message"),
     [

@@ -2,33 +2,31 @@
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
 import clearjoint as cj
+from studies.catalogue import plays
+from studies.catalogue.plays import INERTIAS, PLAY, RADIUS, SPEED, TIGHT
+from tests.support.difference_quotients import (
+    Places,
+    by_differences,
+    central,
+    parameters_at,
+)
+from tests.support.one_body import ORIGIN, Z
 
 pytestmark = pytest.mark.slow
-TIGHT = cj.Settings(rtol=1e-10, atol=1e-12)
 VERY_TIGHT = cj.Settings(rtol=1e-12, atol=1e-14)
-AXIS, HERE = (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
-PLAY, RADIUS, SPEED = 2e-3, 0.05, 2.0
-INERTIAS = 1e-3, 4e-3
+IMPACTS = cj.Saving(impacts=True)
 
 
 def shafts(law: cj.extend.AbstractContactLaw, play: float = PLAY) -> tuple[cj.Scene, cj.State]:
     """Two shafts on one axis with play; the first one turns."""
-    bodies = {
-        name: cj.Body(1.0, (5e-3, 5e-3, inertia))
-        for name, inertia in zip("ab", INERTIAS, strict=True)
-    }
-    joints: dict[str, Any] = {
-        name: cj.RevoluteJoint("ground", name, HERE, HERE, AXIS, AXIS) for name in "ab"
-    }
-    joints["play"] = cj.Backlash("b", "a", play=play, radius=RADIUS, law=law)
-    states = {"a": cj.body_state(HERE, spin=(0.0, 0.0, SPEED)), "b": cj.body_state(HERE)}
-    return cj.Scene(bodies, joints), cj.State(states)
+    scene, state = plays.shafts(1.0)
+    joint = replace(scene.joints["play"], law=law, play=play)
+    return replace(scene, joints={**scene.joints, "play": joint}), state
 
 
 def turned(state: cj.State, name: str) -> float:
@@ -48,7 +46,7 @@ def test_two_shafts_hit_each_other_as_their_inertias_and_restitution_say(restitu
     law = cj.laws.ExactRestitution(restitution, 1e8, exponent=1.0)
     scene, state = shafts(law)
     settings = replace(TIGHT, ledger=True)
-    solution = cj.simulate(scene, state, 0.02, settings, save=cj.Saving(impacts=True))
+    solution = cj.simulate(scene, state, 0.02, settings, IMPACTS)
     hits = solution.impacts
     count = len(hits)
     assert count >= 4
@@ -76,12 +74,12 @@ def test_many_turns_meet_the_same_play():
     scene, state = shafts(cj.laws.ExactRestitution(1.0, 1e8, exponent=1.0))
     common = 400.0 * math.pi
     fast = cj.State(
-        {name: cj.body_state(HERE, spin=(0, 0, common + s)) for name, s in (("a", SPEED), ("b", 0))}
+        {
+            name: cj.body_state(ORIGIN, spin=(0, 0, common + s))
+            for name, s in (("a", SPEED), ("b", 0))
+        }
     )
-    runs = [
-        cj.simulate(scene, start, 0.02, TIGHT, save=cj.Saving(impacts=True)).impacts
-        for start in (state, fast)
-    ]
+    runs = [cj.simulate(scene, start, 0.02, TIGHT, IMPACTS).impacts for start in (state, fast)]
     assert len(runs[0]) == len(runs[1]) >= 15
     np.testing.assert_allclose(runs[1].onset, runs[0].onset, rtol=1e-6)
 
@@ -89,7 +87,7 @@ def test_many_turns_meet_the_same_play():
 def test_gears_cross_their_backlash_as_restitution_says():
     """Rates r1 w1 + r2 w2 fall by the restitution; what each gear gives the mesh it takes there."""
     scene, state = cj.mechanisms.gear_pair(backlash=1e-4, restitution=0.8)
-    solution = cj.simulate(scene, state, 0.02, TIGHT, save=cj.Saving(impacts=True))
+    solution = cj.simulate(scene, state, 0.02, TIGHT, IMPACTS)
     hits, (first, second) = solution.impacts, _base_radii()
     entries = 10.0 * first * 0.8 ** np.arange(len(hits))
     assert len(hits) == 12
@@ -116,7 +114,7 @@ def test_gears_tend_to_the_ideal_ratio_as_their_backlash_vanishes():
     def angles(backlash: float) -> tuple[float, float]:
         law = cj.laws.ExactRestitution(0.05, 4e8, exponent=1.0)
         scene, state = cj.mechanisms.gear_pair(backlash, speeds=(0.0, 0.0), law=law)
-        drive = cj.DriveTorque("ground", "pinion", AXIS, torque)
+        drive = cj.DriveTorque("ground", "pinion", Z, torque)
         scene = cj.Scene(scene.bodies, scene.joints, {"drive": drive})
         final = cj.simulate(scene, state, end, TIGHT).final
         return turned(final, "pinion"), turned(final, "wheel")
@@ -133,42 +131,40 @@ def test_gears_tend_to_the_ideal_ratio_as_their_backlash_vanishes():
         assert abs(pinion - ideal) < 20.0 * backlash + 2e-5
 
 
+WHEEL = {"angle": cj.quantities.JointAngle("wheel bearing")}
+
+
 def test_sensitivities_to_the_backlash_and_its_law_are_those_of_differences():
     scene, state = cj.mechanisms.gear_pair()
-    places: dict[str, tuple[Any, float]] = {
+    places: Places = {
         "backlash": (lambda s: s.joints["mesh"].backlash, 1e-8),
         "restitution": (lambda s: s.joints["mesh"].law.restitution, 1e-4),
         "pressure angle": (lambda s: s.joints["mesh"].pressure_angle, 1e-5),
         "eccentricity": (lambda s: s.joints["mesh"].point_first[0], 1e-8),
     }
-    parameters = {name: cj.Parameter(place) for name, (place, _) in places.items()}
-    channel = {"angle": cj.quantities.JointAngle("wheel bearing")}
     end = 3e-3
-    found = cj.sensitivities(scene, state, end, parameters, channel, [end])
-    derivatives = np.ravel(found.derivatives["angle"])
+    found = cj.sensitivities(scene, state, end, parameters_at(places), WHEEL, [end])
 
-    def angle(place: Any, change: float) -> float:
-        moved = cj.set_value(scene, place, place(scene) + change)
-        return turned(cj.simulate(moved, state, end, VERY_TIGHT).final, "wheel")
+    def angle(scene: cj.Scene) -> float:
+        return turned(cj.simulate(scene, state, end, VERY_TIGHT).final, "wheel")
 
-    for derivative, (name, (place, step)) in zip(derivatives, places.items(), strict=True):
-        difference = (angle(place, step) - angle(place, -step)) / (2.0 * step)
-        assert derivative == pytest.approx(difference, rel=1e-4), name
+    expected = by_differences(scene, places, angle)
+    np.testing.assert_allclose(found.derivatives["angle"][0], expected, rtol=1e-4)
 
 
 def test_sensitivities_to_a_play_about_an_axis_are_those_of_differences():
-    scene, state = shafts(cj.laws.HuntCrossley(0.7, 1e8))
+    law = cj.laws.HuntCrossley(0.7, 1e8)
+    scene, state = shafts(law)
     parameters = {"play": cj.Parameter(lambda s: s.joints["play"].play, cj.Log())}
     channel = {"angle": cj.quantities.JointAngle("b")}
     end, tight = 4e-3, replace(cj.presets.derivatives, rtol=1e-11)
     found = cj.sensitivities(scene, state, end, parameters, channel, [end], settings=tight)
 
-    def angle(play: float) -> float:
-        moved, _ = shafts(cj.laws.HuntCrossley(0.7, 1e8), play)
+    def angle(change: float) -> float:
+        moved, _ = shafts(law, PLAY * math.exp(change))
         return turned(cj.simulate(moved, state, end, VERY_TIGHT).final, "b")
 
-    difference = (angle(PLAY * math.exp(1e-4)) - angle(PLAY * math.exp(-1e-4))) / 2e-4
-    assert float(np.ravel(found.derivatives["angle"])[0]) == pytest.approx(difference, rel=1e-5)
+    assert found.derivatives["angle"].item() == pytest.approx(central(angle, 1e-4), rel=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -177,28 +173,23 @@ def test_sensitivities_to_a_play_about_an_axis_are_those_of_differences():
 def test_sensitivities_under_a_spring_hold_at_every_tolerance(law):
     """The slope of the force jumps where the flanks touch and part."""
     scene, state = cj.mechanisms.gear_pair(1e-4, law=law)
-    places: dict[str, tuple[Any, float]] = {
+    places: Places = {
         "restitution": (lambda s: s.joints["mesh"].law.restitution, 1e-5),
         "stiffness": (lambda s: s.joints["mesh"].law.stiffness.stiffness, 4e4),
         "backlash": (lambda s: s.joints["mesh"].backlash, 1e-9),
     }
-    parameters = {name: cj.Parameter(place) for name, (place, _) in places.items()}
     end, exact = 4e-3, replace(cj.presets.derivatives, rtol=1e-12)
 
-    def angle(place: Any, change: float) -> float:
-        moved = cj.set_value(scene, place, place(scene) + change)
-        return turned(cj.simulate(moved, state, end, exact).final, "wheel")
+    def angle(scene: cj.Scene) -> float:
+        return turned(cj.simulate(scene, state, end, exact).final, "wheel")
 
     sizes = np.array([float(place(scene)) for place, _ in places.values()])
-    differences = [
-        (angle(place, step) - angle(place, -step)) / (2.0 * step) for place, step in places.values()
-    ]
+    expected = by_differences(scene, places, angle)
     for rtol in (1e-9, 1e-10, 1e-11):
         settings = replace(cj.presets.derivatives, rtol=rtol)
-        channel = {"angle": cj.quantities.JointAngle("wheel bearing")}
-        found = cj.sensitivities(scene, state, end, parameters, channel, [end], settings)
+        found = cj.sensitivities(scene, state, end, parameters_at(places), WHEEL, [end], settings)
         derivatives = found.derivatives["angle"][0]
-        np.testing.assert_allclose(derivatives * sizes, differences * sizes, rtol=1e-5, atol=1e-9)
+        np.testing.assert_allclose(derivatives * sizes, expected * sizes, rtol=1e-5, atol=1e-9)
 
 
 def test_a_sweep_over_the_backlash_has_the_lanes_of_single_runs():
@@ -211,7 +202,7 @@ def test_a_sweep_over_the_backlash_has_the_lanes_of_single_runs():
     entries = 10.0 * _base_radii()[0] * 0.8 ** np.arange(40)
     for k, play in enumerate(plays):
         moved, _ = cj.mechanisms.gear_pair(backlash=play)
-        single = cj.simulate(moved, state, 5e-3, TIGHT, save=cj.Saving(impacts=True)).impacts
+        single = cj.simulate(moved, state, 5e-3, TIGHT, IMPACTS).impacts
         speeds = found["hits_entry_speed"].values[k].ravel()
         speeds = np.sort(speeds[np.isfinite(speeds) & (speeds > 0.0)])[::-1]
         assert len(speeds) == len(single) > 2
@@ -231,10 +222,8 @@ def test_impacts_without_duration_are_those_of_time_stepping():
 def test_assembly_puts_what_penetrates_into_the_middle_of_the_play():
     scene, state = shafts(cj.laws.ExactRestitution(0.6, 1e8, exponent=1.0))
     half = 0.5 * 0.3
-    outside = cj.State(
-        {**state.bodies, "b": cj.body_state(HERE, (math.cos(half), 0.0, 0.0, math.sin(half)))}
-    )
-    put = cj.assemble(scene, outside)
+    ahead = cj.body_state(ORIGIN, (math.cos(half), 0.0, 0.0, math.sin(half)))
+    put = cj.assemble(scene, cj.State({**state.bodies, "b": ahead}))
     assert turned(put, "a") == pytest.approx(turned(put, "b"), abs=1e-9)
 
 

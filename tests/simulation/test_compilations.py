@@ -1,12 +1,14 @@
 """How many programs are compiled: one for each structure, none for other numbers of anything."""
 
 from dataclasses import replace
+from functools import partial
 
 import jax
 import numpy as np
 import pytest
 
 import clearjoint as cj
+from tests.support.one_body import bearing, one_body
 from tests.support.oscillator import on_spring
 
 COMPILED = "/jax/core/compile/backend_compile_duration"
@@ -42,6 +44,16 @@ def compiled():
     jax.monitoring.unregister_event_duration_listener(note)
 
 
+def compiling(compiled, calls):
+    """The calls, of those by name, that compile programs, and how many."""
+    counts = {}
+    for name, call in calls.items():
+        before = compiled()
+        call()
+        counts[name] = compiled() - before
+    return {name: count for name, count in counts.items() if count}
+
+
 @pytest.fixture(scope="module")
 def damped():
     """A mass on a damped spring: least to compile."""
@@ -51,20 +63,9 @@ def damped():
 @pytest.fixture(scope="module")
 def rod():
     """A rod that hangs on a pin, with clearance, and starts without contact."""
-    pin = cj.ClearanceJoint(
-        "ground",
-        "rod",
-        bearing_point=(0.0, 0.0, 0.0),
-        bearing_axis=(0.0, 0.0, 1.0),
-        journal_point=(0.0, 0.2, 0.0),
-        journal_axis=(0.0, 0.0, 1.0),
-        bearing_radius=0.01,
-        clearance=0.8e-3,
-        journal_length=0.02,
-        law=cj.laws.HuntCrossley(0.7, cj.laws.GivenStiffness(1e8)),
-    )
-    scene = cj.Scene({"rod": cj.Body(1.0, (1e-3, 2e-3, 3e-3))}, {"pin": pin})
-    return scene, cj.State({"rod": cj.body_state((1e-4, -0.2, 0.0))})
+    law = cj.laws.HuntCrossley(0.7, cj.laws.GivenStiffness(1e8))
+    pin = bearing(law, "rod", journal_point=(0.0, 0.2, 0.0), clearance=0.8e-3)
+    return one_body("rod", {"pin": pin}, inertia=(1e-3, 2e-3, 3e-3), position=(1e-4, -0.2, 0.0))
 
 
 def _saved(scene_and_state, count, settings=None, throw=True):
@@ -79,8 +80,7 @@ def _steps(scene_and_state, end):
 def test_another_number_of_times_to_save_at_compiles_nothing(damped, compiled):
     _saved(damped, 5)
     before = compiled()
-    for count in (2, 64, 700):
-        assert len(_saved(damped, count).times) == count
+    assert [len(_saved(damped, count).times) for count in (2, 64, 700)] == [2, 64, 700]
     assert compiled() == before
 
 
@@ -110,107 +110,94 @@ def test_what_a_run_keeps_and_its_coordinates_compile_no_other_observation(dampe
 @pytest.mark.slow
 def test_an_option_compiles_the_programs_of_a_run_and_going_back_none(damped, compiled):
     """Other things are integrated or kept in them."""
-    scene, state = damped
-    times = [0.1, 0.2]
-    plain = cj.Settings(), cj.Saving(times)
-    options = [
-        (cj.Settings(ledger=True), cj.Saving(times)),
-        (cj.Settings(), cj.Saving(times, steps=True)),
-        (cj.Settings(stabilisation=cj.Projection()), cj.Saving(times)),
-    ]
-    cj.simulate(scene, state, END, *plain)
-    for option in options:
-        before = compiled()
-        cj.simulate(scene, state, END, *option)
-        assert compiled() - before <= PROGRAMS_OF_A_RUN
+    plain, save = cj.Settings(), cj.Saving([0.1, 0.2])
+    options = {
+        "ledger": (cj.Settings(ledger=True), save),
+        "steps": (plain, replace(save, steps=True)),
+        "projection": (cj.Settings(stabilisation=cj.Projection()), save),
+    }
+    cj.simulate(*damped, END, plain, save)
+    calls = {name: partial(cj.simulate, *damped, END, *of) for name, of in options.items()}
+    assert max(compiling(compiled, calls).values(), default=0) <= PROGRAMS_OF_A_RUN
     before = compiled()
-    for settings, save in (plain, *options):
-        cj.simulate(scene, state, END, replace(settings, rtol=1e-7), save)
+    for settings, saving in ((plain, save), *options.values()):
+        cj.simulate(*damped, END, replace(settings, rtol=1e-7), saving)
     assert compiled() == before
 
 
 def test_a_sweep_of_more_lanes_compiles_nothing_and_another_axis_its_programs_once(
     damped, compiled
 ):
-    scene, state = damped
-
-    def stiffness(s):
-        return s.forces["spring"].stiffness
-
-    def damping(s):
-        return s.forces["spring"].damping
-
-    def swept(**axes):
-        return cj.sweep(scene, state, END, axes)
-
-    swept(stiffness=cj.Axis(stiffness, [40.0, 50.0]))
-    before = compiled()
-    swept(stiffness=cj.Axis(stiffness, [30.0, 45.0, 60.0]))
-    assert compiled() == before
+    stiffness, damping = STIFFNESS["k"].variation, lambda s: s.forces["spring"].damping
     both = {"damping": cj.Axis(damping, [0.1, 0.5])}
-    swept(stiffness=cj.Axis(stiffness, [40.0, 50.0]), **both)
+
+    def swept(values, others=None):
+        return cj.sweep(*damped, END, {"k": cj.Axis(stiffness, values)} | (others or {}))
+
+    swept([40.0, 50.0])
+    before = compiled()
+    swept([30.0, 45.0, 60.0])
+    assert compiled() == before
+    swept([40.0, 50.0], both)
     assert compiled() - before <= PROGRAMS_OF_A_SWEEP
     before = compiled()
-    swept(stiffness=cj.Axis(stiffness, [41.0, 52.0, 60.0]), **both)
+    swept([41.0, 52.0, 60.0], both)
     assert compiled() == before
 
 
 SHORT = 0.02
 
 
+OTHER_SETTINGS = {
+    "tolerances": cj.Settings(rtol=1e-6, atol=1e-10),
+    "landing": cj.Settings(landing_tolerance=1e-9),
+    "steps": cj.Settings(max_steps=10_000, first_step=1e-6),
+}
+
+
+def clearance(scene):
+    return scene.joints["pin"].clearance
+
+
 def swept(scene_and_state, lanes=4, greatest=1.5e-3, end=SHORT, settings=None, **options):
-    options = {"progress": False, **options}
-
-    def clearance(scene):
-        return scene.joints["pin"].clearance
-
     axes = {"clearance": cj.Axis(clearance, np.linspace(1e-3, greatest, lanes))}
     outputs = {"speed": cj.Peak(cj.quantities.Velocity("rod", "y"), "m/s")}
-    return cj.sweep(*scene_and_state, end, axes, outputs, settings, **options)
+    return cj.sweep(*scene_and_state, end, axes, outputs, settings, progress=False, **options)
 
 
 def test_no_other_number_of_a_sweep_compiles_anything(rod, compiled):
     """With contacts, and so with what is said of them at the end."""
     swept(rod)
-    before, counts = compiled(), {}
     changes = {
         "lanes": {"lanes": 7},
         "more lanes than places": {"lanes": 70},
         "one lane": {"lanes": 1},
         "bounds": {"greatest": 2.5e-3},
         "end": {"end": 0.5 * SHORT},
-        "ends": {"end": lambda scene: 10.0 * float(scene.joints["pin"].clearance)},
+        "ends": {"end": lambda scene: 10.0 * float(clearance(scene))},
         "start": {"start_time": 1e-3},
-        "tolerances": {"settings": cj.Settings(rtol=1e-6, atol=1e-10)},
-        "landing": {"settings": cj.Settings(landing_tolerance=1e-9)},
-        "steps": {"settings": cj.Settings(max_steps=10_000, first_step=1e-6)},
+        **{name: {"settings": settings} for name, settings in OTHER_SETTINGS.items()},
     }
-    for name, change in changes.items():
-        swept(rod, **change)
-        counts[name] = compiled() - before
-        before = compiled()
-    assert {name: count for name, count in counts.items() if count} == {}
+    calls = {name: partial(swept, rod, **change) for name, change in changes.items()}
+    assert compiling(compiled, calls) == {}
 
 
 def test_no_other_number_of_a_run_compiles_anything(rod, compiled):
+    """Lengths, law, masses, state, times and settings are arguments of one program."""
     scene, state = rod
     cj.simulate(scene, state, SHORT)
-    before, counts = compiled(), {}
-    other = cj.set_value(scene, lambda s: s.joints["pin"].clearance, 1.1e-3)
+    pin = replace(scene.joints["pin"], clearance=1.1e-3, journal_length=0.03)
+    pin = replace(pin, law=cj.laws.HuntCrossley(0.5, cj.laws.GivenStiffness(2e8)))
+    other = cj.Scene({"rod": cj.Body(1.5, (2e-3, 3e-3, 4e-3))}, {"pin": pin})
     moved = cj.State({"rod": cj.body_state((-1e-4, -0.2, 0.0), velocity=(0.1, 0.0, 0.0))})
     changes = {
         "scene": (other, state, SHORT),
         "state": (scene, moved, SHORT),
         "end": (scene, state, 0.5 * SHORT),
-        "tolerances": (scene, state, SHORT, cj.Settings(rtol=1e-6, atol=1e-10)),
-        "landing": (scene, state, SHORT, cj.Settings(landing_tolerance=1e-9)),
-        "steps": (scene, state, SHORT, cj.Settings(max_steps=10_000, first_step=1e-6)),
+        **{name: (scene, state, SHORT, settings) for name, settings in OTHER_SETTINGS.items()},
     }
-    for name, change in changes.items():
-        cj.simulate(*change)
-        counts[name] = compiled() - before
-        before = compiled()
-    assert {name: count for name, count in counts.items() if count} == {}
+    calls = {name: partial(cj.simulate, *change) for name, change in changes.items()}
+    assert compiling(compiled, calls) == {}
 
 
 def test_nothing_saved_is_nothing_observed(damped):
@@ -240,9 +227,9 @@ def test_records_of_few_lengths_are_compiled_for_derivatives(damped, compiled):
 
 def test_a_time_given_twice_is_seen_twice(damped):
     times = [0.0, 0.1, 0.1, 0.1, 0.2, END, END]
-    seen = cj.sensitivities(*damped, END, STIFFNESS, PLACE, times)
-    t = np.asarray(times)
-    expected = cj.sensitivities(*damped, END, STIFFNESS, PLACE, np.unique(t))
-    at = np.searchsorted(np.unique(t), t)
+    once, at = np.unique(times, return_inverse=True)
+    seen, expected = (
+        cj.sensitivities(*damped, END, STIFFNESS, PLACE, each) for each in (times, once)
+    )
     np.testing.assert_array_equal(seen.outputs["x"], expected.outputs["x"][at])
     np.testing.assert_array_equal(seen.derivatives["x"], expected.derivatives["x"][at])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from tests.support.one_body import bearing, hinge, one_body
 
 exudyn_models = pytest.importorskip(
     "tests.support.exudyn_models", reason="Exudyn is not installed: pip install -e '.[exudyn]'"
@@ -14,18 +15,12 @@ exudyn_models = pytest.importorskip(
 def test_spatial_double_pendulum_with_ideal_joints():
     """A spherical joint and a revolute joint about a skew axis, full inertias, spinning start."""
     m = exudyn_models
+    ends = (np.asarray(m.ELBOW) - centre for centre in (m.CENTRE_1, m.CENTRE_2))
     scene = cj.Scene(
         {"one": cj.Body(m.MASS_1, m.INERTIA_1), "two": cj.Body(m.MASS_2, m.INERTIA_2)},
         {
             "ball": cj.SphericalJoint("ground", "one", (0, 0, 0), -np.asarray(m.CENTRE_1)),
-            "elbow": cj.RevoluteJoint(
-                "one",
-                "two",
-                np.asarray(m.ELBOW) - m.CENTRE_1,
-                np.asarray(m.ELBOW) - m.CENTRE_2,
-                m.ELBOW_AXIS,
-                m.ELBOW_AXIS,
-            ),
+            "elbow": hinge("one", "two", *ends, m.ELBOW_AXIS),
         },
         gravity=m.GRAVITY,
     )
@@ -50,20 +45,11 @@ def test_bounce_by_hunt_and_crossley(restitution):
     m = exudyn_models
     theirs = m.bounce(restitution)
     law = cj.laws.HuntCrossley(restitution, 0.5 * m.BOUNCE_STIFFNESS)
-    joint = cj.ClearanceJoint(
-        "ground",
-        "journal",
-        bearing_radius=m.BEARING_RADIUS,
-        clearance=m.BOUNCE_CLEARANCE,
-        journal_length=0.01,
-        law=law,
-    )
-    scene = cj.Scene({"journal": cj.Body(m.BOUNCE_MASS, (1.0, 1.0, 1.0))}, {"pin": joint})
-    speed = theirs.entry_speed
-    state = cj.State({"journal": cj.body_state((0, 0, 0), velocity=(0, speed, 0))})
-    solution = cj.simulate(
-        scene, state, 0.007, cj.Settings(rtol=1e-9), save=cj.Saving(impacts=True)
-    )
+    sizes = {"bearing_radius": m.BEARING_RADIUS, "clearance": m.BOUNCE_CLEARANCE}
+    pin = {"pin": bearing(law, "journal", **sizes)}
+    scene, state = one_body("journal", pin, mass=m.BOUNCE_MASS, velocity=(0, theirs.entry_speed, 0))
+    save = cj.Saving(impacts=True)
+    solution = cj.simulate(scene, state, 0.007, cj.Settings(rtol=1e-9), save)
     impact = solution.impacts.of("pin", "V")
     assert impact.exit_speed[0] == pytest.approx(theirs.exit_speed, rel=1e-6)
     assert 2 * impact.peak_force[0] == pytest.approx(theirs.peak_force, rel=1e-6)

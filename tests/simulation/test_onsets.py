@@ -10,25 +10,11 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from tests.support.difference_quotients import central
+from tests.support.dropped_rod import dropped_rod
+from tests.support.one_body import one_body
 
-GRAVITY = 9.81
-ARM = cj.Body(7.02, (0.001, 0.5855, 0.5855))
-
-
-def arm(law, clearance=0.5e-3, **options):
-    """Return an arm of a metre whose left end is a journal, and the arm at rest, centred."""
-    pin = cj.ClearanceJoint(
-        "ground",
-        "arm",
-        journal_point=(-0.5, 0.0, 0.0),
-        bearing_radius=10e-3,
-        clearance=clearance,
-        journal_length=20e-3,
-        law=law,
-        **options,
-    )
-    scene = cj.Scene({"arm": ARM}, {"pin": pin}, gravity=(0.0, GRAVITY, 0.0))
-    return scene, cj.State({"arm": cj.body_state((0.5, 0.0, 0.0))})
+GRAVITY, MASS = 9.81, 7.02
 
 
 def damped(restitution=0.5, stiffness=1e10, kind=cj.laws.LankaraniNikravesh):
@@ -51,13 +37,20 @@ SPEED = {"speed": (cj.quantities.EntrySpeed("pin", "V"), "m/s")}
 
 
 def kept(times):
-    """Return what all runs of an arm keep, so that they share one program."""
+    """Return what all runs of the rod keep, so that they share one program."""
     sections = {"onsets": cj.Section(depth, SPEED, 4), "ends": cj.Section(height, SPEED, 4)}
     return {"save": cj.Saving(times, impacts=True), "outputs": sections}
 
 
-def restarts_agree(scene, state, rng, count):
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(10))
+def test_runs_continue_from_any_instant_of_their_onsets(seed):
     """Runs that continue from states saved around their onset end like one without interruption."""
+    rng = np.random.default_rng(seed)
+    kinds = cj.laws.LankaraniNikravesh, cj.laws.HuntCrossley, cj.laws.ExactRestitution
+    law = damped(rng.uniform(0.3, 0.9), 10 ** rng.uniform(9, 11), kinds[rng.integers(3)])
+    options = {"line_points": 3} if seed % 3 == 0 else {}
+    scene, state = dropped_rod(law, clearance=10 ** rng.uniform(-4, -3), **options)
     end, settings = 0.016, cj.presets.accurate
 
     def run(state, times, start=0.0):
@@ -67,33 +60,18 @@ def restarts_agree(scene, state, rng, count):
     whole = run(state, [end])
     onset = whole.impacts.onset[0]
     # From the same floating-point number to beyond the step that lands on the onset.
-    delays = np.append([0.0, np.spacing(onset)], 10.0 ** rng.uniform(-17.5, -10.0, count))
+    delays = np.append([0.0, np.spacing(onset)], 10.0 ** rng.uniform(-17.5, -10.0, 10))
     times = np.unique(onset + delays)
     saved = run(state, times)
-    speed = np.linalg.norm(whole.final.bodies["arm"].velocity)
+    speed = np.linalg.norm(whole.final.bodies["rod"].velocity)
     for k, time in enumerate(times):
         again = run(row_of(saved, k), [end], time)
-        change = again.final.bodies["arm"].velocity - whole.final.bodies["arm"].velocity
+        change = again.final.bodies["rod"].velocity - whole.final.bodies["rod"].velocity
         assert np.linalg.norm(change) < 1e-5 * speed, (time - onset, row_of(saved, k).entry_speeds)
 
 
-@pytest.mark.slow
-def test_a_run_continues_from_any_instant_of_an_onset():
-    restarts_agree(*arm(damped()), np.random.default_rng(0), 6)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(10))
-def test_runs_continue_from_any_instant_of_their_onsets(seed):
-    rng = np.random.default_rng(seed)
-    kinds = cj.laws.LankaraniNikravesh, cj.laws.HuntCrossley, cj.laws.ExactRestitution
-    law = damped(rng.uniform(0.3, 0.9), 10 ** rng.uniform(9, 11), kinds[rng.integers(3)])
-    options = {"line_points": 3} if seed % 3 == 0 else {}
-    restarts_agree(*arm(law, 10 ** rng.uniform(-4, -3), **options), rng, 10)
-
-
 def test_sections_at_the_onset_and_the_end_of_contacts_have_their_entry_speeds():
-    solution = cj.simulate(*arm(damped()), 0.05, **kept([0.05]), progress=False)
+    solution = cj.simulate(*dropped_rod(damped()), 0.05, **kept([0.05]), progress=False)
     impacts = solution.impacts.of("pin", "V")
     expected = impacts.entry_speed[:3]
     assert np.all(expected > 0.01)
@@ -111,7 +89,7 @@ def test_a_section_at_an_onset_has_the_force_after_its_jump():
     depth, force = cj.quantities.Penetration("pin", "V"), cj.quantities.ContactForce("pin", "V")
     section = cj.Section(depth, {"force": (force, "N")}, 3)
     options = {"save": cj.Saving(impacts=True), "outputs": {"onsets": section}}
-    solution = cj.simulate(*arm(law), 0.03, progress=False, **options)
+    solution = cj.simulate(*dropped_rod(law), 0.03, progress=False, **options)
     crossings, impacts = solution.outputs["onsets"], solution.impacts.of("pin", "V")
     np.testing.assert_allclose(crossings.times[:2], impacts.onset[:2], atol=2e-11)
     gap = cj.extend.Gap(1e-300, impacts.entry_speed[:2])
@@ -134,11 +112,11 @@ def test_resting_parts_are_held_at_their_static_depth(seed):
     axes = {"bearing_axis": axis, "journal_axis": axis}
     flat = {"half_length": 0.05, "half_height": 0.02, "slider_axis": axis, "slider_normal": load}
     slot = {"play": 2e-3, "pin_radius": 0.02, "slot_normal": load, "slot_axis": axis}
-    bearing = {"bearing_radius": 0.02, "journal_length": 0.03, **axes}
+    journal = {"bearing_radius": 0.02, "journal_length": 0.03, **axes}
     cases = [
         (1, cj.BallInSocket(*pair, socket_radius=0.02, **gap)),
-        (2, cj.ClearanceJoint(*pair, **bearing, **gap)),
-        (1, cj.ClearanceJoint(*pair, line_points=4, **bearing, **gap)),
+        (2, cj.ClearanceJoint(*pair, **journal, **gap)),
+        (1, cj.ClearanceJoint(*pair, line_points=4, **journal, **gap)),
         (1, cj.PinInSlot(*pair, law=law, **slot)),
         (2, cj.SliderInGuide(*pair, guide_normal=load, **flat, **gap)),
     ]
@@ -154,8 +132,8 @@ def test_resting_parts_are_held_at_their_static_depth(seed):
 def test_a_resting_ball_has_the_entry_speed_of_an_impact_with_its_elastic_energy():
     law = cj.laws.ExactRestitution(0.8, 1e9)
     joint = cj.BallInSocket("ground", "part", socket_radius=0.02, clearance=1e-3, law=law)
-    scene = cj.Scene({"part": cj.Body(3.0, (1e-3,) * 3)}, {"pin": joint}, gravity=(0, 0, -GRAVITY))
-    state = cj.assemble(scene, cj.State({"part": cj.body_state((0, 0, 0))}), resting=["pin"])
+    options = {"mass": 3.0, "inertia": (1e-3,) * 3, "gravity": (0, 0, -GRAVITY)}
+    state = cj.assemble(*one_body("part", {"pin": joint}, **options), resting=["pin"])
     depth = (3.0 * GRAVITY / 1e9) ** (2 / 3)
     assert state.bodies["part"].position[2] == pytest.approx(-1e-3 - depth, abs=1e-15)
     speed = np.sqrt(2.0 * 1e9 * depth**2.5 / 2.5 / 3.0)
@@ -164,23 +142,23 @@ def test_a_resting_ball_has_the_entry_speed_of_an_impact_with_its_elastic_energy
 
 def test_a_resting_start_needs_few_steps_and_stays_at_rest():
     """Without an entry speed, the law's smallest one made the contact rigid, with 77 505 steps."""
-    scene, guess = arm(damped(0.9))
+    scene, guess = dropped_rod(damped(0.9))
     state = cj.assemble(scene, guess, resting=["pin"])
     solution = cj.simulate(scene, state, 0.2, **kept([0.2]), progress=False)
     assert solution.attempts < 1500
     # The force of each base is half of the reaction of an ideal joint when the arm is let go, and
     # the journal stays at its depth.
-    force = 0.5 * ARM.mass * GRAVITY * (1.0 - 0.25 * ARM.mass / (0.5855 + 0.25 * ARM.mass))
+    force = 0.5 * MASS * GRAVITY * (1.0 - 0.25 * MASS / (0.5855 + 0.25 * MASS))
     depth = (force / 1e10) ** (2 / 3)
     soon = cj.simulate(scene, state, 2e-4, **kept([2e-4]), progress=False)
     for bodies in (state.bodies, soon.final.bodies):
-        journal = bodies["arm"].position[1] - 0.5 * 2.0 * bodies["arm"].orientation[3]
+        journal = bodies["rod"].position[1] - 0.5 * 2.0 * bodies["rod"].orientation[3]
         assert journal - 0.5e-3 == pytest.approx(depth, rel=0.02)
 
 
 def test_a_failed_run_names_the_contact_whose_damping_makes_it_stiff():
-    scene, _ = arm(damped(0.9))
-    state = cj.State({"arm": cj.body_state((0.5, 0.5e-3 + 1e-15, 0.0))})
+    scene, _ = dropped_rod(damped(0.9))
+    state = cj.State({"rod": cj.body_state((0.5, 0.5e-3 + 1e-15, 0.0))})
     settings = cj.Settings(max_steps=3000)
     with pytest.raises(
         cj.SimulationError, match="Contact 'V'.*LankaraniN.*entry_speed_floor="
@@ -196,44 +174,44 @@ def test_a_failed_run_names_the_contact_whose_damping_makes_it_stiff():
 
 @pytest.mark.parametrize("depth", [2e-12, 1e-7])
 def test_a_start_inside_the_wall_without_entry_speed_warns(depth):
-    scene, _ = arm(damped())
-    bodies = {"arm": cj.body_state((0.5, 0.5e-3 + depth, 0.0), velocity=(0.0, 0.1, 0.0))}
+    scene, _ = dropped_rod(damped())
+    bodies = {"rod": cj.body_state((0.5, 0.5e-3 + depth, 0.0), velocity=(0.0, 0.1, 0.0))}
     speeds = {"pin": {"V": 0.1, "W": 0.1}}
     with pytest.warns(cj.UnusualValueWarning, match=r"state.entry_speeds\['pin'\]\['V'\]"):
         cj.simulate(scene, cj.State(bodies), 0.001, **kept([0.001]), progress=False)
-    cj.simulate(
-        scene, cj.State(bodies, entry_speeds=speeds), 0.001, **kept([0.001]), progress=False
-    )
+    known = cj.State(bodies, entry_speeds=speeds)
+    cj.simulate(scene, known, 0.001, **kept([0.001]), progress=False)
 
 
 @pytest.mark.slow
 def test_derivatives_of_a_run_that_starts_at_the_wall_are_those_of_its_onset():
     """They are compared with differences of runs. The clearance is only increased: the contact then
     begins later."""
-    scene, _ = arm(damped(0.5, 1e9))
+    scene, _ = dropped_rod(damped(0.5, 1e9))
 
     def state(speed):
         body = cj.body_state((0.5, 0.5e-3 + 1e-17, 0.0), velocity=(0.0, speed, 0.0))
-        return cj.State({"arm": body})
+        return cj.State({"rod": body})
+
+    def clearance(scene):
+        return scene.joints["pin"].clearance
 
     parameters = {
-        "clearance": cj.Parameter(lambda s: s.joints["pin"].clearance),
-        "speed": cj.Parameter.initial(lambda s: s.bodies["arm"].velocity[1]),
+        "clearance": cj.Parameter(clearance),
+        "speed": cj.Parameter.initial(lambda s: s.bodies["rod"].velocity[1]),
     }
-    outputs, times = {"y": cj.quantities.Position("arm", "y")}, [0.001, 0.002, 0.004]
-    given = scene, state(0.1), 0.004, parameters, outputs, times
-    along = cj.sensitivities(*given, progress=False).derivatives["y"]
+    outputs, times = {"y": cj.quantities.Position("rod", "y")}, [0.001, 0.002, 0.004]
+    found = cj.sensitivities(scene, state(0.1), 0.004, parameters, outputs, times, progress=False)
+    along = found.derivatives["y"]
 
-    def heights(speed, clearance):
-        pin = replace(scene.joints["pin"], clearance=clearance)
-        varied, save = replace(scene, joints={"pin": pin}), cj.Saving(times)
-        settings = cj.presets.reference
-        solution = cj.simulate(varied, state(speed), 0.004, settings, save, progress=False)
-        return np.asarray(solution.saved.states.bodies["arm"].position)[:, 1]
+    def heights(speed=0.0, wider=0.0):
+        varied = cj.set_value(scene, clearance, 0.5e-3 + wider)
+        settings, save = cj.presets.reference, cj.Saving(times)
+        run = cj.simulate(varied, state(0.1 + speed), 0.004, settings, save, progress=False)
+        return np.asarray(run.saved.states.bodies["rod"].position)[:, 1]
 
-    by_speed = (heights(0.1 + 1e-6, 0.5e-3) - heights(0.1 - 1e-6, 0.5e-3)) / 2e-6
-    by_clearance = (heights(0.1, 0.5e-3 + 1e-9) - heights(0.1, 0.5e-3)) / 1e-9
-    np.testing.assert_allclose(along[:, 1], by_speed, rtol=1e-5)
+    np.testing.assert_allclose(along[:, 1], central(heights, 1e-6), rtol=1e-5)
+    by_clearance = (heights(wider=1e-9) - heights()) / 1e-9
     np.testing.assert_allclose(along[:, 0], by_clearance, rtol=5e-5)
 
 
@@ -245,8 +223,7 @@ def falling(height, stiffness):
     """
     law, end_speed = cj.laws.ExactRestitution(0.8, stiffness), np.sqrt(2.0 * GRAVITY * height)
     slot = cj.PinInSlot("ground", "ball", play=2.0 * height, pin_radius=0.01, law=law)
-    scene = cj.Scene({"ball": cj.Body(1.0, (1e-3,) * 3)}, {"slot": slot}, gravity=(0, -GRAVITY, 0))
-    state = cj.State({"ball": cj.body_state((0.0, 0.0, 0.0))})
+    scene, state = one_body("ball", {"slot": slot}, inertia=(1e-3,) * 3, gravity=(0, -GRAVITY, 0))
     fall = end_speed / GRAVITY
     parameters = {"h": cj.Parameter.initial(lambda s: s.bodies["ball"].position[1])}
     outputs, end = {"y": cj.quantities.Position("ball", "y")}, 1.25 * fall

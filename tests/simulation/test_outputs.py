@@ -28,6 +28,7 @@ OUTPUTS = {
     "time": elapsed,
     "clock": clock,
     "speed": cj.Peak(cj.quantities.Velocity("ball"), "m/s"),
+    "early": cj.Statistics(cj.quantities.Velocity("ball", "x"), "m/s", until=0.3),
     "turns": cj.Section(X, {"v": cj.quantities.Velocity("ball", "x")}, count=3),
 }
 EXACT = cj.Settings(rtol=1e-9)
@@ -48,6 +49,8 @@ def test_a_run_and_a_lane_keep_the_outputs_of_one_dictionary():
     assert lane["x"].attrs["units"] == "m" and lane["clock"].attrs["units"] == "s"
     assert "units" not in lane["time"].attrs
     assert run.outputs["speed"] == pytest.approx(1.0, rel=1e-6)
+    assert run.outputs["speed_time"] == pytest.approx(0.05 * np.pi, rel=1e-4)
+    assert run.outputs["early_mean"] == pytest.approx(0.1 * (np.cos(3.0) - 1.0) / 0.3, rel=1e-6)
     assert float(lane["speed"]) == run.outputs["speed"]
     crossings = run.outputs["turns"]
     np.testing.assert_allclose(crossings.times, 0.15 * np.pi, rtol=1e-7)
@@ -61,12 +64,14 @@ def test_a_run_with_derivatives_keeps_them_too_but_refuses_reductions():
     with pytest.raises(ValueError, match=r"outputs\['turns'\].*a quantity in a fit"):
         parameters, wanted = {"k": STIFFNESS}, {"turns": OUTPUTS["turns"]}
         cj.minimise(*on_spring(), lambda outputs: outputs["x"][0], parameters, wanted, TIMES)
-    with pytest.raises(ValueError, match=r"`times`.*outputs\['x'\].*save=cj.Saving\(times\)"):
-        cj.simulate(*on_spring(), 0.5, outputs={"x": X})
     wanted = {name: OUTPUTS[name] for name in ("x", "turns")}
+    seldom = np.array([0.05, 0.31])
     found = cj.sensitivities(
-        *on_spring(), 0.5, {"k": STIFFNESS}, wanted, TIMES, EXACT, progress=False
+        *on_spring(), 0.5, {"k": STIFFNESS}, wanted, TIMES, EXACT, cj.Saving(seldom), progress=False
     )
+    assert found.saved is not None
+    saved = found.saved.states.bodies["ball"].position
+    np.testing.assert_allclose(saved[:, 0], 0.1 * np.cos(10.0 * seldom), atol=1e-9)
     np.testing.assert_allclose(found.outputs["x"], 0.1 * np.cos(10.0 * TIMES), atol=1e-9)
     exact = -0.5 * TIMES * np.sin(10.0 * TIMES)  # d x/d log k
     np.testing.assert_allclose(found.derivatives["x"][:, 0], exact, atol=1e-8)
@@ -122,6 +127,28 @@ def test_statistics_of_a_quantity_are_those_at_each_time():
     np.testing.assert_allclose(found["x_mean"], 0.1 * np.cos(10.0 * TIMES), atol=1e-4)
     growth = found["x_deviation"] / np.abs(np.sin(10.0 * TIMES))
     np.testing.assert_allclose(growth[1:], growth[1], rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("output", "message"),
+    [
+        (cj.ImpactCount("pin"), r"Output 'x'.*pin"),
+        (cj.MeanPowerLost(), r"outputs\['x'\]"),
+        (X, r"`times`.*outputs\['x'\].*save=cj.Saving\(times\)"),
+    ],
+    ids=["of no joint", "without the ledger", "without times"],
+)
+def test_outputs_that_a_run_cannot_have_are_refused(output, message):
+    with pytest.raises(ValueError, match=message):
+        cj.simulate(*on_spring(), 0.5, outputs={"x": output})
+
+
+@pytest.mark.slow
+def test_reductions_are_refused_under_a_transformation():
+    scene, state = on_spring()
+    speed = {"speed": OUTPUTS["speed"]}
+    with pytest.raises(ValueError, match=r"outputs\['speed'\].*a quantity under a transformation"):
+        jax.jit(lambda t: cj.simulate(scene, state, t, outputs=speed).time)(0.5)
 
 
 def test_sample_times_may_follow_the_scene():

@@ -7,6 +7,7 @@ import pytest
 
 import clearjoint as cj
 from tests.support.dropped_rod import dropped_rod
+from tests.support.one_body import Z, hinge, one_body
 from tests.support.oscillator import on_spring
 from tests.support.rotating_mechanisms import KINDS, rotating
 
@@ -53,8 +54,8 @@ def pushed_ball(rate):
     law = cj.laws.LankaraniNikravesh(0.9, 1e9)
     socket = cj.BallInSocket("ground", "ball", socket_radius=10e-3, clearance=1e-3, law=law)
     push = cj.AppliedLoad("ball", (lambda t: rate * t, 0.0, 0.0))
-    scene = cj.Scene({"ball": cj.Body(1.0, (1e-4,) * 3)}, {"socket": socket}, {"push": push})
-    return scene, cj.State({"ball": cj.body_state((0.1e-3, 0.0, 0.0))})
+    start = {"inertia": (1e-4,) * 3, "position": (0.1e-3, 0.0, 0.0)}
+    return one_body("ball", {"socket": socket}, {"push": push}, **start)
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2))])
@@ -109,8 +110,7 @@ def test_no_fixed_step_is_rejected():
 def test_a_load_that_is_no_number_from_an_instant_on(seed):
     end = np.random.default_rng(seed).uniform(0.05, 0.15)
     load = cj.AppliedLoad("ball", lambda t: (jnp.sqrt(end - t), 0.0, 0.0))
-    scene = cj.Scene({"ball": cj.Body(1.0, (1e-3,) * 3)}, forces={"load": load})
-    state = cj.State({"ball": cj.body_state((0.1, 0, 0))})
+    scene, state = one_body("ball", forces={"load": load}, position=(0.1, 0, 0))
     table, solution = rejections_of(scene, state, 1.0)
     assert solution.result == cj.RESULTS.step_too_small
     assert solution.time == pytest.approx(end, abs=1e-9)
@@ -123,13 +123,11 @@ def test_a_load_that_is_no_number_from_an_instant_on(seed):
 @pytest.mark.slow
 def test_a_driver_with_a_kink_that_it_does_not_declare(seed):
     kink = np.random.default_rng(seed).uniform(0.05, 0.15)
-    axis = (0.0, 0.0, 1.0)
-    drive = cj.PrescribedAngle(
-        "ground", "shaft", axis, lambda t: jnp.where(t < kink, 0.0, 0.1 * (t - kink))
+    angle = lambda t: jnp.where(t < kink, 0.0, 0.1 * (t - kink))  # noqa: E731
+    drive = cj.PrescribedAngle("ground", "shaft", Z, angle)
+    scene, state = one_body(
+        "shaft", {"hinge": hinge("ground", "shaft"), "drive": drive}, inertia=(0.1,) * 3
     )
-    hinge = cj.RevoluteJoint("ground", "shaft", (0, 0, 0), (0, 0, 0), axis, axis)
-    scene = cj.Scene({"shaft": cj.Body(1.0, (0.1,) * 3)}, {"hinge": hinge, "drive": drive})
-    state = cj.State({"shaft": cj.body_state((0.0, 0.0, 0.0))})
     table, solution = rejections_of(scene, state, 0.2)
     assert solution.result == cj.RESULTS.not_followed
     assert solution.time == pytest.approx(kink, abs=1e-9)
@@ -142,11 +140,11 @@ def test_a_driver_with_a_kink_that_it_does_not_declare(seed):
 @pytest.mark.slow
 def test_steps_of_a_body_that_a_torque_accelerates_turn_too_far():
     """The angular velocity is the torque times the time over the moment of inertia."""
-    torque, inertia, arm, axis = 30.0, 0.02 + 5.0 * 0.1**2, 0.1, (0.0, 0.0, 1.0)
-    hinge = cj.RevoluteJoint("ground", "rotor", (0, 0, 0), (-arm, 0, 0), axis, axis)
-    motor = cj.DriveTorque("ground", "rotor", axis, torque)
-    scene = cj.Scene({"rotor": cj.Body(5.0, (0.02,) * 3)}, {"axle": hinge}, {"motor": motor})
-    state = cj.State({"rotor": cj.body_state((arm, 0.0, 0.0))})
+    torque, inertia, arm = 30.0, 0.02 + 5.0 * 0.1**2, 0.1
+    axle = {"axle": hinge("ground", "rotor", point_second=(-arm, 0, 0))}
+    motor = {"motor": cj.DriveTorque("ground", "rotor", Z, torque)}
+    body = {"mass": 5.0, "inertia": (0.02,) * 3}
+    scene, state = one_body("rotor", axle, motor, **body, position=(arm, 0.0, 0.0))
     outputs = {**OUTPUTS, "peak": cj.Peak(cj.quantities.Position("rotor", "x"), "m")}
     settings = cj.Settings(first_step=0.5, coordinates=cj.JointCoordinates())
     table, solution = rejections_of(scene, state, 1.0, settings, outputs=outputs)
@@ -182,7 +180,6 @@ def test_rejected_steps_of_a_sweep_are_refused():
     masses = {"mass": cj.Axis(lambda s: s.bodies["ball"].mass, [1.0, 2.0])}
     with pytest.raises(ValueError, match=r"outputs\['rejected'\].*simulate\(\) for it"):
         cj.sweep(*on_spring(), 0.1, axes=masses, outputs=OUTPUTS)
-    with pytest.raises(ValueError, match="`count`"):
-        cj.RejectedSteps(count=0)
-    with pytest.raises(ValueError, match="`after`"):
-        cj.RejectedSteps(after=np.nan)
+    for name, value in (("count", 0), ("after", np.nan)):
+        with pytest.raises(ValueError, match=f"`{name}`"):
+            cj.RejectedSteps(**{name: value})

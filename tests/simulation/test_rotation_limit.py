@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from tests.support.one_body import Z, hinge, one_body
 from tests.support.rotating_mechanisms import KINDS, rotating
 
-Z, ORIGIN = (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
 X = cj.quantities.Position("rotor", "x")
 ABSOLUTE = cj.Settings(coordinates=cj.AbsoluteCoordinates())
 SHORT = cj.Settings(controller=diffrax.PIDController(rtol=1e-8, atol=1e-12, dtmax=1e-5))
@@ -36,14 +36,15 @@ def test_impacts_in_all_coordinates_and_in_short_steps(kind):
     assert total > 25
 
 
-def rotor(forces: dict | None = None, joints: dict | None = None) -> tuple[cj.Scene, cj.State]:
+def rotor(forces=None, joints=None, **motion) -> tuple[cj.Scene, cj.State]:
     """A body whose centre of mass is `RADIUS` away from its axle, on the x axis."""
-    hinge = cj.RevoluteJoint("ground", "rotor", ORIGIN, (-RADIUS, 0, 0), Z, Z)
-    body = cj.Body(5.0, (0.02, 0.02, 0.02))
-    scene = cj.Scene({"rotor": body}, {"axle": hinge, **(joints or {})}, forces=forces or {})
-    velocity = (0.0, RADIUS * SPEED, 0.0)
-    at = cj.body_state((RADIUS, 0.0, 0.0), velocity=velocity, spin=(0.0, 0.0, SPEED))
-    return scene, cj.State({"rotor": at})
+    axle = hinge("ground", "rotor", point_second=(-RADIUS, 0, 0))
+    body = {"mass": 5.0, "inertia": (0.02,) * 3, "position": (RADIUS, 0.0, 0.0)}
+    return one_body("rotor", {"axle": axle, **(joints or {})}, forces, **body, **motion)
+
+
+def free_rotor() -> tuple[cj.Scene, cj.State]:
+    return rotor(velocity=(0.0, RADIUS * SPEED, 0.0), spin=(0.0, 0.0, SPEED))
 
 
 OUTPUTS = {
@@ -54,18 +55,18 @@ OUTPUTS = {
 
 
 @cache
-def free_rotor() -> cj.results.Solution:
-    return cj.simulate(*rotor(), DURATION, outputs=OUTPUTS)
+def free_run() -> cj.results.Solution:
+    return cj.simulate(*free_rotor(), DURATION, outputs=OUTPUTS)
 
 
 def test_sections_of_a_free_rotor():
     """x = cos(angle) rises through zero at 3/4 of each revolution."""
-    times = free_rotor().outputs["up"].times
+    times = free_run().outputs["up"].times
     assert times == pytest.approx((np.arange(TURNS) + 0.75) * DURATION / TURNS, abs=1e-12)
 
 
 def test_statistics_of_a_free_rotor():
-    found = free_rotor().outputs
+    found = free_run().outputs
     assert found["x_mean"] == pytest.approx(0.0, abs=1e-6 * RADIUS)
     assert found["x_rms"] == pytest.approx(RADIUS / np.sqrt(2.0), rel=1e-4)
     extremes = found["x_smallest"], found["x_largest"]
@@ -76,8 +77,8 @@ def test_statistics_of_a_free_rotor():
 
 def test_only_rotations_that_outputs_depend_on_limit_steps():
     still = cj.Statistics(cj.quantities.Position("rotor", "z"), "m")
-    found = cj.simulate(*rotor(), DURATION, outputs={"z": still})
-    assert found.attempts < 10 < TURNS * 2 * np.pi < free_rotor().attempts
+    found = cj.simulate(*free_rotor(), DURATION, outputs={"z": still})
+    assert found.attempts < 10 < TURNS * 2 * np.pi < free_run().attempts
 
 
 @pytest.mark.slow
@@ -93,9 +94,7 @@ def test_sections_of_a_rotor_that_starts_from_rest(sign, driven):
     else:
         torque = rate * (0.02 + 5.0 * RADIUS**2)
         forces["drive"] = cj.DriveTorque("ground", "rotor", Z, torque)
-    scene, _ = rotor(forces, joints)
-    state = cj.State({"rotor": cj.body_state((RADIUS, 0.0, 0.0))})
-    times = cj.simulate(scene, state, DURATION, outputs=OUTPUTS).outputs["up"].times
+    times = cj.simulate(*rotor(forces, joints), DURATION, outputs=OUTPUTS).outputs["up"].times
     exact = np.sqrt(2.0 * (np.arange(99) + 0.75) * 2.0 * np.pi / abs(rate))
     assert times == pytest.approx(exact[exact < DURATION], abs=1e-8)
 
@@ -107,12 +106,12 @@ def test_sections_of_a_flight_without_errors(seed, sign):
     height."""
     generator = np.random.default_rng(seed)
     height, speed, gravity = generator.uniform((-2.0, 8.0, 5.0), (-0.5, 9.0, 10.0))
-    scene = cj.Scene({"ball": cj.Body(1.0, (1.0, 1.0, 1.0))}, gravity=(0, 0, -sign * gravity))
-    start = cj.body_state((0, 0, sign * height), velocity=(0, 0, sign * speed))
+    motion = {"position": (0, 0, sign * height), "velocity": (0, 0, sign * speed)}
+    thrown = one_body("ball", gravity=(0, 0, -sign * gravity), **motion)
     z = cj.quantities.Position("ball", "z")
     outputs = {"up": cj.Section(z, {"z": (z, "m")}, count=9)}
     end_time = generator.uniform(2.0, 4.0) * speed / gravity
-    found = cj.simulate(scene, cj.State({"ball": start}), end_time, outputs=outputs).outputs["up"]
+    found = cj.simulate(*thrown, end_time, outputs=outputs).outputs["up"]
     first, last = np.sort(np.roots([-0.5 * gravity, speed, height]).real)
     expected = first if sign > 0 else last
     assert found.times == pytest.approx([expected] if expected < end_time else [], abs=1e-12)
@@ -123,8 +122,8 @@ def test_lanes_of_a_free_rotor():
     """The first of two lanes is the single run."""
     outputs = {name: OUTPUTS[name] for name in ("x", "up")}
     masses = cj.Axis(lambda scene: scene.bodies["rotor"].mass, [5.0, 6.0])
-    sweep = cj.sweep(*rotor(), DURATION, {"mass": masses}, outputs, progress=False)
+    sweep = cj.sweep(*free_rotor(), DURATION, {"mass": masses}, outputs, progress=False)
     assert (sweep.up_count == TURNS).all()
-    first, single = sweep.isel(mass=0), free_rotor()
+    first, single = sweep.isel(mass=0), free_run()
     np.testing.assert_array_equal(first.up_time[:TURNS], single.outputs["up"].times)
     np.testing.assert_array_equal(first.x_mean, single.outputs["x_mean"])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from tests.support.difference_quotients import Places, by_differences, parameters_at
 
 pytestmark = pytest.mark.slow
 CLEARANCE, MASS, WEIGHT = 50e-6, 20.0, 20.0 * 9.81
@@ -92,32 +93,23 @@ def test_lanes_of_a_sweep_are_single_runs():
     "kind", [cj.films.CaponeFilm, cj.films.ButenschoenFilm, cj.films.PinkusSternlichtFilm]
 )
 def test_sensitivities_are_those_of_differences(kind):
-    end, step = 0.02, 1e-4
-
-    def scene_of(viscosity, clearance=CLEARANCE):
-        return cj.mechanisms.rotor_in_bearing(clearance, film=kind(viscosity), offset=(0.1, -0.7))
-
-    scene, state = scene_of(0.02)
-    parameters = {
-        "mu": cj.Parameter(lambda scene: scene.joints["bearing"].film.viscosity),
-        "c": cj.Parameter(lambda scene: scene.joints["bearing"].dry.clearance),
+    end = 0.02
+    scene, state = cj.mechanisms.rotor_in_bearing(CLEARANCE, film=kind(0.02), offset=(0.1, -0.7))
+    places: Places = {
+        "mu": (lambda scene: scene.joints["bearing"].film.viscosity, 0.02 * 1e-4),
+        "c": (lambda scene: scene.joints["bearing"].dry.clearance, CLEARANCE * 1e-4),
     }
     outputs = {name: cj.quantities.JournalOffset("bearing", name) for name in "xy"}
-    found = cj.sensitivities(scene, state, end, parameters, outputs, [end], progress=False)
+    found = cj.sensitivities(
+        scene, state, end, parameters_at(places), outputs, [end], progress=False
+    )
     fine = cj.Settings(rtol=1e-11, atol=1e-17)
 
-    def place(viscosity, clearance):
-        changed, _ = scene_of(viscosity, clearance)
-        final = cj.simulate(changed, state, end, fine, progress=False).final
+    def place(scene):
+        final = cj.simulate(scene, state, end, fine, progress=False).final
         return np.asarray(final.bodies["rotor"].position)[:2]
 
-    for name, part in (("mu", (1.0, 0.0)), ("c", (0.0, 1.0))):
-        ahead, behind = (
-            place(0.02 * (1 + sign * step * part[0]), CLEARANCE * (1 + sign * step * part[1]))
-            for sign in (1, -1)
-        )
-        size = 0.02 if name == "mu" else CLEARANCE
-        expected = (ahead - behind) / (2 * step * size)
-        column = found.parameters.index(name)
-        got = [found.derivatives[axis][0, column] for axis in "xy"]
-        np.testing.assert_allclose(got, expected, rtol=1e-5, atol=1e-5 * np.abs(expected).max())
+    expected = by_differences(scene, places, place)
+    slopes = np.stack([found.derivatives[axis][0] for axis in "xy"])
+    allowed = 1e-5 * (np.abs(expected) + np.abs(expected).max(axis=0))
+    np.testing.assert_array_less(np.abs(slopes - expected), allowed)

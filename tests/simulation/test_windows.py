@@ -78,13 +78,11 @@ def reduced(reductions: dict) -> dict:
 
 LEVELS = (0.05, 0.5, 0.95)
 MADE = {
-    "peak": lambda after=None, until=None: cj.Peak(wave, "m", after=after, until=until),
-    "statistics": lambda after=None, until=None: cj.Statistics(wave, "m", after=after, until=until),
-    "count": lambda after=None, until=None: cj.ImpactCount("pin", after=after, until=until),
-    "lost": lambda after=None, until=None: cj.DissipatedEnergy(after=after, until=until),
-    "quantiles": lambda after=None, until=None: cj.Quantiles(
-        wave, "m", np.linspace(-1, 1, 81), LEVELS, after=after, until=until
-    ),
+    "peak": partial(cj.Peak, wave, "m"),
+    "statistics": partial(cj.Statistics, wave, "m"),
+    "count": partial(cj.ImpactCount, "pin"),
+    "lost": cj.DissipatedEnergy,
+    "quantiles": partial(cj.Quantiles, wave, "m", np.linspace(-1, 1, 81), LEVELS),
 }
 
 
@@ -92,7 +90,11 @@ MADE = {
 def found():
     """Each reduction in each window, and quantiles without edges."""
     beyond = cj.Quantiles(wave, "m", [-0.5, 0.0, 0.5], LEVELS)
-    keys = {f"{kind} {window}": make(*window) for kind, make in MADE.items() for window in WINDOWS}
+    keys = {
+        f"{kind} {(after, until)}": make(after=after, until=until)
+        for kind, make in MADE.items()
+        for after, until in WINDOWS
+    }
     return reduced({**keys, "beyond": beyond})
 
 
@@ -120,6 +122,40 @@ def test_reductions_are_those_of_the_window(found, window):
         assert found[f"quantiles {window}"][f"{level:g}"] == pytest.approx(quantile, abs=0.025)
 
 
+@pytest.mark.parametrize(("first", "last", "number"), [(-1e-3, 1e-3, 1), (1e-3, 0.1, 0)])
+def test_an_onset_is_timed_within_its_step(first, last, number):
+    """Steps of 5 ms and more pass the onset."""
+    onset = 2.0 * np.pi / W
+    count = cj.ImpactCount("pin", after=onset + first, until=onset + last)
+    spans = zip(ENDS[:-1], ENDS[1:], strict=True)
+    begin, end = next(span for span in spans if span[1] > onset)
+    assert end - onset > 2e-3
+    tally = count.update(count.start(Fake(jnp.asarray(begin))), Fake(jnp.asarray(end), begin))
+    assert float(count.results(tally, Fake(jnp.asarray(2.0)))[""]) == number
+
+
+@pytest.mark.parametrize(
+    ("reduction", "at_start", "at_end", "expected"),
+    [
+        # Of a ledger that grows by 12 J, and of the integrals of t and t^2, from 1 s to 3 s.
+        (cj.DissipatedEnergy(), [5.0], [17.0], {"": 12.0}),
+        (cj.MeanPowerLost(), [5.0], [17.0], {"": 6.0}),
+        (cj.Integral(wave, "m s"), [0.5], [4.5], {"": 4.0}),
+        (
+            cj.Statistics(wave, "m"),
+            [0.5, 1.0 / 3.0],
+            [4.5, 9.0],
+            {"mean": 2.0, "rms": np.sqrt(13.0 / 3.0)},
+        ),
+    ],
+)
+def test_results_of_a_window_follow_from_integrals_at_its_edges(
+    reduction, at_start, at_end, expected
+):
+    found = reduction.combined(jnp.asarray([at_start, at_end]), (1.0, 3.0))
+    assert jax.tree.map(float, found) == pytest.approx(expected, rel=1e-12)
+
+
 def test_quantiles_beyond_the_edges_are_nan(found):
     beyond = found["beyond"]
     assert np.isnan(beyond["0.05"]) and np.isnan(beyond["0.95"]) and abs(beyond["0.5"]) < 0.5
@@ -128,19 +164,20 @@ def test_quantiles_beyond_the_edges_are_nan(found):
 def test_a_window_that_no_run_reaches_has_no_results():
     first, last = Fake(jnp.asarray(0.0)), Fake(jnp.asarray(2.0))
     for make in MADE.values():
-        reduction = make(50.0, None)
+        reduction = make(after=50.0)
         results = reduction.results(reduction.start(first), last)
         assert np.isnan([float(value) for value in results.values()]).all(), reduction
 
 
-@pytest.mark.parametrize("made", [cj.DissipatedEnergy, cj.MeanPowerLost])
-def test_losses_of_an_earlier_run_do_not_count(made):
-    """From 1 s to 2 s the ledger of `Fake` grows by t^2 + sin t."""
-    first, last = Fake(jnp.asarray(1.0)), Fake(jnp.asarray(2.0))
-    lost = 3.0 + np.sin(2.0) - np.sin(1.0)
+@pytest.mark.parametrize(("made", "divisor"), [(cj.DissipatedEnergy, 1.0), (cj.MeanPowerLost, 2.0)])
+def test_losses_of_an_earlier_run_do_not_count(made, divisor):
+    """From 1 s to 3 s the ledger of `Fake` grows by t^2 + sin t."""
+    first, last = Fake(jnp.asarray(1.0)), Fake(jnp.asarray(3.0))
+    lost = 8.0 + np.sin(3.0) - np.sin(1.0)
     for reduction in (made(), made(until=5.0)):
-        tally = reduction.update(reduction.start(first), Fake(jnp.asarray(2.0), 1.0))
-        assert float(reduction.results(tally, last)[""]) == pytest.approx(lost, rel=1e-12)
+        tally = reduction.update(reduction.start(first), Fake(jnp.asarray(3.0), 1.0))
+        found = float(reduction.results(tally, last)[""])
+        assert found == pytest.approx(lost / divisor, rel=1e-12)
 
 
 def test_without_a_window_the_program_has_none():
@@ -209,16 +246,15 @@ def test_windows_of_a_sweep_are_those_of_the_run():
     solution = cj.simulate(scene, start, end, settings, save=cj.Saving(impacts=True))
     table = solution.impacts
     assert ((table.onset < cut).any()) and ((table.onset > cut).any())
-    force = q.ContactForce("pin")
-    wear = partial(cj.ArchardWear, "pin", 1e-5, 2e9, 4)
+    force = q.ContactForce("pin", "V")
     edges = [0.0, *np.geomspace(1.0, 1e5, 100)]
     made = {
-        "peak": lambda **window: cj.Peak(force, "N", **window),
-        "count": lambda **window: cj.ImpactCount("pin", **window),
-        "lost": lambda **window: cj.DissipatedEnergy(**window),
-        "worn": lambda **window: wear(**window),
-        "hits": lambda **window: cj.ImpactTable(20, **window),
-        "force": lambda **window: cj.Quantiles(force, "N", edges, (0.99,), **window),
+        "peak": partial(cj.Peak, force, "N"),
+        "count": partial(cj.ImpactCount, "pin"),
+        "lost": cj.DissipatedEnergy,
+        "worn": partial(cj.ArchardWear, "pin", 1e-5, 2e9, 4),
+        "hits": partial(cj.ImpactTable, 20),
+        "force": partial(cj.Quantiles, force, "N", edges, (0.99,)),
     }
     early, late = {"until": cut}, {"after": cut}
     summed = ("lost", "worn", "count")
@@ -226,15 +262,8 @@ def test_windows_of_a_sweep_are_those_of_the_run():
     outputs |= {f"early {name}": made[name](**early) for name in summed}
     outputs |= {f"late {name}": make(**late) for name, make in made.items()}
     outputs["by scene"] = cj.ImpactTable(20, after=lambda s: cut * s.bodies["rod"].mass / 7.02)
-    found = cj.sweep(
-        scene,
-        start,
-        end,
-        {"mass": cj.Axis(lambda s: s.bodies["rod"].mass, [7.02])},
-        outputs=outputs,
-        settings=settings,
-        progress=False,
-    ).isel(mass=0)
+    masses = {"mass": cj.Axis(lambda s: s.bodies["rod"].mass, [7.02])}
+    found = cj.sweep(scene, start, end, masses, outputs, settings, progress=False).isel(mass=0)
     impacts = table.within(after=cut)
     strongest = np.argmax(impacts.peak_force)
     assert float(found["late peak"]) == pytest.approx(impacts.peak_force[strongest], rel=1e-6)

@@ -252,8 +252,7 @@ class RecordedRun:
             of_piece, by_direction = adjoint.pulled_outputs(*shared, steps, times, seeds)
             pulled.append(np.asarray(of_piece))
             total = jax.tree.map(np.add, total, by_direction)
-        end = np.zeros(sum(map(np.size, jax.tree.leaves(self.example.tangents))))
-        return Seeds(end, total, np.concatenate(pulled)[: len(samples.times)], samples.places)
+        return Seeds(total, np.concatenate(pulled)[: len(samples.times)], samples.places)
 
     @property
     def places(self) -> np.ndarray:
@@ -269,9 +268,9 @@ class RecordedRun:
     def gradient(self, seeds: "Seeds") -> PyTree:
         """Return the derivatives, by all parameters, of the sum of the run's tangents times
         `seeds`."""
-        now = Pulled(np.asarray(0), seeds.end, seeds.total)
+        now = Pulled(np.asarray(0), np.zeros(_count_of_tangents(self.example)), seeds.total)
         first = sum(len(segment.ends) for segment in self.segments)
-        last = seeds.steps_needed(first)
+        last = seeds.steps_needed()
         for segment in reversed(self.segments):
             first -= len(segment.ends)
             count = min(len(segment.ends), last - first)
@@ -307,23 +306,23 @@ def _pieces(rows: np.ndarray, times: np.ndarray, *cotangents: PyTree) -> Iterato
         yield jax.tree.map(lambda column, k=k: column[k : k + adjoint.ROWS], columns)
 
 
+def _count_of_tangents(example: Step) -> int:
+    return sum(map(np.size, jax.tree.leaves(example.tangents)))
+
+
 class Seeds(NamedTuple):
     """Cotangents with which a backward loop begins.
 
-    - `end`: of the tangents at the end of the run, as one array.
     - `total`: of the direction of the parameters at fixed tangents.
     - `pulled`: (K, m), of the `StepTangents` of the steps with the numbers `places`, (K,).
     """
 
-    end: np.ndarray
     total: PyTree
     pulled: np.ndarray
     places: np.ndarray
 
-    def steps_needed(self, steps: int) -> int:
-        """Return the number of a run's `steps` up to the last one that has cotangents."""
-        if self.end.any():
-            return steps
+    def steps_needed(self) -> int:
+        """Return the number of the run's steps up to the last one that has cotangents."""
         places = self.places[self.pulled.any(axis=1)]
         return int(places.max(initial=-1)) + 1
 
@@ -513,7 +512,7 @@ def _gradients_in_lanes(
     example = runs[0].example
     slopes: list[PyTree] = [None] * len(runs)
     room = min(len(runs[0].places), LANE_ROWS)
-    tangents = sum(map(np.size, jax.tree.leaves(example.tangents)))
+    tangents = _count_of_tangents(example)
     inside = sum(map(np.size, jax.tree.leaves(example_of(recorder.run, example))))
     width = runs[0].rows_of(runs[0].segments[0]).shape[1]
     # Examples of a lane's data and state, for the loop's layout.
@@ -534,9 +533,9 @@ def _gradients_in_lanes(
     def begin(number: int) -> tuple[np.ndarray, np.ndarray]:
         run, seeds = runs[number], seeds_of(number)
         rows = run.rows()
-        lane = lanes[number] = _PulledLane(run, rows, seeds, seeds.steps_needed(len(rows)))
+        lane = lanes[number] = _PulledLane(run, rows, seeds, seeds.steps_needed())
         steps, count = lane.next_steps(0, room)
-        after = Pulled(np.asarray(count), seeds.end, seeds.total)
+        after = Pulled(np.asarray(count), np.zeros(tangents), seeds.total)
         return own_cells.row((run.at, steps)), state_cells.row(after)
 
     def serve(number: int, column: np.ndarray, moves: bool) -> bool:

@@ -1,6 +1,7 @@
 """`HostFirst`: functions computed by NumPy, and compiled only if they need JAX."""
 
 import sys
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -9,17 +10,10 @@ import pytest
 
 import clearjoint as cj
 from clearjoint._compilation import HostFirst
-from clearjoint._dynamics import constraint_report, journals
+from clearjoint._dynamics import constraint_report
 from clearjoint._math.smoothing import cosine, polar_angle, sine, where
 from clearjoint._simulation.run import run_checks
-from clearjoint._simulation.run.run_checks import check_structure
 from studies.benchmark.first_calls import four_bar
-
-CHECKS = (
-    constraint_report.start_rows_by_numpy,
-    run_checks.start_values,
-    journals.contact_depths,
-)
 
 
 def kinked(x, y):
@@ -74,32 +68,17 @@ def test_where_under_vmap_selects_in_each_lane():
     np.testing.assert_array_equal(jax.vmap(lambda a: where(a > 0.0, a, -a))(x), jnp.abs(x))
 
 
-@pytest.mark.parametrize("mechanism", [cj.mechanisms.double_pendulum, four_bar])
-def test_a_start_is_checked_without_compiling(mechanism):
-    scene, state = mechanism()
-    before = [check.programs() for check in CHECKS]
-    assert check_structure(scene, state, 0.0, cj.Settings().coordinates) is not None
-    assert [check.programs() for check in CHECKS] == before
-
-
 def test_constraints_by_numpy_equal_the_compiled_ones():
     scene, state = four_bar()
     coordinates = cj.AbsoluteCoordinates()
 
-    def arrays(rows):
+    def arrays(start_rows, state):
+        rows = start_rows(scene, coordinates, state, jnp.asarray(0.0), with_jacobian=True)
         return rows.values, rows.rates, rows.jacobian, rows.reduced
 
-    by_numpy = arrays(
-        constraint_report.start_rows_by_numpy(
-            scene, coordinates, state, jnp.asarray(0.0), with_jacobian=True
-        )
-    )
-    compiled = jax.jit(
-        lambda state: arrays(constraint_report.start_rows(scene, coordinates, state, 0.0, True))
-    )(state)
-    jax.tree.map(
-        lambda a, b: np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-15), by_numpy, compiled
-    )
+    by_numpy = arrays(constraint_report.start_rows_by_numpy, state)
+    compiled = jax.jit(partial(arrays, constraint_report.start_rows))(state)
+    jax.tree.map(partial(np.testing.assert_allclose, rtol=0.0, atol=1e-15), by_numpy, compiled)
 
 
 def test_numpy_computes_the_checks_of_a_start(monkeypatch):

@@ -3,8 +3,8 @@
 import os
 import sys
 import tempfile
-import threading
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import equinox as eqx
@@ -21,6 +21,7 @@ from clearjoint._native import Native, NativeFunction, lanes
 from clearjoint._native.machine_code import RecentPrograms
 from clearjoint._simulation.run import run_checks
 from studies.benchmark.chain import chain
+from tests.support.one_body import one_body
 
 
 class Pair(eqx.Module):
@@ -29,10 +30,8 @@ class Pair(eqx.Module):
     name: str = eqx.field(default="a", static=True)
 
 
-class Other(eqx.Module):
-    first: Any
-    second: Any
-    name: str = eqx.field(default="a", static=True)
+class Other(Pair):
+    """Another class with the same fields."""
 
 
 TRACED = []
@@ -189,8 +188,7 @@ def test_programs_are_read_by_the_next_process(forget, folder, call):
     assert sorted(folder.iterdir()) == sorted(files)
     read = [file for file in files if file.stat().st_mtime > 0]
     assert len(files) == 2 * len(read) > 0
-    for one, other in zip(jax.tree.leaves(first), jax.tree.leaves(again), strict=True):
-        np.testing.assert_array_equal(one, other)
+    jax.tree.map(np.testing.assert_array_equal, first, again)
 
 
 @pytest.mark.parametrize("damage", ["cut", "turned", "emptied", "strange"])
@@ -260,16 +258,10 @@ def test_the_oldest_files_of_a_full_folder_are_removed(tmp_path):
 @pytest.mark.slow
 def test_threads_simulate_different_scenes_at_once(folder):
     def fall(k):
-        body = {f"mass {k}": cj.Body(2.0, (1.0, 1.0, 1.0))}
-        scene = cj.Scene(body, gravity=(0.0, 1.0 + k, 0.0))
-        state = cj.State({f"mass {k}": cj.body_state((0.0, 0.0, 0.0))})
+        scene, state = one_body(f"mass {k}", gravity=(0.0, 1.0 + k, 0.0))
         end = cj.simulate(scene, state, 0.1, progress=False).final
-        found[k] = float(end.bodies[f"mass {k}"].velocity[1])
+        return float(end.bodies[f"mass {k}"].velocity[1])
 
-    found: dict[int, float] = {}
-    threads = [threading.Thread(target=fall, args=(k,)) for k in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert [found[k] for k in range(4)] == pytest.approx([0.1 * (1.0 + k) for k in range(4)])
+    with ThreadPoolExecutor(4) as threads:
+        speeds = list(threads.map(fall, range(4)))
+    assert speeds == pytest.approx([0.1 * (1.0 + k) for k in range(4)])

@@ -10,18 +10,13 @@ from scipy.spatial.transform import Rotation
 import clearjoint as cj
 from clearjoint._dynamics.constraint_report import start_rows
 from clearjoint._simulation.run.run_checks import BY_NUMPY, flat_start, starts
-
-
-def euler_parameters(rotation):
-    return rotation.as_quat(scalar_first=True)
+from tests.support.one_body import hinge, one_body
 
 
 def test_redundant_constraints_are_found_from_rows_of_unit_norm():
     """The rows of a hinge far from the centre of mass are long."""
-    z, point = (0, 0, 1), (3.0, 0, -2.0)
-    hinge = cj.RevoluteJoint("ground", "rotor", point, point, z, z)
-    scene = cj.Scene({"rotor": cj.Body(1.0, (0.1, 0.1, 0.1))}, {"hinge": hinge})
-    state = cj.State({"rotor": cj.body_state((0, 0, 0))})
+    point = (3.0, 0, -2.0)
+    scene, state = one_body("rotor", {"hinge": hinge("ground", "rotor", point, point)})
     rows = start_rows(scene, cj.AbsoluteCoordinates(), state, 0.0, with_jacobian=True)
     lengths = np.linalg.norm(rows.jacobian, axis=1)
     assert lengths.max() > 3.0
@@ -33,14 +28,14 @@ def test_redundant_constraints_are_found_from_rows_of_unit_norm():
 def test_joints_refuse_orientations_other_than_their_own(kind, turn):
     """The rows vanish there too."""
     origin, declared = (0, 0, 0), Rotation.from_rotvec((0.4, 0.2, -0.3))
-    joint = kind("ground", "block", origin, origin, orientation=euler_parameters(declared))
+    joint = kind("ground", "block", origin, origin, orientation=declared.as_quat(scalar_first=True))
     scene = cj.Scene({"block": cj.Body(1.0, (0.1, 0.1, 0.1))}, {"weld": joint})
     settings = cj.Settings(coordinates=cj.AbsoluteCoordinates())
     axis, angle = turn
     wrong = Rotation.from_rotvec(np.radians(angle) * np.asarray(axis) / np.linalg.norm(axis))
 
     def state(rotation):
-        return cj.State({"block": cj.body_state(origin, euler_parameters(rotation))})
+        return cj.State({"block": cj.body_state(origin, rotation.as_quat(scalar_first=True))})
 
     message = f"joint 'weld', but is {angle}"
     with pytest.raises(ValueError, match=message):
@@ -65,5 +60,4 @@ def test_assembly_needs_no_jacobian_of_all_rows(monkeypatch):
 
     monkeypatch.setattr("clearjoint._dynamics.constraint_report.dependent", refuse)
     found = cj.assemble(scene, guess, centred=True)
-    for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
-        np.testing.assert_array_equal(one, other)
+    jax.tree.map(np.testing.assert_array_equal, found, expected)

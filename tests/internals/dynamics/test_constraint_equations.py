@@ -8,25 +8,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from clearjoint import (
-    AbsoluteCoordinates,
-    Body,
-    DistanceJoint,
-    InlineJoint,
-    JointCoordinates,
-    RevoluteJoint,
-    Scene,
-    SphericalJoint,
-    body_state,
-)
+import clearjoint as cj
 from clearjoint._dynamics.multipliers import ConstraintEquations, row_weights
 from clearjoint._math.block_matrices import BlockMatrix, gram_matrix
 from clearjoint._math.linear_solvers import Exact, LeastNorm, ScalarMatrix
 from clearjoint._native.functions import NativeProgram
 from clearjoint._native.lowering import count_equations
 from clearjoint.extend import Formulation, System, unpack
+from tests.support.one_body import Z, hinge
 
-COORDINATES = {"absolute": AbsoluteCoordinates(), "joint": JointCoordinates()}
+COORDINATES = {"absolute": cj.AbsoluteCoordinates(), "joint": cj.JointCoordinates()}
 
 
 def closer(random, first, second):
@@ -34,20 +25,20 @@ def closer(random, first, second):
     a, b, axis = random.normal(size=(3, 3))
     kind = random.integers(3)
     if kind == 0:
-        return DistanceJoint(first, second, a, b, float(random.uniform(1, 2)))
-    return (
-        InlineJoint(first, second, a, b, axis) if kind == 1 else SphericalJoint(first, second, a, b)
-    )
+        return cj.DistanceJoint(first, second, a, b, float(random.uniform(1, 2)))
+    if kind == 1:
+        return cj.InlineJoint(first, second, a, b, axis)
+    return cj.SphericalJoint(first, second, a, b)
 
 
 def mechanism(random, count, redundant):
     """A chain of bodies in revolute joints with random closing joints, some of them twice."""
     names = [f"b{k}" for k in random.permutation(count)]
-    bodies = {n: Body(random.uniform(1, 2), random.uniform(1, 2, 3)) for n in sorted(names)}
+    bodies = {n: cj.Body(random.uniform(1, 2), random.uniform(1, 2, 3)) for n in sorted(names)}
     joints = {}
     for k, (first, second) in enumerate(zip(["ground", *names], names, strict=False)):
         a, b, axis, other = random.normal(size=(4, 3))
-        joints[f"hinge {k}"] = RevoluteJoint(first, second, a, b, axis, other)
+        joints[f"hinge {k}"] = cj.RevoluteJoint(first, second, a, b, axis, other)
     for k, name in enumerate(names):
         ends = names[max(k - 2, 0) : k]
         joints[f"closer {k}"] = closer(random, ends[0] if ends else "ground", name)
@@ -57,9 +48,9 @@ def mechanism(random, count, redundant):
     for name in names:
         turn = Rotation.random(rng=random).as_quat(scalar_first=True)
         states[name] = unpack(
-            body_state(*random.normal(size=(1, 3)), turn, *random.normal(size=(2, 3)))
+            cj.body_state(*random.normal(size=(1, 3)), turn, *random.normal(size=(2, 3)))
         )
-    return unpack(Scene(bodies, joints, gravity=random.normal(size=3))), states
+    return unpack(cj.Scene(bodies, joints, gravity=random.normal(size=3))), states
 
 
 def jacobian(mechanics, rows):
@@ -77,25 +68,23 @@ def independent(d):
     return kept
 
 
+SLOW = pytest.mark.slow
+
+
+FEW = [(name, *of) for name in COORDINATES for of in ((0, 1), (2, 5))]
+MANY = [
+    (name, 100 * seed + count, count)
+    for name, most in (("absolute", 5), ("joint", 8))
+    for seed in range(10)
+    for count in range(1, most + 1)
+]
+
+
 @pytest.mark.parametrize("redundant", [False, True])
-@pytest.mark.parametrize("coordinates", COORDINATES)
 @pytest.mark.parametrize(
-    ("seed", "count"), [(0, 1), pytest.param(1, 2, marks=pytest.mark.slow), (2, 5)]
+    ("coordinates", "seed", "count"), [*FEW, *(pytest.param(*of, marks=SLOW) for of in MANY)]
 )
 def test_random_mechanisms_agree_with_dense_solutions(seed, count, coordinates, redundant):
-    agrees_with_dense(seed, count, coordinates, redundant)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("redundant", [False, True])
-@pytest.mark.parametrize("coordinates", COORDINATES)
-@pytest.mark.parametrize("seed", range(10))
-def test_many_random_mechanisms_agree_with_dense_solutions(seed, coordinates, redundant):
-    for count in range(1, 9 if coordinates == "joint" else 6):
-        agrees_with_dense(100 * seed + count, count, coordinates, redundant)
-
-
-def agrees_with_dense(seed, count, coordinates, redundant):
     random = np.random.default_rng(seed)
     scene, states = mechanism(random, count, redundant)
     system = System(scene, Formulation(COORDINATES[coordinates], redundant=redundant))
@@ -131,18 +120,18 @@ def agrees_with_dense(seed, count, coordinates, redundant):
 
 def four_bars(count):
     """Parallel cranks in a row, in joint coordinates: two rows for each loop."""
-    z, near, far = (0.0, 0.0, 1.0), (-0.5, 0.0, 0.0), (0.5, 0.0, 0.0)
+    near, far = (-0.5, 0.0, 0.0), (0.5, 0.0, 0.0)
     upright = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))
     bodies, joints, states = {}, {}, {}
     for k in range(count + 1):
-        bodies[f"post {k}"] = bodies[f"beam {k}"] = Body(1.0, (1e-3, 1 / 12, 1 / 12))
-        states[f"post {k}"] = body_state((k, 0.5, 0.0), upright, (0.5, 0, 0), (0, 0, -1.0))
-        states[f"beam {k}"] = body_state((k + 0.5, 1.0, 0.0), velocity=(1.0, 0.0, 0.0))
-        joints[f"foot {k}"] = RevoluteJoint("ground", f"post {k}", (float(k), 0, 0), near, z, z)
-        joints[f"left {k}"] = RevoluteJoint(f"post {k}", f"beam {k}", far, near, z, z)
+        bodies[f"post {k}"] = bodies[f"beam {k}"] = cj.Body(1.0, (1e-3, 1 / 12, 1 / 12))
+        states[f"post {k}"] = cj.body_state((k, 0.5, 0.0), upright, (0.5, 0, 0), (0, 0, -1.0))
+        states[f"beam {k}"] = cj.body_state((k + 0.5, 1.0, 0.0), velocity=(1.0, 0.0, 0.0))
+        joints[f"foot {k}"] = hinge("ground", f"post {k}", (float(k), 0, 0), near)
+        joints[f"left {k}"] = hinge(f"post {k}", f"beam {k}", far, near)
         if k:
-            joints[f"right {k}"] = InlineJoint(f"beam {k - 1}", f"post {k}", far, far, z)
-    return unpack(Scene(bodies, joints)), unpack(states)
+            joints[f"right {k}"] = cj.InlineJoint(f"beam {k - 1}", f"post {k}", far, far, Z)
+    return unpack(cj.Scene(bodies, joints)), unpack(states)
 
 
 def test_equations_grow_linearly_with_the_number_of_loops():
@@ -164,9 +153,6 @@ def chain_pattern(random, rows):
         first = 6 * (k // 5)
         d[k, max(first - 6, 0) : first + 6] = random.normal(size=first + 6 - max(first - 6, 0))
     return d
-
-
-SLOW = pytest.mark.slow
 
 
 @pytest.mark.parametrize(
@@ -196,15 +182,9 @@ def test_systems_of_any_size_are_lowered_natively(rows, kind, solver):
     np.testing.assert_allclose(found, np.linalg.solve(d @ d.T, right), rtol=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("kind", "solver"),
-    [
-        pytest.param(BlockMatrix, LeastNorm(), marks=SLOW),
-        pytest.param(BlockMatrix, Exact(), marks=SLOW),
-        pytest.param(ScalarMatrix, LeastNorm(), marks=SLOW),
-        pytest.param(ScalarMatrix, Exact(), marks=SLOW),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", [BlockMatrix, ScalarMatrix])
+@pytest.mark.parametrize("solver", [LeastNorm(), Exact()])
 def test_derivatives_of_solutions(kind, solver):
     """Forward, in reverse, and of several parameters at once in native code."""
     random = np.random.default_rng(3)

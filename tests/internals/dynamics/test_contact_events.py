@@ -25,6 +25,8 @@ def gaps(depth, rate, other=OPEN):
         (0.0, 0.3, 0.0),
         (0.5 * TOUCHING, 0.3, 0.3),
         (0.5 * TOUCHING, -0.3, SLOWEST),
+        (1e-17, 0.0, SLOWEST),
+        (1e-17, 1e-18, SLOWEST),
         (2.0 * TOUCHING, 0.3, UNKNOWN_ENTRY_SPEED),
     ],
 )

@@ -33,16 +33,16 @@ def test_a_journal_far_inside_the_wall_causes_a_warning():
 
 
 @pytest.mark.parametrize(
-    ("bearing", "gravity", "towards"),
+    ("first", "gravity", "towards"),
     [
         ("ground", (0.0, -9.81, 0.0), (0.0, -1.0)),
         ("rod", (0.0, -9.81, 0.0), (0.0, -1.0)),
         ("ground", (3.0, 0.0, 8.0), (1.0, 0.0)),
     ],
 )
-def test_a_resting_journal_lies_along_the_wall_where_gravity_presses_it(bearing, gravity, towards):
+def test_a_resting_journal_lies_along_the_wall_where_gravity_presses_it(first, gravity, towards):
     """The rod's end is displaced in the direction of gravity, whether it is journal or bearing."""
-    scene = rocker(bearing, gravity=gravity)
+    scene = rocker(first, gravity=gravity)
     state = cj.assemble(scene, start(2e-4), resting=["pin"])
     # The load turns slightly as the rod moves to the wall, which it penetrates to carry the load.
     np.testing.assert_allclose(end_of(state)[0][:2], CLEARANCE * np.array(towards), atol=4e-6)

@@ -24,7 +24,6 @@ from studies.benchmark.backlash_chain import SPAN, chain
 from tests.support.elements import elements
 from tests.support.symmetry_transformations import renamed
 
-SEEDS = (3, 11)
 SAMPLE = ["backlash", "bushing"]
 NEVER = 10**9
 
@@ -76,31 +75,25 @@ def _is_gap(node: Any) -> bool:
     return hasattr(node, "depth")
 
 
-def check_functions(name: str, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("seed", [3, pytest.param(11, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=() if name == "bushing" else pytest.mark.slow)
+        for name in elements()
+    ],
+)
+def test_functions_of_a_kind_give_the_results_of_written_out_elements(name, seed, monkeypatch):
     scene, state = several(name, seed)
-    found = {}
-    for fewest in (1, NEVER):
-        monkeypatch.setattr(xla, "FEWEST", fewest)
-        found[fewest] = evaluated(scene, state)
-    (shared, text), (written, _) = found[1], found[NEVER]
+    monkeypatch.setattr(xla, "FEWEST", 1)
+    shared, text = evaluated(scene, state)
+    monkeypatch.setattr(xla, "FEWEST", NEVER)
+    written, _ = evaluated(scene, state)
     # Short functions are written out by native code.
     assert "define internal" in text or name not in SAMPLE
     for one, other in zip(jax.tree.leaves(shared), jax.tree.leaves(written), strict=True):
         size = np.abs(other).max() if np.size(other) else 0.0
         np.testing.assert_allclose(one, other, rtol=1e-11, atol=1e-12 * max(size, 1.0))
-
-
-@pytest.mark.parametrize("seed", SEEDS[:1])
-@pytest.mark.parametrize("name", [pytest.param("backlash", marks=pytest.mark.slow), "bushing"])
-def test_functions_of_a_kind_give_the_results_of_written_out_elements(name, seed, monkeypatch):
-    check_functions(name, seed, monkeypatch)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("name", list(elements()))
-def test_functions_of_every_element(name, seed, monkeypatch):
-    check_functions(name, seed, monkeypatch)
 
 
 class Push(cj.extend.AbstractForce):

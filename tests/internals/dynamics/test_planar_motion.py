@@ -1,4 +1,4 @@
-"""Planar motions: the general equations compared with ones by hand, and with a planar joint."""
+"""The general equations of motion compared with those of a slider-crank by hand."""
 
 import math
 
@@ -9,7 +9,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint._math.vectors import fold_constants
-from clearjoint.extend import Formulation, Gap, System, contact_normal_force, pack, unpack
+from clearjoint.extend import Formulation, Gap, System, contact_normal_force, unpack
 
 FORMULATION = Formulation()
 CRANK, ROD = cj.mechanisms.CRANK_LENGTH, cj.mechanisms.ROD_LENGTH
@@ -91,61 +91,3 @@ def test_slider_crank_has_the_accelerations_written_by_hand(changed):
         np.testing.assert_allclose(by_hand, general, rtol=1e-7, atol=1e-9)
         pressed += abs(general[-1]) > 1.0
     assert 0 < pressed < 8
-
-
-def planar_pendulum(in_plane):
-    """The paper's double pendulum with both axes along Z, free in space or on a planar joint."""
-    inertia, half = (0.001, 0.5855, 0.5855), 0.5
-    point, axis = (-half, 0.0, 0.0), (0.0, 0.0, 1.0)
-    joints = {
-        "shoulder": cj.ClearanceJoint(
-            cj.GROUND,
-            "arm 2",
-            journal_point=point,
-            bearing_radius=10e-3,
-            clearance=0.5e-3,
-            journal_length=20e-3,
-            law=cj.laws.LankaraniNikravesh(restitution=0.9, stiffness=cj.mechanisms.STEEL),
-        ),
-        "elbow": cj.RevoluteJoint("arm 2", "arm 3", (half, 0.0, 0.0), point, axis, axis),
-    }
-    if in_plane:
-        joints["plane"] = cj.PlanarJoint(cj.GROUND, "arm 2", (0.0, 0.0, 0.0), point, axis, axis)
-    bodies = {name: cj.Body(7.02, inertia) for name in ("arm 2", "arm 3")}
-    state = {
-        "arm 2": cj.body_state((half, 0.0, 0.0)),
-        "arm 3": cj.body_state((3.0 * half, 0.0, 0.0)),
-    }
-    return cj.Scene(bodies, joints, gravity=(0.0, 9.81, 0.0)), cj.State(state)
-
-
-@pytest.mark.slow
-def test_body_on_a_planar_joint_accelerates_as_a_free_one():
-    """A rotation of a joint that also slides is about the parent's point."""
-    (free, start), (bound, _) = planar_pendulum(False), planar_pendulum(True)
-    free, bound = unpack(fold_constants(free)), unpack(fold_constants(bound))
-    coordinates = FORMULATION.coordinates
-    entry_speeds = {"shoulder": {base: jnp.asarray(0.1) for base in "VW"}}
-
-    def accelerations(scene, variables):
-        rates, _ = System(scene, FORMULATION).rates(variables, entry_speeds, 0.0)
-        rates = jax.tree.map(jnp.asarray, rates)
-
-        def velocities(variables):
-            motions = coordinates.motions(scene, variables)
-            return [pack((motions[name].velocity, motions[name].spin)) for name in scene.bodies]
-
-        return jax.jvp(velocities, (variables,), (rates,))[1]
-
-    @jax.jit
-    def both(variables):
-        in_space = coordinates.encode(free, coordinates.decode(bound, variables))
-        return accelerations(bound, variables), accelerations(free, in_space)
-
-    generator = np.random.default_rng(1)
-    variables = coordinates.encode(bound, unpack(start.bodies))
-    shifts = jax.tree.map(lambda _: generator.normal(), variables)
-    for scale in (2e-4, 1.0):
-        moved = jax.tree.map(lambda value, shift, s=scale: value + s * shift, variables, shifts)
-        found, expected = (np.concatenate(jax.tree.leaves(rates)) for rates in both(moved))
-        np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-6)

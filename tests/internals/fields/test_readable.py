@@ -17,10 +17,8 @@ def test_rounding_errors_are_not_printed():
     assert rounded != 5e-6
     with pytest.raises(ValueError, match=r"but is 5e-06: give it in m\."):
         extend.require(False, "clearance", rounded, "larger", "give it in m")
-    assert (
-        repr(cj.laws.Hertz(rounded * 1e12))
-        == "Hertz(stiffness=GivenStiffness(stiffness=5000000.0))"
-    )
+    hertz = repr(cj.laws.Hertz(rounded * 1e12))
+    assert hertz == "Hertz(stiffness=GivenStiffness(stiffness=5000000.0))"
     assert as_shown([rounded, 1 / 3, -0.0, np.nan, "a", 3]) == [5e-6, 1 / 3, 0.0, ANY, "a", 3]
 
 

@@ -79,15 +79,12 @@ def test_constant_folding_does_not_change_rates(clearance):
     bodies = {
         name: cj.body_state(state.bodies[name].position, spin=spin) for name, spin in spins.items()
     }
-    formulation = Formulation(cj.JointCoordinates())
-    coordinates = formulation.coordinates
+    entry_speeds = {} if clearance is None else {"shoulder": {"V": 0.1, "W": 0.0}}
 
     @jax.jit
     def rates(folded_scene):
-        scene = unpack(folded_scene)
-        variables = coordinates.encode(scene, unpack(bodies))
-        entry_speeds = {} if clearance is None else {"shoulder": {"V": 0.1, "W": 0.0}}
-        found, _ = System(scene, formulation).rates(variables, entry_speeds, 0.0)
+        system = System(unpack(folded_scene), Formulation(cj.JointCoordinates()))
+        found, _ = system.rates(system.encode(unpack(bodies)), entry_speeds, 0.0)
         return jax.tree.map(jnp.asarray, found)
 
     plain, pruned = (

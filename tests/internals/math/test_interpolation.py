@@ -1,5 +1,7 @@
 """Interpolation in a step, against polynomials and closed forms of roots and maxima."""
 
+from functools import partial
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -82,14 +84,19 @@ def test_parabolas_and_their_vertices():
     assert 0.1 <= float(vertex(*valley)) <= 0.9
 
 
-@pytest.mark.parametrize("top", [-0.2, 0.0, 0.003, 0.3, 0.5, 0.97, 1.0, 1.4])
+TOPS = [-0.2, 0.0, 0.003, 0.3, 0.5, 0.97, 1.0, 1.4]
+
+
+def asymmetric(top, x):
+    """A function whose asymmetry is that of an impact with restitution 0.5 in a step at usual
+    tolerances."""
+    angle = 0.3 * (x - top)
+    return jnp.cos(angle) ** 1.5 * (1.0 + 0.2 * jnp.sin(angle) ** 3)
+
+
+@pytest.mark.parametrize("top", TOPS)
 def test_highest_finds_the_maximum_of_an_asymmetric_function(top):
-    """The asymmetry is that of an impact with restitution 0.5 in a step at usual tolerances."""
-
-    def value(x):
-        angle = 0.3 * (x - top)
-        return jnp.cos(angle) ** 1.5 * (1.0 + 0.2 * jnp.sin(angle) ** 3)
-
+    value = partial(asymmetric, top)
     ends = [Point(x, value(x)) for x in (0.0, 0.5, 1.0)]
     found = highest(value, *ends)
     position = min(max(top, 0.0), 1.0)
@@ -98,16 +105,11 @@ def test_highest_finds_the_maximum_of_an_asymmetric_function(top):
     assert float(found.value) == pytest.approx(float(value(found.x)), rel=1e-14)
 
 
-@pytest.mark.parametrize("top", [-0.2, 0.0, 0.003, 0.3, 0.5, 0.97, 1.0, 1.4])
+@pytest.mark.parametrize("top", TOPS)
 @pytest.mark.parametrize("before", [-0.2, -1.0, -1.5])
 def test_highest_after_needs_two_evaluations(top, before):
     """The maximum is found to 1e-5, and its position to a hundredth of a step."""
-
-    def value(x):
-        angle = 0.3 * (x - top)
-        return jnp.cos(angle) ** 1.5 * (1.0 + 0.2 * jnp.sin(angle) ** 3)
-
-    positions = []
+    value, positions = partial(asymmetric, top), []
 
     def counted(x):
         positions.append(float(x))

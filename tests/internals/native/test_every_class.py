@@ -3,7 +3,6 @@
 One primitive without a rule makes XLA compile a whole program, or each start be checked in Python.
 """
 
-import inspect
 from collections.abc import Callable
 from typing import Any
 
@@ -21,6 +20,7 @@ from clearjoint._native.operations import Operations
 from clearjoint.extend import unpack
 from tests.internals.scene_files.test_round_trips import ELEMENTS, example
 from tests.scene_files.test_round_trips import BODIES, STATE
+from tests.support.public_names import concrete_classes
 
 INERTIA = np.array([[1.0, 0.1, 0.0], [0.1, 1.1, -0.2], [0.0, -0.2, 1.2]])
 
@@ -42,15 +42,6 @@ def test_every_check_is_native(name):
         }
         for subject in subjects.get(name) or [example(name)]:
             lower(lambda tree: conditions_of(lambda: recheck(tree)), subject)
-
-
-def classes(module: Any, base: type) -> set[str]:
-    members = {name: getattr(module, name) for name in dir(module)}
-    return {
-        name
-        for name, one in members.items()
-        if inspect.isclass(one) and issubclass(one, base) and not inspect.isabstract(one)
-    }
 
 
 def slider_crank() -> tuple[cj.Scene, cj.State]:
@@ -139,7 +130,7 @@ def lower_at_an_instant(
 )
 def test_every_quantity_is_native(coordinates):
     """In joint coordinates, reactions are computed in absolute ones, with 16 constraints."""
-    assert set(QUANTITIES) == classes(Q, Q.AbstractQuantity)
+    assert set(QUANTITIES) == concrete_classes(Q.AbstractQuantity)
     film = QUANTITIES["FilmForce"]
     others = [one for some in QUANTITIES.values() if some is not film for one in some]
     for quantities, (scene, state) in ((film, rotor()), (others, slider_crank())):
@@ -162,7 +153,7 @@ def test_every_reduction_is_native():
         "Integral": cj.Integral(speed, "m"),
         "Statistics": cj.Statistics(speed, "m/s"),
     }
-    assert set(made) == classes(cj, cj.extend.AbstractReduction)
+    assert set(made) == concrete_classes(cj.extend.AbstractReduction)
 
     def results(now):
         return [one.results(one.update(one.start(now), now), now) for one in made.values()]

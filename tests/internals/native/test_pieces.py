@@ -1,5 +1,6 @@
 """Long programs that are divided into pieces, and functions that exchange arrays in memory."""
 
+from contextlib import suppress
 from functools import partial
 
 import jax
@@ -12,8 +13,16 @@ from clearjoint._compilation.xla import elementwise
 from clearjoint._math.stacked import FEWEST, Stacked, stacked, unstacked
 from clearjoint._native import UnsupportedPrimitiveError, llvm_text, lowering, pieces
 from clearjoint._native.functions import NativeProgram
-from tests.internals.native.test_repeated_calls import START, derivatives, run
+from tests.internals.native.test_repeated_calls import START, derivatives, program, run
 from tests.support.random_programs import RandomProgram
+
+
+def assert_as_xla(function, *arguments):
+    """Check results by those of XLA, and return the program."""
+    native, expected = program(function, *arguments), jax.jit(function)(*arguments)
+    for mine, theirs in zip(native(arguments), jax.tree.leaves(expected), strict=True):
+        np.testing.assert_allclose(mine, theirs, rtol=1e-14, atol=1e-15)
+    return native
 
 
 @pytest.fixture
@@ -33,8 +42,7 @@ def test_divided_programs_have_the_same_bits(function, tangents, smallest, monke
     request.getfixturevalue("short_pieces")
     divided = NativeProgram(closed, tangents)
     assert divided.code.text.count("define") > whole.code.text.count("define") + 20
-    for one, other in zip(divided(START), whole(START), strict=True):
-        np.testing.assert_array_equal(one, other)
+    jax.tree.map(np.testing.assert_array_equal, divided(START), whole(START))
 
 
 @pytest.mark.parametrize(
@@ -48,13 +56,11 @@ def test_divided_random_programs_have_the_same_bits(seeds, size, monkeypatch, re
         if part == "divided":
             request.getfixturevalue("short_pieces")
         for seed in seeds:
-            program = RandomProgram(seed, size)
-            closed = jax.make_jaxpr(program)(*program.arguments(0))
-            try:
-                native = NativeProgram(closed, tangents=4 if seed % 4 == 3 else 0)
-            except UnsupportedPrimitiveError:
-                continue
-            programs[part, seed] = native(program.arguments(1))
+            random = RandomProgram(seed, size)
+            tangents = 4 if seed % 4 == 3 else 0
+            with suppress(UnsupportedPrimitiveError):
+                native = program(random, *random.arguments(0), tangents=tangents)
+                programs[part, seed] = native(random.arguments(1))
     assert len(programs) > len(seeds)
     for (part, seed), results in programs.items():
         for one, other in zip(results, programs["whole", seed], strict=True):
@@ -77,15 +83,17 @@ def test_functions_get_and_return_large_arrays(monkeypatch):
         again, d = rates(written, k, table)
         return first, second, third, again, written, a + b + c + d
 
-    arguments = (
-        jnp.linspace(0.0, 2.0, 60),
-        jnp.asarray(1.7),
-        jnp.asarray(np.random.default_rng(3).normal(size=60)),
-    )
-    native = NativeProgram(jax.make_jaxpr(stages)(*arguments))
+    table = jnp.asarray(np.random.default_rng(3).normal(size=60))
+    native = assert_as_xla(stages, jnp.linspace(0.0, 2.0, 60), jnp.asarray(1.7), table)
     assert native.code.text.count("call void @f") == 4
-    for mine, expected in zip(native(arguments), jax.jit(stages)(*arguments), strict=True):
-        np.testing.assert_allclose(mine, expected, rtol=1e-14, atol=1e-15)
+
+
+def by_leaf(formula, h, tree):
+    return jax.tree.map(partial(formula, h), tree)
+
+
+def by_array(formula, h, tree):
+    return unstacked(jax.tree.map(partial(elementwise, formula, h), stacked(tree)))
 
 
 @pytest.mark.parametrize("size", [FEWEST - 1, FEWEST, pytest.param(200, marks=pytest.mark.slow)])
@@ -96,19 +104,12 @@ def test_stacked_trees_have_the_results_of_their_leaves(size):
     def formula(h, x):
         return x + h * (0.3 * jnp.exp(x) - 0.1 * x)
 
-    def by_leaf(h, tree):
-        return jax.tree.map(partial(formula, h), tree)
-
-    def by_array(h, tree):
-        form = stacked(tree)
-        assert isinstance(form, Stacked) == (size >= FEWEST)
-        return unstacked(jax.tree.map(partial(elementwise, formula, h), form))
-
-    natives = [NativeProgram(jax.make_jaxpr(f)(0.5, tree)) for f in (by_leaf, by_array)]
+    assert isinstance(stacked(tree), Stacked) == (size >= FEWEST)
+    natives = [program(partial(by, formula), 0.5, tree) for by in (by_leaf, by_array)]
     leaves = [0.5, *jax.tree.leaves(tree)]
     written_out, array = (np.ravel(native(leaves)) for native in natives)
     np.testing.assert_array_equal(array, written_out)
-    np.testing.assert_allclose(array, jax.tree.leaves(by_array(0.5, tree)), rtol=1e-15)
+    np.testing.assert_allclose(array, jax.tree.leaves(by_array(formula, 0.5, tree)), rtol=1e-15)
     if size == 200:
         assert len(natives[1].code.text) < 0.8 * len(natives[0].code.text)
 
@@ -124,16 +125,10 @@ def test_stacked_trees_have_the_derivatives_of_their_leaves(count, is_linear):
     def formula(h, x):
         return x + h * (0.3 * (x if is_linear else jnp.exp(x)) - 0.1 * x)
 
-    def by_leaf(h, tree):
-        return jax.tree.map(partial(formula, h), tree)
-
-    def by_array(h, tree):
-        return unstacked(jax.tree.map(partial(elementwise, formula, h), stacked(tree)))
-
     def differentiated(h, tree, along, by):
         # Twice, so that tangents of a result are those of an argument.
         def twice(tree):
-            return by(h, by(2.0 * h, tree))
+            return by(formula, h, by(formula, 2.0 * h, tree))
 
         derivative = jax.vmap(lambda along: jax.jvp(twice, (tree,), (along,)), out_axes=(None, 0))
         return derivative(along)
@@ -142,17 +137,17 @@ def test_stacked_trees_have_the_derivatives_of_their_leaves(count, is_linear):
     # As in runs with derivatives, tangents are vectors of the processor.
     tangents = count if count > 1 else 0
     programs = [
-        NativeProgram(jax.make_jaxpr(partial(differentiated, by=by))(*arguments), tangents)
+        program(partial(differentiated, by=by), *arguments, tangents=tangents)
         for by in (by_leaf, by_array)
     ]
     leaves = jax.tree.leaves(arguments)
-    written_out, array = (np.concatenate(program(leaves), axis=None) for program in programs)
+    written_out, array = (np.concatenate(native(leaves), axis=None) for native in programs)
     # A nonlinear function has a loop for its values and others for its derivatives, so that other
     # products are fused with sums.
     if is_linear:
         np.testing.assert_array_equal(array, written_out)
     values = np.array([*tree.values()]), np.array([*along.values()]).T
-    value, derivatives = differentiated(0.5, *values, by=formula)
+    value, derivatives = differentiated(0.5, *values, by=lambda formula, *of: formula(*of))
     expected = np.concatenate([value, derivatives.T], axis=None)
     np.testing.assert_allclose(array, expected, rtol=1e-13, atol=1e-15)
 
@@ -165,9 +160,7 @@ def test_elementwise_functions_without_rules_for_elements_are_computed():
     def function(h, x):
         return elementwise(lambda h, x: jnp.cumsum(jnp.broadcast_to(h, x.shape) * x), h, x)
 
-    arguments = jnp.asarray(0.5), jnp.linspace(0.0, 1.0, 60)
-    native = NativeProgram(jax.make_jaxpr(function)(*arguments))
-    np.testing.assert_allclose(native(arguments)[0], function(*arguments), rtol=1e-14)
+    assert_as_xla(function, jnp.asarray(0.5), jnp.linspace(0.0, 1.0, 60))
 
 
 def test_other_trees_are_not_stacked():
@@ -184,8 +177,7 @@ def test_loops_read_what_pieces_compute(short_pieces):
         total = lax.fori_loop(0, 5, lambda k, s: s * y + z * jnp.cos(s + y) - z, x)
         return lax.cond(total > 0.0, lambda: total * y - z, lambda: total + y * z), y + z
 
-    native = NativeProgram(jax.make_jaxpr(function)(0.3))
-    np.testing.assert_allclose(native([0.3]), jax.jit(function)(0.3), rtol=1e-14)
+    assert_as_xla(function, 0.3)
 
 
 def test_pieces_keep_what_was_read_before_cells_are_overwritten(short_pieces):
@@ -199,6 +191,4 @@ def test_pieces_keep_what_was_read_before_cells_are_overwritten(short_pieces):
         return total, x
 
     x = jnp.linspace(1.0, 2.0, 60)
-    native = NativeProgram(jax.make_jaxpr(function)(x))
-    for mine, expected in zip(native([x]), jax.jit(function)(x), strict=True):
-        np.testing.assert_allclose(mine, expected, rtol=1e-14)
+    assert_as_xla(function, x)

@@ -68,11 +68,16 @@ def derivatives(k, x, v):
 
 @pytest.fixture(params=["functions", "inlined"])
 def way(request, monkeypatch):
-    size = 1 if request.param == "functions" else 10**9
-    monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", size)
-    monkeypatch.setattr(lowering, "SMALLEST_SHARED", size)
-    monkeypatch.setattr(lowering, "MOST_ELEMENTARY", 0 if size == 1 else size)
+    set_way(request.param, monkeypatch)
     return request.param
+
+
+def set_way(way, monkeypatch):
+    """Have calls be functions of machine code, or inlined."""
+    smallest, most = (1, 0) if way == "functions" else (10**9, 10**9)
+    monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", smallest)
+    monkeypatch.setattr(lowering, "SMALLEST_SHARED", smallest)
+    monkeypatch.setattr(lowering, "MOST_ELEMENTARY", most)
 
 
 def program(function, *arguments, tangents=0):
@@ -81,21 +86,17 @@ def program(function, *arguments, tangents=0):
 
 @pytest.mark.parametrize(("function", "tangents"), [(run, 0), (derivatives, 3)])
 def test_functions_have_the_bits_of_inlined_code(function, tangents, monkeypatch):
-    arguments = START
     found = {}
-    for size in (1, 10**9):
-        monkeypatch.setattr(lowering, "SMALLEST_FUNCTION", size)
-        monkeypatch.setattr(lowering, "SMALLEST_SHARED", size)
-        monkeypatch.setattr(lowering, "MOST_ELEMENTARY", 0 if size == 1 else size)
-        made = program(function, *arguments, tangents=tangents)
-        found[size] = made(arguments)
-        assert ("call void @f" in made.code.text) == (size == 1)
+    for way in ("functions", "inlined"):
+        set_way(way, monkeypatch)
+        made = program(function, *START, tangents=tangents)
+        found[way] = made(START)
+        assert ("call void @f" in made.code.text) == (way == "functions")
         # Those of `alike`, and of elementary functions.
-        assert (made.code.text.count("define internal {") >= 3) == (size == 1)
-    for one, other in zip(found[1], found[10**9], strict=True):
-        np.testing.assert_array_equal(one, other)
-    expected = jax.tree.leaves(jax.jit(function)(*arguments))
-    for one, other in zip(found[1], expected, strict=True):
+        assert (made.code.text.count("define internal {") >= 3) == (way == "functions")
+    jax.tree.map(np.testing.assert_array_equal, found["functions"], found["inlined"])
+    expected = jax.tree.leaves(jax.jit(function)(*START))
+    for one, other in zip(found["functions"], expected, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-13)
 
 
@@ -149,7 +150,5 @@ def inverse(z, x):
 
 
 def test_zeros_of_both_signs_are_different_arguments(way):
-    program = NativeProgram(
-        jax.make_jaxpr(lambda x: [inverse(z, x) for z in (0.0, -0.0, 0.0)])(1.0)
-    )
-    assert np.ravel(program([1.0])).tolist() == [np.inf, -np.inf, np.inf]
+    inverses = program(lambda x: [inverse(z, x) for z in (0.0, -0.0, 0.0)], 1.0)
+    assert np.ravel(inverses([1.0])).tolist() == [np.inf, -np.inf, np.inf]

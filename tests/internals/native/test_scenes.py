@@ -2,6 +2,7 @@
 
 import re
 import warnings
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +18,16 @@ from clearjoint import extend
 from clearjoint._compilation import Compiled
 from clearjoint._native import NativeFallbackWarning
 from clearjoint._native.compiled import SWITCH, _reported
+from tests.support.one_body import one_body
+from tests.support.oscillator import on_spring
 
-SPRING = cj.SpringDamper("ground", "mass", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+SPRUNG = on_spring("mass")
 SPEED = cj.quantities.Velocity("mass", "x")
-STATE = cj.State({"mass": cj.body_state((0.1, 0.0, 0.0))})
+X = {"x": cj.quantities.Position("mass", "x")}
 
 
-def mass_on(*forces: cj.extend.AbstractForce) -> cj.Scene:
-    named = {f"force {k}": force for k, force in enumerate(forces)}
-    return cj.Scene({"mass": cj.Body(1.0, (1.0, 1.0, 1.0))}, forces=named)
+def stiffness(scene: cj.Scene) -> Any:
+    return scene.forces["spring"].stiffness
 
 
 def both(monkeypatch, call):
@@ -44,13 +46,10 @@ def assert_close(one, other, tolerance):
 @pytest.mark.slow
 def test_a_spring_moves_as_with_xla(monkeypatch):
     save = cj.Saving(np.linspace(0.0, 1.0, 80), steps=True)
-    native, xla = both(
-        monkeypatch, lambda: cj.simulate(mass_on(SPRING), STATE, 1.0, save=save, progress=False)
-    )
+    native, xla = both(monkeypatch, lambda: cj.simulate(*SPRUNG, 1.0, save=save, progress=False))
     assert native.attempts == xla.attempts
-    for ours, theirs in ((native.saved, xla.saved), (native.steps, xla.steps)):
-        for one, other in zip(jax.tree.leaves(ours), jax.tree.leaves(theirs), strict=True):
-            assert_close(one, other, 1e-10)
+    close = partial(assert_close, tolerance=1e-10)
+    jax.tree.map(close, (native.saved, native.steps), (xla.saved, xla.steps))
 
 
 def runs(*settings: cj.Settings, save: cj.Saving | None = None, outputs: Any = None):
@@ -58,40 +57,35 @@ def runs(*settings: cj.Settings, save: cj.Saving | None = None, outputs: Any = N
 
     def call():
         for own in settings:
-            cj.simulate(mass_on(SPRING), STATE, 0.01, own, save, outputs=outputs, progress=False)
+            cj.simulate(*SPRUNG, 0.01, own, save, outputs=outputs, progress=False)
 
     return call
 
 
 def observe():
-    scene = mass_on(SPRING)
-    times = cj.Saving(np.linspace(0.0, 0.01, 3))
-    run = cj.simulate(scene, STATE, 0.01, save=times, progress=False)
-    return lambda: cj.observe(scene, run)
+    save = cj.Saving(np.linspace(0.0, 0.01, 3))
+    return cj.observe(SPRUNG[0], cj.simulate(*SPRUNG, 0.01, save=save, progress=False))
 
 
 def swept():
-    axis = cj.Axis(lambda scene: scene.forces["force 0"].stiffness, [100.0, 200.0])
-    cj.sweep(mass_on(SPRING), STATE, 0.01, {"stiffness": axis}, progress=False)
+    axes = {"stiffness": cj.Axis(stiffness, [100.0, 200.0])}
+    cj.sweep(*SPRUNG, 0.01, axes, progress=False)
 
 
 def differentiated():
-    stiffness = {"k": cj.Parameter(lambda scene: scene.forces["force 0"].stiffness, cj.Log())}
-    x = {"x": cj.quantities.Position("mass", "x")}
-    cj.sensitivities(mass_on(SPRING), STATE, 0.01, stiffness, x, [0.01], progress=False)
+    parameters = {"k": cj.Parameter(stiffness, cj.Log())}
+    cj.sensitivities(*SPRUNG, 0.01, parameters, X, [0.01], progress=False)
 
 
 def in_reverse():
-    stiffness = {"k": lambda scene: scene.forces["force 0"].stiffness}
-    x = {"x": cj.quantities.Position("mass", "x")}
-    predict = cj.predictor(mass_on(SPRING), STATE, 0.01, stiffness, x, [0.01])
+    predict = cj.predictor(*SPRUNG, 0.01, {"k": stiffness}, X, [0.01])
     jax.jit(jax.grad(lambda values: predict(values)["x"][0]))(predict.values)
 
 
 def inside_of_jit():
-    def end(stiffness):
-        scene = cj.set_value(mass_on(SPRING), lambda s: s.forces["force 0"].stiffness, stiffness)
-        run = cj.simulate(scene, STATE, 0.01, throw=False, progress=False)
+    def end(number):
+        scene = cj.set_value(SPRUNG[0], stiffness, number)
+        run = cj.simulate(scene, SPRUNG[1], 0.01, throw=False, progress=False)
         return run.final.bodies["mass"].position
 
     return jax.jit(end)(100.0)
@@ -126,7 +120,7 @@ CALLS = {
     "`simulate_nonsmooth`": lambda: cj.simulate_nonsmooth(
         *cj.mechanisms.double_pendulum(), 1e-3, restitution=0.5, step=1e-4
     ),
-    "`observe`": lambda: observe()(),
+    "`observe`": observe,
     "`free_impact`": lambda: cj.free_impact(cj.laws.Hertz(1e6), 1.0, 0.1),
     "other calls inside of `jax.jit`, `jax.vmap` or `jax.grad`": inside_of_jit,
 }
@@ -179,10 +173,8 @@ def test_the_table_is_correct(name, monkeypatch):
     ids=["absolute", "Dopri8", "Heun", "ledger"],
 )
 def test_settings_give_the_same_motion_as_with_xla(settings, monkeypatch):
-    scene, state = cj.mechanisms.double_pendulum()
-    native, xla = both(
-        monkeypatch, lambda: cj.simulate(scene, state, 0.02, settings, progress=False)
-    )
+    pendulum = cj.mechanisms.double_pendulum()
+    native, xla = both(monkeypatch, lambda: cj.simulate(*pendulum, 0.02, settings, progress=False))
     for name, body in native.final.bodies.items():
         assert_close(body.position, xla.final.bodies[name].position, 1e-9)
 
@@ -205,8 +197,9 @@ class Eigenforce(cj.extend.AbstractForce):
 def test_xla_compiles_a_primitive_without_a_rule_with_one_warning():
     """The exact motion is 2 - t."""
     _reported.clear()
+    pushed = one_body("mass", forces={"force": Eigenforce("mass")}, position=(0.1, 0.0, 0.0))
     with pytest.warns(NativeFallbackWarning, match=r"no native code for .*test_scenes.py") as seen:
-        solution = cj.simulate(mass_on(Eigenforce("mass")), STATE, 0.5, progress=False)
+        solution = cj.simulate(*pushed, 0.5, progress=False)
     assert len([w for w in seen if w.category is NativeFallbackWarning]) == 1
     x = solution.final.bodies["mass"].position[0]
     assert x == pytest.approx(0.1 + 0.5**2 - 0.5**3 / 6, abs=1e-9)

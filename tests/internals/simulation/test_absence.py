@@ -8,22 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from clearjoint import (
-    AbsoluteCoordinates,
-    AppliedLoad,
-    Baumgarte,
-    Body,
-    ClearanceJoint,
-    EndPlay,
-    FixedAxially,
-    PrescribedRotation,
-    RevoluteJoint,
-    Scene,
-    SphericalJoint,
-    State,
-    Unstabilised,
-    body_state,
-)
+import clearjoint as cj
 from clearjoint._dynamics import system as dynamics
 from clearjoint._dynamics.bristles import initial_bristles
 from clearjoint._dynamics.contact_events import uses_entry_speed
@@ -37,28 +22,20 @@ from clearjoint._simulation.step.trial_step import term_of
 from clearjoint.extend import Formulation, System, unpack
 from clearjoint.frictions import Dahl, RegularisedCoulomb
 from clearjoint.laws import Hertz, LankaraniNikravesh
+from tests.support.one_body import ORIGIN, Z, bearing, hinge
 from tests.support.programs import primitives
 
-ZERO, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
-BODY = Body(1.0, (1.0, 1.0, 1.0))
-STATE = State({"rod": body_state(ZERO)})
+BODY = cj.Body(1.0, (1.0, 1.0, 1.0))
+STATE = cj.State({"rod": cj.body_state(ORIGIN)})
 BASES = {"pin": {"V": np.zeros(()), "W": np.zeros(())}}
 
 
 def scene(joint=None, **options):
-    return Scene({"rod": BODY}, {} if joint is None else {"pin": joint}, **options)
+    return cj.Scene({"rod": BODY}, {} if joint is None else {"pin": joint}, **options)
 
 
 def pin(law, **options):
-    return ClearanceJoint(
-        "ground",
-        "rod",
-        bearing_radius=0.01,
-        clearance=1e-4,
-        journal_length=0.02,
-        law=law,
-        **options,
-    )
+    return bearing(law, "rod", **options)
 
 
 DAMPED, ELASTIC = LankaraniNikravesh(0.9, 1e9), Hertz(1e9)
@@ -66,16 +43,16 @@ FREE = scene()
 FORCED = pin(ELASTIC)
 ROUGH = pin(ELASTIC, friction=RegularisedCoulomb(0.1))
 BRISTLED = pin(ELASTIC, friction=Dahl(0.1))
-BALL = SphericalJoint("ground", "rod", ZERO, (0.5, 0.0, 0.0))
-DRIVER = PrescribedRotation("ground", "rod", AXIS, 3.0)
-HINGE = RevoluteJoint("ground", "rod", ZERO, (0.5, 0.0, 0.0), AXIS, AXIS)
+BALL = cj.SphericalJoint("ground", "rod", ORIGIN, (0.5, 0.0, 0.0))
+DRIVER = cj.PrescribedRotation("ground", "rod", Z, 3.0)
+HINGE = hinge("ground", "rod", point_second=(0.5, 0.0, 0.0))
 
 
 def operations(of, entry_speeds=None, **formulation):
     """Primitives of the equations of motion of a scene in absolute coordinates."""
 
     def rates(scene, state, entry_speeds):
-        absolute = Formulation(AbsoluteCoordinates(), **formulation)
+        absolute = Formulation(cj.AbsoluteCoordinates(), **formulation)
         bristles = initial_bristles(unpack(scene), {})
         system = System(unpack(scene), absolute)
         return system.rates(unpack(state.bodies), entry_speeds, 0.0, bristles=bristles)
@@ -89,20 +66,20 @@ def test_free_body_solves_no_constraints(monkeypatch):
     free = operations(FREE)
     assert free["div"] == 5
     assert free["max"] == free["select_n"] == free["sqrt"] == free["tanh"] == 0
-    bodies, formulation = unpack(STATE.bodies), Formulation(AbsoluteCoordinates())
+    bodies, formulation = unpack(STATE.bodies), Formulation(cj.AbsoluteCoordinates())
     assert System(unpack(FREE), formulation).dynamics(bodies, {}, 0.0).multipliers == {}
     with pytest.raises(TypeError):
         operations(scene(BALL))
 
 
 def test_constraints_cost_one_division_each():
-    free, ball = operations(FREE), operations(scene(BALL), stabilisation=Unstabilised())
+    free, ball = operations(FREE), operations(scene(BALL), stabilisation=cj.Unstabilised())
     assert ball["div"] == free["div"] + 3
 
 
 ADDED = {
     "gravity": (FREE, scene(gravity=(0, -9.81, 0)), {}),
-    "load": (FREE, scene(forces={"push": AppliedLoad("rod", (1, 0, 0))}), {}),
+    "load": (FREE, scene(forces={"push": cj.AppliedLoad("rod", (1, 0, 0))}), {}),
     "ball": (FREE, scene(BALL), {}),
     "two more rows": (scene(BALL), scene(HINGE), {}),
     "clearance joint": (FREE, scene(FORCED), {}),
@@ -111,13 +88,13 @@ ADDED = {
     "bristles": (scene(FORCED), scene(BRISTLED), {}),
     "smoothing": (scene(FORCED), scene(pin(Hertz(1e9, smoothing=1e-6))), {}),
     "contact along the length": (scene(FORCED), scene(pin(ELASTIC, line_points=3)), {}),
-    "end play": (scene(FORCED), scene(pin(ELASTIC, axial=EndPlay(0.01, ELASTIC))), {}),
+    "end play": (scene(FORCED), scene(pin(ELASTIC, axial=cj.EndPlay(0.01, ELASTIC))), {}),
     "thrust faces": (
-        scene(pin(ELASTIC, axial=EndPlay(0.01, ELASTIC))),
-        scene(pin(ELASTIC, axial=EndPlay(0.01, ELASTIC, RegularisedCoulomb(0.1), 0.012))),
+        scene(pin(ELASTIC, axial=cj.EndPlay(0.01, ELASTIC))),
+        scene(pin(ELASTIC, axial=cj.EndPlay(0.01, ELASTIC, RegularisedCoulomb(0.1), 0.012))),
         {},
     ),
-    "axial constraint": (scene(FORCED), scene(pin(ELASTIC, axial=FixedAxially())), {}),
+    "axial constraint": (scene(FORCED), scene(pin(ELASTIC, axial=cj.FixedAxially())), {}),
 }
 
 
@@ -129,27 +106,26 @@ def test_feature_only_adds_operations(feature):
     assert more.total() > fewer.total()
 
 
-@pytest.mark.parametrize("options", [{"ledger": True}, {"redundant": True}])
-def test_choice_only_adds_operations(options):
-    fewer, more = operations(scene(HINGE)), operations(scene(HINGE), **options)
-    assert fewer - more == Counter() and more.total() > fewer.total()
+@pytest.mark.parametrize(
+    ("less", "more"),
+    [
+        ({}, {"ledger": True}),
+        ({}, {"redundant": True}),
+        ({"stabilisation": cj.Unstabilised()}, {"stabilisation": cj.Baumgarte()}),
+    ],
+    ids=["ledger", "redundant", "stabilisation"],
+)
+def test_choice_only_adds_operations(less, more):
+    fewer, others = operations(scene(HINGE), **less), operations(scene(HINGE), **more)
+    assert fewer - others == Counter() and others.total() > fewer.total()
 
 
-def test_absent_stabilisation_costs_nothing():
-    none = operations(scene(HINGE), stabilisation=Unstabilised())
-    feedback = operations(scene(HINGE), stabilisation=Baumgarte())
-    assert none - feedback == Counter() and feedback.total() > none.total()
-
-
-def test_tangent_of_the_friction_law_is_there_only_with_friction():
-    assert operations(scene(FORCED))["tanh"] == 0
-    rough = operations(scene(ROUGH))["tanh"]
-    assert rough > 0
-    assert operations(scene(ROUGH), ledger=True)["tanh"] == rough
-
-
-def test_clamp_and_floor_are_there_only_with_damping():
-    assert operations(scene(FORCED))["max"] == 0
+def test_operations_of_friction_and_damping_are_there_only_with_them():
+    """Friction's tanh once, also with the ledger; of damping, the clamp of the force and the floor
+    of the entry speed."""
+    assert operations(scene(FORCED))["tanh"] == operations(scene(FORCED))["max"] == 0
+    rough, booked = (operations(scene(ROUGH), ledger=ledger)["tanh"] for ledger in (False, True))
+    assert rough == booked > 0
     assert operations(scene(pin(DAMPED)), BASES)["max"] == 4
 
 
@@ -159,7 +135,7 @@ def test_ledger_of_a_free_body_is_empty():
 
 def test_power_of_the_ledger_is_only_what_the_scene_can_have():
     def booked(of, entry_speeds):
-        formulation = Formulation(AbsoluteCoordinates(), ledger=True)
+        formulation = Formulation(cj.AbsoluteCoordinates(), ledger=True)
         system = System(unpack(of), formulation)
         return set(system.rates(unpack(STATE.bodies), entry_speeds, 0.0)[1])
 
@@ -185,38 +161,26 @@ def started(of):
     return jax.eval_shape(lambda of, state: begin(scheme(), of, state, *numbers, {})[0], of, STATE)
 
 
+def attempted(of):
+    """Primitives of a step of a run."""
+    return primitives(jax.make_jaxpr(tried)(of, started(of)).jaxpr)
+
+
 def test_scene_without_memory_has_none_in_its_state():
     assert not uses_entry_speed(scene(FORCED)) and uses_entry_speed(scene(pin(DAMPED)))
     assert started(scene(FORCED)).entry_speeds == {}
-    entry_speeds = started(scene(pin(DAMPED))).entry_speeds
-    assert {name: set(family) for name, family in entry_speeds.items()} == {"pin": {"V", "W"}}
+    shouldered = pin(DAMPED, axial=cj.EndPlay(0.01, ELASTIC))
+    for joint in (pin(DAMPED), shouldered):
+        entry_speeds = started(scene(joint)).entry_speeds
+        assert {name: set(family) for name, family in entry_speeds.items()} == {"pin": {"V", "W"}}
 
 
 def test_bristles_are_in_the_state_of_their_contacts_alone():
     """Shoulders have no friction, and other laws no bristles."""
     assert started(scene(ROUGH)).y.bristles == {}
-    axial = EndPlay(0.01, ELASTIC)
+    axial = cj.EndPlay(0.01, ELASTIC)
     bristles = started(scene(pin(ELASTIC, friction=Dahl(0.1), axial=axial))).y.bristles
     assert {name: set(family) for name, family in bristles.items()} == {"pin": {"V", "W"}}
-
-
-def test_shoulder_without_memory_has_none_beside_bases_that_have():
-    joint = pin(DAMPED, axial=EndPlay(0.01, ELASTIC))
-    assert set(started(scene(joint)).entry_speeds["pin"]) == {"V", "W"}
-
-
-@pytest.mark.slow
-def test_step_without_memory_finds_no_second_rates():
-    """Only what begins with a contact is decided by a conditional of the step, beside that of
-    landing, which looks for a contact's begin or end only where there may be one."""
-
-    def conditionals(of):
-        step = started(of)
-        jaxpr = jax.make_jaxpr(tried)
-        return primitives(jaxpr(of, step))["cond"]
-
-    assert conditionals(scene(FORCED)) == conditionals(FREE) + 1
-    assert conditionals(scene(pin(DAMPED))) == conditionals(FREE) + 2
 
 
 class Jumping(Hertz):
@@ -225,33 +189,41 @@ class Jumping(Hertz):
     force_jumps = True
 
 
-class Switched(AppliedLoad):
+class Switched(cj.AppliedLoad):
     """A load that declares a breakpoint."""
 
     def breakpoints(self):
         return 0.5
 
 
+@pytest.mark.slow
+def test_step_without_memory_finds_no_second_rates():
+    """Only what begins with a contact is decided by a conditional of the step, beside that of
+    landing, which looks for a contact's begin or end only where there may be one."""
+    free, forced, damped = (
+        attempted(of)["cond"] for of in (FREE, scene(FORCED), scene(pin(DAMPED)))
+    )
+    assert (forced, damped) == (free + 1, free + 2)
+
+
 def test_jumps_and_breakpoints_are_looked_for_only_where_there_may_be_some():
     """What follows of them is decided by one more conditional of the step each."""
-
-    def attempted(of):
-        step = started(of)
-        jaxpr = jax.make_jaxpr(tried)
-        return primitives(jaxpr(of, step))
 
     def pushed(kind):
         return attempted(scene(forces={"push": kind("rod", (1, 0, 0))}))
 
     for fewer, more in (
         (attempted(scene(FORCED)), attempted(scene(pin(Jumping(1e9))))),
-        (pushed(AppliedLoad), pushed(Switched)),
+        (pushed(cj.AppliedLoad), pushed(Switched)),
     ):
         assert fewer - more == Counter()
         assert more["cond"] == fewer["cond"] + 1
+    # Where only the slope of a force jumps, derivatives alone are corrected.
+    linear = attempted(scene(pin(Hertz(1e9, exponent=1.0))))
+    assert linear["cond"] == attempted(scene(FORCED))["cond"]
 
 
-class Gate(AppliedLoad):
+class Gate(cj.AppliedLoad):
     """A load of an own class that compares a place."""
 
     def wrenches(self, motions, t):
@@ -261,16 +233,13 @@ class Gate(AppliedLoad):
 
 
 def test_unseen_jumps_are_looked_for_only_where_a_class_of_ones_own_decides_by_the_motion():
-    plain, own = AppliedLoad("rod", (1, 0, 0)), Switched("rod", (1, 0, 0))
-    for of in (
-        FREE,
-        scene(pin(DAMPED)),
-        scene(forces={"push": plain}),
-        scene(forces={"push": own}),
-    ):
+    def pushed(kind):
+        return scene(forces={"push": kind("rod", (1, 0, 0))})
+
+    for of in (FREE, scene(pin(DAMPED)), pushed(cj.AppliedLoad), pushed(Switched)):
         assert not may_have_undeclared_jump(unpack(of))
-    assert may_have_undeclared_jump(unpack(scene(forces={"push": Gate("rod", (1, 0, 0))})))
-    assert may_have_undeclared_jump(unpack(scene(pin(Jumping(1e9)))))
+    for of in (pushed(Gate), scene(pin(Jumping(1e9)))):
+        assert may_have_undeclared_jump(unpack(of))
 
 
 def test_step_without_derivatives_does_not_ask_since_when_contacts_exist():

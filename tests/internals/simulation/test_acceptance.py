@@ -1,4 +1,4 @@
-"""Result codes of trial steps."""
+"""Result codes and errors of trial steps."""
 
 from types import SimpleNamespace
 
@@ -9,6 +9,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint._simulation.step import acceptance
+from clearjoint._simulation.step.trial_step import REJECTED_ERROR
 
 ULP = np.spacing(1.0)
 
@@ -47,3 +48,7 @@ def test_a_wrapped_controller_has_the_tolerance_of_the_inner_one():
         (diffrax.ConstantStepSize(), acceptance.DEFAULT_RTOL),
     ):
         assert acceptance._relative_tolerance(controller) == expected
+
+
+def test_rejected_errors_fit_into_single_precision():
+    assert np.isfinite(np.float32(REJECTED_ERROR))

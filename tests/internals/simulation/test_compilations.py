@@ -13,7 +13,8 @@ from clearjoint._simulation.run.run_checks import BY_NUMPY, flat_start, starts
 from clearjoint._simulation.run.sampling import sampled_compiled
 from clearjoint._simulation.run.simulate import begin_compiled
 from tests.simulation import test_compilations
-from tests.simulation.test_compilations import END, PLACE, SHORT, STIFFNESS, along
+from tests.simulation.test_compilations import END, PLACE, SHORT, STIFFNESS, along, compiling
+from tests.support.oscillator import on_spring
 
 compiled = test_compilations.compiled
 damped = test_compilations.damped
@@ -50,19 +51,14 @@ def test_records_of_few_lengths_are_compiled_for_fits(damped, compiled):
     looked_at = {"x": cj.Sensor(channel, np.linspace(0.0, END, 70), 1e-4)}
     cj.identifiability(scene, state, STIFFNESS, looked_at)
     assert sampled_compiled.programs() == programs
-    before, counts = compiled(), {}
-    changes = {
-        "length": (63, {}),
-        "longer": (100, {}),
-        "end": (5, {"end": 0.2}),
-        "windows": (60, {"grow": (0.1, 0.2)}),
-        "starts": (5, {"starts": cj.Starts(2)}),
+    calls = {
+        "length": lambda: fit(63),
+        "longer": lambda: fit(100),
+        "end": lambda: fit(5, end=0.2),
+        "windows": lambda: fit(60, grow=(0.1, 0.2)),
+        "starts": lambda: fit(5, starts=cj.Starts(2)),
     }
-    for name, (count, options) in changes.items():
-        fit(count, **options)
-        counts[name] = compiled() - before
-        before = compiled()
-    assert {name: count for name, count in counts.items() if count} == {}
+    assert compiling(compiled, calls) == {}
 
 
 NUMBERS = (1.1e-3, np.float64(1.2e-3), np.float32(1.3e-3), np.asarray(1.4e-3), jnp.asarray(1.5e-3))
@@ -87,15 +83,6 @@ def test_a_number_is_a_number_whatever_its_type(rod):
         finals.append([run.final.bodies["rod"].position for run in runs])
     assert native_programs() - before <= 1  # Of the checks, once they are many.
     np.testing.assert_array_equal(*zip(*finals, strict=True))
-
-
-def test_other_numbers_of_one_structure_compile_one_check_of_starts(rod):
-    scene, state = rod
-    before = starts.count()
-    for clearance in np.linspace(1e-3, 1.5e-3, 2 * BY_NUMPY):
-        wider = cj.set_value(scene, lambda s: s.joints["pin"].clearance, clearance)
-        cj.simulate(wider, state, SHORT, progress=False)
-    assert starts.count() - before <= 1
 
 
 def test_a_start_that_has_passed_is_not_checked_again(rod, monkeypatch):
@@ -128,10 +115,7 @@ def test_a_start_that_has_passed_is_not_checked_again(rod, monkeypatch):
 
 
 def test_the_first_starts_of_a_structure_are_checked_without_a_program():
-    spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
-    scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
-    state, own = cj.State({"ball": cj.body_state((0.1, 0, 0))}), type(starts)()
-    found = []
+    (scene, state), own, found = on_spring(), type(starts)(), []
     for _ in range(BY_NUMPY + 2):
         redundant = own.redundant(flat_start(scene, state, 0.0, cj.AbsoluteCoordinates()))
         found.append((redundant, own.count()))

@@ -9,11 +9,19 @@ import clearjoint as cj
 from clearjoint import BodyState
 from clearjoint._math.rotations import kept_unit
 from clearjoint._simulation.run.host_run import _first_rows
+from clearjoint._simulation.step.dense_output import stabilised
 from clearjoint._simulation.step.method import Scheme
 from clearjoint._simulation.step.step_state import Variables
 from clearjoint._simulation.step.stepping import attempt, start
 from clearjoint._simulation.step.trial_step import term_of
-from clearjoint.extend import EulerParameters, pack, rotation_matrix, unpack
+from clearjoint.extend import (
+    EulerParameters,
+    Formulation,
+    System,
+    pack,
+    rotation_matrix,
+    unpack,
+)
 from studies.cost import long_runs
 
 
@@ -56,6 +64,20 @@ def test_rates_kept_for_the_next_step_match_the_settled_state():
         pack(rates["rod"].orientation),
         rtol=1e-12,
     )
+
+
+def test_the_ledger_books_the_energy_that_a_projection_removes():
+    """Half m v^2 of a body that a ball joint holds at its centre of mass; its rotation stays."""
+    pivot = cj.SphericalJoint("ground", "rod", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    scene = cj.Scene({"rod": cj.Body(2.0, (1.0, 2.0, 3.0))}, {"pivot": pivot})
+    formulation = Formulation(cj.AbsoluteCoordinates(), cj.Projection(), ledger=True)
+    system = System(unpack(scene), formulation)
+    state = cj.body_state((0.0, 0.0, 0.0), velocity=(0.3, 0.0, -0.4), spin=(0.0, 5.0, 7.0))
+    motion = system.encode(unpack({"rod": state}))
+    y = stabilised(system, Variables(motion, {"stabilisation": jnp.asarray(1.5)}), 0.0)
+    assert float(y.work["stabilisation"]) == pytest.approx(1.5 + 0.25, rel=1e-12)
+    np.testing.assert_allclose(pack(y.motion["rod"].velocity), 0.0, atol=1e-15)
+    np.testing.assert_allclose(pack(y.motion["rod"].spin), (0.0, 5.0, 7.0), rtol=1e-12)
 
 
 def test_saved_states_keep_no_rows_that_were_not_reached():

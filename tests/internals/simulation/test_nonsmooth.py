@@ -10,7 +10,12 @@ import pytest
 import clearjoint as cj
 from clearjoint._simulation.nonsmooth import simulate as nonsmooth_simulate
 from clearjoint._simulation.nonsmooth.bounded_lcp import BoxProblem
-from clearjoint._simulation.nonsmooth.contact_problem import NEGLIGIBLE, _slip_direction
+from clearjoint._simulation.nonsmooth.contact_problem import (
+    NEGLIGIBLE,
+    Alternation,
+    _extrapolation,
+    _slip_direction,
+)
 from clearjoint.extend import ZERO, Vector
 from tests.simulation.test_nonsmooth import ball
 
@@ -82,6 +87,21 @@ def test_slips_of_two_bases_that_depend_on_each_other_are_solved():
     matrix = np.array([[rows[max(i, j)][min(i, j)] for j in range(4)] for i in range(4)])
     x, y = np.array(found), matrix @ np.array(found) + start
     np.testing.assert_allclose(x, np.clip(x - y / np.diag(matrix), -bound, bound), atol=1e-10)
+
+
+@pytest.mark.parametrize("slope", [-0.9, 0.3, 0.99])
+def test_extrapolation_finds_the_fixed_point_of_a_line_in_its_second_turn(slope):
+    """Aitken's method is exact for x -> slope (x - 5) + 5."""
+    zero = np.zeros(())
+    now = Alternation([], [], zero, np.asarray(0), [zero, zero], [zero, zero], np.asarray(7.0))
+    for turn in (1, 2):
+        change = [(slope - 1.0) * (x - 5.0 * k) for k, x in enumerate(now.tried)]
+        factor = _extrapolation(now, change)
+        assert turn > 1 or float(factor) == 1.0
+        tried = [x + factor * by for x, by in zip(now.tried, change, strict=True)]
+        now = now._replace(turns=turn, tried=tried, change=change, factor=factor)
+    np.testing.assert_allclose(now.tried, [0.0, 5.0], rtol=1e-9)
+    assert float(_extrapolation(now, now.change)) == 1.0  # two equal changes
 
 
 def test_the_direction_of_slip_is_a_unit_vector_also_at_rest():

@@ -1,23 +1,26 @@
 """Reverse mode across impacts: gradients of `predictor` against forward mode and closed forms."""
 
+import contextlib
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optax
 import pytest
 
 import clearjoint as cj
 from clearjoint._identification import minimise
+from clearjoint._native import NativeFallbackWarning, UnsupportedPrimitiveError
 from clearjoint._parametrisation.parts import parts_of
 from clearjoint._result_codes import RESULTS
 from clearjoint._simulation.run import adjoint, recorded_runs
 from tests.internals.simulation.test_sensitivity import POSITION as REFERENCE
 from tests.internals.simulation.test_sensitivity import TIMES as REFERENCE_TIMES
-from tests.support.catalogue_scenes import CatalogueScene, catalogue_scenes
+from tests.support.catalogue_scenes import catalogue_scenes
+from tests.support.difference_quotients import central
 from tests.support.oscillator import on_spring
 
 SCENES = catalogue_scenes()
@@ -42,12 +45,12 @@ def parameters(scene: cj.Scene, body: str) -> dict[str, cj.Parameter]:
     return found
 
 
-def differences(scene: CatalogueScene) -> float:
-    """Return the largest difference of a gradient from forward mode, relative to the largest
-    derivative of the same output."""
-    made, state = scene.make()
-    body = scene.body or list(made.bodies)[-1]
-    return difference_from_forward_mode(made, state, scene.end, body, parameters(made, body))
+def slopes_of(predict, chosen: dict[str, cj.Parameter]) -> dict[str, float]:
+    """Derivatives of the values of parameters by their coordinates."""
+    return {
+        name: float(p.scale.slope(p.scale.coordinate(predict.values[name])))
+        for name, p in chosen.items()
+    }
 
 
 def difference_from_forward_mode(
@@ -74,10 +77,7 @@ def difference_from_forward_mode(
         for each in (settings, finer)
     )
     predict = cj.predictor(made, state, end, chosen, outputs, times, settings)
-    slopes = {
-        name: float(p.scale.slope(p.scale.coordinate(predict.values[name])))
-        for name, p in chosen.items()
-    }
+    slopes = slopes_of(predict, chosen)
     values, pull = jax.vjp(predict, predict.values)
     worst = 0.0
     for output, expected in forward.derivatives.items():
@@ -100,7 +100,10 @@ def difference_from_forward_mode(
 @pytest.mark.parametrize("name", SCENES)
 def test_gradients_are_those_of_forward_mode(name):
     """Half a minute each; among them are bristles, closed loops and breakpoints."""
-    assert differences(SCENES[name]) < 1e-6
+    made, state = SCENES[name].make()
+    body = SCENES[name].body or list(made.bodies)[-1]
+    chosen = parameters(made, body)
+    assert difference_from_forward_mode(made, state, SCENES[name].end, body, chosen) < 1e-6
 
 
 def test_gradients_are_those_of_the_event_exact_solver():
@@ -129,26 +132,28 @@ def test_gradients_of_a_run_that_continues(end):
     first = cj.simulate(scene, state, end, SETTINGS, progress=False)
     assert any(v > 0 for v in first.final.entry_speeds["shoulder"].values()) == (end < 0.011)
     chosen = parameters(scene, "arm 2")
-    outputs = {"x": cj.quantities.Position("arm 2", "x"), "y": cj.quantities.Position("arm 2", "y")}
-    times = [0.03, 0.06]
+    outputs = {axis: cj.quantities.Position("arm 2", axis) for axis in "xy"}
     start = {"start_time": float(first.time)}
-    arguments = scene, first.final, 0.06, chosen, outputs, times, SETTINGS
+    arguments = scene, first.final, 0.06, chosen, outputs, [0.03, 0.06], SETTINGS
     forward = cj.sensitivities(*arguments, **start, progress=False)
     predict = cj.predictor(*arguments, **start)
-    jacobian = jax.jacrev(predict)(predict.values)
+    jacobian, slopes = jax.jacrev(predict)(predict.values), slopes_of(predict, chosen)
     for output, expected in forward.derivatives.items():
-        for k, (name, parameter) in enumerate(chosen.items()):
-            value = predict.values[name]
-            slope = float(parameter.scale.slope(parameter.scale.coordinate(value)))
-            found = np.asarray(jacobian[output][name]) * slope
-            scale = np.abs(expected).max()
-            np.testing.assert_allclose(found / scale, expected[:, k] / scale, rtol=0, atol=1e-6)
+        found = np.stack([jacobian[output][name] * slopes[name] for name in chosen], axis=1)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
 
 
 TIMES = np.array([0.0, 0.1, 0.1, 0.25, 0.3])
 POSITION = {"x": cj.quantities.Position("ball", "x"), "v": cj.quantities.Velocity("ball", "x")}
+
+
+def stiffness(scene):
+    return scene.forces["spring"].stiffness
+
+
+STIFFNESS = {"k": stiffness}
 PATHS = {
-    "stiffness": lambda scene: scene.forces["spring"].stiffness,
+    "stiffness": stiffness,
     "start": cj.Parameter.initial(lambda state: state.bodies["ball"].position[0]),
 }
 
@@ -216,25 +221,22 @@ def reduced(stiffness: float, start: float) -> dict[str, float]:
     return {"top": top, "late_mean": mean, "late_rms": rms, "cost": square(0.3)}
 
 
-@pytest.mark.slow
 def test_closed_forms_of_reductions():
-    paths = {
-        "stiffness": lambda scene: scene.forces["spring"].stiffness,
-        "start": cj.Parameter.initial(lambda state: state.bodies["ball"].position[0]),
-    }
-    predict = cj.predictor(*on_spring(), 0.3, paths, REDUCTIONS, settings=SETTINGS)
-    values, (jacobian,) = predict(predict.values), (jax.jacrev(predict)(predict.values),)
+    predict = cj.predictor(*on_spring(), 0.3, PATHS, REDUCTIONS, settings=SETTINGS)
+    values, jacobian = predict(predict.values), jax.jacrev(predict)(predict.values)
     plain = cj.simulate(*on_spring(), 0.3, SETTINGS, outputs=REDUCTIONS, progress=False)
-    at, step = (100.0, 0.1), (1e-3, 1e-6)
+    at, steps = np.array([100.0, 0.1]), {"stiffness": 1e-3, "start": 1e-6}
     assert list(values) == sorted(reduced(*at))
     for name, expected in reduced(*at).items():
         assert float(values[name]) == pytest.approx(expected, rel=1e-8)
         assert float(values[name]) == pytest.approx(plain.outputs[name], rel=1e-6)
-        for k, parameter in enumerate(("stiffness", "start")):
-            change = np.eye(2)[k] * step[k]
-            above, below = reduced(*(at + change))[name], reduced(*(at - change))[name]
-            derivative = (above - below) / (2.0 * step[k])
-            assert float(jacobian[name][parameter]) == pytest.approx(derivative, rel=2e-6, abs=1e-9)
+    for k, (parameter, step) in enumerate(steps.items()):
+
+        def moved(by, k=k):
+            return np.array([*reduced(*(at + by * np.eye(2)[k])).values()])
+
+        for name, slope in zip(reduced(*at), central(moved, step), strict=True):
+            assert float(jacobian[name][parameter]) == pytest.approx(slope, rel=2e-6, abs=1e-9)
 
 
 @pytest.mark.slow
@@ -254,9 +256,11 @@ def test_reductions_across_impacts_agree_with_differences():
         "restitution": lambda scene: scene.joints["shoulder"].law.restitution,
         "mass": lambda scene: scene.bodies["arm 2"].mass,
     }
-    predict = cj.predictor(scene, state, 0.06, paths, outputs, settings=settings)
+    predict, tight = (
+        cj.predictor(scene, state, 0.06, paths, outputs, settings=each)
+        for each in (settings, replace(settings, rtol=1e-12))
+    )
     jacobian = jax.jacrev(predict)(predict.values)
-    tight = cj.predictor(scene, state, 0.06, paths, outputs, settings=replace(settings, rtol=1e-12))
     for name, value in predict.values.items():
         step = 1e-6 * float(value)
         above, below = (tight({**predict.values, name: value + s}) for s in (step, -step))
@@ -265,52 +269,12 @@ def test_reductions_across_impacts_agree_with_differences():
             assert float(derivatives[name]) == pytest.approx(difference, rel=5e-5), (output, name)
 
 
-def test_other_reductions_and_windows_are_refused():
-    paths = {"stiffness": lambda scene: scene.forces["spring"].stiffness}
-    quantiles = {"x": cj.Quantiles(POSITION["x"], "m", [-1.0, 1.0])}
-    with pytest.raises(ValueError, match=r"outputs\['x'\].*with derivatives in reverse mode"):
-        cj.predictor(*on_spring(), 0.3, paths, quantiles)
-    with pytest.raises(ValueError, match=r"times.*\['x', 'v'\]"):
-        cj.predictor(*on_spring(), 0.3, paths, POSITION)
-    with pytest.raises(ValueError, match="ledger"):
-        cj.predictor(*on_spring(), 0.3, paths, {"lost": cj.DissipatedEnergy()})
-
-
-def test_the_transpose_of_the_tangents_at_the_end(predict):
-    """The product of a gradient and the guard's direction is the guard's derivative."""
-    assert identity_error(predict) < 1e-12
-
-
-@pytest.mark.slow
-def test_the_transpose_of_the_tangents_across_impacts():
-    scene, state = cj.mechanisms.double_pendulum(0.5e-3, 0.9)
-    chosen = parameters(scene, "arm 2")
-    outputs = {"x": cj.quantities.Position("arm 2", "x")}
-    made = cj.predictor(scene, state, 0.1, chosen, outputs, [0.1], SETTINGS)
-    assert identity_error(made) < 1e-12
-
-
-def identity_error(predict) -> float:
-    [run] = predict._recorded([predict.values])
-    end = jax.device_get(run.last.tangents)
-    random = np.random.default_rng(5)
-    # Weights that make all tangents about equally large.
-    weights = jax.tree.map(
-        lambda leaf: random.standard_normal(np.shape(leaf)) / (np.abs(leaf) + 1e-6), end
-    )
-    none = jax.tree.map(np.zeros_like, predict.values)
-    flat = np.asarray(adjoint.in_one_array(weights))
-    outputs = run.pulled_outputs({name: np.zeros(of.shape) for name, of in predict._shapes.items()})
-    gradient = run.gradient(outputs._replace(end=flat, total=none))
-    direction = run.recorder.run.family.direction
-    products = jax.tree.map(lambda a, b: np.sum(a * b), gradient, direction)
-    expected = jax.tree.map(lambda a, b: np.sum(a * b), weights, end)
-    total, size = sum(jax.tree.leaves(expected)), sum(map(abs, jax.tree.leaves(expected)))
-    return abs(sum(jax.tree.leaves(products)) - total) / size
-
-
 def loss(predict, values):
     return jnp.sum(jnp.square(predict(values)["x"] - 0.1 * jnp.cos(11.0 * TIMES)))
+
+
+def floats(tree, index=()):
+    return jax.tree.map(lambda leaf: float(leaf[index]), tree)
 
 
 @pytest.mark.parametrize("kept", [1e9, 20_000])
@@ -319,21 +283,52 @@ def test_a_batch_has_the_bits_of_its_elements(predict, monkeypatch, kept):
     the longer runs do not fit in memory and are made one by one."""
     monkeypatch.setattr(recorded_runs, "LANE_ROWS", 12)
     monkeypatch.setattr(recorded_runs, "KEPT_BYTES", kept)
-    stiffness, start = jnp.linspace(50.0, 400.0, 6), jnp.array([0.1, 0.2])
+    springs, starts = jnp.linspace(50.0, 400.0, 6), jnp.array([0.1, 0.2])
     gradient = jax.value_and_grad(lambda values: loss(predict, values))
     both = lambda k, x: gradient({"stiffness": k, "start": x})  # noqa: E731
-    together = jax.jit(jax.vmap(jax.vmap(both, (0, None)), (None, 0)))(stiffness, start)
+    together = jax.jit(jax.vmap(jax.vmap(both, (0, None)), (None, 0)))(springs, starts)
     for index in np.ndindex(2, 6):
-        alone = both(stiffness[index[1]], start[index[0]])
-        assert jax.tree.map(lambda leaf, index=index: float(leaf[index]), together) == jax.tree.map(
-            float, alone
+        assert floats(together, index) == floats(both(springs[index[1]], starts[index[0]]))
+
+
+@pytest.mark.parametrize(
+    ("kept", "has_lanes", "expected"),
+    [
+        ([True, True], True, "in lanes"),
+        ([True], True, "alone"),
+        ([True, False], True, "alone"),
+        ([True, True], False, "alone"),
+        ([True, True], None, "alone"),  # refused by the native compiler
+    ],
+)
+def test_gradients_are_computed_side_by_side_if_all_steps_of_several_runs_are_kept(
+    kept, has_lanes, expected, monkeypatch
+):
+    def in_lanes(recorder, runs, seeds_of):
+        if has_lanes is None:
+            raise UnsupportedPrimitiveError("a function of the test")
+        return ["in lanes"] * len(runs)
+
+    monkeypatch.setattr(recorded_runs, "_gradients_in_lanes", in_lanes)
+    recorder = object.__new__(recorded_runs.Recorder)
+    recorder.has_lanes = has_lanes is not False
+    runs = [
+        SimpleNamespace(
+            is_kept=lambda all_kept=all_kept: all_kept,
+            pulled_outputs=lambda seeds: seeds,
+            gradient=lambda seeds: seeds["x"],
         )
+        for all_kept in kept
+    ]
+    with contextlib.nullcontext() if has_lanes is not None else pytest.warns(NativeFallbackWarning):
+        found = recorder.gradients(runs, [{"x": np.asarray("alone")} for _ in runs])
+    assert [str(gradient) for gradient in found] == [expected] * len(runs)
+    assert recorder.has_lanes is bool(has_lanes)
 
 
-def test_a_run_that_fails_in_a_batch_is_nan(predict):
+def test_a_run_that_fails_in_a_batch_is_nan():
     few = replace(SETTINGS, max_steps=40)
-    paths = {"k": lambda s: s.forces["spring"].stiffness}
-    made = cj.predictor(*on_spring(), 0.3, paths, POSITION, TIMES, few)
+    made = cj.predictor(*on_spring(), 0.3, STIFFNESS, POSITION, TIMES, few)
     numbers = jnp.array([1.0, 1e6, -1e400, 4.0])
     outputs = jax.vmap(made.or_nan)({"k": numbers})
     assert np.isnan(outputs["x"][1:3]).all()
@@ -360,41 +355,22 @@ def test_a_batch_across_impacts_has_the_bits_of_its_elements():
     together = jax.vmap(jax.value_and_grad(loss))(batch)
     for k in range(10):
         alone = jax.value_and_grad(loss)({name: of[k] for name, of in batch.items()})
-        assert jax.tree.map(lambda leaf, k=k: float(leaf[k]), together) == jax.tree.map(
-            float, alone
-        )
-
-
-def test_optax_finds_the_stiffness(predict):
-    optimiser = optax.adam(2.0)
-    values = {**predict.values, "start": jnp.asarray(0.1)}
-    memory = optimiser.init(values)
-    step = jax.jit(jax.value_and_grad(lambda values: loss(predict, values)))
-    for _ in range(60):
-        _, gradient = step(values)
-        change, memory = optimiser.update({**gradient, "start": jnp.zeros(())}, memory)
-        values = optax.apply_updates(values, change)
-    assert abs(float(values["stiffness"]) - 121.0) < 2.0
-
-
-def gradient_in_segments(monkeypatch, scene, state, end, path, kept, rows) -> float:
-    monkeypatch.setattr(recorded_runs, "KEPT_BYTES", kept)
-    monkeypatch.setattr(adjoint, "ROWS", rows)
-    for program in (adjoint.segment, adjoint.backward):
-        program.native._programs.clear()
-    outputs = {"x": cj.quantities.Position(list(scene.bodies)[-1], "x")}
-    times = np.linspace(0.0, end, 7)
-    made = cj.predictor(scene, state, end, {"number": path}, outputs, times, SETTINGS)
-    return float(jax.grad(lambda values: jnp.sum(made(values)["x"]))(made.values)["number"])
+        assert floats(together, k) == floats(alone)
 
 
 @pytest.mark.slow
 def test_segments_across_impacts_give_the_same_bits(monkeypatch):
     scene, state = cj.mechanisms.double_pendulum(0.5e-3, 0.9)
+    outputs = {"x": cj.quantities.Position("arm 3", "x")}
+    path = {"number": lambda scene: scene.joints["shoulder"].clearance}
 
     def gradient(kept: float, rows: int) -> float:
-        path = lambda scene: scene.joints["shoulder"].clearance  # noqa: E731
-        return gradient_in_segments(monkeypatch, scene, state, 0.05, path, kept, rows)
+        monkeypatch.setattr(recorded_runs, "KEPT_BYTES", kept)
+        monkeypatch.setattr(adjoint, "ROWS", rows)
+        for program in (adjoint.segment, adjoint.backward):
+            program.native._programs.clear()
+        made = cj.predictor(scene, state, 0.05, path, outputs, np.linspace(0.0, 0.05, 7), SETTINGS)
+        return float(jax.grad(lambda values: jnp.sum(made(values)["x"]))(made.values)["number"])
 
     whole = gradient(1e9, 1024)
     assert whole != 0.0
@@ -423,6 +399,10 @@ def with_network(seed: int) -> tuple[cj.Scene, cj.State]:
     return replace(scene, forces={**scene.forces, "network": Network(network)}), state
 
 
+def network_of(scene: cj.Scene) -> eqx.nn.MLP:
+    return scene.forces["network"].network
+
+
 def test_numbers_of_a_network_are_its_arrays():
     scene, state = with_network(0)
     numbers, changes = parts_of(scene, state, {"all": lambda scene: scene.forces["network"]})
@@ -430,71 +410,84 @@ def test_numbers_of_a_network_are_its_arrays():
     assert shapes == [(1,), (1, 4), (4,), (4, 2)]
     doubled = jax.tree.map(lambda leaf: 2.0 * leaf, numbers["all"])
     changed, _ = changes[0][1](scene, state, doubled)
-    before, after = (s.forces["network"].network.layers[0] for s in (scene, changed))
-    np.testing.assert_array_equal(after.weight, 2.0 * before.weight)
-    assert changed.forces["network"].network.activation is network_of(scene).activation
-
-
-def network_of(scene: cj.Scene) -> eqx.nn.MLP:
-    return scene.forces["network"].network
+    before, after = map(network_of, (scene, changed))
+    np.testing.assert_array_equal(after.layers[0].weight, 2.0 * before.layers[0].weight)
+    assert after.activation is before.activation
 
 
 @pytest.mark.slow
 def test_weights_of_a_network_are_parameters():
     scene, state = with_network(0)
-    paths = {"network": lambda scene: scene.forces["network"].network}
+    paths = {"network": network_of}
     predict = cj.predictor(scene, state, 0.3, paths, POSITION, TIMES, SETTINGS)
-
-    def total(network):
-        return jnp.sum(predict({"network": network})["x"])
-
-    network = scene.forces["network"].network
-    gradient = eqx.filter_grad(total)(network)
-    weights = gradient.layers[0].weight
+    gradient = eqx.filter_grad(lambda network: jnp.sum(predict({"network": network})["x"]))
+    weights = gradient(network_of(scene)).layers[0].weight
     assert weights.shape == (4, 2)
     # Against forward mode by single weights.
+    places = (0, 0), (2, 1), (3, 0)
     chosen = {
-        f"{i}{j}": cj.Parameter(
-            lambda s, i=i, j=j: s.forces["network"].network.layers[0].weight[i, j]
-        )
-        for i, j in ((0, 0), (2, 1), (3, 0))
+        str(at): cj.Parameter(lambda s, at=at: network_of(s).layers[0].weight[at]) for at in places
     }
-    forward = (
-        cj.sensitivities(scene, state, 0.3, chosen, POSITION, TIMES, SETTINGS, progress=False)
-        .derivatives["x"]
-        .sum(axis=0)
-    )
-    reverse = [weights[0, 0], weights[2, 1], weights[3, 0]]
-    np.testing.assert_allclose(reverse, forward, rtol=1e-6, atol=1e-10)
+    forward = cj.sensitivities(
+        scene, state, 0.3, chosen, POSITION, TIMES, SETTINGS, progress=False
+    ).derivatives["x"]
+    reverse = [weights[at] for at in places]
+    np.testing.assert_allclose(reverse, forward.sum(axis=0), rtol=1e-6, atol=1e-10)
 
 
-def test_errors(predict):
-    with pytest.raises(ValueError, match=r"values.*dictionary with .*'start', 'stiffness'"):
-        predict({"stiffness": 100.0})
-    with pytest.raises(ValueError, match=r"values\['start'\].*shapes"):
-        predict({"stiffness": 100.0, "start": np.zeros(3)})
-    with pytest.raises(ValueError, match="stiffness"):
-        predict({"stiffness": np.nan, "start": 0.1})
-    scene, state = on_spring()
-    with pytest.raises(ValueError, match=r"paths.*not empty"):
-        cj.predictor(scene, state, 0.3, {}, POSITION, TIMES)
-    with pytest.raises(ValueError, match=r"paths\['k'\].*a function"):
-        cj.predictor(scene, state, 0.3, {"k": 3.0}, POSITION, TIMES)
-    with pytest.raises(ValueError, match="stiffnes"):
-        path = {"k": lambda s: s.forces["spring"].stiffnes}
-        cj.predictor(scene, state, 0.3, path, POSITION, TIMES)
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"stiffness": 100.0}, r"values.*dictionary with .*'start', 'stiffness'"),
+        ({"stiffness": 100.0, "start": np.zeros(3)}, r"values\['start'\].*shapes"),
+        ({"stiffness": np.nan, "start": 0.1}, "stiffness"),
+    ],
+)
+def test_wrong_values_are_refused(predict, values, message):
+    with pytest.raises(ValueError, match=message):
+        predict(values)
 
 
-def test_a_run_that_fails_raises_what_simulate_raises():
+@pytest.mark.parametrize(
+    ("paths", "outputs", "times", "message"),
+    [
+        ({}, POSITION, TIMES, r"paths.*not empty"),
+        ({"k": 3.0}, POSITION, TIMES, r"paths\['k'\].*a function"),
+        ({"k": lambda s: s.forces["spring"].stiffnes}, POSITION, TIMES, "stiffnes"),
+        (STIFFNESS, POSITION, None, r"times.*\['x', 'v'\]"),
+        (STIFFNESS, {"lost": cj.DissipatedEnergy()}, None, "ledger"),
+        (
+            STIFFNESS,
+            {"x": cj.Quantiles(POSITION["x"], "m", [-1.0, 1.0])},
+            None,
+            r"outputs\['x'\].*with derivatives in reverse mode",
+        ),
+    ],
+)
+def test_wrong_paths_and_outputs_are_refused(paths, outputs, times, message):
+    with pytest.raises(ValueError, match=message):
+        cj.predictor(*on_spring(), 0.3, paths, outputs, times)
+
+
+@pytest.fixture(scope="module")
+def short():
+    """A predictor whose runs reach their limit of steps."""
     few = replace(SETTINGS, max_steps=5)
-    paths = {"k": lambda s: s.forces["spring"].stiffness}
-    short = cj.predictor(*on_spring(), 0.3, paths, POSITION, TIMES, few)
-    with pytest.raises(cj.SimulationError, match="step limit was reached"):
-        short(short.values)
+    return cj.predictor(*on_spring(), 0.3, STIFFNESS, POSITION, TIMES, few)
+
+
+def test_a_run_that_fails_raises_what_simulate_raises(short):
     with pytest.raises(cj.SimulationError, match="step limit was reached"):
         jax.grad(lambda values: jnp.sum(short(values)["x"]))(short.values)
     with pytest.raises(RuntimeError, match="step limit was reached"):
         jax.jit(short)(short.values)
+    with pytest.raises(cj.SimulationError, match="step limit was reached") as failed:
+        short(short.values)
+    # The state that it reached.
+    reached = failed.value.solution
+    assert 0.0 < reached.time < 0.3 and int(reached.attempts) == 5
+    expected = 0.1 * np.cos(10.0 * reached.time)
+    assert reached.final.bodies["ball"].position[0] == pytest.approx(expected, rel=1e-6)
 
 
 def misfit(outputs):
@@ -552,26 +545,16 @@ def test_minimise_by_integrals_in_reverse_mode():
 @pytest.mark.slow
 def test_minimise_trains_a_network():
     scene, state = with_network(0)
-    paths = {"network": lambda scene: scene.forces["network"].network}
+    paths = {"network": network_of}
     found = cj.minimise(scene, state, misfit, paths, POSITION, TIMES, SETTINGS, iterations=20)
     assert found.coordinates.shape == (17,)
     assert found.objective < 0.05 * found.history[0]
     assert found.estimates["network"].layers[0].weight.shape == (4, 2)
 
 
-def test_a_run_that_fails_is_nan_for_line_searches():
-    few = replace(SETTINGS, max_steps=5)
-    paths = {"k": lambda s: s.forces["spring"].stiffness}
-    short = cj.predictor(*on_spring(), 0.3, paths, POSITION, TIMES, few)
+def test_a_run_that_fails_is_nan_for_line_searches(short):
     outputs = jax.jit(short.or_nan)(short.values)
     assert all(bool(jnp.isnan(row).all()) for row in outputs.values())
-    with pytest.raises(cj.SimulationError) as failed:
-        short(short.values)
-    # The state that it reached.
-    reached = failed.value.solution
-    assert 0.0 < reached.time < 0.3 and int(reached.attempts) == 5
-    expected = 0.1 * np.cos(10.0 * reached.time)
-    assert reached.final.bodies["ball"].position[0] == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.slow

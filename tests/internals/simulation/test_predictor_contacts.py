@@ -8,6 +8,7 @@ import pytest
 
 import clearjoint as cj
 from tests.internals.simulation.test_predictor import SETTINGS, difference_from_forward_mode
+from tests.support.one_body import bearing, one_body
 
 
 class Case(NamedTuple):
@@ -45,12 +46,7 @@ def between_shoulders() -> Case:
     law = cj.laws.LankaraniNikravesh(restitution=0.6, stiffness=1e9)
     face = cj.EndPlay(2e-4, law, cj.frictions.RegularisedCoulomb(0.15, 1e-2), 12e-3)
     friction = cj.frictions.RegularisedCoulomb(0.1, 1e-2)
-    pin = cj.ClearanceJoint(
-        "ground", "rotor", bearing_radius=10e-3, clearance=1e-4, journal_length=20e-3, law=law,
-        friction=friction, axial=face,
-    )  # fmt: skip
-    bodies = {"rotor": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}
-    thrown = cj.body_state((0.0, 0.0, 0.0), velocity=(0.02, 0.0, 0.1), spin=(0.0, 0.0, 20.0))
+    pin = bearing(law, "rotor", clearance=1e-4, friction=friction, axial=face)
     parameters = {
         "play": logarithm(lambda s: s.joints["pin"].axial.play),
         "radius": logarithm(lambda s: s.joints["pin"].axial.radius),
@@ -59,8 +55,9 @@ def between_shoulders() -> Case:
         "mass": logarithm(lambda s: s.bodies["rotor"].mass),
         "speed": cj.Parameter.initial(lambda s: s.bodies["rotor"].velocity[2]),
     }
-    scene = cj.Scene(bodies, {"pin": pin}, gravity=(0.0, -9.81, 1.0))
-    return Case(scene, cj.State({"rotor": thrown}), 0.03, 11, "rotor", parameters)
+    thrown = {"velocity": (0.02, 0.0, 0.1), "spin": (0.0, 0.0, 20.0)}
+    body = {"inertia": (1e-3,) * 3, "gravity": (0.0, -9.81, 1.0)}
+    return Case(*one_body("rotor", {"pin": pin}, **body, **thrown), 0.03, 11, "rotor", parameters)
 
 
 def with_two_plays(end: float, impacts: int) -> Case:
@@ -99,8 +96,6 @@ def onsets(case: Case) -> int:
 @pytest.mark.parametrize("name", CASES)
 def test_gradients_across_impacts_are_those_of_forward_mode(name):
     case = CASES[name]()
-    assert onsets(case) == case.impacts
-    assert (
-        difference_from_forward_mode(case.scene, case.state, case.end, case.body, case.parameters)
-        < 1e-6
-    )
+    scene, state, end, impacts, *chosen = case
+    assert onsets(case) == impacts
+    assert difference_from_forward_mode(scene, state, end, *chosen) < 1e-6

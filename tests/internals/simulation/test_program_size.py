@@ -22,6 +22,7 @@ from clearjoint._simulation.step.method import Scheme
 from clearjoint._simulation.step.step_state import Variables
 from clearjoint._simulation.step.stepping import MANY_OPERATIONS, shapes_of
 from clearjoint._simulation.step.trial_step import rates_of
+from tests.support.one_body import ORIGIN, Z, hinge
 
 SPAN = (0.0, 1.0, 1e-6)
 
@@ -29,12 +30,12 @@ SPAN = (0.0, 1.0, 1e-6)
 def _chain(rods):
     """Rods in a row along X with hinges about Z and Y alternately."""
     bodies, joints, states = {}, {}, {}
-    before, end = "ground", (0.0, 0.0, 0.0)
+    before, end = "ground", ORIGIN
     for k in range(rods):
-        name, axis = f"rod {k}", ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0))[k % 2]
+        name, axis = f"rod {k}", (Z, (0.0, 1.0, 0.0))[k % 2]
         bodies[name] = cj.Body(1.0, (1e-4, 3e-3, 3e-3))
         states[name] = cj.body_state(((k + 0.5) * 0.2, 0.0, 0.0))
-        joints[f"hinge {k}"] = cj.RevoluteJoint(before, name, end, (-0.1, 0.0, 0.0), axis, axis)
+        joints[f"hinge {k}"] = hinge(before, name, end, (-0.1, 0.0, 0.0), axis)
         before, end = name, (0.1, 0.0, 0.0)
     return cj.Scene(bodies, joints, gravity=(0.0, -9.81, 0.0)), cj.State(states)
 
@@ -42,12 +43,8 @@ def _chain(rods):
 def _begun(scene, state):
     """Trace the start of a run, before anything is compiled."""
     scheme, form = derivative_scheme(scene, state, cj.presets.derivatives), fold_constants(scene)
-    eqx.filter_eval_shape(
-        lambda form, state, *span: begin(scheme, form, state, *span, {})[0].t,
-        form,
-        state,
-        *SPAN,
-    )
+    starting = lambda form, state, *span: begin(scheme, form, state, *span, {})[0].t  # noqa: E731
+    eqx.filter_eval_shape(starting, form, state, *SPAN)
 
 
 def _begun_with_derivatives(scene, state):

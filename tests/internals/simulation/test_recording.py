@@ -106,15 +106,16 @@ def test_a_run_with_more_impacts_than_the_capacity_is_repeated(monkeypatch):
     assert rooms == [2, 16, 128] and most(found.records["impacts"]) == 20
 
 
+def at(t: float) -> ContactInstant:
+    """A contact whose depth is a parabola, 1e-6 m at 0.2 ms."""
+    depth = 1e-6 - (t - 0.2e-3) ** 2 * 100.0
+    gap = cj.extend.Gap(jnp.asarray(depth), jnp.asarray(-200.0 * (t - 0.2e-3)))
+    return ContactInstant(gap, jnp.asarray(-200.0), None)
+
+
 def test_a_step_past_the_end_of_a_contact_has_its_peak_and_its_end():
-    """The depth is a parabola; steps without landing end anywhere."""
+    """Steps without landing end anywhere."""
     law, length = cj.laws.Hertz(1e9), 0.3e-3
-
-    def at(t: float) -> ContactInstant:
-        depth = 1e-6 - (t - 0.2e-3) ** 2 * 100.0
-        gap = cj.extend.Gap(jnp.asarray(depth), jnp.asarray(-200.0 * (t - 0.2e-3)))
-        return ContactInstant(gap, jnp.asarray(-200.0), None)
-
     start, end = at(0.11e-3), at(0.11e-3 + length)
     force, depth = peak_in_step(law, start, end, length)
     assert float(depth) == pytest.approx(1e-6, rel=1e-9)
@@ -127,12 +128,6 @@ def test_a_step_past_the_end_of_a_contact_has_its_peak_and_its_end():
 def test_onset_and_peak_of_a_contact_that_begins_inside_a_step_are_those_in_the_step():
     """Steps without landing: the contact recedes when its first step ends, and has had its peak."""
     law, t0, t1, onset = cj.laws.Hertz(1e9), 0.05e-3, 0.28e-3, 0.1e-3
-
-    def at(t: float) -> ContactInstant:
-        depth = 1e-6 - (t - 0.2e-3) ** 2 * 100.0
-        gap = cj.extend.Gap(jnp.asarray(depth), jnp.asarray(-200.0 * (t - 0.2e-3)))
-        return ContactInstant(gap, jnp.asarray(-200.0), None)
-
     contact = ContactSoFar(at(t0), jnp.asarray(False), NO_IMPACT)
     contact, _, _ = contact.after(law, t0, t1, at(t1), lands=False)
     contact, over, row = contact.after(law, t1, 0.35e-3, at(0.35e-3), lands=False)
@@ -171,6 +166,8 @@ def test_a_contact_touches_beyond_the_onset_of_its_force_or_with_an_entry_speed(
         for speed in (0.0, 0.1):
             instant = ContactInstant(gap, jnp.zeros(()), jnp.asarray(speed))
             assert bool(instant.touches(law)) == (speed > 0.0)
+    at_the_wall = ContactInstant(cj.extend.Gap(0.0, 0.1), jnp.zeros(()), None)
+    assert not bool(at_the_wall.touches(cj.laws.Hertz(1e9)))
 
 
 @pytest.mark.slow
@@ -181,5 +178,4 @@ def test_states_saved_at_the_end_of_a_step_are_those_of_the_step():
     saved = cj.simulate(scene, state, 0.1, save=cj.Saving(times), progress=False).saved
     of_steps = jax.tree.map(lambda leaf: np.asarray(leaf)[1:-1], steps.states)
     assert max(leaf.max() for leaf in jax.tree.leaves(of_steps.entry_speeds)) > 0.0
-    for one, other in zip(jax.tree.leaves(saved.states), jax.tree.leaves(of_steps), strict=True):
-        np.testing.assert_array_equal(one, other)
+    jax.tree.map(np.testing.assert_array_equal, saved.states, of_steps)

@@ -1,9 +1,5 @@
 """Work of Python before a run: none of it grows faster than the mechanism or is traced again."""
 
-import cProfile
-import pstats
-import sys
-
 import jax
 import numpy as np
 import pytest
@@ -17,18 +13,12 @@ from clearjoint._native.functions import FlatArguments, folded
 from clearjoint._simulation.run.run_checks import check_structure
 from clearjoint.extend import unpack
 from studies.benchmark.backlash_chain import chain
+from tests.support.one_body import ORIGIN, Z, hinge, one_body
+from tests.support.profiling import assert_linear, calls, frames
 
-Z, ORIGIN = (0, 0, 1), (0, 0, 0)
 JOINT = cj.JointCoordinates()
 FAST, MANY = 12, 200
 SIZES = [pytest.param(FAST), pytest.param(MANY, marks=pytest.mark.slow)]
-
-
-def calls(function) -> int:
-    """How many functions Python calls in a call of a function."""
-    profile = cProfile.Profile()
-    profile.runcall(function)
-    return pstats.Stats(profile).total_calls  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def four_bars(count: int) -> tuple[cj.Scene, cj.State]:
@@ -47,7 +37,7 @@ def four_bars(count: int) -> tuple[cj.Scene, cj.State]:
             ("c", coupler, rocker, right, high),
             ("d", "ground", rocker, (2 * k + 1, 0, 0), low),
         ):
-            joints[f"{label} {k}"] = cj.RevoluteJoint(*pair, Z, Z)
+            joints[f"{label} {k}"] = hinge(*pair)
     return cj.Scene(bodies, joints), cj.State(states)
 
 
@@ -62,14 +52,12 @@ def test_checks_of_a_start_grow_linearly(mechanism):
 
         check()  # the first one traces
         counts.append(calls(check))
-    first, second = np.diff(counts)
-    assert second < 2.2 * first, counts
+    assert_linear(counts)
 
 
 def test_repeated_calls_trace_nothing(monkeypatch):
-    hinge = cj.RevoluteJoint("ground", "rod", ORIGIN, (-0.5, 0, 0), Z, Z)
-    scene = cj.Scene({"rod": cj.Body(1.0, (0.1, 0.1, 0.1))}, {"hinge": hinge})
-    state = cj.State({"rod": cj.body_state((0.5, 0, 0))})
+    joint = {"hinge": hinge("ground", "rod", point_second=(-0.5, 0, 0))}
+    scene, state = one_body("rod", joint, inertia=(0.1,) * 3, position=(0.5, 0, 0))
     traces = []
 
     def counted(name):
@@ -98,25 +86,8 @@ def test_a_repeated_call_grows_linearly_and_little():
         for _ in range(10):  # native code checks the last of these starts
             call()
         counts.append(frames(call))
-    first, second = np.diff(counts)
-    assert second < 2.2 * first, counts
-    assert first < 60, counts
-
-
-def frames(function) -> int:
-    """How many functions written in Python are called in a call of a function."""
-    count = 0
-
-    def counted(frame, event, argument):
-        nonlocal count
-        count += event == "call"
-
-    sys.setprofile(counted)
-    try:
-        function()
-    finally:
-        sys.setprofile(None)
-    return count
+    assert_linear(counts)
+    assert counts[1] - counts[0] < 60, counts
 
 
 def test_flattening_and_folding_call_python_for_no_array():
@@ -161,7 +132,7 @@ def random_scene(random: np.random.Generator) -> cj.Scene:
     letters = random.permutation(list("abcdefghijklmnopqrstuvwxyz"))
     names = ["ground", *letters[:count].tolist()]
     kinds = [
-        lambda *pair: cj.RevoluteJoint(*pair, ORIGIN, ORIGIN, Z, Z),
+        hinge,
         lambda *pair: cj.SphericalJoint(*pair, ORIGIN, ORIGIN),
         lambda *pair: cj.DistanceJoint(*pair, ORIGIN, (1.0, 0, 0), length=1.0),
         lambda *pair: cj.InlineJoint(*pair, ORIGIN, ORIGIN, Z),

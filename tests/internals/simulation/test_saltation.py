@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import pytest
 
 import clearjoint as cj
+from clearjoint._dynamics.contact_events import ContactGap
 from clearjoint._simulation.step.discontinuities import compares_time
-from clearjoint._simulation.step.saltation import _mean_force
+from clearjoint._simulation.step.saltation import _changes, _contact_time, _mean_force
 from clearjoint.extend import ZERO, Contact, Vector, Wrench
 from tests.support.planes import Plane
 
@@ -56,6 +57,42 @@ def test_the_mean_force_from_an_event_to_the_end_of_the_step(jumps, inside, past
     assert mean(1e-3) == pytest.approx(inside, rel=1e-12)
     if past is not None:
         assert mean(-1e-3) == pytest.approx(past, rel=1e-12)
+
+
+@pytest.mark.parametrize(("speed", "damping"), [(0.0, 0.75), (0.4, 0.75 / 4.0)])
+def test_the_mean_force_of_a_contact_that_begins_has_its_present_rate_as_entry_speed(
+    speed, damping
+):
+    """K d (1 + 1.5 (1 - c) d'/v0) by Hunt and Crossley, with d' = 0.1 m/s."""
+    law = cj.laws.HuntCrossley(0.5, 1e6, exponent=1.0)
+    plane = Plane("ball", ((0.0, 0.0, 0.0),), (1.0, 0.0, 0.0), 0.0, law)
+    gap = cj.extend.Gap(1e-4, 0.1)
+    contact = Contact(gap, Vector(1.0, 0.0, 0.0), ZERO, ZERO, None)
+    mean = _mean_force(plane, "point 0", contact, jnp.asarray(speed), {}, {})
+    assert float(mean.normal_force) == pytest.approx(0.5 * 100.0 * (1.0 + damping), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "rate", "time", "slope"),
+    [
+        (-1e-3, 2e-4, 0.1, 2e-3, 10.0),  # an onset
+        (1e-3, -2e-4, -0.1, -2e-3, 10.0),  # an end
+        (0.0, 2e-4, 0.1, 2e-3, 10.0),
+        (1e-3, 0.0, -0.1, 0.0, 10.0),
+        (-1e-3, -2e-4, 0.0, 0.0, 0.0),
+        (1e-3, 2e-4, -0.1, 0.0, 0.0),
+        (-1e-3, 2e-4, 0.0, 0.0, 0.0),
+    ],
+)
+def test_a_contact_lacks_its_force_since_the_onset_and_has_it_too_long_after_the_end(
+    before, after, rate, time, slope
+):
+    def gap(depth):
+        return ContactGap(jnp.asarray(depth), jnp.asarray(rate))
+
+    of_depth = jax.value_and_grad(lambda depth: _contact_time(gap(before), gap(depth)))
+    assert [float(x) for x in of_depth(after)] == pytest.approx([time, slope], rel=1e-12)
+    assert bool(_changes(gap(before), gap(after))) == (slope != 0.0 or rate == time == 0.0 < after)
 
 
 class Varying(cj.extend.AbstractForce):

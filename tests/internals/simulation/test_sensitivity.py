@@ -1,6 +1,7 @@
 """Sensitivities against an event-exact solver in quadruple precision, and closed forms."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -11,8 +12,9 @@ import clearjoint as cj
 from clearjoint._parametrisation.parameter import coordinates_of
 from clearjoint._parametrisation.parametrised_scene import parametrised
 from clearjoint._simulation.run import sampling
+from clearjoint._simulation.run.recorders import TangentPeakRecorder
 from clearjoint._simulation.run.run_checks import derivative_scheme
-from clearjoint._simulation.run.sampling import sampled
+from clearjoint._simulation.run.sampling import _amplification, sampled
 from clearjoint._simulation.run.sensitivities import _growth_of_derivatives
 from tests.support.oscillator import on_spring
 from tests.support.programs import body_of, primitives
@@ -48,6 +50,9 @@ ENTRIES = {
     ("W", 5): [-9.181802553e-3, -1.168291211e-2, 8.115270544e-2],
 }
 """To log clearance, log stiffness and restitution, by the reference's README."""
+SPRING = on_spring("mass", 50.0, 2.0, 0.3)
+BY_STIFFNESS = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
+X = {"x": Q.Position("mass", "x")}
 
 
 def _during(folder, base, number):
@@ -70,14 +75,8 @@ def test_sensitivities_are_those_of_the_event_exact_solver(
 ):
     middles = {contact: _during(reference_folder, *contact) for contact in ENTRIES}
     times = np.union1d(TIMES, list(middles.values()))
-    found = cj.sensitivities(
-        *cj.mechanisms.double_pendulum(),
-        0.1,
-        PARAMETERS,
-        OUTPUTS,
-        times,
-        settings,
-    )
+    pendulum = cj.mechanisms.double_pendulum()
+    found = cj.sensitivities(*pendulum, 0.1, PARAMETERS, OUTPUTS, times, settings)
     position = found.derivatives["y"][np.searchsorted(times, TIMES)]
     np.testing.assert_allclose(position, POSITION, rtol=accuracy)
     for contact, expected in ENTRIES.items():
@@ -94,6 +93,18 @@ def test_derivatives_take_few_more_steps_than_the_motion_alone():
         assert found.attempts < more * plain.attempts
 
 
+def sampling_loop(scene, state, parameters, outputs, times):
+    """The loop of a program of derivatives that looks at the outputs at each of the times."""
+    values = jnp.asarray(coordinates_of(scene, state, parameters))
+    family = parametrised(scene, state, parameters, values)
+    scheme = derivative_scheme(scene, state, cj.presets.derivatives)
+
+    def program(times, *span):
+        return sampled(scheme, family, outputs, times, *span, 1000).derivatives
+
+    return body_of(jax.make_jaxpr(program)(jnp.zeros(times), 0.0, 0.1, 1e-7), "scan")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 2])
 def test_what_outputs_read_is_arithmetic_without_loops(count):
@@ -101,20 +112,13 @@ def test_what_outputs_read_is_arithmetic_without_loops(count):
     use: a single one among the variables made an acceleration's program five times as large."""
     scene, state = cj.mechanisms.double_pendulum()
     parameters = dict(list(PARAMETERS.items())[:count])
-    values = jnp.asarray(coordinates_of(scene, state, parameters))
-    family = parametrised(scene, state, parameters, values)
     outputs = {
         "acceleration": Q.PointAcceleration("arm 2", (0.3, 0.0, 0.0), "y"),
         "reaction": Q.Reaction("elbow", "arm 3"),
         "contact": Q.ContactForce(JOINT),
         **OUTPUTS,
     }
-    scheme = derivative_scheme(scene, state, cj.presets.derivatives)
-
-    def program(times, *span):
-        return sampled(scheme, family, outputs, times, *span, 1000).derivatives
-
-    sampling = body_of(jax.make_jaxpr(program)(jnp.zeros(3), 0.0, 0.1, 1e-7), "scan")
+    sampling = sampling_loop(scene, state, parameters, outputs, 3)
     found = primitives(sampling, beside=("while",))
     assert found["mul"] > 1000
     loops = ("reduce", "arg", "cum", "concatenate", "pad", "dot_general", "scatter", "sort")
@@ -123,23 +127,20 @@ def test_what_outputs_read_is_arithmetic_without_loops(count):
 
 def test_closed_forms_of_an_oscillator():
     """x = x0 cos(w t) + v0/w sin(w t), w = sqrt(k/m), on all scales and by all ways of varying."""
-    kicked = cj.Parameter.change(
-        lambda scene, state, value: (
-            scene,
-            cj.set_value(state, lambda s: s.bodies["mass"].velocity[0], value),
-        ),
-        0.0,
-    )
+
+    def kick(scene, state, value):
+        return scene, cj.set_value(state, lambda s: s.bodies["mass"].velocity[0], value)
+
     found = cj.sensitivities(
-        *on_spring("mass", 50.0, 2.0, 0.3),
+        *SPRING,
         1.5,
         {
-            "k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log()),
+            **BY_STIFFNESS,
             "m": cj.Parameter(lambda s: s.bodies["mass"].mass, cj.Bounded(1.0, 5.0)),
             "x0": cj.Parameter.initial(lambda s: s.bodies["mass"].position[0], cj.Linear(0.1)),
-            "v0": kicked,
+            "v0": cj.Parameter.change(kick, 0.0),
         },
-        {"x": Q.Position("mass", "x")},
+        X,
         [0.0, 0.4, 1.5],
         replace(cj.presets.derivatives, rtol=1e-10),
     )
@@ -156,36 +157,44 @@ def test_closed_forms_of_an_oscillator():
 def test_many_times_are_looked_at_in_blocks():
     """A loop copies at every turn what it has written so far, so that 4096 rows of one loop took
     ten times as long as their run. What is seen is the same."""
-    parameters = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
     times = np.linspace(0.0, 1.5, 301)
-    arguments = on_spring("mass", 50.0, 2.0, 0.3), parameters, {"x": Q.Position("mass", "x")}
     many, few = (
-        cj.sensitivities(*arguments[0], 1.5, *arguments[1:], times[::step_outcome])
-        for step_outcome in (1, 10)
+        cj.sensitivities(*SPRING, 1.5, BY_STIFFNESS, X, times[::every]) for every in (1, 10)
     )
     for name in ("outputs", "derivatives"):
         all_rows, some = getattr(many, name)["x"], getattr(few, name)["x"]
         np.testing.assert_allclose(all_rows[::10], some, rtol=1e-12, atol=1e-15)
-    scene, state = arguments[0]
-    values = jnp.asarray(coordinates_of(scene, state, parameters))
-    family = parametrised(scene, state, parameters, values)
-    scheme = derivative_scheme(scene, state, cj.presets.derivatives)
-
-    def program(times, *span):
-        return sampled(scheme, family, arguments[2], times, *span, 1000).derivatives
-
-    blocks = body_of(jax.make_jaxpr(program)(jnp.zeros(512), 0.0, 0.1, 1e-7), "scan")
+    blocks = sampling_loop(*SPRING, BY_STIFFNESS, X, 512)
     lengths = [eqn.params["length"] for eqn in blocks.eqns if eqn.primitive.name == "scan"]
     assert lengths == [64]
 
 
+def test_amplification_is_the_peak_times_the_time_since_over_the_positions_since():
+    """By x0, the speed -x0 w sin(w t) has its largest derivative, w, after a quarter period. Until
+    half a period, the largest derivative of the position cos(w t) since then is 1. The second
+    parameter has no effect."""
+
+    def with_speeds(positions, speeds):
+        return {"x": positions["x"], "v": speeds["v"]}
+
+    def at(angle):
+        motion = {"x": np.array([np.cos(angle), 0.0]), "v": np.array([-5.0 * np.sin(angle), 0.0])}
+        tangents = SimpleNamespace(y=SimpleNamespace(motion=motion))
+        return SimpleNamespace(t=angle / 5.0, tangents=tangents)
+
+    recorder, system = TangentPeakRecorder(), SimpleNamespace(with_speeds=with_speeds)
+    first, *steps = (at(k * np.pi / 8.0) for k in range(9))
+    peak = recorder.start(SimpleNamespace(loop=SimpleNamespace(system=system), step=first))
+    for step in steps:
+        peak = recorder.after(peak, SimpleNamespace(system=system, after=step))
+    np.testing.assert_allclose(peak.time, [0.1 * np.pi, 0.0], rtol=1e-12)
+    np.testing.assert_allclose(_amplification(steps[-1], peak), [0.5 * np.pi, 0.0], rtol=1e-12)
+
+
 def test_a_run_that_fails_keeps_what_it_reached():
     settings = replace(cj.presets.derivatives, max_steps=40)
-    parameters = {"k": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
-    outputs, oscillator = {"x": Q.Position("mass", "x")}, on_spring("mass", 50.0, 2.0, 0.3)
-    arguments = (*oscillator, 1.5, parameters, outputs, [0.001, 1.5])
     with pytest.raises(cj.SimulationError, match="step limit") as raised:
-        cj.sensitivities(*arguments, settings)
+        cj.sensitivities(*SPRING, 1.5, BY_STIFFNESS, X, [0.001, 1.5], settings)
     found = raised.value.solution
     assert found.result == cj.RESULTS.max_steps_reached
     assert found.times.tolist() == [0.001]

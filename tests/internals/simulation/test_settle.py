@@ -12,8 +12,8 @@ from clearjoint import quantities as q
 from clearjoint._simulation.run import settle
 from clearjoint._simulation.run.settle import Strobe, columns, section_strobe, stillness, strobe_of
 from clearjoint.extend import Formulation
+from tests.support.one_body import Z, hinge, one_body
 
-ORIGIN, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 GRAVITY = 9.81
 
 
@@ -38,6 +38,13 @@ def test_chaos_has_no_period_and_settled_statistics_and_a_drift_has_neither():
     assert drift.multiple(8, 1e-3) is None and not drift.statistics_settled()
     slow = Strobe(1.0 + np.exp(-0.01 * np.arange(600.0))[:, None], np.ones(1))
     assert slow.multiple(8, 1e-5) is None and slow.multiple(8, 1e-3) == 1
+
+
+@pytest.mark.parametrize("kind", Settling)
+def test_a_motion_has_settled_unless_it_has_not_or_its_run_failed(kind):
+    state, none = cj.State({}), np.zeros(0)
+    settled = settle.Settled(kind, state, 1.0, 0.0, 10, None, None, none, cj.RESULTS.successful)
+    assert settled.settled == (kind.name in ("PERIODIC", "STEADY", "STATIONARY"))
 
 
 def test_two_equal_periods_are_no_proof():
@@ -88,11 +95,11 @@ MISTAKEN = {
     "a period in a text": ({"period": "1 s"}, "`period` must be a number"),
     "a span of no section": ({"period": 1.0, "span": 1.0}, "`span` must be None beside a period"),
     "a quantity for a section": (
-        {"section": q.Angle("arm", AXIS), "span": 1.0},
+        {"section": q.Angle("arm", Z), "span": 1.0},
         "`section` must be a Section, but is 'Angle'",
     ),
     "a section without its span": (
-        {"section": cj.Section(q.Angle("arm", AXIS), {"x": (q.Position("arm", "x"), "m")}, 9)},
+        {"section": cj.Section(q.Angle("arm", Z), {"x": (q.Position("arm", "x"), "m")}, 9)},
         "`span` must be given with a section",
     ),
     "no periods": ({"period": 1.0, "periods": 0}, "`periods` must be a whole number"),
@@ -149,17 +156,19 @@ def test_an_interrupted_search_returns_all_runs_so_far(monkeypatch):
 
 def pendulum(*dampers):
     """A thin rod of 1 m on a hinge, and a state in which it is let go at 1 rad."""
-    hinge = cj.RevoluteJoint("ground", "rod", ORIGIN, (0.0, 0.5, 0.0), AXIS, AXIS)
     forces = {
-        str(k): cj.TorsionalSpring("ground", "rod", AXIS, stiffness=0.0, damping=damping)
+        str(k): cj.TorsionalSpring("ground", "rod", Z, stiffness=0.0, damping=damping)
         for k, damping in enumerate(dampers)
     }
-    scene = cj.Scene(
-        {"rod": cj.Body(1.0, (1 / 12, 1e-3, 1 / 12))}, {"hinge": hinge}, forces, (0, -GRAVITY, 0)
+    return one_body(
+        "rod",
+        {"hinge": hinge("ground", "rod", point_second=(0.0, 0.5, 0.0))},
+        forces,
+        inertia=(1 / 12, 1e-3, 1 / 12),
+        gravity=(0, -GRAVITY, 0),
+        position=(0.5 * math.sin(1.0), -0.5 * math.cos(1.0), 0.0),
+        orientation=(math.cos(0.5), 0.0, 0.0, math.sin(0.5)),
     )
-    turn = (math.cos(0.5), 0.0, 0.0, math.sin(0.5))
-    place = (0.5 * math.sin(1.0), -0.5 * math.cos(1.0), 0.0)
-    return scene, cj.State({"rod": cj.body_state(place, turn)})
 
 
 PASSAGE = cj.Section(q.Position("rod", "x"), {"speed": (q.Velocity("rod", "x"), "m/s")}, count=1)

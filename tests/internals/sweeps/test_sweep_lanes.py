@@ -5,6 +5,7 @@ import time
 import numpy as np
 import pytest
 
+from clearjoint._native.cells import Cells
 from clearjoint._simulation.lanes import scheduler, xla_lanes
 from clearjoint._sweeps.work import Work
 from tests.support.rotor import swept
@@ -40,6 +41,51 @@ def by_xla(monkeypatch):
     """Lanes in programs of XLA of four columns, some of which are refilled."""
     monkeypatch.setenv("CLEARJOINT_NATIVE", "0")
     monkeypatch.setattr(xla_lanes, "ON_CPU", SMALL_WIDTH)
+
+
+def test_a_loop_by_xla_advances_its_lanes_until_they_wait(by_xla):
+    """Three lanes add 4 times their factors 700 times; the column without a lane cannot move, but
+    does not count as waiting."""
+
+    def turn(by, own, state):
+        (end, factor), (count, total) = own, state
+        goes = count < end
+        return count + goes, total + goes * by * factor
+
+    def status(by, own, state):
+        (end, factor), (count, total) = own, state
+        return {"moves": count < end, "count": count, "mean": total / (by * factor)}
+
+    by, own, state = (
+        np.asarray(4.0),
+        (np.asarray(700), np.asarray(0.5)),
+        (np.asarray(0), np.ones(())),
+    )
+    loop = xla_lanes.XlaLaneLoop(turn, status, by, own, state)
+    columns, factors = loop.columns(by), np.array([0.5, 0.25, -2.0])
+    for k, factor in enumerate(factors):
+        loop.write_lane(columns, k, Cells(own).row((700, factor)), Cells(state).row((0, 0.0)))
+    assert [loop.run(columns) for _ in range(3)] == [256, 256, 188]
+    shown = {name: numbers[:3].tolist() for name, numbers in loop.status_of(columns).items()}
+    assert shown == {"moves": [0, 0, 0], "count": [700] * 3, "mean": [700.0] * 3}
+    for k, factor in enumerate(factors):
+        assert Cells(state).tree(columns.floats[loop.state_cells, k]) == (700, 2800.0 * factor)
+    assert columns.integers[loop.occupied].tolist() == [1, 1, 1, 0]
+
+
+def test_a_function_by_xla_has_as_many_results_as_rows(by_xla):
+    def function(by, first, second):
+        return {"dot": by * first @ second[0], "count": second[1] + 1}
+
+    first, second = np.arange(3.0), (np.ones(3), np.asarray(0))
+    compiled = xla_lanes.XlaFunction(function, np.asarray(2.0), first, second)
+    random = np.random.default_rng(4)
+    a, b, counts = random.normal(size=(6, 3)), random.normal(size=(6, 3)), np.arange(6)
+    rows = np.concatenate([Cells(first).rows(a), Cells(second).rows((b, counts))], axis=1)
+    found = compiled.results.trees(compiled(rows))
+    np.testing.assert_allclose(found["dot"], 2.0 * np.sum(a * b, axis=1), rtol=1e-12)
+    np.testing.assert_array_equal(found["count"], counts + 1)
+    assert compiled(rows[:0]).shape == (0, 2)
 
 
 @pytest.mark.slow
