@@ -506,7 +506,7 @@ def test_bristles_between_faces_that_resist_rotation_are_refused():
 
 SERVO = cj.Servo(FIRST, SECOND, (1.0, 2.0, 3.0), 2.0, 100.0, 5.0, 0.3, delay=0.01)
 FORCES = elements_of(cj.extend.AbstractForce) | {"servo without limits": SERVO}
-FAST = "load", "spring", "motor", "servo", "servo without limits"
+FAST = "load", "spring", "torsional spring", "motor", "servo", "servo without limits"
 
 
 @pytest.mark.parametrize("name", slow_but(FAST, FORCES))

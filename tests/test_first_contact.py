@@ -285,6 +285,17 @@ def test_supported_bodies_cause_no_warning():
             make()
 
 
+def test_a_drive_needs_joints_from_one_of_its_bodies_to_the_other():
+    """Beside other joints too: those of two mechanisms do not hold a drive between them."""
+    ankle = cj.SphericalJoint("leg", "foot", ORIGIN, ORIGIN)
+    bodies, joints = dict.fromkeys(("arm", "leg", "foot"), BODY), {"pin": HINGE, "ankle": ankle}
+    with warnings.catch_warnings(action="error"):
+        scene(bodies=bodies, joints=joints | {"motor": MOTOR})
+    between = cj.PrescribedRotation("arm", "leg", AXIS, 10.0)
+    with pytest.warns(cj.LooseBodyWarning, match="'motor'.*no joint holds"):
+        scene(bodies=bodies, joints=joints | {"motor": between})
+
+
 @pytest.mark.slow
 def test_plot_and_testing_are_attributes_of_the_package():
     program = "import clearjoint as cj; cj.testing.check_law; cj.plot.report; cj.nothing"

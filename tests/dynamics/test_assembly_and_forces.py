@@ -98,9 +98,19 @@ def test_axial_policies_hold_the_journal_as_declared(axial, least, most):
     assert least <= slide <= most
 
 
-@pytest.mark.parametrize(("shift", "violated"), [(0.0, False), (2e-3, True), (np.nan, True)])
-def test_a_violation_that_is_not_a_number_counts_as_violated(shift, violated):
-    scene, state = cj.mechanisms.four_bar()
+@pytest.mark.parametrize(
+    ("shift", "clearance", "violated"),
+    [
+        (0.0, {}, False),
+        (0.8e-3, {}, False),
+        (0.8e-3, {"rocker foot": 0.9e-3}, False),
+        (0.8e-3, {"rocker foot": 0.7e-3, "rocker pin": 0.9e-3}, True),
+        (2e-3, {}, True),
+        (np.nan, {}, True),
+    ],
+)
+def test_a_violation_of_a_millimetre_or_a_clearance_or_nan_counts(shift, clearance, violated):
+    scene, state = cj.mechanisms.four_bar(clearance)
     system = System(unpack(scene), Formulation(cj.AbsoluteCoordinates()))
     variables = system.encode(unpack(state.bodies))
     name = next(iter(variables))

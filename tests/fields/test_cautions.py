@@ -57,6 +57,11 @@ MISTAKEN = {
         "journal_length",
         "20 m",
     ),
+    "journal longer than 100 radii": (
+        lambda: pin(bearing_radius=0.01, clearance=0.0005, journal_length=1.005),
+        "journal_length",
+        "at most 1 m",
+    ),
     "joint in mm": (
         lambda: scene_with(joint=cj.SphericalJoint("ground", "rod", ORIGIN, (500, 0, 0))),
         "joints['it'].point_second",
@@ -124,3 +129,4 @@ def test_usual_numbers_give_no_warning():
             cj.Body(mass, inertia)
         cj.laws.RavnStiffness(2e9, 0.4, 1e12, 0.1)
         pin(bearing_radius=0.5, clearance=1e-3, journal_length=1.0)
+        pin(bearing_radius=0.01, clearance=1e-3, journal_length=1.0)

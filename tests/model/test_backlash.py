@@ -148,6 +148,15 @@ def test_gear_backlash_changes_with_the_centre_distance(wider, teeth_second):
         assert found == pytest.approx(PLAY + sense * wider * math.tan(ALPHA), rel=2e-2)
 
 
+@pytest.mark.parametrize("teeth_second", [41, -57])
+def test_a_run_ends_where_half_a_tooth_is_penetrated(teeth_second):
+    """Tooth and space of the pitch pi m differ by the backlash; along the line of action, both are
+    shorter by cos(alpha)."""
+    tooth = 0.5 * (math.pi * MODULE - PLAY) * math.cos(ALPHA)
+    deepest = [float(limit) for limit in gears(18, teeth_second).deepest().values()]
+    assert deepest == pytest.approx([0.5 * tooth] * 2, rel=1e-14)
+
+
 @pytest.mark.slow
 def test_centred_joints_conform_and_hold_the_middle():
     play = backlash(middle=0.4)

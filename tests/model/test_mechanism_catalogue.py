@@ -289,3 +289,52 @@ def test_gravity_loads_the_robot_s_nominal_pose_as_published():
         ]
         moments.append(-np.sum(weights, axis=0) @ axis)
     np.testing.assert_allclose(moments, [0.0, 31.6399, 6.0351], atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("options", "pins"), [({}, 6), ({"pins": 4, "lobes": 7, "angle": 0.4, "speed": -20.0}, 4)]
+)
+def test_a_cycloid_stage_starts_with_its_play_around_all_pins(options, pins):
+    """The disc's centre turns with the shaft, and the disc backwards by a lobe in a turn."""
+    play, eccentricity, z = 2e-5, 1e-3, (0.0, 0.0, 1.0)
+    scene, state = cj.mechanisms.cycloid_stage(play, **options)
+    assert [name for name in scene.joints if name.startswith("pin")] == [
+        f"pin {k}" for k in range(1, pins + 1)
+    ]
+    angle, speed = options.get("angle", 0.0), options.get("speed", 10.0)
+    ratio = -1.0 / options.get("lobes", 10)
+    for name, share in (("shaft", 1.0), ("disc", ratio), ("output", ratio)):
+        body = state.bodies[name]
+        np.testing.assert_allclose(body.orientation, cj.rotation(z, share * angle), atol=1e-15)
+        np.testing.assert_allclose(body.spin, (0.0, 0.0, share * speed), rtol=1e-15)
+    disc = state.bodies["disc"]
+    outwards = np.array([np.cos(angle), np.sin(angle), 0.0])
+    np.testing.assert_allclose(disc.position, eccentricity * outwards, rtol=1e-15)
+    np.testing.assert_allclose(
+        disc.velocity, np.cross(z, outwards) * eccentricity * speed, rtol=1e-15
+    )
+    axes = Rotation.from_quat(disc.orientation, scalar_first=True)
+    for k in range(pins):
+        joint = scene.joints[f"pin {k + 1}"]
+        hole = disc.position + axes.apply(joint.bearing_point)
+        distance = np.linalg.norm(axes.apply(joint.journal_point) - hole)
+        assert float(joint.clearance) - distance == pytest.approx(play, rel=1e-10)
+
+
+def test_a_rotor_starts_at_its_offset_and_speed():
+    for offset in ((0.0, -1.0), (0.3, 0.4)):
+        _, state = cj.mechanisms.rotor_in_bearing(5e-5, offset=offset, speed=70.0)
+        rotor = state.bodies["rotor"]
+        np.testing.assert_allclose(rotor.position, 5e-5 * np.array([*offset, 0.0]), rtol=1e-15)
+        np.testing.assert_array_equal([rotor.velocity, rotor.spin], [(0, 0, 0), (0, 0, 70.0)])
+    lowest = cj.mechanisms.rotor_in_bearing(5e-5)[1].bodies["rotor"]
+    np.testing.assert_array_equal(lowest.position, (0.0, -5e-5, 0.0))
+
+
+@pytest.mark.parametrize("mechanism", [cj.mechanisms.robot_arm, cj.mechanisms.four_bar])
+def test_mechanisms_without_a_speed_start_at_rest(mechanism):
+    scene, state = mechanism()
+    for body in state.bodies.values():
+        np.testing.assert_array_equal([body.velocity, body.spin], np.zeros((2, 3)))
+    motors = [joint for name, joint in scene.joints.items() if name.startswith("motor")]
+    assert [float(motor.speed) for motor in motors] == [0.0] * len(motors)

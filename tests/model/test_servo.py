@@ -106,6 +106,41 @@ def test_it_moves_as_scipy_says_from_sample_to_sample(name):
         assert (np.abs(torques) == 1.1).sum() > 3 and (np.abs(torques) < 1.0).sum() > 3
 
 
+def memories(servo, count):
+    """The servo's memory at the first samples while its arm is held at zero."""
+    still = cj.testing.moving(ORIGIN, (1.0, 0.0, 0.0, 0.0), ORIGIN, ORIGIN)
+    held = {"ground": still, "arm": still}
+    servo = cj.extend.unpack(servo)
+    memory = servo.initial_memory(held, 0.0)
+    for k in range(count):
+        yield {name: float(value) for name, value in memory.items()}
+        memory = servo.updated_memory("sample", memory, held, (k + 1) / 4.0)
+
+
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_the_goal_follows_by_its_speed_and_the_integral_up_to_the_limit(sense):
+    """Of a jump of the target; all numbers are exact. The integral reaches the limit, of the torque
+    or of the motor, and stays."""
+    follower = cj.Servo(
+        "ground", "arm", Z, 0.5 * sense, 4.0, 2.0, derivative=0.5, speed_limit=0.625
+    )
+    for k, memory in enumerate(memories(follower, 6), start=1):
+        goal, before = (sense * min(0.15625 * number, 0.5) for number in (k, k - 1))
+        assert memory["goal"] == goal
+        assert memory["torque"] == 2.0 * goal + 0.5 * (goal - before) * 4.0
+    motor = {"stall_torque": 0.5, "no_load_speed": 3.0}
+    for limits, largest in (
+        ({"torque_limit": 0.375}, 0.375),
+        ({"torque_limit": 0.375} | motor, 0.375),
+        ({"torque_limit": 0.625} | motor, 0.5),
+        (motor, 0.5),
+    ):
+        integrator = cj.Servo("ground", "arm", Z, 0.5 * sense, 4.0, 0.0, integral=1.0, **limits)
+        for k, memory in enumerate(memories(integrator, 6), start=1):
+            reached = sense * min(0.125 * k, largest)
+            assert memory["integral"] == memory["torque"] == reached
+
+
 PLAY, FLANK, DAMPED = math.radians(0.5), 4e3, 1.5 * 0.5 / 0.3
 ROTOR, LINK, WEIGHT = 0.004, 0.02, 0.6
 SPEED = 0.05

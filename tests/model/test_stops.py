@@ -109,6 +109,24 @@ def test_the_law_receives_the_radii(seed):
     assert on_plane.resting_joint(force * normal) is None, "pulled off the plane"
 
 
+@pytest.mark.parametrize("radius", [None, 0.02])
+def test_friction_acts_midway_between_the_surfaces(radius):
+    """At one point of both bodies, below the plane by half the penetration."""
+    turn = Rotation.random(rng=np.random.default_rng(3))
+    centre, depth = turn.apply((0.02, -0.01, 0.0)), 1e-4
+    place = np.array([0.3, 0.2, (radius or 0.0) - depth]) - centre
+    motions = {
+        "ground": AT_REST,
+        "b": cj.testing.moving(place, turn.as_quat(scalar_first=True), (0.0,) * 3, (0.0,) * 3),
+    }
+    joint = stop("ground", "b", point_second=(0.02, -0.01, 0.0), radius=radius, friction=ROUGH)
+    (contact,) = unpack(joint).contacts(motions).values()
+    assert float(contact.gap.depth) == pytest.approx(depth, rel=1e-9)
+    arms = contact.points_of_force(has_friction=True)
+    on_both = [[*motions[name].point(arm)] for name, arm in zip(motions, arms, strict=True)]
+    np.testing.assert_allclose(on_both, [(0.3, 0.2, -0.5 * depth)] * 2, atol=1e-15)
+
+
 def dropped(height: float, law: Any, radius: float = 0.02) -> tuple[cj.Scene, cj.State]:
     """A ball of 1 kg at a height, m, above a floor."""
     ball = cj.Body(1.0, (1.6e-4,) * 3)
