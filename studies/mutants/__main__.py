@@ -37,6 +37,7 @@ TESTS = [
     "tests/fields",
     "tests/views",
     "tests/durability",
+    "tests/internals/fields",
     "tests/internals/model",
     "tests/internals/dynamics",
     "tests/internals/simulation",
