@@ -378,16 +378,11 @@ def _unpack_leaf(leaf: jax.Array, pattern: Pattern, leading: int) -> PyTree:
     if isinstance(leaf, Tracer):
         # One equation for all components, where an index would be two for each.
         components = jax.lax.unstack(jax.lax.collapse(leaf, leading), axis=leading)
+        pairs = zip(components, constants, strict=True)
+        parts = [component if constant is None else constant for component, constant in pairs]
     else:
-        axes = (slice(None),) * leading
-        components = [
-            leaf[axes + index] if constant is None else constant
-            for index, constant in zip(np.ndindex(shape), constants, strict=True)
-        ]
-    parts = [
-        component if constant is None else constant
-        for component, constant in zip(components, constants, strict=True)
-    ]
+        axes, pairs = (slice(None),) * leading, zip(np.ndindex(shape), constants, strict=True)
+        parts = [leaf[axes + index] if constant is None else constant for index, constant in pairs]
     if shape == (4,):
         return EulerParameters(*parts)
     rows = [Vector(*parts[k : k + 3]) for k in range(0, len(parts), 3)]

@@ -39,6 +39,6 @@ def hinge(
 def bearing(
     law: cj.extend.AbstractContactLaw, second: str, first: str = cj.GROUND, **options: Any
 ) -> cj.ClearanceJoint:
-    """A journal of 20 mm x 20 mm with a clearance of 0.5 mm about z, unless told otherwise."""
+    """A clearance joint about z, with a clearance of 0.5 mm and a journal 20 mm long by default."""
     sizes: dict[str, Any] = {"bearing_radius": 10e-3, "clearance": 0.5e-3, "journal_length": 20e-3}
     return cj.ClearanceJoint(first, second, law=law, **(sizes | options))
