@@ -57,7 +57,9 @@ def test_derivatives_of_norm_and_direction():
     along = np.sum(n * change, axis=1)
     across = (change - n * along[:, None]) / np.linalg.norm(vectors, axis=1, keepdims=True)
     np.testing.assert_allclose(jax.jvp(norm, (vectors,), (change,))[1], along, rtol=1e-12)
-    np.testing.assert_allclose(jax.jvp(direction, (vectors,), (change,))[1], across, atol=1e-13)
+    np.testing.assert_allclose(
+        jax.jvp(direction, (vectors,), (change,))[1], across, rtol=0.0, atol=1e-13
+    )
 
 
 @pytest.mark.parametrize("vector", [np.zeros(3), np.array([1e-101, -1e-150, 0.0])])
@@ -95,4 +97,4 @@ def test_derivative_of_the_smooth_ramp_by_its_width():
     """(x+w)^2/(4w) has the derivative (w^2-x^2)/(4w^2) by w, zero outside."""
     x = jnp.array([-2.0, -0.25, 0.0, 0.25, 2.0])
     slopes = jax.jvp(lambda w: ramp(x, w), (0.5,), (1.0,))[1]
-    np.testing.assert_allclose(slopes, [0.0, 0.1875, 0.25, 0.1875, 0.0], atol=1e-15)
+    np.testing.assert_allclose(slopes, [0.0, 0.1875, 0.25, 0.1875, 0.0], rtol=0.0, atol=1e-15)

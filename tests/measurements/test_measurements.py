@@ -32,13 +32,13 @@ def test_series_are_stored_in_si():
 
 def test_residuals_are_in_standard_deviations():
     found = probe().residuals(np.array([10e-6, 24e-6, -31e-6]))
-    np.testing.assert_allclose(found, [0.0, 2.0, -0.5], atol=1e-12)
+    np.testing.assert_allclose(found, [0.0, 2.0, -0.5], rtol=0.0, atol=1e-12)
 
 
 def test_residuals_of_angles_count_modulo_whole_turns():
     series = cj.Series(ANGLE, [0.0, 1.0, 2.0], [179.0, -1.0, 90.0], 0.5, unit="deg")
     predicted = np.deg2rad([-179.0, 721.0, 90.0 - 360.0])
-    np.testing.assert_allclose(series.residuals(predicted), [4.0, 4.0, 0.0], atol=1e-10)
+    np.testing.assert_allclose(series.residuals(predicted), [4.0, 4.0, 0.0], rtol=0.0, atol=1e-10)
     slope = jax.jacfwd(series.residuals)(predicted)
     np.testing.assert_allclose(slope, np.eye(3) / np.deg2rad(0.5), rtol=1e-12)
 

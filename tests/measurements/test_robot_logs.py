@@ -38,10 +38,10 @@ def test_every_source_gives_the_same_log(kind, tmp_path):
     torques = {"elbow": cj.LogColumn.current(current, 0.05, **scale)}
     log = cj.RobotLog.read(source, time=time, angles=angles, torques=torques, **options)
     angle, torque = log.angles["elbow"], log.torques["elbow"]
-    np.testing.assert_allclose(angle.times, TIMES - 10.0, atol=1e-12)
+    np.testing.assert_allclose(angle.times, TIMES - 10.0, rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(angle.values, ANGLES, rtol=1e-12)
     assert angle.noise == pytest.approx(np.radians(0.5)) and angle.unit == "rad"
-    np.testing.assert_allclose(torque.values, -5e-3 * np.arange(4.0), atol=1e-15)
+    np.testing.assert_allclose(torque.values, -5e-3 * np.arange(4.0), rtol=0.0, atol=1e-15)
     assert torque.noise == pytest.approx(0.01)
 
 

@@ -289,8 +289,8 @@ def test_motion_modes_and_eccentricities_of_constructed_states():
     for base, sign in (("V", -1), ("W", 1)):
         e = [1e-3 * abs(shift + sign * tilt) for shift, tilt, _ in MODES.values()]
         contact = found.contacts["pin"][base]
-        np.testing.assert_allclose(contact.eccentricity, e, atol=1e-15)
-        np.testing.assert_allclose(contact.penetration, np.array(e) - 0.5e-3, atol=1e-15)
+        np.testing.assert_allclose(contact.eccentricity, e, rtol=0.0, atol=1e-15)
+        np.testing.assert_allclose(contact.penetration, np.array(e) - 0.5e-3, rtol=0.0, atol=1e-15)
 
 
 SIDES = {"lower": -1.0, "upper": 1.0}
@@ -379,7 +379,7 @@ def test_fixed_axially_is_one_row_that_holds_the_journal_in_the_middle():
     row = found.rows["pin"]["axial"]
     axis = turned(0, unit(AXES["bearing_axis"]))
     centres = [POSITION[k] + turned(k, rows) for k, rows in enumerate(POINTS.values())]
-    np.testing.assert_allclose(row.value, dot(axis, centres[1] - centres[0]), atol=1e-13)
+    np.testing.assert_allclose(row.value, dot(axis, centres[1] - centres[0]), rtol=0.0, atol=1e-13)
     accelerations = found.accelerations
     second = row.bias + sum(
         pair.force.dot(accelerations[name].linear) + pair.moment.dot(accelerations[name].angular)

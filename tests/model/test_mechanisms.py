@@ -44,7 +44,7 @@ def test_bricard():
         (0.2744813193, -0.8867079387, -0.4623300027),
         (-0.7781353730, -0.9803526834, -0.1972526706),
     ]
-    np.testing.assert_allclose(corner, expected, atol=1e-7)
+    np.testing.assert_allclose(corner, expected, rtol=0.0, atol=1e-7)
 
 
 def test_reactions_of_redundant_constraints_have_least_norm():

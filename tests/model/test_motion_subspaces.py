@@ -64,14 +64,14 @@ def test_the_twist_is_the_rate_of_the_pose(name, parent):
     middle = later(subspace, state, 0.0)[1]
     spin = middle.T @ (second - first) / (2.0 * STEP)
     expected = np.cross(numbers(twist.angular), np.eye(3)).T
-    np.testing.assert_allclose(spin, expected, atol=1e-9)
+    np.testing.assert_allclose(spin, expected, rtol=0.0, atol=1e-9)
     ends = [numbers(subspace.displacement(one.position)) for one in (before, after)]
     rate = (ends[1] - ends[0]) / (2.0 * STEP)
-    np.testing.assert_allclose(rate, numbers(twist.linear), atol=1e-9)
+    np.testing.assert_allclose(rate, numbers(twist.linear), rtol=0.0, atol=1e-9)
     twists = [numbers((one.angular, one.linear)) for one in map(subspace.twist, (before, after))]
     bias = subspace.bias(state)
     rates = (twists[1] - twists[0]) / (2.0 * STEP)
-    np.testing.assert_allclose(numbers((bias.angular, bias.linear)), rates, atol=1e-9)
+    np.testing.assert_allclose(numbers((bias.angular, bias.linear)), rates, rtol=0.0, atol=1e-9)
 
 
 @each
@@ -81,11 +81,13 @@ def test_encoding_is_the_inverse_and_the_joint_is_satisfied(name, parent):
     orientation = normalised(subspace.orientation(state.position))
     apart, twist = subspace.displacement(state.position), subspace.twist(state)
     found = subspace.encode(cj.extend.Relative(orientation, apart, twist))
-    np.testing.assert_allclose(numbers(found.position), numbers(state.position), atol=1e-14)
-    np.testing.assert_allclose(numbers(found.speeds), state.speeds, atol=1e-14)
+    np.testing.assert_allclose(
+        numbers(found.position), numbers(state.position), rtol=0.0, atol=1e-14
+    )
+    np.testing.assert_allclose(numbers(found.speeds), state.speeds, rtol=0.0, atol=1e-14)
     rotation = subspace.rotation(state.position)
     np.testing.assert_allclose(
-        pack(rotation), pack(cj.extend.rotation_matrix(orientation)), atol=1e-14
+        pack(rotation), pack(cj.extend.rotation_matrix(orientation)), rtol=0.0, atol=1e-14
     )
     # The parent rests in the origin; the child's point is `apart` from the parent's.
     here = cj.body_state((0.0, 0.0, 0.0))

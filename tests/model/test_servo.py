@@ -57,8 +57,8 @@ def test_a_step_response_is_that_of_the_discrete_linear_system(delayed):
         u, held = (held, command) if delayed else (command, command)
         x = a @ x + b * u
     angles, speeds = np.transpose(states)
-    np.testing.assert_allclose(outputs["angle"], angles, atol=1e-9)
-    np.testing.assert_allclose(outputs["speed"], speeds, atol=1e-9 * np.abs(speeds).max())
+    np.testing.assert_allclose(outputs["angle"], angles, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(outputs["speed"], speeds, rtol=0.0, atol=1e-9 * np.abs(speeds).max())
 
 
 def damped_rates(t, y, u):
@@ -99,9 +99,9 @@ def test_it_moves_as_scipy_says_from_sample_to_sample(name):
         by_difference=options.get("speed_from") != "sensor",
     )
     states, torques = law.run(damped_rates, [0.1, 0.7], 0.4, lambda y: y, times)
-    np.testing.assert_allclose(found["angle"], states[:, 0], atol=1e-9)
-    np.testing.assert_allclose(found["speed"], states[:, 1], atol=1e-8)
-    np.testing.assert_allclose(found["torque"], torques, atol=1e-8)
+    np.testing.assert_allclose(found["angle"], states[:, 0], rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(found["speed"], states[:, 1], rtol=0.0, atol=1e-8)
+    np.testing.assert_allclose(found["torque"], torques, rtol=0.0, atol=1e-8)
     if name == "saturated":
         assert (np.abs(torques) == 1.1).sum() > 3 and (np.abs(torques) < 1.0).sum() > 3
 
@@ -230,8 +230,8 @@ def test_with_play_and_friction_behind_the_motor(of_link):
     settings = cj.Settings(rtol=1e-10, coordinates=coordinates)
     found = cj.simulate(scene, AT_REST, 0.4, settings, saving, outputs=outputs, **QUIET).outputs
     states, torques = scipy_with_play(of_link, times)
-    np.testing.assert_allclose(found["rotor"], states[:, 0], atol=1e-7)
-    np.testing.assert_allclose(found["link"], states[:, 1], atol=1e-7)
+    np.testing.assert_allclose(found["rotor"], states[:, 0], rtol=0.0, atol=1e-7)
+    np.testing.assert_allclose(found["link"], states[:, 1], rtol=0.0, atol=1e-7)
     np.testing.assert_allclose(found["current"], torques / 0.5, atol=1e-5)
     assert np.abs(states[:, 0] - states[:, 1]).max() > 0.4 * PLAY
 
@@ -246,9 +246,9 @@ def test_any_rate_and_delay():
             found = motion(scene, turned(0.1, 0.7), 0.2, times).outputs["angle"]
             law = SampledPid(rate, 3.0, 0.05, delay=delay, goal=lambda t: 0.5)
             rows, _ = law.run(damped_rates, [0.1, 0.7], 0.2, lambda y: y, times)
-            np.testing.assert_allclose(found, rows[:, 0], atol=1e-9)
+            np.testing.assert_allclose(found, rows[:, 0], rtol=0.0, atol=1e-9)
             late = motion(scene, turned(0.1, 0.7), 3000.2, 3000.0 + times, start_time=3000.0)
-            np.testing.assert_allclose(late.outputs["angle"], rows[:, 0], atol=1e-7)
+            np.testing.assert_allclose(late.outputs["angle"], rows[:, 0], rtol=0.0, atol=1e-7)
 
 
 def test_between_two_free_bodies_in_any_orientation_and_order():
@@ -291,7 +291,7 @@ def test_between_two_free_bodies_in_any_orientation_and_order():
             for name in (one, other)
         ]
         relative = (ends[0].inv() * ends[1] * zero.inv()).as_rotvec() @ unit
-        np.testing.assert_allclose(relative, rows[:, 0], atol=1e-8)
+        np.testing.assert_allclose(relative, rows[:, 0], rtol=0.0, atol=1e-8)
 
 
 @pytest.mark.parametrize(
@@ -410,7 +410,9 @@ def test_derivatives_with_play_are_those_of_scipy():
         ends = [scipy_with_play(True, times, **{name: middle * f})[0] for f in (0.9998, 1.0002)]
         slope = (ends[1] - ends[0])[:, 1] / (4e-4 * middle)
         scale = np.abs(slope).max()
-        np.testing.assert_allclose(found.derivatives["link"][:, k], slope, atol=2e-4 * scale)
+        np.testing.assert_allclose(
+            found.derivatives["link"][:, k], slope, rtol=0.0, atol=2e-4 * scale
+        )
 
 
 def test_a_run_continues_from_a_state_in_the_middle():

@@ -145,7 +145,7 @@ def test_rotations_are_those_of_scipy_and_exact_about_an_axis():
         expected = Rotation.from_rotvec(vector).as_quat(scalar_first=True)
         found = cj.rotation(axis, angle)
         assert isinstance(found, np.ndarray)
-        np.testing.assert_allclose(found, expected, atol=1e-15)
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-15)
     np.testing.assert_array_equal(cj.rotation((0, 0, 5), 1.0)[1:3], 0.0)
     state = cj.body_state((0, 0, 0), cj.rotation((0, 0, 1), 0.3))
     assert float(state.orientation[3]) == math.sin(0.15)

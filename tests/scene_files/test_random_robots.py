@@ -143,7 +143,7 @@ def test_links_are_where_the_definitions_of_urdf_put_them(seed, merge_fixed, rea
             turn = turned(jax.tree.leaves(body.orientation))
             pose = homogeneous(turn, jax.tree.leaves(body.position))
         place = homogeneous(turned(frame.orientation), frame.point)
-        np.testing.assert_allclose(pose @ place, expected, atol=1e-12)
+        np.testing.assert_allclose(pose @ place, expected, rtol=0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -332,8 +332,8 @@ def test_states_of_angles_are_inverted(seed, read_robot):
         at_once = jax.tree.map(operator.itemgetter(k), states)
         single = loaded.state(q[k], dict(zip(loaded.joints, qd[k], strict=True)))
         for a, b in zip(jax.tree.leaves(at_once), jax.tree.leaves(single), strict=True):
-            np.testing.assert_allclose(a, b, atol=1e-14)
+            np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-14)
     positions, speeds = loaded.angles(states), loaded.speeds(states)
     assert tuple(positions) == tuple(speeds) == loaded.joints
-    np.testing.assert_allclose(np.transpose([*positions.values()]), q, atol=1e-12)
-    np.testing.assert_allclose(np.transpose([*speeds.values()]), qd, atol=1e-12)
+    np.testing.assert_allclose(np.transpose([*positions.values()]), q, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(np.transpose([*speeds.values()]), qd, rtol=0.0, atol=1e-12)

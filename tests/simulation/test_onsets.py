@@ -78,7 +78,7 @@ def test_sections_at_the_onset_and_the_end_of_contacts_have_their_entry_speeds()
     for name, times in {"onsets": impacts.onset, "ends": impacts.separation}.items():
         crossings = solution.outputs[name]
         np.testing.assert_allclose(crossings.values["speed"][:3], expected, rtol=1e-12)
-        np.testing.assert_allclose(crossings.times[:3], times[:3], atol=2e-11)
+        np.testing.assert_allclose(crossings.times[:3], times[:3], rtol=0.0, atol=2e-11)
 
 
 @pytest.mark.slow
@@ -91,7 +91,7 @@ def test_a_section_at_an_onset_has_the_force_after_its_jump():
     options = {"save": cj.Saving(impacts=True), "outputs": {"onsets": section}}
     solution = cj.simulate(*dropped_rod(law), 0.03, progress=False, **options)
     crossings, impacts = solution.outputs["onsets"], solution.impacts.of("pin", "V")
-    np.testing.assert_allclose(crossings.times[:2], impacts.onset[:2], atol=2e-11)
+    np.testing.assert_allclose(crossings.times[:2], impacts.onset[:2], rtol=0.0, atol=2e-11)
     gap = cj.extend.Gap(1e-300, impacts.entry_speed[:2])
     expected = law.force(gap, None)
     np.testing.assert_allclose(crossings.values["force"][:2], expected, rtol=1e-6)

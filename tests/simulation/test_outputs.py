@@ -41,7 +41,7 @@ def test_a_run_and_a_lane_keep_the_outputs_of_one_dictionary():
     axes = {"k": cj.Axis(STIFFNESS.variation, [100.0])}
     lane = cj.sweep(*on_spring(), 0.5, axes, OUTPUTS, EXACT, save, progress=False).isel(k=0)
     assert run.saved is None and "saved_position" not in lane
-    np.testing.assert_allclose(run.outputs["x"], 0.1 * np.cos(10.0 * TIMES), atol=1e-9)
+    np.testing.assert_allclose(run.outputs["x"], 0.1 * np.cos(10.0 * TIMES), rtol=0.0, atol=1e-9)
     for name in ("time", "clock"):
         np.testing.assert_array_equal(run.outputs[name], TIMES)
         np.testing.assert_array_equal(lane[name], TIMES)
@@ -71,10 +71,10 @@ def test_a_run_with_derivatives_keeps_them_too_but_refuses_reductions():
     )
     assert found.saved is not None
     saved = found.saved.states.bodies["ball"].position
-    np.testing.assert_allclose(saved[:, 0], 0.1 * np.cos(10.0 * seldom), atol=1e-9)
-    np.testing.assert_allclose(found.outputs["x"], 0.1 * np.cos(10.0 * TIMES), atol=1e-9)
+    np.testing.assert_allclose(saved[:, 0], 0.1 * np.cos(10.0 * seldom), rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(found.outputs["x"], 0.1 * np.cos(10.0 * TIMES), rtol=0.0, atol=1e-9)
     exact = -0.5 * TIMES * np.sin(10.0 * TIMES)  # d x/d log k
-    np.testing.assert_allclose(found.derivatives["x"][:, 0], exact, atol=1e-8)
+    np.testing.assert_allclose(found.derivatives["x"][:, 0], exact, rtol=0.0, atol=1e-8)
     np.testing.assert_allclose(found.outputs["turns"].times, 0.15 * np.pi, rtol=1e-7)
     assert set(found.derivatives) == {"x"} and "turns" not in found.to_xarray()
 
@@ -93,7 +93,7 @@ def test_quantities_are_evaluated_under_transformations(transformed):
 
     value, slope = 0.1 * np.cos(10.0 * TIMES), -0.005 * TIMES * np.sin(10.0 * TIMES)
     expected = value if transformed is jax.jit else slope
-    np.testing.assert_allclose(transformed(reached)(100.0), expected, atol=1e-7)
+    np.testing.assert_allclose(transformed(reached)(100.0), expected, rtol=0.0, atol=1e-7)
 
 
 @pytest.mark.slow
@@ -155,4 +155,4 @@ def test_sample_times_may_follow_the_scene():
     save = cj.Saving(lambda scene: [0.0, 1.0 / float(scene.forces["spring"].stiffness)])
     run = cj.simulate(*on_spring(), 0.5, EXACT, save, outputs={"x": X}, progress=False)
     np.testing.assert_array_equal(run.times, [0.0, 0.01])
-    np.testing.assert_allclose(run.outputs["x"], 0.1 * np.cos([0.0, 0.1]), atol=1e-9)
+    np.testing.assert_allclose(run.outputs["x"], 0.1 * np.cos([0.0, 0.1]), rtol=0.0, atol=1e-9)

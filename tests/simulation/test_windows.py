@@ -272,7 +272,7 @@ def test_windows_of_a_sweep_are_those_of_the_run():
     assert int(found["late hits_count"].sum()) == int(found["late count"]) == len(impacts)
     np.testing.assert_array_equal(found["by scene_onset"], found["late hits_onset"])
     onsets = np.sort(found["late hits_onset"].values.ravel())[: len(impacts)]
-    np.testing.assert_allclose(onsets, impacts.onset, atol=1e-9)
+    np.testing.assert_allclose(onsets, impacts.onset, rtol=0.0, atol=1e-9)
     assert 0.0 < float(found["late force_0.99"]) <= float(found["late peak"]) * 1.13
     for name in ("lost", "worn", "worn_V 1", "count"):
         parts = float(found[f"early {name}"]) + float(found[f"late {name}"])

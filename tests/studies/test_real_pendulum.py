@@ -59,7 +59,7 @@ def test_model_and_derivatives_agree_with_scipy():
     """Angles to 1e-7 rad; derivatives as those of SciPy's angles by central differences."""
     times = np.linspace(0.0, 2.0, 401)
     angles, slopes = predicted(TRUTH, times)
-    np.testing.assert_allclose(angles, swing(TRUTH, times), atol=1e-7)
+    np.testing.assert_allclose(angles, swing(TRUTH, times), rtol=0.0, atol=1e-7)
     steps = {"length": 1e-5, "coulomb": 1e-5, "vertical": 1e-4, "angle": 1e-4, "speed": 1e-3}
     for name, h in steps.items():
         up, down = (
@@ -68,7 +68,7 @@ def test_model_and_derivatives_agree_with_scipy():
         )
         expected = (up - down) / (2 * h)
         scale = np.abs(expected).max()
-        np.testing.assert_allclose(slopes[name], expected, atol=2e-4 * scale)
+        np.testing.assert_allclose(slopes[name], expected, rtol=0.0, atol=2e-4 * scale)
 
 
 @pytest.mark.slow
@@ -120,8 +120,8 @@ def test_text_files_of_both_forms_are_read(recorded, tmp_path):
     head = "trigger_start_deg, sample_rate, duration_sec\n90, 250, 10 "
     np.savetxt(degrees, np.degrees(angles), "%.6f", header=head, comments="")
     (found,) = read_swings(degrees)
-    np.testing.assert_allclose(found.times, times, atol=1e-12)
-    np.testing.assert_allclose(found.angles, angles, atol=1e-8)
+    np.testing.assert_allclose(found.times, times, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(found.angles, angles, rtol=0.0, atol=1e-8)
     rows = [(k, t, s * a, 0) for k, s in enumerate((1, -1)) for t, a in zip(*recorded, strict=True)]
     np.savetxt(columns, rows, " %d %.16e %.16e %d", header="%o v", comments="")
     one, two = read_swings(columns)
@@ -135,8 +135,8 @@ def test_recording_of_one_swing_is_read(recorded, tmp_path):
     signals = {"values": (angles + np.pi)[:, None]}
     savemat(path, {"Theta1": {"time": (60 + times)[:, None], "signals": signals}})
     (found,) = read_swings(path)
-    np.testing.assert_allclose(found.times, times, atol=1e-12)
-    np.testing.assert_allclose(found.angles, angles, atol=1e-12)
+    np.testing.assert_allclose(found.times, times, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(found.angles, angles, rtol=0.0, atol=1e-12)
 
 
 def test_a_swing_begins_at_the_vertical():

@@ -44,7 +44,9 @@ def spread(part, axis):
 def test_the_eccentricity_of_a_journal_is_scaled(seen):
     journal = journal_of(seen)
     drawn = journal.poses[:, :3, 3]
-    np.testing.assert_allclose(drawn, seen.clearance_scale * recorded.eccentricities(), atol=1e-12)
+    np.testing.assert_allclose(
+        drawn, seen.clearance_scale * recorded.eccentricities(), rtol=0.0, atol=1e-12
+    )
     bore = recorded.RADIUS * seen.bearing_scale
     reach = np.linalg.norm(drawn, axis=1) + spread(journal, 2)
     np.testing.assert_allclose(reach[recorded.TOUCHING], bore, rtol=1e-9)
@@ -84,7 +86,9 @@ def test_arrows_between_the_bases_end_on_the_drawn_journal(seen):
     view = cj.view(recorded.arm_in_bearing(), recorded.motion(), observation=observed)
     tips = {part.name: part.poses[:, :3, 3] + part.poses[:, :3, 2] for part in view.parts}
     middle = 0.5 * (tips["pin V"] + tips["pin W"])
-    np.testing.assert_allclose(tips["pin point 2"][touching], middle[touching], atol=1e-12)
+    np.testing.assert_allclose(
+        tips["pin point 2"][touching], middle[touching], rtol=0.0, atol=1e-12
+    )
 
 
 def test_impacts_between_the_frames_are_noted():

@@ -113,9 +113,11 @@ def test_random_mechanisms_agree_with_dense_solutions(seed, count, coordinates, 
     if smallest < 1e-5:  # too near a singular position for a comparison
         return
     bound = 1e-6 if redundant else 1e-9
-    np.testing.assert_allclose(multipliers, expected, atol=bound * np.abs(expected).max())
-    np.testing.assert_allclose(d @ change, targets, atol=1e-9 * np.abs(targets).max())
-    np.testing.assert_allclose(change, inverse @ d.T @ expected, atol=bound * np.abs(change).max())
+    np.testing.assert_allclose(multipliers, expected, rtol=0.0, atol=bound * np.abs(expected).max())
+    np.testing.assert_allclose(d @ change, targets, rtol=0.0, atol=1e-9 * np.abs(targets).max())
+    np.testing.assert_allclose(
+        change, inverse @ d.T @ expected, rtol=0.0, atol=bound * np.abs(change).max()
+    )
 
 
 def four_bars(count):

@@ -38,7 +38,7 @@ def test_euler_parameter_rates_are_those_of_the_rotation():
 
     measured = (later(h) - later(-h)) / (2 * h)
     ahead, behind = (pack(rotation_matrix(parameters(p + s * h * rate))) for s in (1, -1))
-    np.testing.assert_allclose((ahead - behind) / (2 * h), measured, atol=1e-8)
+    np.testing.assert_allclose((ahead - behind) / (2 * h), measured, rtol=0.0, atol=1e-8)
     np.testing.assert_allclose(np.einsum("ni,ni->n", p, rate), 0.0, atol=1e-14)
 
 
@@ -57,7 +57,7 @@ def test_transverse_axes_complete_a_right_handed_frame():
     first, second = transverse_axes(vector(axes))
     frames = np.stack([pack(first), pack(second), axes], axis=-1)
     gram = frames.transpose(0, 2, 1) @ frames
-    np.testing.assert_allclose(gram, np.broadcast_to(np.eye(3), gram.shape), atol=1e-14)
+    np.testing.assert_allclose(gram, np.broadcast_to(np.eye(3), gram.shape), rtol=0.0, atol=1e-14)
     np.testing.assert_allclose(np.linalg.det(frames), 1.0, rtol=1e-14)
 
 
@@ -138,8 +138,8 @@ def test_least_norm_solution_of_a_singular_system(rank, n, solved):
     assert np.linalg.matrix_rank(s) == rank
     x = solved(LeastNorm(), s, b)
     expected = np.linalg.lstsq(s, b, rcond=1e-10)[0]
-    np.testing.assert_allclose(s @ x, b, atol=1e-10 * np.abs(b).max())
-    np.testing.assert_allclose(x, expected, atol=1e-5 * np.abs(expected).max())
+    np.testing.assert_allclose(s @ x, b, rtol=0.0, atol=1e-10 * np.abs(b).max())
+    np.testing.assert_allclose(x, expected, rtol=0.0, atol=1e-5 * np.abs(expected).max())
 
 
 @both_forms

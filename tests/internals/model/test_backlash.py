@@ -14,5 +14,5 @@ def test_joints_with_couples_are_checked_at_the_onset_and_deeper():
     motions = jax.tree.map(jnp.asarray, MOTIONS)
     lower, upper = np.array([depths(joint, m) for m in _positions(joint, motions, False)]).T
     assert abs(lower[0]) > 1e-3 and abs(upper[0]) > 1e-3
-    np.testing.assert_allclose(lower[[1, 2, 6, 7]], [0.0, 1e-6, 0.0, 1e-6], atol=1e-12)
-    np.testing.assert_allclose(upper[[3, 4, 8, 9]], [0.0, 1e-6, 0.0, 1e-6], atol=1e-12)
+    np.testing.assert_allclose(lower[[1, 2, 6, 7]], [0.0, 1e-6, 0.0, 1e-6], rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(upper[[3, 4, 8, 9]], [0.0, 1e-6, 0.0, 1e-6], rtol=0.0, atol=1e-12)

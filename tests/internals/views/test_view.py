@@ -49,7 +49,7 @@ def test_an_arrow_ends_on_a_journal_that_is_out_of_round(seen):
         for part, along in map(arrow_of, (view, seen))
     )
     expected = np.tile((view.clearance_scale * shift, 0.0, 0.0), (len(tips), 1))
-    np.testing.assert_allclose(tips - round_tips, expected, atol=1e-12)
+    np.testing.assert_allclose(tips - round_tips, expected, rtol=0.0, atol=1e-12)
 
 
 def test_the_outline_of_a_shifted_circle_is_that_circle():
@@ -58,7 +58,9 @@ def test_the_outline_of_a_shifted_circle_is_that_circle():
     distances = 1.0 + shift @ [np.cos(angles), np.sin(angles)]
     corners = outline(distances)
     np.testing.assert_allclose(np.linalg.norm(corners - shift, axis=1), 1.0, atol=1e-4)
-    np.testing.assert_allclose(np.arctan2(*corners.T[::-1]) % (2.0 * np.pi), angles, atol=1e-12)
+    np.testing.assert_allclose(
+        np.arctan2(*corners.T[::-1]) % (2.0 * np.pi), angles, rtol=0.0, atol=1e-12
+    )
 
 
 def test_a_bar_reaches_from_joint_to_joint_and_moves_with_its_body():
@@ -199,11 +201,11 @@ def test_the_arrow_of_a_load_shows_its_force_at_the_time_of_each_frame():
     view = cj.view(scene, recorded.motion(), force_scale=1e-3)
     pushed, kicked = (arrow_of(view, name, LOAD)[1] for name in loads)
     expected = np.stack([100.0 * recorded.TIMES, 0.0 * recorded.TIMES, np.ones(recorded.COUNT)], 1)
-    np.testing.assert_allclose(pushed, 1e-3 * expected, atol=1e-12)
-    np.testing.assert_allclose(kicked[:, 1], 0.02 * (recorded.TIMES >= 0.01), atol=1e-8)
+    np.testing.assert_allclose(pushed, 1e-3 * expected, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(kicked[:, 1], 0.02 * (recorded.TIMES >= 0.01), rtol=0.0, atol=1e-8)
     standing = cj.view(scene, cj.State({"arm": cj.body_state((0.2, 0.0, 0.0))}), force_scale=1e-3)
     arrows = [part.poses[:, :3, 2] for part in standing.parts if part.colour == LOAD]
-    np.testing.assert_allclose(arrows, [[[0.0, 0.0, 1e-3]]], atol=1e-12)
+    np.testing.assert_allclose(arrows, [[[0.0, 0.0, 1e-3]]], rtol=0.0, atol=1e-12)
 
 
 class Couple(Mystery):
@@ -278,4 +280,4 @@ def test_the_nearest_of_crossing_triangles_is_seen_at_each_point():
         weights = np.linalg.solve(around, np.array([x + 0.5, y + 0.5, 1.0 + 0 * x]))
         inside = (weights >= 0.0).all(axis=0)
         exact[inside] = np.maximum(exact, values @ weights)[inside]
-    np.testing.assert_allclose(seen, exact, atol=1e-9)
+    np.testing.assert_allclose(seen, exact, rtol=0.0, atol=1e-9)
