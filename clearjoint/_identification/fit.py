@@ -225,31 +225,44 @@ class Fit(AbstractTabular):
         1. the `posterior`: its central intervals, which need not contain the estimates;
         2. the points that `check` has explored, if it has found that chi squared is not quadratic:
            all values at points whose chi squared is at most 3.84 above the lowest;
-        3. the covariance: the estimate plus and minus 1.96 standard errors of the coordinate.
+        3. the covariance: the estimate plus and minus 1.96 standard errors of the coordinate or, if
+           that is uncertain by more than 1, of the value (`AbstractScale.interval`): a friction
+           that the data show to be zero has the interval from zero to the largest one that they
+           allow.
 
         If other minima, outside the posterior's box, have a chi squared at most 3.84 above that of
         the fit, the intervals are extended to contain those by the covariances there. If residuals
-        are `correlated`, the intervals are widened about their middle, in coordinates, by
-        `widening` times a factor of Student's distribution.
+        are `correlated`, each of them is widened about its middle, in coordinates, by `widening`
+        times a factor of Student's distribution.
         """
         minima, posterior = [self.best.best, *self._other_minima], self.posterior
         # Minima in the posterior's box are part of the posterior.
         if posterior is not None:
             low, high = posterior.box
             minima = [m for m in minima if ((m.coordinates < low) | (m.coordinates > high)).any()]
-        parts = [checking.interval_ends(minima, self.chi_squared)] if minima else []
+        scales = [parameter.scale for parameter in self.parameters.values()]
+        widening = self._interval_widening
+        rising = self.coordinates > self.best.start
+        parts = []  # (low, high) of all values
+        if minima:
+            ends = checking.interval_ends(minima, self.chi_squared)
+            for low, high in zip(ends[::2], ends[1::2], strict=True):
+                rows = zip(0.5 * (low + high), 0.5 * (high - low) * widening, rising, strict=True)
+                parts.append([s.interval(*row) for s, row in zip(scales, rows, strict=True)])
+        explored = None
         if posterior is not None:
-            pairs = zip(self.parameters.values(), posterior.intervals.values(), strict=True)
-            of_posterior = [[p.scale.coordinate(end) for end in interval] for p, interval in pairs]
-            parts.append(np.array(of_posterior).T)
+            pairs = zip(scales, posterior.intervals.values(), strict=True)
+            of_posterior = [[s.coordinate(end) for end in interval] for s, interval in pairs]
+            explored = np.array(of_posterior).T
         elif self.check is not None and self.check.exploration is not None:
-            parts.append(np.array(self.check.exploration.intervals()))
-        # The hull of all parts, in coordinates.
-        rows = np.concatenate(parts)
-        ends = np.stack([rows.min(axis=0), rows.max(axis=0)])
-        middle, half = ends.mean(axis=0), 0.5 * np.diff(ends, axis=0)[0] * self._interval_widening
-        low, high = (values_at(self.parameters, middle + sign * half) for sign in (-1.0, 1.0))
-        return {name: (low[name], high[name]) for name in self.parameters}
+            explored = np.array(self.check.exploration.intervals())
+        if explored is not None:
+            half = 0.5 * np.diff(explored, axis=0)[0] * widening
+            widened = explored.mean(axis=0) + np.array([[-1.0], [1.0]]) * half
+            parts.append([tuple(map(s.value, u)) for s, u in zip(scales, widened.T, strict=True)])
+        ends = np.array(parts, float)
+        lows, highs = ends.min(axis=(0, 2)).tolist(), ends.max(axis=(0, 2)).tolist()
+        return dict(zip(self.parameters, zip(lows, highs, strict=True), strict=True))
 
     @property
     def posterior(self) -> Posterior | None:
@@ -502,19 +515,23 @@ class Fit(AbstractTabular):
             )
         if len(others) > SHOWN:
             yield f"{len(others) - SHOWN} more minima are in Fit.rivals."
-        for name, parameter in self.parameters.items():
-            scale, value = parameter.scale, self.estimates[name]
+        for name, (low, high) in self.intervals.items():
+            scale, value = self.parameters[name].scale, self.estimates[name]
             if isinstance(scale, Bounded):
                 for bound in (scale.low, scale.high):
                     if abs(value - bound) < AT_BOUND * (scale.high - scale.low):
                         yield f"{name} is at its bound {bound:g}."
+            elif low == 0.0 or math.isinf(high):
+                bound = f"at least {low:.3g}" if math.isinf(high) else f"at most {high:.3g}"
+                yield f"{name} is {bound} (95 %), but no value fits best."
 
     @property
     def _other_minima(self) -> list[RunMisfit]:
-        """Minima in which other searches than the best one have converged."""
+        """Minima in which other searches than the best one have ended; a search stalls in one that
+        is rough."""
         searches = (*self.searches, *(() if self.check is None else self.check.searches))
-        others = [s for s in searches if s is not self.best and s.ending is Ending.CONVERGED]
-        return [search.best for search in others]
+        in_minimum = Ending.CONVERGED, Ending.STALLED
+        return [s.best for s in searches if s is not self.best and s.ending in in_minimum]
 
     def _uncertain_directions(self) -> Iterator[str]:
         """A warning for each combination of parameters that the data hardly determine.

@@ -197,7 +197,14 @@ def _advance(
     if arrays is not None:
         state = eqx.combine(arrays, eqx.filter(initial, eqx.is_array, True))
     y, state, _ = solver.step(_residuals, y, model, {}, state, frozenset())
-    length = decrement(state.f_info.residual, state.f_info.jac.as_matrix())
+    residuals, jacobian = state.f_info.residual, state.f_info.jac.as_matrix()
+    # A coordinate that has run far towards infinity, such as the logarithm of a friction that is
+    # zero, would always promise a step that is long in standard deviations, but no step that its
+    # limit allows changes residuals or chi squared.
+    changes = limits * jnp.linalg.norm(jacobian, axis=0)
+    gains = 2.0 * limits * jnp.abs(residuals @ jacobian)
+    is_idle = (changes < NEARLY) & (gains < NEARLY**2)
+    length = decrement(residuals, jnp.where(is_idle, 0.0, jacobian))
     short = jnp.max(jnp.abs(state.y_eval - y)) < SHORT * tolerance
     stuck = state.num_steps_since_acceptance >= PATIENCE
     done = (length < tolerance) | short | stuck

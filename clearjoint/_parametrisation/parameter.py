@@ -32,6 +32,9 @@ from .variations import (
     StateNumber,
 )
 
+WIDTH = 1.96
+"""Half width of a 95 % interval of a coordinate whose standard deviation is 1."""
+
 
 @dataclass(frozen=True)
 class AbstractScale(abc.ABC):
@@ -84,6 +87,16 @@ class AbstractScale(abc.ABC):
         """Return the standard deviation of the coordinate above which a parameter counts as not
         identifiable; by default 1, on a `Log` scale an uncertainty by a factor of e."""
         return 1.0
+
+    def interval(self, coordinate: float, half: float, rising: bool) -> tuple[float, float]:
+        """Return the ends of the interval of the values, from the half width of the coordinate's.
+
+        By default it is that of ``coordinate - half`` to ``coordinate + half``. A scale whose
+        coordinate runs to infinity if the data say that a value is at an end of its range, such as
+        a friction of zero, overrides it, because the derivative by the coordinate then vanishes.
+        `rising` is whether the search raised the coordinate.
+        """
+        return float(self.value(coordinate - half)), float(self.value(coordinate + half))
 
     def label(self, name: str) -> str:
         """Return text that names the coordinate of a parameter; by default the parameter's name."""
@@ -149,6 +162,19 @@ class Log(AbstractScale):
         return math.log(number)
 
     @override
+    def interval(self, coordinate: float, half: float, rising: bool) -> tuple[float, float]:
+        """Return an interval from zero if the logarithm has fallen and is uncertain by more than 1,
+        and to infinity if it has risen and is uncertain by more than 5: the data then tell the
+        value, or its reciprocal, about linearly."""
+        value = float(self.value(coordinate))
+        if half > WIDTH and not rising:
+            return 0.0, value * (1.0 + half)
+        # Between 1 and 5, a value that has risen from too small a start is not near infinity.
+        if half > 5.0 * WIDTH:
+            return value / (1.0 + half), math.inf
+        return super().interval(coordinate, half, rising)
+
+    @override
     def label(self, name: str) -> str:
         return f"log {name}"
 
@@ -188,6 +214,15 @@ class Bounded(AbstractScale):
         bounds = f"between {self.low} and {self.high}"
         require(inside, "value", number, bounds, "start inside the bounds, or widen them")
         return math.log((number - self.low) / (self.high - number))
+
+    @override
+    def interval(self, coordinate: float, half: float, rising: bool) -> tuple[float, float]:
+        """Return an interval that is linear in the value, within the bounds, if the coordinate is
+        uncertain by more than 1."""
+        if half <= WIDTH:
+            return super().interval(coordinate, half, rising)
+        value, change = float(self.value(coordinate)), half * float(self.slope(coordinate))
+        return max(self.low, value - change), min(self.high, value + change)
 
     @override
     def uninformative_std(self, coordinate: float) -> float:

@@ -1,7 +1,7 @@
 """Fit of a robot's joints to its log: what the log determines, and the estimates."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from types import MappingProxyType
@@ -29,7 +29,7 @@ from .._model.bodies import State
 from .._model.joints.base import AbstractForce
 from .._model.scene import Scene
 from .._parametrisation import variations
-from .._parametrisation.parameter import Parameter, free_parameters, held
+from .._parametrisation.parameter import WIDTH, Log, Parameter, free_parameters, held
 from .._parametrisation.variations import AbstractSeriesVariation, SeriesDelay
 from .._scene_files.robot import Robot
 from .._simulation.results.observe import observe
@@ -66,6 +66,9 @@ CLOSEST = 0.99
 PLAYS = 0.8, 1.25
 """Factors on all plays from which a fit is repeated: a collision less or more in the motion gives
 minima of chi squared at plays that differ by a few percent."""
+NO_PLAY = 1e-3
+"""Factor on each play by itself from which a fit is repeated too: without play, the log may fit as
+well, or better, and a search from a larger play does not get there past the other minima."""
 SHORTEST = 1.0 / 64.0
 """Share of the log in the first window if a start in a play is unknown, which shows in the
 beginning of the log; in all of it, chi squared has minima at wrong ones."""
@@ -97,8 +100,9 @@ class RobotFit(AbstractTabular):
     - `robot`: the robot with the estimates.
     - `log`, `driven_by`: as given.
     - `undetermined`: for each parameter that the log doesn't determine, a sentence that says why.
-      Each was held at its start, `held`, in its unit; a position or speed at the start of the log
-      at its last estimate.
+      Each was held, at `held` in its unit: at its start, but a position or speed at the start of
+      the log, and what the log shows to be about zero or infinite, at the last estimate.
+    - `limits`: the 95 % interval, from zero or to infinity, of what is about zero or infinite.
 
     ```python
     import clearjoint as cj
@@ -124,11 +128,12 @@ class RobotFit(AbstractTabular):
     driven_by: DrivenBy
     undetermined: dict[str, str]
     held: dict[str, tuple[float, str]]
+    limits: dict[str, tuple[float, float]]
 
     @override
     def to_xarray(self) -> "xr.Dataset":
         """Return estimates and held values along "parameter", with the bounds of the 95 % interval,
-        NaN for held ones, and the unit."""
+        NaN for held ones without `limits`, and the unit."""
         rows, along = self._rows(), ("parameter",)
         estimates, lows, highs, units = zip(*rows.values(), strict=True)
         determined = ["false" if name in self.held else "true" for name in rows]
@@ -144,16 +149,19 @@ class RobotFit(AbstractTabular):
 
     def _rows(self) -> dict[str, tuple[float, float, float, str]]:
         """Return value, bounds and unit of each parameter."""
-        fit, nan = self.fit, math.nan
+        fit, unknown = self.fit, (math.nan, math.nan)
         intervals = fit.intervals
         rows = {n: (fit.estimates[n], *intervals[n], fit.units[n]) for n in fit.parameters}
-        return rows | {name: (value, nan, nan, unit) for name, (value, unit) in self.held.items()}
+        return rows | {
+            name: (value, *self.limits.get(name, unknown), unit)
+            for name, (value, unit) in self.held.items()
+        }
 
     @override
     def __str__(self) -> str:
         table: list[tuple[str, ...]] = [("parameter", "estimate", "95 % from", "to", "unit")]
         for name, (value, low, high, unit) in self._rows().items():
-            ends = ("not identifiable", "") if name in self.held else (f"{low:.4g}", f"{high:.4g}")
+            ends = ("not identifiable", "") if math.isnan(low) else (f"{low:.4g}", f"{high:.4g}")
             table.append((name, f"{value:.4g}", *ends, unit))
         reasons = "\n".join(self.undetermined.values())
         parts = "\n".join(aligned(table)), reasons, str(self.fit)
@@ -349,19 +357,32 @@ def fit_robot(
     scene, state, measured = problem.scene, problem.state, problem.measurements
     starts = {name: p.scale.value(p.coordinate_in(scene, state)) for name, p in free.items()}
     starts = values = {name: float(value) for name, value in starts.items()}
+    units = {name: parameter.variation.unit_in(scene, state) for name, parameter in free.items()}
     options: dict[str, PyTree] = {
         "max_iterations": max_iterations,
         "check_runs": check_runs,
         "progress": progress,
         "start_time": log.start,
     }
-    fit, undetermined, fixed = None, {}, {}
+    fit, undetermined, fixed, limits = None, {}, {}, {}
     for _ in range(ROUNDS):
         present = {n: Parameter(p.variation, p.scale, value=values[n]) for n, p in free.items()}
         # A delay is no number of the scene, by which a run could be differentiated beforehand.
         examined = {n: p for n, p in present.items() if not isinstance(p.variation, SeriesDelay)}
         report = identifiability(scene, state, examined, measured, settings, start_time=log.start)
-        reasons = _undetermined(report, problem, examined)
+        if fit is not None:
+            limits |= _at_an_end(report, fit)
+        # What is about zero or infinite has no effect, so that its start would be a wrong value.
+        reasons = _undetermined(_without(report, limits), problem, examined)
+        for name, (low, high) in limits.items():
+            rises = math.isinf(high)
+            bound, side = (
+                (f"at least {low:.3g}", "larger") if rises else (f"at most {high:.3g}", "smaller")
+            )
+            reasons[name] = (
+                f"{_subject(name, problem)} is {bound} {units[name]} (95 %): a {side} one makes no "
+                "difference to the log."
+            )
         if fit is not None and reasons.keys() == undetermined.keys():
             break
         undetermined = reasons
@@ -369,21 +390,20 @@ def fit_robot(
         require(len(reasons) < len(present), "find", [*find], expected, "log another motion")
         # A position or speed at the start is held at its last estimate: the first one, from a few
         # samples, may be so wrong that it makes estimates that depend on it wrong too.
-        begins = _of_kind(problem, reasons, *OF_START)
-        fixed = {name: (values if name in begins else starts)[name] for name in reasons}
+        at_last = {*_of_kind(problem, reasons, *OF_START), *limits}
+        fixed = {name: (values if name in at_last else starts)[name] for name in reasons}
         present |= {name: held(free[name], value) for name, value in fixed.items()}
         fit = _best_fit(problem, present, settings, grow, options)
         values = {**values, **fixed, **_inside(problem, fit)}
     assert fit is not None
     warn_of([fit])
-    units = {name: free[name].variation.unit_in(scene, state) for name in undetermined}
     joints, forces = (
         {n: e for n, e in family.items() if n not in map(drive_name, driven_by)}
         for family in (fit.scene.joints, fit.scene.forces)
     )
     fitted = replace(robot, scene=replace(fit.scene, joints=joints, forces=forces))
     at = {name: (value, units[name]) for name, value in fixed.items()}
-    return RobotFit(fit, fitted, log, dict(driven_by), undetermined, at)
+    return RobotFit(fit, fitted, log, dict(driven_by), undetermined, at, limits)
 
 
 def _best_fit(
@@ -423,6 +443,7 @@ def _best_fit(
     if plays := _of_kind(problem, free, "play"):
         near = _inside(problem, fit)
         others = [{**near, **{name: factor * near[name] for name in plays}} for factor in PLAYS]
+        others += [{**near, name: NO_PLAY * near[name]} for name in plays]
         fit = _lowest(fit, fitted((), others))
     return fit
 
@@ -493,17 +514,9 @@ def _undetermined(
     report: Identifiability, problem: RobotProblem, parameters: Mapping[str, Parameter]
 ) -> dict[str, str]:
     """Return, for each parameter that the log does not determine, a sentence that says why."""
-    names, reasons = [*report.names], {}
+    part, reasons = report, {}
     flanks = cache(partial(_touched, problem, parameters))
-    while names:
-        columns = [report.names.index(name) for name in names]
-        part = replace(
-            report,
-            names=tuple(names),
-            scales=tuple(report.scales[k] for k in columns),
-            coordinates=report.coordinates[columns],
-            rows=report.rows[:, columns],
-        )
+    while part.names:
         ratios = part.deviations / part.limits
         if (ratios <= 1.0).all():
             break
@@ -511,9 +524,40 @@ def _undetermined(
         # of its own is left out first: the others may be determined without it.
         alone = np.where(ratios > 1.0, part.deviations_alone / part.limits, 0.0)
         k = int(alone.argmax())
-        reasons[names[k]] = _reason(names[k], part, k, problem, flanks)
-        del names[k]
+        name = part.names[k]
+        reasons[name] = _reason(name, part, k, problem, flanks)
+        part = _without(part, [name])
     return reasons
+
+
+def _without(report: Identifiability, names: Collection[str]) -> Identifiability:
+    columns = [k for k, name in enumerate(report.names) if name not in names]
+    return replace(
+        report,
+        names=tuple(report.names[k] for k in columns),
+        scales=tuple(report.scales[k] for k in columns),
+        coordinates=report.coordinates[columns],
+        rows=report.rows[:, columns],
+    )
+
+
+def _at_an_end(report: Identifiability, fit: Fit) -> dict[str, tuple[float, float]]:
+    """Return the intervals of the estimates on a `Log` scale that have gone so far towards zero or
+    infinity that they no longer have an effect."""
+    intervals, starts = fit.intervals, dict(zip(fit.parameters, fit.best.start, strict=True))
+    ends, alone = {}, report.deviations_alone
+    for k, (name, scale) in enumerate(zip(report.names, report.scales, strict=True)):
+        if name in starts and isinstance(scale, Log) and alone[k] > report.limits[k]:
+            u = float(report.coordinates[k])
+            low, high = scale.interval(u, WIDTH * float(alone[k]), u > starts[name])
+            if low == 0.0 or math.isinf(high):
+                ends[name] = (0.0, intervals[name][1]) if low == 0.0 else (intervals[name][0], high)
+    return ends
+
+
+def _subject(name: str, problem: RobotProblem) -> str:
+    joint, kind = problem.subjects.get(name, ("", name))
+    return f"The {kind} of {joint}" if joint else f"Parameter {name!r}"
 
 
 def _touched(problem: RobotProblem, parameters: Mapping[str, Parameter]) -> dict[str, set[str]]:
@@ -538,8 +582,7 @@ def _reason(
     flanks: Callable[[], Mapping[str, set[str]]],
 ) -> str:
     joint, kind = problem.subjects.get(name, ("", name))
-    subject = f"The {kind} of {joint}" if joint else f"Parameter {name!r}"
-    head = f"{subject} cannot be determined"
+    head = f"{_subject(name, problem)} cannot be determined"
     # The run with contacts is another program, which is compiled only if it may be the reason.
     touched = flanks().get(backlash_name(joint)) if kind in ("play", "stiffness") else None
     if touched is not None and len(touched) < 2:
@@ -558,9 +601,7 @@ def _reason(
             f"{report.labels[k]} of {size})."
         )
     worst = max(report.combinations, key=lambda c: abs(c.weights[k]) * c.standard_deviation)
-    others = [
-        other
-        for other, weight in zip(report.names, worst.weights, strict=True)
-        if other != name and abs(weight) > PART * abs(worst.weights[k])
-    ]
-    return f"{head}: the log does not distinguish its effect from that of {' and '.join(others)}."
+    weights = {n: abs(w) for n, w in zip(report.names, worst.weights, strict=True) if n != name}
+    large = PART * min(abs(worst.weights[k]), max(weights.values()))
+    others = " and ".join(n for n, weight in weights.items() if weight > large)
+    return f"{head}: the log does not distinguish its effect from that of {others}."

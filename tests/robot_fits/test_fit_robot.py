@@ -88,10 +88,40 @@ def test_a_load_that_never_reverses_does_not_show_the_play(with_drive):
     assert np.isnan(found.to_dataframe().loc["elbow play", "low"])
 
 
-def chi_squared_of_truth(found):
+def test_a_friction_of_zero_is_bounded_and_makes_no_other_estimate_wrong(robot, with_drive):
+    log = log_of(log_table(replace(JOINT, friction=0.0), *swinging(1, 1.5), seed=1))
+    options = {"driven_by": {"elbow": "torque"}, "grow": (), **QUIET}
+    found = cj.fit_robot(robot, log, FIND, **options)
+    low, high = found.limits["elbow friction"]
+    estimates, errors = found.fit.estimates, found.fit.standard_errors
+    for name, value in TRUTH.items():
+        assert name == "elbow friction" or abs(estimates[name] - value) < 3.3 * errors[name], name
+    assert low == 0.0 and found.fit.p_value > 1e-3
+    assert f"is at most {high:.3g} N m (95 %)" in found.undetermined["elbow friction"]
+    assert found.to_dataframe().loc["elbow friction", "high"] == high
+    # With a known friction at the limit, chi squared is about 3.84 higher, or more if it rises
+    # already from zero on.
+    known = with_drive(friction=high, law=DRY)
+    others = {"elbow": {name: start for name, start in FIND["elbow"].items() if name != "friction"}}
+    rise = cj.fit_robot(known, log, others, **options).fit.chi_squared - found.fit.chi_squared
+    assert 3.0 < rise < 10.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+def test_a_log_without_play_does_not_show_one(robot, seed):
+    log = log_of(log_table(replace(JOINT, play=1e-7), *swinging(seed, 1.5), seed=seed))
+    found = cj.fit_robot(robot, log, FIND, {"elbow": "torque"}, **QUIET)
+    low, high = found.fit.intervals.get("elbow play") or found.limits["elbow play"]
+    assert low < 1e-5 and high < 0.25 * JOINT.play
+    assert found.fit.chi_squared <= chi_squared_of_truth(found, {"elbow play": 1e-7})
+
+
+def chi_squared_of_truth(found, others=()):
     """Chi squared of one run with the true values, from rest at zero in the middle of the play."""
     fit = found.fit
-    true = {**dict.fromkeys(fit.parameters, 0.0), **TRUTH}
+    known = {**TRUTH, **dict(others)}
+    true = {name: known.get(name, 0.0) for name in fit.parameters}
     once = {"guess": true, "max_iterations": 1, "check_runs": 0, **QUIET}
     return cj.identify(fit.scene, fit.state, fit.measurements, fit.parameters, **once).chi_squared
 
