@@ -30,6 +30,7 @@ from .._model.joints.base import AbstractForce
 from .._model.scene import Scene
 from .._parametrisation import variations
 from .._parametrisation.parameter import WIDTH, Log, Parameter, free_parameters, held
+from .._parametrisation.readings import units_of
 from .._parametrisation.variations import AbstractSeriesVariation, SeriesDelay
 from .._scene_files.robot import Robot
 from .._simulation.results.observe import observe
@@ -357,7 +358,7 @@ def fit_robot(
     scene, state, measured = problem.scene, problem.state, problem.measurements
     starts = {name: p.scale.value(p.coordinate_in(scene, state)) for name, p in free.items()}
     starts = values = {name: float(value) for name, value in starts.items()}
-    units = {name: parameter.variation.unit_in(scene, state) for name, parameter in free.items()}
+    units = units_of(free, scene, state, {n: s.unit for n, s in measured.series.items()})
     options: dict[str, PyTree] = {
         "max_iterations": max_iterations,
         "check_runs": check_runs,

@@ -91,7 +91,10 @@ def test_a_load_that_never_reverses_does_not_show_the_play(with_drive):
 def test_a_friction_of_zero_is_bounded_and_makes_no_other_estimate_wrong(robot, with_drive):
     log = log_of(log_table(replace(JOINT, friction=0.0), *swinging(1, 1.5), seed=1))
     options = {"driven_by": {"elbow": "torque"}, "grow": (), **QUIET}
-    found = cj.fit_robot(robot, log, FIND, **options)
+    # A bias of less than the noise is not determined either.
+    bias = {"bias": cj.Parameter.bias("elbow position", scale=cj.Linear(1e-12))}
+    found = cj.fit_robot(robot, log, FIND, parameters=bias, **options)
+    assert found.held["bias"] == (0.0, "rad")
     low, high = found.limits["elbow friction"]
     estimates, errors = found.fit.estimates, found.fit.standard_errors
     for name, value in TRUTH.items():
