@@ -523,7 +523,8 @@ class Fit(AbstractTabular):
                         yield f"{name} is at its bound {bound:g}."
             elif low == 0.0 or math.isinf(high):
                 bound = f"at least {low:.3g}" if math.isinf(high) else f"at most {high:.3g}"
-                yield f"{name} is {bound} (95 %), but no value fits best."
+                side = "larger" if math.isinf(high) else "smaller"
+                yield f"{name} is {bound} (95 %): a {side} one fits as well."
 
     @property
     def _other_minima(self) -> list[RunMisfit]:

@@ -381,8 +381,8 @@ def fit_robot(
                 (f"at least {low:.3g}", "larger") if rises else (f"at most {high:.3g}", "smaller")
             )
             reasons[name] = (
-                f"{_subject(name, problem)} is {bound} {units[name]} (95 %): a {side} one makes no "
-                "difference to the log."
+                f"{_subject(name, problem)} is {bound} {units[name]} (95 %): a {side} one fits the "
+                "log as well."
             )
         if fit is not None and reasons.keys() == undetermined.keys():
             break
