@@ -522,9 +522,7 @@ class Fit(AbstractTabular):
                     if abs(value - bound) < AT_BOUND * (scale.high - scale.low):
                         yield f"{name} is at its bound {bound:g}."
             elif low == 0.0 or math.isinf(high):
-                bound = f"at least {low:.3g}" if math.isinf(high) else f"at most {high:.3g}"
-                side = "larger" if math.isinf(high) else "smaller"
-                yield f"{name} is {bound} (95 %): a {side} one fits as well."
+                yield f"{name} is {limit_text(low, high, self.units[name])}"
 
     @property
     def _other_minima(self) -> list[RunMisfit]:
@@ -567,6 +565,15 @@ class Fit(AbstractTabular):
                 yield f"{ratio}: the noise is understated, or the model lacks an effect."
             elif self.p_value > 1.0 - statistics.UNLIKELY:
                 yield f"{ratio}: the noise is overstated."
+
+
+def limit_text(low: float, high: float, unit: str) -> str:
+    """Return a text on an interval that begins at zero or ends at infinity."""
+    rises = math.isinf(high)
+    limit, others = (
+        (f"at least {low:.3g}", "larger") if rises else (f"at most {high:.3g}", "smaller")
+    )
+    return f"{limit}{'' if unit == '1' else ' ' + unit} (95 %): a {others} value fits as well."
 
 
 def _series_table(fit: Fit) -> str:

@@ -16,7 +16,7 @@ from .._export.datasets import AbstractTabular, Labelled, labelled_dataset, text
 from .._export.tables import aligned, number
 from .._fields.cautions import quiet
 from .._fields.checks import require
-from .._identification.fit import Fit
+from .._identification.fit import Fit, limit_text
 from .._identification.goodness_of_fit import UNLIKELY
 from .._identification.identify import OnIteration, identify, warn_of
 from .._identification.starts import Guess
@@ -375,15 +375,8 @@ def fit_robot(
             limits |= _at_an_end(report, fit)
         # What is about zero or infinite has no effect, so that its start would be a wrong value.
         reasons = _undetermined(_without(report, limits), problem, examined)
-        for name, (low, high) in limits.items():
-            rises = math.isinf(high)
-            bound, side = (
-                (f"at least {low:.3g}", "larger") if rises else (f"at most {high:.3g}", "smaller")
-            )
-            reasons[name] = (
-                f"{_subject(name, problem)} is {bound} {units[name]} (95 %): a {side} one fits the "
-                "log as well."
-            )
+        for name, ends in limits.items():
+            reasons[name] = f"{_subject(name, problem)} is {limit_text(*ends, units[name])}"
         if fit is not None and reasons.keys() == undetermined.keys():
             break
         undetermined = reasons
