@@ -242,13 +242,18 @@ class Fit(AbstractTabular):
             minima = [m for m in minima if ((m.coordinates < low) | (m.coordinates > high)).any()]
         scales = [parameter.scale for parameter in self.parameters.values()]
         widening = self._interval_widening
-        rising = self.coordinates > self.best.start
+        # The end to which an estimate without effect has gone, or to which those of other minima
+        # have, if the best one shows an effect.
+        rose = self.coordinates > self.searches[0].start
+        is_gone = np.sqrt(np.diag(self.covariance)) > 1.0
         parts = []  # (low, high) of all values
         if minima:
             ends = checking.interval_ends(minima, self.chi_squared)
             for low, high in zip(ends[::2], ends[1::2], strict=True):
-                rows = zip(0.5 * (low + high), 0.5 * (high - low) * widening, rising, strict=True)
-                parts.append([s.interval(*row) for s, row in zip(scales, rows, strict=True)])
+                middle, half = 0.5 * (low + high), 0.5 * (high - low) * widening
+                rising = np.where(is_gone, rose, middle > self.coordinates)
+                rows = zip(scales, middle, half, rising, strict=True)
+                parts.append([scale.interval(*row) for scale, *row in rows])
         explored = None
         if posterior is not None:
             pairs = zip(scales, posterior.intervals.values(), strict=True)

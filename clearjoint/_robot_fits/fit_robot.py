@@ -372,7 +372,7 @@ def fit_robot(
         examined = {n: p for n, p in present.items() if not isinstance(p.variation, SeriesDelay)}
         report = identifiability(scene, state, examined, measured, settings, start_time=log.start)
         if fit is not None:
-            limits |= _at_an_end(report, fit)
+            limits |= _at_an_end(report, fit, starts)
         # What is about zero or infinite has no effect, so that its start would be a wrong value.
         reasons = _undetermined(_without(report, limits), problem, examined)
         for name, ends in limits.items():
@@ -535,17 +535,21 @@ def _without(report: Identifiability, names: Collection[str]) -> Identifiability
     )
 
 
-def _at_an_end(report: Identifiability, fit: Fit) -> dict[str, tuple[float, float]]:
-    """Return the intervals of the estimates on a `Log` scale that have gone so far towards zero or
-    infinity that they no longer have an effect."""
-    intervals, starts = fit.intervals, dict(zip(fit.parameters, fit.best.start, strict=True))
-    ends, alone = {}, report.deviations_alone
-    for k, (name, scale) in enumerate(zip(report.names, report.scales, strict=True)):
-        if name in starts and isinstance(scale, Log) and alone[k] > report.limits[k]:
-            u = float(report.coordinates[k])
-            low, high = scale.interval(u, WIDTH * float(alone[k]), u > starts[name])
+def _at_an_end(
+    report: Identifiability, fit: Fit, starts: Mapping[str, float]
+) -> dict[str, tuple[float, float]]:
+    """Return the intervals of the estimates on a `Log` scale that have gone so far from their
+    starts towards zero or infinity that they no longer have an effect."""
+    ends = {}
+    errors = dict(zip(fit.parameters, np.sqrt(np.diag(fit.covariance)).tolist(), strict=True))
+    effects = zip(report.deviations_alone, report.limits, strict=True)
+    for name, scale, (alone, limit) in zip(report.names, report.scales, effects, strict=True):
+        if name in errors and isinstance(scale, Log) and alone > limit:
+            value = fit.estimates[name]
+            half, rising = WIDTH * errors[name], value > starts[name]
+            low, high = scale.interval(scale.coordinate(value), half, rising)
             if low == 0.0 or math.isinf(high):
-                ends[name] = (0.0, intervals[name][1]) if low == 0.0 else (intervals[name][0], high)
+                ends[name] = low, high
     return ends
 
 
