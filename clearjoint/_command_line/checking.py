@@ -81,8 +81,7 @@ def _contacts(scene: Scene, state: State) -> Iterator[str]:
         by_joint = depths(scene, state)
     for name, family in by_joint.items():
         joint = scene.contact_joints()[name]
-        kinds = {type(whole_law(law)).__name__ for law in joint.laws().values()}
-        laws = ", ".join(sorted(kinds))
+        laws = ", ".join(sorted({type(whole_law(law)).__name__ for law in joint.laws().values()}))
         play = f"clearance {_length(joint.clearance)}, " if isinstance(joint, HasJournal) else ""
         gaps = ", ".join(
             f"{label} {_length(abs(depth))} {'deep' if depth > 0.0 else 'apart'}"

@@ -79,8 +79,7 @@ def fit(study: Study, folder: Path) -> CommandResult:
 def _measured(study: Study, part: FitPart, location: FileLocation) -> Measurements:
     path = study.path.parent / part.measurements
     if not path.exists():
-        remedy = f"there is no {path}"
-        location.at("measurements").refuse(part.measurements, "a CSV file", remedy)
+        location.at("measurements").refuse(part.measurements, "a CSV file", f"there is no {path}")
     # A noise given as a text, such as "2 um", is converted below, when the unit of its series is
     # known. Until then, 1.0 stands for it.
     texts = {name: c.noise for name, c in part.columns.items() if isinstance(c.noise, str)}

@@ -156,7 +156,7 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
     # The file has the message of the result instead of its code. The message of another version may
     # be unknown here; such a run counts as one that was not finished.
     results = {RESULTS[item]: item for item in RESULTS._name_to_item.values()}
-    solution = Solution(
+    return scene, Solution(
         time=float(motion.attrs["time_reached"]),
         final=_state(scene, motion, "final_"),
         result=results.get(motion.attrs["result"], RESULTS.max_steps_reached),
@@ -175,7 +175,6 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
             if key.startswith("setting_")
         ),
     )
-    return scene, solution
 
 
 def _impacts(folder: Path) -> Impacts | None:

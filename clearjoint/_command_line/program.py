@@ -106,8 +106,7 @@ def check(file: Path, changes: tuple[str, ...], paths: bool, assemble: Path | No
     from .checking import description, number_paths
 
     if assemble is not None:
-        state = assembled(study.scene, study.state, study.parts.run.start)
-        save(study.scene, state, assemble)
+        save(study.scene, assembled(study.scene, study.state, study.parts.run.start), assemble)
         click.echo(f"wrote {assemble}")
         return
     for line in number_paths(study) if paths else description(study):

@@ -48,8 +48,7 @@ def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
     for name, crossings in solution.outputs.items():
         if len(crossings):
             _save(folder, f"section {name}", plot.poincare_section(crossings))
-    title = str(folders.read_summary(folder)["title"])
-    plot.report(scene, solution, folder / PDF, title=title)
+    plot.report(scene, solution, folder / PDF, title=str(folders.read_summary(folder)["title"]))
 
 
 def worn_parts(dataset: xr.Dataset) -> list[tuple[str, Part]]:

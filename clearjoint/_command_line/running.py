@@ -236,8 +236,7 @@ def _outputs(
                     f"{quantity.unit}: {folders.NUMBERS} has these extremes; a smaller save_every "
                     "gives more samples"
                 )
-        title = type(quantity).__name__
-        variables[name] = Labelled(rows, values, quantity.unit, title, extremes)
+        variables[name] = Labelled(rows, values, quantity.unit, type(quantity).__name__, extremes)
     times = {"time": Labelled(rows, saved.times, "s", "time")}
     return labelled_dataset("outputs of a run", variables, times)
 

@@ -410,8 +410,7 @@ class Study(AbstractStudy):
         """Return the end of runs, s: `section_end`, or if it is None that in [run]."""
         end = self.parts.run.end if section_end is None else section_end
         if end is None:
-            remedy = 'write end = "1 s", or pass --end 1'
-            self.location.at("run").refuse(None, "an `end`", remedy)
+            self.location.at("run").refuse(None, "an `end`", 'write end = "1 s", or pass --end 1')
         with self.location.at("run" if section_end is None else "sweep", "end").in_errors():
             require(end > self.parts.run.start, "end", end, "after the start", "give it in s")
         return float(end)
@@ -446,8 +445,7 @@ def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
         if not isinstance(tables, dict):
             file = path.parent / str(tables)
             if not file.is_file():
-                expected = "the path of a scene file, or a table"
-                scene_location.refuse(tables, expected, "correct it")
+                scene_location.refuse(tables, "the path of a scene file, or a table", "correct it")
             tables, scene_location = read_document(file)
     else:
         remedy = 'a study file names one, scene = "four_bar.toml"; a scene file has [bodies.<name>]'

@@ -24,8 +24,7 @@ def wear(study: Study, folder: Path) -> CommandResult:
     already, it is continued from there. After Ctrl-C, results so far are written."""
     part = study.parts.wear
     if part is None:
-        remedy = "add [wear.rates.<joint>]"
-        study.location.at("wear").refuse(None, "a section [wear]", remedy)
+        study.location.at("wear").refuse(None, "a section [wear]", "add [wear.rates.<joint>]")
     store, code = folder / WEAR_STORE, WELL
     try:
         with study.location.at("wear").in_errors():

@@ -13,8 +13,7 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
     (corner, *head), *body = rows
     labels = [label for label, *_ in body]
-    columns = pd.Index(head, name=corner)
-    table = pd.DataFrame([cells for _, *cells in body], labels, columns)
+    table = pd.DataFrame([cells for _, *cells in body], labels, pd.Index(head, name=corner))
     return [line.rstrip() for line in table.to_string().splitlines()]
 
 

@@ -34,5 +34,4 @@ def broken(label: str) -> str:
     lines = -(-len(label) // WIDEST_LABEL)
     if lines <= 1:
         return label
-    width = len(label) // lines + 6
-    return fill(label, width, break_long_words=False, break_on_hyphens=False)
+    return fill(label, len(label) // lines + 6, break_long_words=False, break_on_hyphens=False)

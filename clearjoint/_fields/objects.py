@@ -273,8 +273,7 @@ def as_numbers(value: PyTree) -> PyTree:
     if len(shapes) != 1 or None in shapes:
         return type(value)(parts)
     # All parts are arrays of one shape. Traced numbers can be stacked by JAX only.
-    library = jnp if any(isinstance(part, jax.Array) for part in parts) else np
-    return library.stack(parts)
+    return (jnp if any(isinstance(part, jax.Array) for part in parts) else np).stack(parts)
 
 
 def with_arrays(tree: PyTree) -> PyTree:

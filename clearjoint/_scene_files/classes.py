@@ -81,8 +81,7 @@ def makers(families: tuple[type, ...], classes: Classes) -> dict[str, Maker]:
     # An iterator is no collection: it could be read only once. A class may be one, such as an enum.
     is_collection = isinstance(classes, Collection) and not isinstance(classes, type)
     is_valid = is_collection and all(isinstance(kind, type) for kind in classes)
-    remedy = "pass for example classes=[MyLaw]"
-    require(is_valid, "classes", classes, "a list of classes", remedy)
+    require(is_valid, "classes", classes, "a list of classes", "pass for example classes=[MyLaw]")
     included = filter(is_of_package, (*families, *_subclasses(AbstractReadable)))
     # For equal names, the class of this package has priority.
     named = {kind.__name__: kind for kind in (*classes, *included)}
@@ -213,10 +212,9 @@ def expectation(annotation: object, unit: str | None = None) -> Expectation:
     # size None stands for an unknown shape.
     sizes = [getattr(size, "size", None) for size in getattr(annotation, "dims", (None,))]
     fixed = tuple(size for size in sizes if isinstance(size, int))
-    has_shape = annotation in (int, float) or len(fixed) == len(sizes)
     return Expectation(
         unit,
-        shapes=(fixed,) if has_shape else (),
+        shapes=(fixed,) if annotation in (int, float) or len(fixed) == len(sizes) else (),
         is_array=hasattr(annotation, "dims") or annotation in (np.ndarray, jax.Array),
         is_text=annotation is str,
         is_flag=annotation is bool,

@@ -70,8 +70,7 @@ class Writer:
                     entries[name] = self._value(value, expected, location.at(name))
             elif expected.default is REQUIRED:
                 remedy = "store it in a field of the same name, or give it a default"
-                missing = "no field of this name"
-                location.at(name).refuse(missing, "one for each argument", remedy)
+                location.at(name).refuse("no field of this name", "one for each argument", remedy)
         return entries
 
     def _value(self, value: object, expected: Expectation, location: FileLocation) -> object:
@@ -304,8 +303,7 @@ def scene_of_document(
     for name in state.bodies:
         if name not in bodies:
             remedy = nearest(name, bodies, "add the body, or leave its state out")
-            expected = f"one of the scene's {listed(bodies)}"
-            state_location.at("bodies").refuse(name, expected, remedy)
+            state_location.at("bodies").refuse(name, f"one of the scene's {listed(bodies)}", remedy)
     return scene, _completed(scene, state, state_location)
 
 

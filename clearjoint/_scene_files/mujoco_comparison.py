@@ -130,8 +130,7 @@ def compare_with_mujoco(
     count = int(np.clip(end_time / max(timesteps), 1, SAMPLES))
     times = np.linspace(0.0, end_time, count + 1)
     whole = scene.scene if isinstance(scene, Robot) else scene
-    save = Saving(times)
-    solution = simulate(whole, state, end_time, settings, save, progress=False)
+    solution = simulate(whole, state, end_time, settings, Saving(times), progress=False)
     own = {n: q[:, 0] for n, (q, _) in writer.motion(solution.states).items() if q.shape[1] == 1}
     expected, remedy = "one with a hinge or slider", "add one; other joints are not compared"
     require(bool(own), "scene", [*writer.joints], expected, remedy)

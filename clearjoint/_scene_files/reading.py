@@ -166,11 +166,10 @@ class Reader:
         # ``None``, numbers or options may be allowed too; these are no objects of the classes.
         for name, item in values.items():
             allowed, stored = signature[name], getattr(made, name, None)
-            is_number = isinstance(stored, int | float | tuple | np.ndarray)
             is_no_object = (
                 stored is None
                 or isinstance(item, Mapping)
-                or (bool(allowed.shapes) and is_number)
+                or (bool(allowed.shapes) and isinstance(stored, int | float | tuple | np.ndarray))
                 or any(item is option for option in (allowed.options or {}).values())
             )
             if allowed.classes and not (is_no_object or isinstance(stored, allowed.classes)):

@@ -150,8 +150,7 @@ class Robot:
             assert isinstance(motor, HingeOrSlider)
             subspace = unpack(motor).motion_subspace(motor.first)
             branches.append(JointedBranch(rotor, motor.first, name, subspace))
-        drives = {**self.drives, joint: drive}
-        robot = replace(self, _branches=branches, drives=drives)
+        robot = replace(self, _branches=branches, drives={**self.drives, joint: drive})
         return robot._with(bodies, joints, train.elements)
 
     def with_elements(self, elements: Mapping[str, Element]) -> "Robot":
@@ -258,11 +257,10 @@ class Robot:
         **Raises:** `ValueError` as `state`.
         """
         new = self._by_joint("q", q, False), self._by_joint("qd", qd, True)
-        kept = self._coordinates(state)
         positions, speeds = (
             {n: value for n, value in part.items() if n not in self._mimics}
             | {n: _number(value) for n, value in changed.items()}
-            for part, changed in zip(kept, new, strict=True)
+            for part, changed in zip(self._coordinates(state), new, strict=True)
         )
         free = [b.body for b in self._branches if isinstance(b, FreeBranch)]
         return self.state(positions, speeds, free={body: state.bodies[body] for body in free})
@@ -352,8 +350,7 @@ class Robot:
             require(name in known, argument, name, f"one of the joints {', '.join(known)}", remedy)
             zero = zeros[name]
             count = len(zero.speeds if speeds else jax.tree.leaves(zero.position))
-            is_single = len(zero.speeds) == 1
-            parts = (value,) if is_single else tuple(_columns(value))
+            parts = (value,) if len(zero.speeds) == 1 else tuple(_columns(value))
             expected, remedy = f"{count} numbers of joint {name!r}", "give that many"
             require(len(parts) == count, argument, np.shape(value), expected, remedy)
             by_joint[name] = tuple(map(_as_number, parts))
@@ -368,8 +365,7 @@ class Robot:
     ) -> tuple[dict[str, JointState | BodyState], dict[str, Motion], dict[str, EulerParameters]]:
         positions, speeds = self._by_joint("q", q, False), self._by_joint("qd", qd, True)
         for name, mimic in self._mimics.items():
-            x = positions.get(mimic.leader or "", (0.0,))[0]
-            y, slope, _ = _polynomial(mimic, x)
+            y, slope, _ = _polynomial(mimic, positions.get(mimic.leader or "", (0.0,))[0])
             rate = slope * speeds.get(mimic.leader or "", (0.0,))[0]
             _require_following("q", positions, name, mimic, y)
             _require_following("qd", speeds, name, mimic, rate)

@@ -110,8 +110,7 @@ class Elements:
         mimics = {name: j.mimic for name, j in self.tree.joints.items() if j.mimic is not None}
         for name, mimic in [*mimics.items()]:
             if self.scalar(name) is None or self.scalar(mimic.leader or name) is None:
-                title = "mimics, between other joints than hinges and sliders,"
-                self.omitted[title].append(name)
+                self.omitted["mimics, between other joints than hinges and sliders,"].append(name)
                 del mimics[name]
         leaders = {n: {mimic.leader} & mimics.keys() for n, mimic in mimics.items()}
         with self.tree.location.in_errors():  # an error for joints that follow each other

@@ -39,8 +39,7 @@ def read_urdf(path: Path) -> Content:
             # Materials belong to the visual shapes.
             omitted |= {} if entry.tag == "material" else {f"<{entry.tag}>": []}
             continue
-        number = len(links) if entry.tag == "link" else len(joints)
-        at = location.at(entry.tag, number)
+        at = location.at(entry.tag, len(links) if entry.tag == "link" else len(joints))
         name = _attribute(entry, "name", at)
         at = location.at(name)
         if entry.tag == "link":

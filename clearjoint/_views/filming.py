@@ -59,8 +59,7 @@ class Film:
         box = self._axes.get_window_extent()
         self._shape = round(box.height / DPI * samples), round(box.width / DPI * samples)
         self._scale = min(self._shape[0] / high, self._shape[1] / wide) / 2.0  # points per m
-        blank = np.ones((*self._shape, 3))
-        self._image = self._axes.imshow(blank, origin="lower", aspect="auto")
+        self._image = self._axes.imshow(np.ones((*self._shape, 3)), origin="lower", aspect="auto")
         self._time_text = self.figure.text(0.98, 0.02, "", ha="right", va="bottom", fontsize=11)
         patches = [
             Patch(facecolor=c, edgecolor="#777777", label=shown(name)) for c, name in legend.entries

@@ -163,8 +163,7 @@ def outline(distances: Float[np.ndarray, " N"]) -> Float[np.ndarray, "N 2"]:
     # and the j-th direction. Lines that the ray doesn't meet count as infinitely far away.
     cosines = np.cos(angles[:, None] - angles)
     reached = np.where(cosines > 1e-6, distances / np.maximum(cosines, 1e-6), np.inf)
-    radii = reached.min(axis=1)[:, None]
-    return radii * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return reached.min(axis=1)[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
 def hull(points: Float[np.ndarray, "N 3"], radius: float) -> Mesh:

@@ -135,8 +135,7 @@ def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
             solid = equivalent_solid(body)
             ends = solid.axes * (0.5 * solid.sides)
             points += [poses.point(name, sign * end)[0] for end in ends.T for sign in (-1, 1)]
-    box = np.ptp(np.array(points), axis=0)
-    return float(np.linalg.norm(box)) or 1.0
+    return float(np.linalg.norm(np.ptp(np.array(points), axis=0))) or 1.0
 
 
 def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:

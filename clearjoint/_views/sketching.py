@@ -117,11 +117,10 @@ class SketchingPen(AbstractPen):
         self._solid: set[str] = set()
 
     def parts(self) -> list[DrawnPart]:
-        fixed = [
+        return [
             DrawnPart(body, meshes.joined(solids), still(self._poses.poses[body]), colour, opacity)
             for (body, colour, opacity), solids in self._fixed.items()
-        ]
-        return fixed + self._moving
+        ] + self._moving
 
     @override
     def mark(self, marker: Marker) -> None:
@@ -413,8 +412,7 @@ class SketchingPen(AbstractPen):
         return points[np.sort(firsts)]
 
     def _add(self, body: str, mesh: Mesh, colour: str = "", opacity: float = 1.0) -> None:
-        key = body, colour or self._colours[body], opacity
-        self._fixed.setdefault(key, []).append(mesh)
+        self._fixed.setdefault((body, colour or self._colours[body], opacity), []).append(mesh)
 
     def _fix(self, marker: Marker, mesh: Mesh, colour: str = "", opacity: float = 1.0) -> None:
         """Fix a solid with its origin at the marker's point and z along the marker's axis."""

@@ -204,11 +204,10 @@ def view(
             notes.append(f"bearings enlarged {sizes.bearing_scale:g} ×")
     if force_arrows.parts:
         notes.append(force_arrows.note)
-    legend = Legend(title, tuple(entries), (*notes, *_missed(motion, observed)))
     return View(
         parts,
         poses.times,
-        legend,
+        Legend(title, tuple(entries), (*notes, *_missed(motion, observed))),
         clearance_scale=sizes.clearance_scale,
         bearing_scale=sizes.bearing_scale,
         force_scale=force_arrows.scale,
@@ -269,8 +268,7 @@ def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory
     if isinstance(motion, Trajectory):
         return motion
     remedy = "pass a State, the result of simulate(), or a Trajectory"
-    kinds = Solution | NonsmoothSolution
-    require_type("motion", motion, kinds, "a state or a solution", remedy)
+    require_type("motion", motion, Solution | NonsmoothSolution, "a state or a solution", remedy)
     # The steps of a run with rigid contacts are a number, not states.
     for saved in (motion.saved, motion.steps):
         if isinstance(saved, Trajectory) and len(saved):

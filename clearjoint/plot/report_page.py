@@ -308,8 +308,7 @@ def _parts(scene: Scene, solution: Solution, record: xr.DataArray) -> list[_Part
     parts = [_text_part(lines, "normal", JOINT_COLUMNS, joint_rows(scene, 2 * MOST_ROWS))]
     parts += [_Part(2.6, lambda row: draw_motion(row, scene, path, along))]
     if along.contacts:  # the phases of the motion below the forces have a row for each joint
-        height = 2.4 + 0.2 * len(along.contacts)
-        parts += [_Part(height, lambda row: draw_over_time(row, along))]
+        parts += [_Part(2.4 + 0.2 * len(along.contacts), lambda row: draw_over_time(row, along))]
     parts += [_Part(2.5, lambda row: draw_energies(row, along, record))]
     if solution.impacts:
         rows = impact_rows(solution.impacts, MOST_ROWS)
@@ -342,9 +341,8 @@ def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[
     # The head of the table is 0.4 lines below the text, and its first row 1.3 lines below the head.
     head = line = len(lines) + 0.4
     if rows:
-        cells = zip(titles, *rows, strict=True)
         # Widths of the columns in letters, with two letters between columns.
-        needed = np.array([max(map(len, column)) + 2 for column in cells])
+        needed = np.array([max(map(len, column)) + 2 for column in zip(titles, *rows, strict=True)])
         widest = needed.max()
         while np.minimum(needed, widest).sum() > LETTERS:
             widest -= 1

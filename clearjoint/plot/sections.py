@@ -128,8 +128,7 @@ def poincare_section_of_lane(
         (channel, lane[name].values[recorded], lane[name].attrs.get("units", "1"))
         for channel, name in zip(channels, names, strict=True)
     ]
-    times = lane[f"{section}_time"].values[recorded]
-    return section_points(times, drawn, after, clearance, axes)
+    return section_points(lane[f"{section}_time"].values[recorded], drawn, after, clearance, axes)
 
 
 def section_points(
@@ -146,8 +145,7 @@ def section_points(
     last = f"at most that of the last crossing, {times.max(initial=0.0):.6g} s"
     require(bool(is_drawn.any()) or after is None, "after", after, last, "give an earlier time")
     is_drawable = clearance is None or set(units) == {"m"}
-    expected = f"None for channels in {units}"
-    require(is_drawable, "clearance", clearance, expected, "leave it out")
+    require(is_drawable, "clearance", clearance, f"None for channels in {units}", "leave it out")
     rows = [np.asarray(values)[is_drawn] for _, values, _ in channels]
     sizes = [np.abs(row[np.isfinite(row)]).max(initial=0.0) for row in rows]
     # Channels of the same unit and a similar size get the same prefix and the same scale, as both

@@ -61,8 +61,7 @@ def axes_or_new(axes: Axes | None, size: tuple[float, float] = (6.4, 4.0)) -> Ax
 def polar_or_new(axes: Axes | None) -> PolarAxes:
     """Give polar axes, by default new ones, grid lines at every 45°, and return them."""
     if axes is None:
-        figure = plt.figure(figsize=(4.8, 5.0), layout="constrained")
-        axes = figure.add_subplot(projection="polar")
+        axes = plt.figure(figsize=(4.8, 5.0), layout="constrained").add_subplot(projection="polar")
     remedy = 'make them by subplots(subplot_kw={"projection": "polar"})'
     require_type("axes", axes, PolarAxes, "polar axes", remedy)
     assert isinstance(axes, PolarAxes)
@@ -177,8 +176,7 @@ def inside(
     arguments are for the error message."""
     first, last = (-np.inf, np.inf) if window is None else window
     mask = (values >= first) & (values <= last)
-    expected = f"an interval with {contents}"
-    require(window is None or mask.any(), argument, window, expected, remedy)
+    require(window is None or mask.any(), argument, window, f"an interval with {contents}", remedy)
     return mask
 
 
@@ -250,8 +248,7 @@ def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
     if all are below 10 kN, else in kN. Units that are not in `PREFIXED` get no prefix.
     """
     if unit == "N":
-        largest = np.nanmax(np.abs(values), initial=0.0)
-        return (1e-3, "kN") if largest >= 1e4 else (1.0, "N")
+        return (1e-3, "kN") if np.nanmax(np.abs(values), initial=0.0) >= 1e4 else (1.0, "N")
     exponent, text = _prefixed(np.asarray(values, dtype=float), unit)
     return 10.0**-exponent, text
 

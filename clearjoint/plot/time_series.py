@@ -247,8 +247,7 @@ def spectrum(
 
     >>> axes = plot.spectrum(scene, swing, rate)
     """
-    record = series(scene, solution, quantity, unit=unit)
-    return spectrum_of(record, taper=taper, axes=axes)
+    return spectrum_of(series(scene, solution, quantity, unit=unit), taper=taper, axes=axes)
 
 
 def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None = None) -> Axes:

@@ -67,8 +67,7 @@ def with_links(text: str, module: str = "") -> str:
         path = public_path(match[1], module)
         return f"[{match[0]}][{path}]" if path else match[0]
 
-    parts = FENCED.split(text)
-    return "".join(p if FENCED.match(p) else CODE.sub(linked, p) for p in parts)
+    return "".join(p if FENCED.match(p) else CODE.sub(linked, p) for p in FENCED.split(text))
 
 
 def _walk(parent: griffe.Module | griffe.Class) -> Iterator[griffe.Object]:

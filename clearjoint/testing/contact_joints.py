@@ -102,8 +102,7 @@ def check_contact_joint(
         contacts, rates = jax.jvp(
             lambda point: _contacts(*joint_and_motions(point)), (point,), (change,)
         )
-        failures = _failures(*joint_and_motions(point), contacts, rates)
-        return failures, _rows(contacts), _rows(rates)
+        return _failures(*joint_and_motions(point), contacts, rates), _rows(contacts), _rows(rates)
 
     # A point is a vector of all parameters and motions. All evaluations share one compiled call:
     # derivatives along the motion, along all numbers at once, and along each parameter with the
@@ -189,8 +188,7 @@ def _shifted(joint: AbstractContactJoint, motions: Motions, shift: Vector) -> Mo
     """Motions with the second body, or the first instead of the ground, shifted in global axes."""
     first, second = joint.pair()
     name, shift = (first, -shift) if second == GROUND else (second, shift)
-    moved = replace(motions[name], position=motions[name].position + shift)
-    return {**motions, name: moved}
+    return {**motions, name: replace(motions[name], position=motions[name].position + shift)}
 
 
 def _rotated(joint: AbstractContactJoint, motions: Motions, label: str, depth: Scalar) -> Motions:
@@ -314,9 +312,8 @@ def _force_failures(
         ),
     }
     if side is not None:
-        between = second.point(side.arm_second) - first.point(side.arm_first)
         failures["the forces beside the normal force do not act at one point"] = _is_nonzero(
-            between
+            second.point(side.arm_second) - first.point(side.arm_first)
         )
         if contact.gap.factor is not None and factor is not None:
             failures["the rate of its factor is not the time derivative of the factor"] = _differ(

@@ -119,8 +119,7 @@ def _states() -> jax.Array:
 def _rotated(rows: jax.Array, angle: float = 1.1) -> jax.Array:
     """Rows of one or two plane vectors, turned by an angle, rad; the default is arbitrary."""
     c, s = np.cos(angle), np.sin(angle)
-    pairs = rows.reshape(len(rows), -1, 2)
-    return (pairs @ jnp.asarray([[c, s], [-s, c]])).reshape(rows.shape)
+    return (rows.reshape(len(rows), -1, 2) @ jnp.asarray([[c, s], [-s, c]])).reshape(rows.shape)
 
 
 def _complaints_of_drag(film: AbstractFilm, *sizes: float) -> Iterator[str]:

@@ -143,5 +143,4 @@ def _check_lanes(force: AbstractForce, motions: Mapping[str, Motion], time: floa
     expected = jax.tree.map(lambda *leaves: jnp.stack(leaves), *single)
     # Compiled code may round differently: 1e-9 is far above rounding errors.
     same = jax.tree.map(lambda a, b: jnp.allclose(a, b, rtol=1e-9, atol=1e-9), together, expected)
-    message = "The force under vmap differs from a single evaluation."
-    ensure(all(jax.tree.leaves(same)), message)
+    ensure(all(jax.tree.leaves(same)), "The force under vmap differs from a single evaluation.")
