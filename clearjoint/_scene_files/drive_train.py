@@ -183,8 +183,7 @@ def _require_together(
     is_valid = not (has["restitution"] and has["damping"])
     check("restitution", is_valid, "omitted with a damping", "leave one of the two out")
     is_valid, expected = has["stiffness"] or not has["damping"], "omitted without a stiffness"
-    remedy = "give a stiffness, or a viscosity in place of the damping"
-    check("damping", is_valid, expected, remedy)
+    check("damping", is_valid, expected, "give a stiffness, or a viscosity in place of the damping")
     is_valid = not has["loss"] or has["play"] or (is_elastic and not is_slider)
     expected = "omitted without a play or, of a hinge, a stiffness"
     check("loss", is_valid, expected, "leave it out, or give one of them")
