@@ -16,16 +16,8 @@ from jaxtyping import PyTree
 from typing_extensions import override
 
 from .._result_codes import RESULTS
+from . import checks
 from .cautions import warns
-from .checks import (
-    as_number,
-    as_shown,
-    caution_outside,
-    is_of_package,
-    require_positive,
-    require_range,
-    require_shape,
-)
 from .leaves import with_leaves
 from .types import ArrayLike
 
@@ -53,15 +45,15 @@ class Declaration:
             self.check(name, value)
         if self.shape is not None:
             in_unit = "" if self.unit == "1" else f" in {self.unit}"
-            require_shape(name, value, self.shape, f"pass {_COUNTS[self.shape]}{in_unit}")
+            checks.require_shape(name, value, self.shape, f"pass {_COUNTS[self.shape]}{in_unit}")
         # The other checks are for single numbers.
         remedy = self.remedy or f"give it in {self.unit}"
         if self.positive:
-            require_positive(name, value, remedy, zero=self.zero)
+            checks.require_positive(name, value, remedy, zero=self.zero)
         if self.within is not None:
-            require_range(name, value, *self.within, remedy)
+            checks.require_range(name, value, *self.within, remedy)
         if self.usual is not None:
-            caution_outside(name, value, self.unit, *self.usual, remedy)
+            checks.caution_outside(name, value, self.unit, *self.usual, remedy)
 
 
 def quantity(
@@ -109,7 +101,7 @@ def quantity(
     """
     declared = Declaration(unit, shape, positive, zero, within, usual, check, remedy)
     metadata = {"unit": unit, "table": table, "declared": declared}
-    return eqx.field(**{"converter": as_number, "metadata": metadata, **options})
+    return eqx.field(**{"converter": checks.as_number, "metadata": metadata, **options})
 
 
 def optional_quantity(unit: str, **options: Any) -> Any:
@@ -131,7 +123,7 @@ def optional_quantity(unit: str, **options: Any) -> Any:
 def _as_optional_number(
     value: object, argument: str = "value", unit: str = "1"
 ) -> np.ndarray | jax.Array | None:
-    return None if value is None else as_number(value, argument, unit)
+    return None if value is None else checks.as_number(value, argument, unit)
 
 
 def described(unit: str, text: str = "") -> Any:
@@ -161,7 +153,7 @@ class AbstractReadable(eqx.Module):
         # does not know the names. Thus the error for a value that is no number names its field.
         for name, field in list(vars(cls).items()):
             converter = field.metadata.get("converter") if isinstance(field, Field) else None
-            if converter is not None and converter in (as_number, _as_optional_number):
+            if converter is not None and converter in (checks.as_number, _as_optional_number):
                 named = partial(converter, argument=name, unit=field.metadata["unit"])
                 field.metadata = MappingProxyType({**field.metadata, "converter": named})
 
@@ -218,7 +210,7 @@ def _plain(leaf: object) -> object:
     is_array = isinstance(leaf, np.ndarray | np.generic | jax.Array)
     if not is_array or isinstance(leaf, Tracer) or np.size(leaf) > LONGEST:
         return leaf
-    return as_shown(np.asarray(leaf))
+    return checks.as_shown(np.asarray(leaf))
 
 
 NAMES = (str, bool, "str", "bool")
@@ -262,7 +254,7 @@ def as_numbers(value: PyTree) -> PyTree:
     **Raises:** `ValueError` for a NumPy array of anything but numbers.
     """
     if isinstance(value, int | float | np.number | np.ndarray) and not isinstance(value, bool):
-        return as_number(value)
+        return checks.as_number(value)
     if isinstance(value, dict):
         return {key: as_numbers(inner) for key, inner in value.items()}
     # A named tuple is a structure of its own, which must keep its type.
@@ -335,7 +327,7 @@ def _number_fields(structure: jax.tree_util.PyTreeDef) -> set[int]:  # pyright: 
     def visit(node: PyTree, is_number: bool) -> None:
         if isinstance(node, eqx.Module):
             # In this package, all fields that are not static hold numbers.
-            of_package = is_of_package(type(node))
+            of_package = checks.is_of_package(type(node))
             for field in fields(node):
                 if not field.metadata.get("static", False):
                     visit(getattr(node, field.name), of_package or "converter" in field.metadata)

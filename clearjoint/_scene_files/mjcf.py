@@ -12,26 +12,12 @@ from typing import TypeAlias
 import numpy as np
 from jaxtyping import PyTree
 
+from . import robots
 from .documents import FileLocation
-from .robots import (
-    BALL,
-    FIXED,
-    FLOATING,
-    SLIDER,
-    Actuator,
-    Content,
-    Inertial,
-    JointLimits,
-    LoopJoint,
-    Mimic,
-    RobotJoint,
-    RobotLink,
-    rounded,
-)
 
 Model: TypeAlias = PyTree
 """A compiled model of MuJoCo, whose package has no annotations of it."""
-KINDS = FLOATING, BALL, SLIDER, "continuous"
+KINDS = robots.FLOATING, robots.BALL, robots.SLIDER, "continuous"
 """Types of joints, in the order of MuJoCo's numbers for free, ball, slide and hinge."""
 CONNECT, WELD, COUPLE = range(3)
 """MuJoCo's numbers of the types of equality constraints that a robot has."""
@@ -49,11 +35,11 @@ IGNORED = {
 """What a robot lacks of a model, and its number in the model."""
 
 
-def read_mjcf(path: Path) -> Content:
+def read_mjcf(path: Path) -> robots.Content:
     model, location = _compiled(path), FileLocation(str(path))
     names = [model.body(k).name or f"body {k}" for k in range(model.nbody)]
-    links = [RobotLink(name, _inertial(model, k)) for k, name in enumerate(names)]
-    joints: list[RobotJoint] = []
+    links = [robots.RobotLink(name, _inertial(model, k)) for k, name in enumerate(names)]
+    joints: list[robots.RobotJoint] = []
     for k in range(1, model.nbody):
         parent, pose = names[model.body_parentid[k]], np.eye(4)
         pose[:3, :3] = _rotation(model.body_quat[k])
@@ -61,12 +47,16 @@ def read_mjcf(path: Path) -> Content:
         first, count = model.body_jntadr[k], model.body_jntnum[k]
         if not count:
             x_axis = np.array([1.0, 0.0, 0.0])
-            joints.append(RobotJoint(f"{names[k]} {FIXED}", FIXED, parent, names[k], pose, x_axis))
+            joints.append(
+                robots.RobotJoint(
+                    f"{names[k]} {robots.FIXED}", robots.FIXED, parent, names[k], pose, x_axis
+                )
+            )
         for j in range(first, first + count):
             is_last = j == first + count - 1
             child = names[k] if is_last else f"{names[k]} after {_joint_name(model, j)}"
             if not is_last:
-                links.append(RobotLink(child))
+                links.append(robots.RobotLink(child))
             joints.append(_joint(model, j, parent, child, pose))
             parent, pose = child, np.eye(4)
     loops, followers, other_equalities = _equalities(model, names)
@@ -83,7 +73,7 @@ def read_mjcf(path: Path) -> Content:
     omitted |= {"fluid": []} if model.opt.density or model.opt.viscosity else {}
     is_off = model.opt.disableflags & mujoco_package(location).mjtDisableBit.mjDSBL_GRAVITY
     gravity = (0.0, 0.0, 0.0) if is_off else tuple(model.opt.gravity.tolist())
-    return Content(links, joints, omitted, loops, actuators, gravity)
+    return robots.Content(links, joints, omitted, loops, actuators, gravity)
 
 
 def mujoco_package(location: FileLocation) -> ModuleType:
@@ -119,38 +109,38 @@ def _compiled(path: Path) -> Model:
 def _rotation(quaternion: np.ndarray) -> np.ndarray:
     from scipy.spatial.transform import Rotation
 
-    return rounded(Rotation.from_quat(quaternion, scalar_first=True).as_matrix())
+    return robots.rounded(Rotation.from_quat(quaternion, scalar_first=True).as_matrix())
 
 
-def _inertial(model: Model, body: int) -> Inertial | None:
+def _inertial(model: Model, body: int) -> robots.Inertial | None:
     if body == 0 or not model.body_mass[body] > 0.0:
         return None
     axes = _rotation(model.body_iquat[body])
     tensor = axes @ np.diag(model.body_inertia[body]) @ axes.T
-    return Inertial(float(model.body_mass[body]), model.body_ipos[body].copy(), tensor)
+    return robots.Inertial(float(model.body_mass[body]), model.body_ipos[body].copy(), tensor)
 
 
 def _joint_name(model: Model, joint: int) -> str:
     return model.joint(joint).name or f"joint {joint}"
 
 
-def _joint(model: Model, j: int, parent: str, child: str, pose: np.ndarray) -> RobotJoint:
+def _joint(model: Model, j: int, parent: str, child: str, pose: np.ndarray) -> robots.RobotJoint:
     name, kind = _joint_name(model, j), KINDS[model.jnt_type[j]]
     axis, point = model.jnt_axis[j].copy(), model.jnt_pos[j].copy()
-    if kind in (FLOATING, BALL):
-        return RobotJoint(name, kind, parent, child, pose, axis, point=point)
+    if kind in (robots.FLOATING, robots.BALL):
+        return robots.RobotJoint(name, kind, parent, child, pose, axis, point=point)
     first, dof = model.jnt_qposadr[j], model.jnt_dofadr[j]
     _, effort = _range(model.jnt_actfrcrange[j], model.jnt_actfrclimited[j])
     lower, upper = _range(model.jnt_range[j], model.jnt_limited[j])
     has_limits = bool(model.jnt_limited[j] or model.jnt_actfrclimited[j])
-    return RobotJoint(
+    return robots.RobotJoint(
         name,
         kind,
         parent,
         child,
         pose @ _motion(kind, axis, point, -float(model.qpos0[first])),
         axis,
-        JointLimits(lower, upper, effort) if has_limits else None,
+        robots.JointLimits(lower, upper, effort) if has_limits else None,
         point=point,
         friction=float(model.dof_frictionloss[dof]),
         damping=float(model.dof_damping[dof]),
@@ -170,7 +160,7 @@ def _motion(kind: str, axis: np.ndarray, point: np.ndarray, position: float) -> 
     from scipy.spatial.transform import Rotation
 
     pose = np.eye(4)
-    if kind == SLIDER:
+    if kind == robots.SLIDER:
         pose[:3, 3] = axis * position
     elif position:
         pose[:3, :3] = Rotation.from_rotvec(axis * position).as_matrix()
@@ -180,10 +170,10 @@ def _motion(kind: str, axis: np.ndarray, point: np.ndarray, position: float) -> 
 
 def _equalities(
     model: Model, names: list[str]
-) -> tuple[tuple[LoopJoint, ...], dict[str, Mimic], list[str]]:
+) -> tuple[tuple[robots.LoopJoint, ...], dict[str, robots.Mimic], list[str]]:
     """Return constraints that close loops, what joints follow, and the names of others."""
-    loops: list[LoopJoint] = []
-    followers: dict[str, Mimic] = {}
+    loops: list[robots.LoopJoint] = []
+    followers: dict[str, robots.Mimic] = {}
     others: list[str] = []
     for k in range(model.neq):
         name, kind, data = model.eq(k).name or f"equality {k}", model.eq_type[k], model.eq_data[k]
@@ -207,24 +197,24 @@ def _equalities(
         else:
             frames[0][:3, :3], frames[0][:3, 3] = _rotation(data[6:10]), data[3:6]
         first, second = (names[body] for body in ids)
-        of_loop = BALL if kind == CONNECT else FIXED
-        loops.append(LoopJoint(name, of_loop, first, second, frames[0], frames[1]))
+        of_loop = robots.BALL if kind == CONNECT else robots.FIXED
+        loops.append(robots.LoopJoint(name, of_loop, first, second, frames[0], frames[1]))
     return tuple(loops), followers, others
 
 
-def _mimic(model: Model, follower: int, leader: int, coefficients: np.ndarray) -> Mimic:
+def _mimic(model: Model, follower: int, leader: int, coefficients: np.ndarray) -> robots.Mimic:
     """Return what a joint follows: q - ref is a polynomial of the leader's q - ref."""
     start = model.qpos0[model.jnt_qposadr[follower]]
     if leader < 0:
-        return Mimic(None, (float(start + coefficients[0]),))
+        return robots.Mimic(None, (float(start + coefficients[0]),))
     shift = np.polynomial.Polynomial([-model.qpos0[model.jnt_qposadr[leader]], 1.0])
     whole = (np.polynomial.Polynomial(coefficients)(shift) + start).trim()
-    return Mimic(_joint_name(model, leader), tuple(whole.coef.tolist()))
+    return robots.Mimic(_joint_name(model, leader), tuple(whole.coef.tolist()))
 
 
-def _actuators(model: Model) -> tuple[dict[str, Actuator], list[str]]:
+def _actuators(model: Model) -> tuple[dict[str, robots.Actuator], list[str]]:
     """Return the actuators of joints by name, and the names of others."""
-    actuators: dict[str, Actuator] = {}
+    actuators: dict[str, robots.Actuator] = {}
     others: list[str] = []
     for k in range(model.nu):
         name, (target, _) = model.actuator(k).name or f"actuator {k}", model.actuator_trnid[k]
@@ -234,7 +224,7 @@ def _actuators(model: Model) -> tuple[dict[str, Actuator], list[str]]:
             others.append(name)
             continue
         bias = model.actuator_biasprm[k, :3] * (model.actuator_biastype[k] == 1)
-        actuators[name] = Actuator(
+        actuators[name] = robots.Actuator(
             _joint_name(model, target),
             float(model.actuator_gear[k, 0]),
             float(model.actuator_gainprm[k, 0]),

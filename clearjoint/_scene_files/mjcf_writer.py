@@ -29,14 +29,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from .._dynamics.assembly import check_names
-from .._dynamics.joint_coordinates.trees import (
-    UPRIGHT,
-    FreeBranch,
-    JointedBranch,
-    Place,
-    TreeBranch,
-    topology,
-)
+from .._dynamics.joint_coordinates import trees
 from .._fields.cautions import quiet
 from .._fields.checks import require, require_positive
 from .._math.rotations import composed, conjugate, rotation_matrix, unit
@@ -47,13 +40,8 @@ from .._model.clearance_joints.backlash import Backlash
 from .._model.clearance_joints.between_walls import PinInSlot
 from .._model.contact.dashpots import AbstractDashpotLaw, clamped_restitution
 from .._model.contact.laws import AbstractContactLaw, Gap
+from .._model.drives import functions_of_time
 from .._model.drives.drivers import DriveTorque, Motor, PrescribedAngle, PrescribedTranslation
-from .._model.drives.functions_of_time import (
-    Polynomial,
-    as_function_of_time,
-    value_and_rate,
-    value_at,
-)
 from .._model.forces import Bushing, SpringDamper, TorsionalSpring
 from .._model.joints.base import AbstractContactJoint
 from .._model.joints.couplings import HingeOrSlider, JointCoupling
@@ -155,7 +143,7 @@ class MjcfWriter:
     - `omitted`: names of elements of the scene that have no counterpart, by title.
     """
 
-    def __init__(self, scene: Scene, places: Iterable[Place], pose: State):
+    def __init__(self, scene: Scene, places: Iterable[trees.Place], pose: State):
         self.joints: dict[str, FileJoint] = {}
         self.controls: dict[str, Control] = {}
         self.omitted: dict[str, list[str]] = defaultdict(list)
@@ -168,10 +156,10 @@ class MjcfWriter:
         self._tendons: dict[tuple[tuple[str, float], ...], FileJoint] = {}
         self._scene = unpack(jax.tree.map(np.asarray, scene))
         self._branches = {place.body: self._branch(place) for place in places}
-        self._motions, self._turns = {GROUND: GROUND_MOTION}, {GROUND: UPRIGHT}
+        self._motions, self._turns = {GROUND: GROUND_MOTION}, {GROUND: trees.UPRIGHT}
         for body, variable in self._variables(pose).items():
             self._add_body(body, variable)
-        in_tree = {b.joint for b in self._branches.values() if isinstance(b, JointedBranch)}
+        in_tree = {b.joint for b in self._branches.values() if isinstance(b, trees.JointedBranch)}
         # In the order of the scene: JAX has sorted the dictionaries of the other.
         elements = self._scene.joints | self._scene.forces
         for name in (*scene.joints, *scene.forces):
@@ -181,12 +169,12 @@ class MjcfWriter:
                 except NoCounterpartError:
                     self.omitted[type(elements[name]).__name__].append(name)
 
-    def _branch(self, place: Place) -> TreeBranch:
+    def _branch(self, place: trees.Place) -> trees.TreeBranch:
         if place.joint is not None:
             subspace = self._scene.joints[place.joint].motion_subspace(place.parent)
             if isinstance(subspace, Hinge | Slider | Ball | Weld):
-                return JointedBranch(place.body, place.parent, place.joint, subspace)
-        return FreeBranch(place.body, None)
+                return trees.JointedBranch(place.body, place.parent, place.joint, subspace)
+        return trees.FreeBranch(place.body, None)
 
     def _variables(self, state: State) -> dict[str, PyTree]:
         """Return a `JointState` for each carried body, and a `BodyState` for each free one."""
@@ -234,7 +222,7 @@ class MjcfWriter:
         relative = composed(conjugate(parents_turn), turn)
         element = _child(self._bodies[branch.parent], "body", name=name, pos=place, quat=relative)
         self._bodies[name], least = element, 0.0
-        if isinstance(branch, FreeBranch):
+        if isinstance(branch, trees.FreeBranch):
             free = _child(element, "freejoint", name=f"{name} free")
             self.joints[name] = FileJoint(free, np.zeros(3))
         elif not isinstance(branch.motion_subspace, Weld):
@@ -248,7 +236,7 @@ class MjcfWriter:
             moments = {"diaginertia": np.maximum(inertia, least)}
         _child(element, "inertial", pos="0 0 0", mass=np.maximum(body.mass, least), **moments)
 
-    def _joint(self, element: Element, branch: JointedBranch, start: PyTree) -> FileJoint:
+    def _joint(self, element: Element, branch: trees.JointedBranch, start: PyTree) -> FileJoint:
         subspace, joint = branch.motion_subspace, self._scene.joints[branch.joint]
         common = {"name": branch.joint, "pos": subspace.point_child}
         if isinstance(subspace, Ball):
@@ -426,23 +414,23 @@ class MjcfWriter:
             _child(tendon, "site", site=site)
 
     def _sites(
-        self, name: str, pair: PyTree, first: PyTree, second: PyTree, turn: PyTree = UPRIGHT
+        self, name: str, pair: PyTree, first: PyTree, second: PyTree, turn: PyTree = trees.UPRIGHT
     ) -> list[str]:
         """Add two points of a pair of bodies, the first with an orientation; return their names."""
-        ends = ((pair.first, "first", first, turn), (pair.second, "second", second, UPRIGHT))
+        ends = ((pair.first, "first", first, turn), (pair.second, "second", second, trees.UPRIGHT))
         for body, end, point, orientation in ends:
             _child(self._bodies[body], "site", name=f"{name} {end}", pos=point, quat=orientation)
         return [f"{name} {end}" for _, end, *_ in ends]
 
     def torque(self, name: str, force: DriveTorque, on: FileJoint) -> None:
-        self._actuate(name, on, lambda t: jnp.asarray(value_at(force.torque, t)))
+        self._actuate(name, on, lambda t: jnp.asarray(functions_of_time.value_at(force.torque, t)))
 
     def motor(self, name: str, force: Motor, on: FileJoint) -> None:
         """Add a position servo, whose control is the target plus a lead for the target's rate."""
         gain, damping = float(force.proportional), float(force.derivative)
 
         def control(t: jax.Array) -> jax.Array:
-            value, rate = map(jnp.asarray, value_and_rate(force.target, t))
+            value, rate = map(jnp.asarray, functions_of_time.value_and_rate(force.target, t))
             return value + damping / gain * rate if gain else damping * rate
 
         # The length of the actuator is the angle less `zero`.
@@ -458,15 +446,15 @@ class MjcfWriter:
         self.controls[name] = control
 
     def prescribed(self, name: str, drive: PyTree, on: FileJoint) -> None:
-        function = as_function_of_time(drive.function)
-        if not isinstance(function, Polynomial) or len(function.coefficients) > 1:
+        function = functions_of_time.as_function_of_time(drive.function)
+        if not isinstance(function, functions_of_time.Polynomial) or len(function.coefficients) > 1:
             raise NoCounterpartError
         (row,) = drive.rows(self._motions, 0.0).values()
         self._equate(name, [on], np.array([-on.sign * float(row.value)]))
 
     def coupling(self, name: str, joint: JointCoupling) -> None:
-        ends, function = [], as_function_of_time(joint.function)
-        if not isinstance(function, Polynomial):
+        ends, function = [], functions_of_time.as_function_of_time(joint.function)
+        if not isinstance(function, functions_of_time.Polynomial):
             raise NoCounterpartError
         for end in (joint.follower, joint.leader):
             is_hinge = isinstance(end, RevoluteJoint)
@@ -492,7 +480,7 @@ class MjcfWriter:
 
     def closing(self, name: str, joint: PyTree) -> None:
         """Add a ball, a weld or a hinge that closes a loop; a hinge as two points on its axis."""
-        turn = joint.orientation if isinstance(joint, FixedJoint) else UPRIGHT
+        turn = joint.orientation if isinstance(joint, FixedJoint) else trees.UPRIGHT
         tag = "weld" if isinstance(joint, FixedJoint) else "connect"
         points = {name: (joint.point_first, joint.point_second)}
         if isinstance(joint, RevoluteJoint):
@@ -630,10 +618,10 @@ def _with_ideal_joints(scene: Scene) -> tuple[Scene, list[str]]:
         return Scene(scene.bodies, joints, scene.forces, scene.gravity), replaced
 
 
-def _places(scene: Scene) -> list[Place]:
+def _places(scene: Scene) -> list[trees.Place]:
     """Return the trees of a scene, each parent before its children, siblings in the order of the
     scene: JAX sorts dictionaries by their keys."""
-    places = topology(unpack(scene)).places
+    places = trees.topology(unpack(scene)).places
     depths = {GROUND: 0}
     for body, place in places.items():
         depths[body] = depths[place.parent] + 1

@@ -13,13 +13,7 @@ from jaxtyping import PyTree
 from typing_extensions import override
 
 from .._dynamics.coordinates import free_motion
-from .._dynamics.joint_coordinates.trees import (
-    UPRIGHT,
-    FreeBranch,
-    JointedBranch,
-    Place,
-    TreeBranch,
-)
+from .._dynamics.joint_coordinates import trees
 from .._fields.cautions import quiet
 from .._fields.checks import nearest, require, require_positive
 from .._fields.types import TripleLike
@@ -31,24 +25,12 @@ from .._model.joints.couplings import HingeOrSlider
 from .._model.joints.ideal import RevoluteJoint
 from .._model.joints.motion_subspaces import REST, Hinge, JointState, Relative
 from .._model.scene import Scene
+from . import robots
 from .documents import FileLocation, read_bytes
 from .drive_train import Drive, motor_name, rotor_name, train_of
 from .files import FilePath
 from .mjcf import read_mjcf
 from .robot_elements import FRICTION, Element, Elements, Joint, Play, scene_of
-from .robots import (
-    FLOATING,
-    HINGES,
-    SLIDER,
-    Actuator,
-    Content,
-    JointLimits,
-    LinkPose,
-    LinkTree,
-    Mimic,
-    Options,
-    warn_of_omitted,
-)
 from .urdf import LARGEST_FILE, read_urdf, root_tag
 
 Positions: TypeAlias = PyTree
@@ -96,13 +78,13 @@ class Robot:
 
     scene: Scene
     joints: tuple[str, ...]
-    limits: Mapping[str, JointLimits]
-    links: Mapping[str, LinkPose]
-    actuators: Mapping[str, Actuator]
+    limits: Mapping[str, robots.JointLimits]
+    links: Mapping[str, robots.LinkPose]
+    actuators: Mapping[str, robots.Actuator]
     leaders: Mapping[str, str]
-    _branches: Sequence[TreeBranch]
+    _branches: Sequence[trees.TreeBranch]
     _start: State
-    _mimics: dict[str, Mimic]
+    _mimics: dict[str, robots.Mimic]
     drives: Mapping[str, Drive] = field(default_factory=dict)
 
     @override
@@ -149,7 +131,7 @@ class Robot:
             motor = train.elements[name]
             assert isinstance(motor, HingeOrSlider)
             subspace = unpack(motor).motion_subspace(motor.first)
-            branches.append(JointedBranch(rotor, motor.first, name, subspace))
+            branches.append(trees.JointedBranch(rotor, motor.first, name, subspace))
         robot = replace(self, _branches=branches, drives={**self.drives, joint: drive})
         return robot._with(bodies, joints, train.elements)
 
@@ -199,9 +181,9 @@ class Robot:
         axis = ideal.axis_first if isinstance(ideal, RevoluteJoint) else ideal.axis
         return ideal.first, ideal.second, np.asarray(axis)
 
-    def _places(self) -> list[Place]:
+    def _places(self) -> list[trees.Place]:
         """Return the bodies with their parents and joints, each after its parent."""
-        return [Place(b.body, b.parent, getattr(b, "joint", None)) for b in self._branches]
+        return [trees.Place(b.body, b.parent, getattr(b, "joint", None)) for b in self._branches]
 
     def _ideal(self, argument: str, name: str) -> HingeOrSlider:
         ideal = {n: self.scene.joints[n] for n in self.joints}
@@ -262,7 +244,7 @@ class Robot:
             | {n: _number(value) for n, value in changed.items()}
             for part, changed in zip(self._coordinates(state), new, strict=True)
         )
-        free = [b.body for b in self._branches if isinstance(b, FreeBranch)]
+        free = [b.body for b in self._branches if isinstance(b, trees.FreeBranch)]
         return self.state(positions, speeds, free={body: state.bodies[body] for body in free})
 
     def angles(self, motion: State | HasStates) -> dict[str, np.ndarray]:
@@ -295,7 +277,7 @@ class Robot:
         """
         variables, motions, _ = self._moved(q, qd, NOTHING)
         rates = self._by_joint("qdd", qdd, speeds=True)
-        bodies = {b.joint: b.body for b in self._branches if isinstance(b, JointedBranch)}
+        bodies = {b.joint: b.body for b in self._branches if isinstance(b, trees.JointedBranch)}
         slopes = {}
         for name, mimic in self._mimics.items():
             leader = variables[bodies[mimic.leader]] if mimic.leader else REST_OF_A_JOINT
@@ -329,7 +311,9 @@ class Robot:
 
     def _motors(self) -> dict[str, str]:
         """Return the names of motors that turn apart from their joints, by those of the joints."""
-        names = {branch.joint for branch in self._branches if isinstance(branch, JointedBranch)}
+        names = {
+            branch.joint for branch in self._branches if isinstance(branch, trees.JointedBranch)
+        }
         return {n: motor_name(n) for n in self.drives if motor_name(n) in names}
 
     def _by_joint(self, argument: str, values: Positions, speeds: bool) -> dict[str, JointNumbers]:
@@ -342,7 +326,7 @@ class Robot:
             remedy = "give one for each of " + ", ".join(self.joints)
             require(shape[-1:] == (count,), argument, shape, expected, remedy)
             values = dict(zip(self.joints, _columns(values), strict=True))
-        zeros = {b.joint: _zero(b) for b in self._branches if isinstance(b, JointedBranch)}
+        zeros = {b.joint: _zero(b) for b in self._branches if isinstance(b, trees.JointedBranch)}
         by_joint = {}
         for name, value in values.items():
             known = [*zeros]
@@ -373,16 +357,16 @@ class Robot:
         for name, motor in self._motors().items():
             for numbers in (positions, speeds):
                 numbers.setdefault(motor, numbers.get(name, (0.0,)))
-        of_free = {b.body for b in self._branches if isinstance(b, FreeBranch)}
+        of_free = {b.body for b in self._branches if isinstance(b, trees.FreeBranch)}
         for body in free:
             remedy = nearest(body, of_free, "set the positions of its joints")
             expected = f"one of the free bodies, {', '.join(sorted(of_free)) or 'none'}"
             require(body in of_free, "free", body, expected, remedy)
         variables: dict[str, JointState | BodyState] = {}
         motions = {GROUND: GROUND_MOTION}
-        orientations = {GROUND: UPRIGHT}
+        orientations = {GROUND: trees.UPRIGHT}
         for branch in self._branches:
-            if isinstance(branch, FreeBranch):
+            if isinstance(branch, trees.FreeBranch):
                 given = free.get(branch.body, self._start.bodies[branch.body])
                 variable: JointState | BodyState = _in_scalars(given)
             else:
@@ -406,11 +390,13 @@ class Robot:
         joints = {motor: name for name, motor in self._motors().items()}
         for branch in self._branches:
             variable = variables[branch.body]
-            if isinstance(branch, FreeBranch) or not variable.speeds:
+            if isinstance(branch, trees.FreeBranch) or not variable.speeds:
                 continue
             value = _number(jax.tree.leaves(variable.position))
             if isinstance(branch.motion_subspace, Hinge):
-                limits = self.limits.get(joints.get(branch.joint, branch.joint), JointLimits())
+                limits = self.limits.get(
+                    joints.get(branch.joint, branch.joint), robots.JointLimits()
+                )
                 middle = 0.5 * (limits.lower + limits.upper)
                 middle = middle if math.isfinite(middle) else 0.0
                 value = value - TURN * np.round((value - middle) / TURN)
@@ -419,10 +405,10 @@ class Robot:
         return self._ordered(positions), self._ordered(speeds)
 
 
-def variables_of(branches: Iterable[TreeBranch], state: State) -> dict[str, PyTree]:
+def variables_of(branches: Iterable[trees.TreeBranch], state: State) -> dict[str, PyTree]:
     """Return a `JointState` for each body on a joint, and a `BodyState` for each free one, by name;
     numbers of states at N times are arrays (N,)."""
-    poses, variables = {GROUND: (UPRIGHT, GROUND_MOTION)}, {}
+    poses, variables = {GROUND: (trees.UPRIGHT, GROUND_MOTION)}, {}
     for branch in branches:
         body = _in_scalars(state.bodies[branch.body])
         poses[branch.body] = body.orientation, free_motion(body, None)
@@ -437,8 +423,8 @@ def kinematics(robot: Robot) -> Hashable:
     return robot.joints, tuple(robot._branches), limits, mimics, frozenset(robot.drives)
 
 
-def _zero(branch: JointedBranch) -> JointState:
-    return branch.motion_subspace.encode(Relative(UPRIGHT, ZERO, REST))
+def _zero(branch: trees.JointedBranch) -> JointState:
+    return branch.motion_subspace.encode(Relative(trees.UPRIGHT, ZERO, REST))
 
 
 def _as_number(value: PyTree) -> Scalar:
@@ -467,7 +453,7 @@ def _number(parts: Sequence[Scalar]) -> np.ndarray:
     return xp.stack(xp.broadcast_arrays(*parts), axis=-1)  # pyright: ignore
 
 
-def _polynomial(mimic: Mimic, x: Scalar) -> tuple[Scalar, Scalar, Scalar]:
+def _polynomial(mimic: robots.Mimic, x: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     """Return the position of a follower and its first two derivatives by that of its leader."""
     value = slope = half = 0.0
     for coefficient in reversed(mimic.coefficients):
@@ -478,7 +464,11 @@ def _polynomial(mimic: Mimic, x: Scalar) -> tuple[Scalar, Scalar, Scalar]:
 
 
 def _require_following(
-    argument: str, numbers: Mapping[str, JointNumbers], name: str, mimic: Mimic, expected: Scalar
+    argument: str,
+    numbers: Mapping[str, JointNumbers],
+    name: str,
+    mimic: robots.Mimic,
+    expected: Scalar,
 ) -> None:
     if name not in numbers or isinstance(numbers[name][0], jax.Array):
         return
@@ -496,7 +486,7 @@ Loads: TypeAlias = dict[str, tuple[Vector, Vector]]
 
 def _inertial_loads(
     scene: Scene,
-    branches: Sequence[TreeBranch],
+    branches: Sequence[trees.TreeBranch],
     variables: Mapping[str, PyTree],
     motions: Mapping[str, Motion],
     rates: Mapping[str, JointNumbers],
@@ -506,7 +496,7 @@ def _inertial_loads(
     # Linear acceleration in global axes, angular acceleration in body axes.
     accelerations = {GROUND: (ZERO, ZERO)}
     for branch in branches:
-        if isinstance(branch, FreeBranch):
+        if isinstance(branch, trees.FreeBranch):
             accelerations[branch.body] = ZERO, ZERO
             continue
         subspace, state = branch.motion_subspace, variables[branch.body]
@@ -542,7 +532,7 @@ def _inertial_loads(
 
 
 def _carried(
-    branches: Sequence[TreeBranch],
+    branches: Sequence[trees.TreeBranch],
     variables: Mapping[str, PyTree],
     motions: Mapping[str, Motion],
     loads: Loads,
@@ -550,7 +540,7 @@ def _carried(
     """Return the generalised forces of joints that carry loads (second pass)."""
     loads, forces = dict(loads), {}
     for branch in reversed(branches):
-        if isinstance(branch, FreeBranch):
+        if isinstance(branch, trees.FreeBranch):
             continue
         subspace, state = branch.motion_subspace, variables[branch.body]
         motion, (force, moment) = motions[branch.body], loads[branch.body]
@@ -658,8 +648,8 @@ def load_robot(
     location = FileLocation(str(path))
     is_mjcf = root_tag(read_bytes(Path(path), LARGEST_FILE)) == "mujoco"
     content = (read_mjcf if is_mjcf else read_urdf)(Path(path))
-    options = Options(merge_fixed, free_root, balance_inertia, bound_mass, bound_inertia)
-    tree = LinkTree(content.links, content.joints, location, options)
+    options = robots.Options(merge_fixed, free_root, balance_inertia, bound_mass, bound_inertia)
+    tree = robots.LinkTree(content.links, content.joints, location, options)
     acceleration = content.gravity if isinstance(gravity, str) else gravity
     scene, state, elements = scene_of(tree, content.loops, play, stops, friction, acceleration)
     robot = _robot(tree, scene, state, elements, content)
@@ -669,28 +659,28 @@ def load_robot(
     massive = [name for name, inertial in inertials.items() if inertial and inertial.mass > 0.0]
     if massive:
         omitted["inertia of the fixed links"] = massive
-    warn_of_omitted(path, omitted)
+    robots.warn_of_omitted(path, omitted)
     return robot
 
 
 def _robot(
-    tree: LinkTree, scene: Scene, state: State, elements: Elements, content: Content
+    tree: robots.LinkTree, scene: Scene, state: State, elements: Elements, content: robots.Content
 ) -> Robot:
     of_child = {joint.child: joint for joint in tree.joints.values()}
-    branches: list[TreeBranch] = []
+    branches: list[trees.TreeBranch] = []
     # The carriers are in the order of the tree, each before those that it carries.
     for carrier in {id(carrier): carrier for carrier in tree.carriers.values()}.values():
         joint = of_child.get(carrier.links[0])
         if carrier.body == GROUND:
             continue
-        if joint is None or joint.kind == FLOATING:
-            branches.append(FreeBranch(carrier.body, None))
+        if joint is None or joint.kind == robots.FLOATING:
+            branches.append(trees.FreeBranch(carrier.body, None))
             continue
         parent = tree.carriers[joint.parent].body
         subspace = unpack(elements.ideal[joint.name]).motion_subspace(parent)
-        branches.append(JointedBranch(carrier.body, parent, joint.name, subspace))
+        branches.append(trees.JointedBranch(carrier.body, parent, joint.name, subspace))
     moving = [j for j in content.joints if j.name in elements.ideal]
-    names = tuple(j.name for j in moving if j.kind in (*HINGES, SLIDER))
+    names = tuple(j.name for j in moving if j.kind in (*robots.HINGES, robots.SLIDER))
     followed = {name: mimic.leader for name, mimic in elements.mimics.items() if name in names}
     return Robot(
         scene,

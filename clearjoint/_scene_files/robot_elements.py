@@ -34,38 +34,24 @@ from .._model.joints.ideal import (
 )
 from .._model.joints.joint_friction import JointFriction
 from .._model.scene import Scene
+from . import robots
 from .classes import Expectation, arguments
 from .documents import FileLocation, listed
 from .reading import Reader
-from .robots import (
-    BALL,
-    FIXED,
-    FLOATING,
-    HINGES,
-    SLIDER,
-    LinkTree,
-    LoopJoint,
-    Mimic,
-    RobotJoint,
-    bodies_of,
-    euler_parameters,
-    moved,
-    rounded,
-)
 
 Play: TypeAlias = Mapping[str, PyTree]
 """Arguments of a `ClearanceJoint`, a `Backlash` or a stop, by name, as the user passes them."""
 Joint: TypeAlias = AbstractConstraint | AbstractContactJoint
 Element: TypeAlias = Joint | AbstractForce
 IDEAL = {
-    **dict.fromkeys(HINGES, (RevoluteJoint, 2)),
-    SLIDER: (PrismaticJoint, 1),
+    **dict.fromkeys(robots.HINGES, (RevoluteJoint, 2)),
+    robots.SLIDER: (PrismaticJoint, 1),
     "planar": (PlanarJoint, 2),
-    BALL: (SphericalJoint, 0),
-    FIXED: (FixedJoint, 0),
+    robots.BALL: (SphericalJoint, 0),
+    robots.FIXED: (FixedJoint, 0),
 }
 """Class of the ideal joint, and how often it takes the axis, by the type of the joint."""
-TYPES = *IDEAL, FLOATING
+TYPES = *IDEAL, robots.FLOATING
 BACKLASH = "backlash"
 """Key of the angle of a backlash, rad, which the class `Backlash` calls `play`."""
 GIVEN_BY_THE_FILE = {
@@ -97,7 +83,7 @@ class Elements:
       title in messages.
     """
 
-    def __init__(self, tree: LinkTree):
+    def __init__(self, tree: robots.LinkTree):
         self.tree = tree
         self.joints: dict[str, Joint] = {}
         self.forces: dict[str, AbstractForce] = {}
@@ -106,7 +92,7 @@ class Elements:
         self.omitted: dict[str, list[str]] = defaultdict(list)
         self.mimics = self._mimics()
 
-    def _mimics(self) -> dict[str, Mimic]:
+    def _mimics(self) -> dict[str, robots.Mimic]:
         mimics = {name: j.mimic for name, j in self.tree.joints.items() if j.mimic is not None}
         for name, mimic in [*mimics.items()]:
             if self.scalar(name) is None or self.scalar(mimic.leader or name) is None:
@@ -134,8 +120,8 @@ class Elements:
 
 
 def scene_of(
-    tree: LinkTree,
-    loops: tuple[LoopJoint, ...],
+    tree: robots.LinkTree,
+    loops: tuple[robots.LoopJoint, ...],
     play: Mapping[str, Play],
     stops: Mapping[str, Play],
     friction: FrictionLaw | None,
@@ -143,7 +129,7 @@ def scene_of(
 ) -> tuple[Scene, State, Elements]:
     """Return the scene of a robot, its state at rest with all joints at zero, and its elements."""
     location = tree.location
-    hinges = [joint.name for joint in tree.joints.values() if joint.kind in HINGES]
+    hinges = [joint.name for joint in tree.joints.values() if joint.kind in robots.HINGES]
     play = {
         name: _checked(name, settings, "play", hinges, _arguments_of_play(settings), location)
         for name, settings in play.items()
@@ -154,7 +140,7 @@ def scene_of(
         if not tree.massive(tree.carriers[tree.root]):
             remedy = "add a joint that moves"
         location.refuse(f"no link that moves relative to {tree.root!r}", "some", remedy)
-    bodies, elements = bodies_of(tree, carriers), Elements(tree)
+    bodies, elements = robots.bodies_of(tree, carriers), Elements(tree)
     for name, ideal in elements.ideal.items():
         settings, at = play.get(name), location.at(name)
         # A clearance replaces the ideal joint, a backlash is added to it.
@@ -174,25 +160,27 @@ def scene_of(
     _add_couplings(elements)
     _add_resistances(elements, friction)
     _add_stops(elements, stops)
-    centres = {carrier.body: tuple(moved(carrier.pose, carrier.centre)) for carrier in carriers}
+    centres = {
+        carrier.body: tuple(robots.moved(carrier.pose, carrier.centre)) for carrier in carriers
+    }
     with location.in_errors():
         scene = Scene(bodies, elements.joints, elements.forces, gravity)
         return scene, State({name: body_state(at) for name, at in centres.items()}), elements
 
 
-def ideal_joint(joint: RobotJoint, tree: LinkTree) -> AbstractConstraint | None:
+def ideal_joint(joint: robots.RobotJoint, tree: robots.LinkTree) -> AbstractConstraint | None:
     parent, child = tree.carriers[joint.parent], tree.carriers[joint.child]
     location = tree.location.at(joint.name)
     if joint.kind not in TYPES:
         kinds = f"one of the types {listed(TYPES)}"
         location.refuse(joint.kind, kinds, "correct it, or fix the link and add the joint yourself")
-    if parent is child or joint.kind == FLOATING:
+    if parent is child or joint.kind == robots.FLOATING:
         return None
     # The frame of the joint is that of the child link, which begins its carrier.
-    in_parent = moved(tree.poses[joint.parent] @ joint.pose, joint.point)
+    in_parent = robots.moved(tree.poses[joint.parent] @ joint.pose, joint.point)
     points = tree.in_body(parent, in_parent), tree.in_body(child, joint.point)
     # All bodies are parallel at zero, so that the axis has the same components in both.
-    axis = rounded(rounded(child.pose[:3, :3]) @ joint.axis)
+    axis = robots.rounded(robots.rounded(child.pose[:3, :3]) @ joint.axis)
     make, axes = IDEAL[joint.kind]
     with location.in_errors():
         return make(parent.body, child.body, *points, *[axis] * axes)
@@ -213,7 +201,7 @@ def _clearance(hinge: AbstractConstraint, play: Play, location: FileLocation) ->
 
 
 def _backlash(
-    joint: RobotJoint, hinge: AbstractConstraint, settings: Play, location: FileLocation
+    joint: robots.RobotJoint, hinge: AbstractConstraint, settings: Play, location: FileLocation
 ) -> Backlash:
     assert isinstance(hinge, RevoluteJoint)
     options = {key: value for key, value in settings.items() if key != BACKLASH}
@@ -279,7 +267,7 @@ def _checked(
     }
 
 
-def _add_loops(elements: Elements, loops: tuple[LoopJoint, ...]) -> None:
+def _add_loops(elements: Elements, loops: tuple[robots.LoopJoint, ...]) -> None:
     tree = elements.tree
     for loop in loops:
         first, second = tree.carriers[loop.first], tree.carriers[loop.second]
@@ -288,12 +276,16 @@ def _add_loops(elements: Elements, loops: tuple[LoopJoint, ...]) -> None:
         frames = tree.poses[loop.first] @ loop.in_first, tree.poses[loop.second] @ loop.in_second
         points = tree.in_body(first, frames[0][:3, 3]), tree.in_body(second, frames[1][:3, 3])
         ends = first.body, second.body, *points
-        if loop.kind == BALL:
+        if loop.kind == robots.BALL:
             joint: Joint = SphericalJoint(*ends)
         else:
             pairs = zip((first, second), frames, strict=True)
-            turns = [rounded(carrier.pose[:3, :3] @ frame[:3, :3]) for carrier, frame in pairs]
-            joint = FixedJoint(*ends, euler_parameters(rounded(turns[0] @ turns[1].T)))
+            turns = [
+                robots.rounded(carrier.pose[:3, :3] @ frame[:3, :3]) for carrier, frame in pairs
+            ]
+            joint = FixedJoint(
+                *ends, robots.euler_parameters(robots.rounded(turns[0] @ turns[1].T))
+            )
         if loop.name in tree.joints or loop.name in elements.joints:
             expected = "a name that no other joint has"
             tree.location.at(loop.name).refuse(loop.name, expected, "rename one of the two")
@@ -354,7 +346,7 @@ def spring_of(
         )
     axis = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
     across = [pack(vector) for vector in transverse_axes(Vector(*axis.tolist()))]
-    along = euler_parameters(np.column_stack([axis, *across]))
+    along = robots.euler_parameters(np.column_stack([axis, *across]))
     return Bushing(
         joint.first,
         joint.second,

@@ -304,14 +304,14 @@ def motion_timeline(
     factor, unit = time_unit(times, window)
     for row, name in enumerate(names):
         phases, durations = contact_phases(observation, name), []
-        for phase, (height, style) in BAR_STYLES.items():
+        for phase, (height, look) in BAR_STYLES.items():
             # An interval lasts until the first instant of the next phase. Its start and its end are
             # moved into the window, s; intervals outside of the window then have no length.
             begins, ends = observed.spans(phases == phase).T
             starts = np.clip(times[begins], first, last)
             lengths = np.clip(times[np.minimum(ends, len(times) - 1)], first, last) - starts
             bars = (factor * np.stack([starts, lengths], axis=1)[lengths > 0.0]).tolist()
-            axes.broken_barh(bars, (row - 0.5 * height, height), label=_phase_name(phase), **style)
+            axes.broken_barh(bars, (row - 0.5 * height, height), label=_phase_name(phase), **look)
             durations.append(lengths.sum())
         total = max(sum(durations), np.finfo(float).tiny)  # zero if no interval is in the window
         text = " / ".join(f"{100.0 * part / total:.0f}" for part in durations) + " %"
@@ -323,7 +323,7 @@ def motion_timeline(
     axes.set_yticks(range(len(names)), [shown(name) for name in names])
     axes.set_xlim(first * factor, last * factor)
     axes.set_ylim(len(names) - 0.5, -0.5)  # the first joint at the top
-    samples = [Patch(label=_phase_name(phase), **style) for phase, (_, style) in BAR_STYLES.items()]
+    samples = [Patch(label=_phase_name(phase), **look) for phase, (_, look) in BAR_STYLES.items()]
     legend_above(axes, 3, handles=samples)
     dress(axes, f"time, {unit}", "")
     axes.grid(False, axis="y")

@@ -12,19 +12,8 @@ from .._fields.drawn_text import shown
 from .._fields.types import ArrayLike
 from .._model.clearance_joints.journal_bases import BASES
 from .._simulation.results.observe import Observation
+from . import style
 from .observed import contact, contacts, without_twins
-from .style import (
-    BLUE,
-    DARK,
-    TimeSpan,
-    axes_or_new,
-    draw_lines,
-    dress,
-    fitting_unit,
-    inside,
-    legend_above,
-    time_unit,
-)
 from .sweeps import require_names
 
 CrossSection = Mapping[str, ArrayLike]
@@ -44,7 +33,7 @@ def eccentricities(
     joint: str,
     clearance: float | None = None,
     *,
-    window: TimeSpan | None = None,
+    window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the eccentricities of both bases over time, and the clearance as a horizontal line,
@@ -56,10 +45,10 @@ def eccentricities(
 
     >>> axes = plot.eccentricities(observed, "shoulder", 0.5e-3)
     """
-    axes = axes_or_new(axes)
+    axes = style.axes_or_new(axes)
     radius = observed_clearance(observation, joint) if clearance is None else clearance
     factor, unit = length_unit(radius)
-    in_window = inside(observation.times, window)
+    in_window = style.inside(observation.times, window)
     bases = {f"base {base}": contact(observation, joint, base) for base in BASES}
     sizes = without_twins({n: np.asarray(c.eccentricity)[in_window] for n, c in bases.items()})
     differences = np.concatenate([size for _, size in sizes]) - radius
@@ -67,18 +56,18 @@ def eccentricities(
     zero, quantity = 0.0, "eccentricity"
     if bool((np.abs(differences) <= 0.05 * radius).all()):  # the journal stays at the wall
         zero, quantity = radius, "eccentricity − clearance"
-        factor, unit = fitting_unit(differences, "m")
-    time_factor, time = time_unit(observation.times[in_window])
+        factor, unit = style.fitting_unit(differences, "m")
+    time_factor, time = style.time_unit(observation.times[in_window])
     times = observation.times[in_window] * time_factor
-    draw_lines(axes, ((label, times, (size - zero) * factor) for label, size in sizes))
+    style.draw_lines(axes, ((label, times, (size - zero) * factor) for label, size in sizes))
     level = (radius - zero) * factor
     # The clearance's line lies behind the curves, whose `zorder` is 2.
     axes.axhline(level, color="black", linewidth=1.0, label="clearance", zorder=1.5)
     axes.set_xlim(times[0], times[-1])
     if zero == 0.0:
         axes.set_ylim(bottom=0.0)
-    legend_above(axes, 3)
-    return dress(axes, f"time, {time}", f"{quantity}, {unit}")
+    style.legend_above(axes, 3)
+    return style.dress(axes, f"time, {time}", f"{quantity}, {unit}")
 
 
 def eccentricity_vectors(
@@ -116,7 +105,7 @@ def journal_orbit(
     clearance: float | None = None,
     *,
     section: CrossSection | None = None,
-    window: TimeSpan | None = None,
+    window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the paths of the centres of both bases in the bearing's cross-section, with a circle
@@ -128,16 +117,16 @@ def journal_orbit(
 
     >>> axes = plot.journal_orbit(observed, "shoulder", 0.5e-3)
     """
-    axes = axes_or_new(axes, (4.8, 5.0))
+    axes = style.axes_or_new(axes, (4.8, 5.0))
     radius = observed_clearance(observation, joint) if clearance is None else clearance
     factor, _ = length_unit(radius)
-    in_window = inside(observation.times, window)
+    in_window = style.inside(observation.times, window)
     paths = {
         f"base {base}": eccentricity_vectors(observation, joint, base, section)[in_window]
         for base in BASES
     }
     curves = [(label, *(path * factor).T) for label, path in without_twins(paths)]
-    draw_lines(axes, curves)
+    style.draw_lines(axes, curves)
     # `axes` may have earlier lines: the new ones are the last. W is thinner, as it may lie on V.
     for line, width in zip(axes.get_lines()[-len(curves) :], (1.6, 0.9), strict=False):
         line.set_linewidth(width)
@@ -151,7 +140,7 @@ def orbit_in_contact(
     clearance: float | None = None,
     *,
     section: CrossSection | None = None,
-    window: TimeSpan | None = None,
+    window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the path of the centre of one base in the bearing's cross-section, dark and thick where
@@ -161,15 +150,15 @@ def orbit_in_contact(
 
     >>> axes = plot.orbit_in_contact(observed, "shoulder", "V", 0.5e-3)
     """
-    axes = axes_or_new(axes, (4.8, 5.0))
-    in_window = inside(observation.times, window)
+    axes = style.axes_or_new(axes, (4.8, 5.0))
+    in_window = style.inside(observation.times, window)
     orbit = eccentricity_vectors(observation, joint, base, section)[in_window]
     radius = observed_clearance(observation, joint) if clearance is None else clearance
     orbit = orbit * length_unit(radius)[0]
     touching = contact(observation, joint, base).penetration[in_window] > 0.0
     in_contact = np.where(touching[:, None], orbit, np.nan)  # the line has gaps in flight
-    axes.plot(*orbit.T, color=BLUE, linewidth=0.8, label="in flight")
-    axes.plot(*in_contact.T, color=DARK, linewidth=1.8, label="in contact")
+    axes.plot(*orbit.T, color=style.BLUE, linewidth=0.8, label="in flight")
+    axes.plot(*in_contact.T, color=style.DARK, linewidth=1.8, label="in contact")
     return _dress_orbit(axes, radius, section)
 
 
@@ -207,11 +196,13 @@ def observed_clearance(observation: Observation, joint: str) -> float:
 def _dress_orbit(axes: Axes, clearance: float, section: CrossSection | None) -> Axes:
     factor, unit = length_unit(clearance)
     clearance_circle(axes, clearance, factor=factor)
-    legend_above(axes, 3)
+    style.legend_above(axes, 3)
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
     right, up = map(shown, ("the bearing's x", "the bearing's y") if section is None else section)
-    return dress(axes, f"eccentricity along {right}, {unit}", f"eccentricity along {up}, {unit}")
+    return style.dress(
+        axes, f"eccentricity along {right}, {unit}", f"eccentricity along {up}, {unit}"
+    )
 
 
 def orbit(
@@ -219,7 +210,7 @@ def orbit(
     outputs: tuple[str, str],
     clearance: float,
     *,
-    window: TimeSpan | None = None,
+    window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the path of a journal or of a base in the bearing's cross-section, for one lane of a
@@ -239,11 +230,11 @@ def orbit(
     require_names(lane, (*outputs, "saved_time"))
     dims = lane[outputs[0]].dims
     require(len(dims) == 1, "lane", dims, "a single lane", "select one: dataset.isel(...)")
-    axes = axes_or_new(axes, (4.8, 5.0))
-    in_window = inside(lane["saved_time"].values, window)
+    axes = style.axes_or_new(axes, (4.8, 5.0))
+    in_window = style.inside(lane["saved_time"].values, window)
     factor, unit = length_unit(clearance)
     x, y = (lane[name].values[in_window] * factor for name in outputs)
-    axes.plot(x, y, color=BLUE, linewidth=0.8)
+    axes.plot(x, y, color=style.BLUE, linewidth=0.8)
     axes.plot(x[:1], y[:1], "o", color="black", markersize=4)  # the start
     clearance_circle(axes, clearance, factor=factor)
-    return dress(axes, *(f"{shown(name)}, {unit}" for name in outputs))
+    return style.dress(axes, *(f"{shown(name)}, {unit}" for name in outputs))

@@ -10,16 +10,8 @@ from .._fields.checks import require
 from .._fields.drawn_text import shown
 from .._simulation.results.observe import Observation
 from .._simulation.results.solution import Trajectory
+from . import style
 from .observed import named
-from .style import (
-    TimeSpan,
-    axes_or_new,
-    draw_lines,
-    dress,
-    inside,
-    legend_above,
-    limit_to_window,
-)
 
 Curve = tuple[np.ndarray, np.ndarray]
 """Angles in rad or times in s, (N,), and the values at these, (N,) or (N, 3)."""
@@ -30,7 +22,7 @@ def position(
     body: str,
     component: str = "Y",
     *,
-    window: TimeSpan | None = None,
+    window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Draw one global coordinate of a body's centre of mass over time, a curve for each run.
@@ -56,7 +48,7 @@ def acceleration(
     body: str,
     component: str = "Y",
     *,
-    window: TimeSpan | None = None,
+    window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Draw one global component of the acceleration of a body's centre of mass over time, a curve
@@ -80,7 +72,7 @@ def path(
     body: str,
     plane: tuple[str, str] = ("X", "Y"),
     *,
-    window: TimeSpan | None = None,
+    window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the path of a body's centre of mass, projected on a plane of the global frame, a curve
@@ -91,15 +83,15 @@ def path(
 
     >>> axes = plot.path({"with clearance": solution.saved}, "arm 3", ("Y", "Z"))
     """
-    axes = axes_or_new(axes, (5.0, 5.0))
+    axes = style.axes_or_new(axes, (5.0, 5.0))
     right, up = map(_number, plane)
     for label, trajectory in trajectories.items():
-        in_window = inside(np.asarray(trajectory.times), window)
+        in_window = style.inside(np.asarray(trajectory.times), window)
         centre = named("body", body, trajectory.states.bodies).position[in_window]
-        draw_lines(axes, [(label, centre[:, right], centre[:, up])], 1.3)
+        style.draw_lines(axes, [(label, centre[:, right], centre[:, up])], 1.3)
         axes.plot(centre[:1, right], centre[:1, up], "o", color="black", markersize=5)
     axes.set_aspect("equal")
-    return dress(axes, f"{plane[0]}, m", f"{plane[1]}, m")
+    return style.dress(axes, f"{plane[0]}, m", f"{plane[1]}, m")
 
 
 def over_angle(
@@ -118,32 +110,32 @@ def over_angle(
     >>> angle = np.linspace(0.0, 2.0 * np.pi, 73)
     >>> axes = plot.over_angle({"ideal": (angle, 100.0 * np.cos(angle))}, "force / N")
     """
-    axes = axes_or_new(axes)
-    draw_lines(axes, ((label, np.degrees(x), y) for label, (x, y) in curves.items()), 1.4)
+    axes = style.axes_or_new(axes)
+    style.draw_lines(axes, ((label, np.degrees(x), y) for label, (x, y) in curves.items()), 1.4)
     if curves:
         ends = np.degrees([(np.min(angles), np.max(angles)) for angles, _ in curves.values()])
         axes.set_xlim(ends.min(), ends.max())
     axes.xaxis.set_major_locator(MultipleLocator(90.0))
-    return dress(axes, f"{shaft} angle, °", quantity)
+    return style.dress(axes, f"{shaft} angle, °", quantity)
 
 
 def _over_time(
     curves: Mapping[str, Curve],
     component: str,
     quantity: str,
-    window: TimeSpan | None,
+    window: style.TimeSpan | None,
     axes: Axes | None,
     width: float,
 ) -> Axes:
     axis = _number(component)
-    axes = axes_or_new(axes)
+    axes = style.axes_or_new(axes)
     drawn = []
     for label, (times, vectors) in curves.items():
-        mask = limit_to_window(axes, np.asarray(times), window)
+        mask = style.limit_to_window(axes, np.asarray(times), window)
         drawn.append((label, np.asarray(times)[mask], vectors[mask, axis]))
-    draw_lines(axes, drawn, width)
-    legend_above(axes, len(curves))
-    return dress(axes, "time, s", f"{component}-{quantity}")
+    style.draw_lines(axes, drawn, width)
+    style.legend_above(axes, len(curves))
+    return style.dress(axes, "time, s", f"{component}-{quantity}")
 
 
 def _number(component: str) -> int:

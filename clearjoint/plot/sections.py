@@ -12,19 +12,8 @@ from matplotlib.ticker import MaxNLocator
 from .._fields.checks import require
 from .._fields.drawn_text import shown
 from .._simulation.results.solution import Crossings
+from . import style
 from .journal import clearance_circle
-from .style import (
-    BLUE,
-    DARK,
-    LIGHT,
-    axes_or_new,
-    dress,
-    fitting_unit,
-    legend_above,
-    scale_axes,
-    scaled,
-    tick_logarithm,
-)
 from .sweeps import is_successful, mark_failed, only_axis, require_names, require_several_values
 
 
@@ -46,14 +35,16 @@ def poincare_map(
 def _mapped(
     x: np.ndarray, y: np.ndarray, numbers: np.ndarray, labels: tuple[str, str], axes: Axes | None
 ) -> Axes:
-    axes = axes_or_new(axes, (5.4, 4.8))
-    shades = LinearSegmentedColormap.from_list("later is darker", [LIGHT, BLUE, DARK])
+    axes = style.axes_or_new(axes, (5.4, 4.8))
+    shades = LinearSegmentedColormap.from_list(
+        "later is darker", [style.LIGHT, style.BLUE, style.DARK]
+    )
     look = {"cmap": shades, "s": 14.0, "linewidths": 0.0, "zorder": 3}
     points = axes.scatter(x, y, c=numbers, **look)
     if len(x) > 1:
         bar = axes.figure.colorbar(points, ax=axes, label="number of the crossing")
         bar.ax.yaxis.set_major_locator(MaxNLocator(6, integer=True))
-    return dress(axes, *labels)
+    return style.dress(axes, *labels)
 
 
 def poincare_section(
@@ -156,7 +147,7 @@ def section_points(
     same = similar or clearance is not None
     columns = []
     for (channel, _, unit), row, size in zip(channels, rows, sizes, strict=True):
-        factor, text = fitting_unit(np.array([largest if same else size]), unit)
+        factor, text = style.fitting_unit(np.array([largest if same else size]), unit)
         suffix = "" if text == "1" else f", {text}"
         columns.append((row * factor, f"{shown(channel.replace('_', ' '))}{suffix}", factor))
     (x, x_label, factor), (y, y_label, _) = columns
@@ -199,22 +190,22 @@ def bifurcation(
     variable = f"{section}_{channel}"
     require_names(dataset, (variable, axis))
     require_several_values(dataset, (axis,))
-    axes = axes_or_new(axes)
+    axes = style.axes_or_new(axes)
     succeeded = is_successful(dataset)
     # The last dimension is that along the crossings, or the samples, of a lane.
     recorded = dataset[variable].where(succeeded).transpose(*dataset[axis].dims, ...)
-    x, y = scaled(dataset[axis]), scaled(recorded.rename(channel))
+    x, y = style.scaled(dataset[axis]), style.scaled(recorded.rename(channel))
     positions, numbers = np.meshgrid(x.values, 1 + np.arange(y.values.shape[1]), indexing="ij")
     draw = partial(axes.scatter, positions, y.values, s=3, linewidths=0)
     if not number:
-        draw(color=DARK)
+        draw(color=style.DARK)
     else:
         # In a motion that decays, the first crossings differ most, so they get most of the colours.
         dots = draw(c=numbers, cmap="turbo_r", norm=LogNorm())
         bar = axes.figure.colorbar(dots, ax=axes, label="number of the crossing")
-        tick_logarithm(bar.ax.yaxis, numbers)
-    scale_axes(axes, x.values, y.values)
+        style.tick_logarithm(bar.ax.yaxis, numbers)
+    style.scale_axes(axes, x.values, y.values)
     mark_failed(axes, x.values, succeeded.values)
     if not succeeded.all():
-        legend_above(axes)
-    return dress(axes, x.label, y.label)
+        style.legend_above(axes)
+    return style.dress(axes, x.label, y.label)

@@ -14,19 +14,7 @@ from .._model.scene import Scene
 from .._simulation.results.observe import Observation, values_along
 from .._simulation.results.solution import Solution, Trajectory
 from ..quantities.base import AbstractQuantity, Quantity
-from .style import (
-    BLUE,
-    DARK,
-    TimeSpan,
-    axes_or_new,
-    draw_lines,
-    dress,
-    fitting_unit,
-    inside,
-    legend_above,
-    scaled,
-    time_axis,
-)
+from . import style
 
 
 def series(
@@ -134,7 +122,7 @@ def phase_portrait(
     *,
     unit: str | None = None,
     trajectory: Trajectory | None = None,
-    window: TimeSpan | None = None,
+    window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the time derivative of a quantity over the quantity itself: a closed curve for a
@@ -152,16 +140,16 @@ def phase_portrait(
     period = getattr(quantity, "period", None)  # after which an angle begins again
     if period is not None:
         values = values.copy(data=np.unwrap(values.values, period=period))
-    axes = axes_or_new(axes, (5.6, 4.4))
-    in_window = inside(values["time"].values, window)
-    x, y = scaled(values[in_window]), scaled(rates[in_window])
-    axes.plot(x.values, y.values, color=BLUE, linewidth=0.9)
+    axes = style.axes_or_new(axes, (5.6, 4.4))
+    in_window = style.inside(values["time"].values, window)
+    x, y = style.scaled(values[in_window]), style.scaled(rates[in_window])
+    axes.plot(x.values, y.values, color=style.BLUE, linewidth=0.9)
     for row, marker, label in ((0, "o", "start"), (-1, "s", "end")):
         if len(x.values):
-            look = {"color": DARK, "markersize": 5, "linestyle": "", "zorder": 3}
+            look = {"color": style.DARK, "markersize": 5, "linestyle": "", "zorder": 3}
             axes.plot(x.values[[row]], y.values[[row]], marker, label=label, **look)
-    legend_above(axes, 2)
-    return dress(axes, x.label, y.label)
+    style.legend_above(axes, 2)
+    return style.dress(axes, x.label, y.label)
 
 
 FEWEST = 4
@@ -260,11 +248,11 @@ def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None 
     >>> axes = plot.spectrum_of(plot.series(scene, swing, x), taper="boxcar")
     """
     amplitudes = amplitude_spectrum(record, taper)
-    axes = axes_or_new(axes)
-    y = scaled(amplitudes)
+    axes = style.axes_or_new(axes)
+    y = style.scaled(amplitudes)
     frequencies = amplitudes["frequency"].values
-    factor, unit = fitting_unit(frequencies, "Hz")
-    axes.plot(frequencies * factor, y.values, color=BLUE, linewidth=0.9)
+    factor, unit = style.fitting_unit(frequencies, "Hz")
+    axes.plot(frequencies * factor, y.values, color=style.BLUE, linewidth=0.9)
     times = record["time"].values
     half_rate = 0.5 * (len(times) - 1) / float(times[-1] - times[0])  # the Nyquist frequency, Hz
     # Rounding keeps a tick at the end, which rounding errors could put outside of the axis.
@@ -276,7 +264,7 @@ def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None 
         axes.set_ylim(max(0.5 * y.values.min(), 1e-8 * largest), 2.0 * largest)
     title = f"window: {taper}; lines {float(frequencies[0]):.3g} Hz apart"
     axes.set_title(title, fontsize="small", loc="right")
-    return dress(axes, f"frequency, {unit}", f"amplitude of {y.label}")
+    return style.dress(axes, f"frequency, {unit}", f"amplitude of {y.label}")
 
 
 POTENTIAL = "potential, 0 at the start"
@@ -291,7 +279,10 @@ ENERGIES = {
 
 
 def energy_ledger(
-    observation: Observation, *, window: TimeSpan | None = None, axes: np.ndarray | None = None
+    observation: Observation,
+    *,
+    window: style.TimeSpan | None = None,
+    axes: np.ndarray | None = None,
 ) -> np.ndarray:
     """Draw the energies of a run over time, and below them the error of their balance, the drift.
 
@@ -322,17 +313,17 @@ def energy_ledger(
     }
     if POTENTIAL in changes:  # only its changes matter, and its zero is arbitrary
         changes[POTENTIAL] = changes[POTENTIAL] - changes[POTENTIAL][0]
-    mask, times, time_label = time_axis(above, observation.times, window)
+    mask, times, time_label = style.time_axis(above, observation.times, window)
     curves = {name: values[mask] for name, values in changes.items()}
-    factor, unit = fitting_unit(np.concatenate(list(curves.values())), "J")
-    draw_lines(above, ((name, times, y * factor) for name, y in curves.items()), 1.8)
+    factor, unit = style.fitting_unit(np.concatenate(list(curves.values())), "J")
+    style.draw_lines(above, ((name, times, y * factor) for name, y in curves.items()), 1.8)
     above.margins(x=0.0)
-    legend_above(above, min(len(curves), 3), handlelength=3.0)
-    dress(above, "", f"energy, {unit}")
-    time_axis(below, observation.times, window)
+    style.legend_above(above, min(len(curves), 3), handlelength=3.0)
+    style.dress(above, "", f"energy, {unit}")
+    style.time_axis(below, observation.times, window)
     drift = np.asarray(observation.ledger_residual())[mask]
-    factor, unit = fitting_unit(drift, "J")
-    below.plot(times, drift * factor, color=DARK, linewidth=1.0)
+    factor, unit = style.fitting_unit(drift, "J")
+    below.plot(times, drift * factor, color=style.DARK, linewidth=1.0)
     below.margins(x=0.0)
     # Only a run with an energy ledger has these energies.
     has_ledger = not energies.keys().isdisjoint({*ENERGIES["dissipated"], "supplied"})
@@ -343,5 +334,5 @@ def energy_ledger(
         text = f"at most {share:.1g} of the largest change above"
         below.set_title(text, fontsize="small", loc="right")
     label = "drift" if has_ledger else "mechanical,\nsince start"
-    dress(below, time_label, f"{label}, {unit}")
+    style.dress(below, time_label, f"{label}, {unit}")
     return axes
