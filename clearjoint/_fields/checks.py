@@ -318,10 +318,10 @@ def require_euler_parameters(argument: str, value: ArrayLike) -> None:
         "divide them by their norm",
     )
 
-    def has_unit_norm(x: np.ndarray | jax.Array) -> bool:  # of parameters with seven digits, too
-        return abs((x**2).sum() ** 0.5 - 1.0) < 1e-6
-
-    require_numbers(has_unit_norm, argument, (value,), expected, remedy)
+    # The margin allows for parameters that are given with seven digits.
+    require_numbers(
+        lambda x: abs((x**2).sum() ** 0.5 - 1.0) < 1e-6, argument, (value,), expected, remedy
+    )
 
 
 def recheck(tree: PyTree) -> None:
