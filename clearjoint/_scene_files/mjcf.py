@@ -1,7 +1,7 @@
 """Read MJCF files with MuJoCo, which resolves their defaults, frames, inertias and references.
 
-A body of MJCF is a link here, fixed to its parent unless it has joints. If it has several, one
-follows the other, with links without mass between them.
+A body of MJCF becomes a link, which is fixed to its parent if it has no joint. If it has several
+joints, links without mass between them make a chain.
 """
 
 import math
@@ -16,13 +16,13 @@ from . import robots
 from .documents import FileLocation
 
 Model: TypeAlias = PyTree
-"""A compiled model of MuJoCo, whose package has no annotations of it."""
+"""A compiled model of MuJoCo, whose classes have no annotations."""
 KINDS = robots.FLOATING, robots.BALL, robots.SLIDER, "continuous"
 """Types of joints, in the order of MuJoCo's numbers for free, ball, slide and hinge."""
 CONNECT, WELD, COUPLE = range(3)
-"""MuJoCo's numbers of the types of equality constraints that a robot has."""
+"""MuJoCo's numbers of types of equality constraints."""
 WITH_FILES = "geoms", "meshes", "textures", "materials", "hfields", "skins"
-"""Elements of a model that refer to other files, as attributes of MuJoCo's specification."""
+"""Elements that refer to other files, as attributes of MuJoCo's `MjSpec`."""
 IGNORED = {
     "collision and visual shapes": "ngeom",
     "tendons": "ntendon",
@@ -32,7 +32,7 @@ IGNORED = {
     "plugins": "nplugin",
     "mocap bodies": "nmocap",
 }
-"""What a robot lacks of a model, and its number in the model."""
+"""Contents that a robot lacks, by title in messages: the attribute of a model that counts them."""
 
 
 def read_mjcf(path: Path) -> robots.Content:
@@ -46,12 +46,8 @@ def read_mjcf(path: Path) -> robots.Content:
         pose[:3, 3] = model.body_pos[k]
         first, count = model.body_jntadr[k], model.body_jntnum[k]
         if not count:
-            x_axis = np.array([1.0, 0.0, 0.0])
-            joints.append(
-                robots.RobotJoint(
-                    f"{names[k]} {robots.FIXED}", robots.FIXED, parent, names[k], pose, x_axis
-                )
-            )
+            name, x_axis = f"{names[k]} {robots.FIXED}", np.array([1.0, 0.0, 0.0])
+            joints.append(robots.RobotJoint(name, robots.FIXED, parent, names[k], pose, x_axis))
         for j in range(first, first + count):
             is_last = j == first + count - 1
             child = names[k] if is_last else f"{names[k]} after {_joint_name(model, j)}"
@@ -86,7 +82,7 @@ def mujoco_package(location: FileLocation) -> ModuleType:
 
 
 def _compiled(path: Path) -> Model:
-    """Return MuJoCo's model; without shapes if files are missing and the inertias are given."""
+    """Return MuJoCo's model; without shapes if files are missing but all inertias are given."""
     location = FileLocation(str(path))
     mujoco = mujoco_package(location)
     try:
@@ -156,7 +152,7 @@ def _range(ends: np.ndarray, is_limited: bool) -> tuple[float, float]:
 
 
 def _motion(kind: str, axis: np.ndarray, point: np.ndarray, position: float) -> np.ndarray:
-    """Return the motion (4, 4) of a body in a joint, in the body's axes at zero."""
+    """Return the pose (4, 4) of a body at a joint's `position`, in the body's axes at zero."""
     from scipy.spatial.transform import Rotation
 
     pose = np.eye(4)
@@ -171,7 +167,8 @@ def _motion(kind: str, axis: np.ndarray, point: np.ndarray, position: float) -> 
 def _equalities(
     model: Model, names: list[str]
 ) -> tuple[tuple[robots.LoopJoint, ...], dict[str, robots.Mimic], list[str]]:
-    """Return constraints that close loops, what joints follow, and the names of others."""
+    """Return the constraints that close loops, the `Mimic` of each following joint by name, and the
+    names of all other constraints."""
     loops: list[robots.LoopJoint] = []
     followers: dict[str, robots.Mimic] = {}
     others: list[str] = []
@@ -203,7 +200,7 @@ def _equalities(
 
 
 def _mimic(model: Model, follower: int, leader: int, coefficients: np.ndarray) -> robots.Mimic:
-    """Return what a joint follows: q - ref is a polynomial of the leader's q - ref."""
+    """Return how a joint follows: in MJCF, q - ref is a polynomial of the leader's q - ref."""
     start = model.qpos0[model.jnt_qposadr[follower]]
     if leader < 0:
         return robots.Mimic(None, (float(start + coefficients[0]),))
@@ -213,7 +210,7 @@ def _mimic(model: Model, follower: int, leader: int, coefficients: np.ndarray) -
 
 
 def _actuators(model: Model) -> tuple[dict[str, robots.Actuator], list[str]]:
-    """Return the actuators of joints by name, and the names of others."""
+    """Return the actuators of joints by name, and the names of all others."""
     actuators: dict[str, robots.Actuator] = {}
     others: list[str] = []
     for k in range(model.nu):
@@ -236,7 +233,8 @@ def _actuators(model: Model) -> tuple[dict[str, robots.Actuator], list[str]]:
 
 
 def _resisted(model: Model) -> list[str]:
-    """Return the names of balls and free joints with what only hinges and sliders have here."""
+    """Return the names of balls and free joints with limits, springs, damping, friction or
+    armature, which only hinges and sliders of a robot have."""
     resisting = model.dof_damping + model.dof_frictionloss + model.dof_armature
     names = []
     for j in range(model.njnt):

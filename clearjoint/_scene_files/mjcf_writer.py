@@ -1,7 +1,7 @@
 """Write scenes and robots as MJCF files, with play by MuJoCo's recipe.
 
 A body's frame in the file is that of the scene: its origin is the centre of mass. Positions of
-hinges and sliders are those of the scene's joints: the attribute `ref` has those of the pose that
+hinges and sliders are those of the scene's joints: the attribute `ref` has those in the pose that
 the file describes.
 
 Flanks are limits of a hinge or, between bodies that are not parent and child, of a fixed tendon,
@@ -9,8 +9,8 @@ whose length is a sum of hinges' angles. With the limit, MuJoCo accelerates the 
 
     (1 - d) a - b v - k r,
 
-where d is the limit's impedance, a the acceleration without it, r the penetration and v its rate;
-the numbers of `solreflimit` are -k and -b. An impedance near one, as by default, fixes the
+where d is the limit's impedance, a the acceleration without the limit, r the penetration and v its
+rate; the numbers of `solreflimit` are -k and -b. An impedance near one, as by default, fixes the
 acceleration: a load hardly deflects the limit. With an impedance near zero, the limit is a spring
 and damper, whose force does not depend on the load: its stiffness is k over the inverse inertia
 that MuJoCo computes when it compiles the file (`dof_invweight0`, `tendon_invweight0`), in any pose.
@@ -58,12 +58,13 @@ from .robot import Robot, variables_of
 from .robots import warn_of_omitted
 
 SOFT, STIFF = "0.0001 0.0001 0.001 0.5 1", "0.9999 0.9999 0.001 0.5 1"
-"""`solimp` of flanks, with the smallest impedance, and of what would creep: constraints,
-friction."""
+"""`solimp` with the smallest impedance, for flanks, and with the largest, for constraints and dry
+friction, which would creep."""
 QUICK = "0.0001 1"
 """`solref` of equality constraints and of dry friction; MuJoCo takes at least two time steps, s."""
 LARGEST_PENETRATION = 0.1
-"""Penetration up to which a linear law replaces that of flanks, over the play."""
+"""Penetration, as a fraction of the play, at which the spring of a limit stores the law's energy.
+"""
 STEPS_A_PERIOD, LONGEST_STEP = 20.0, 2e-3
 """Default time steps in the shortest period of a flank or spring, and the longest step, s."""
 PARALLEL, IN_PLACE = 1e-9, 1e-6
@@ -75,9 +76,9 @@ CRITICAL = 1.0 - 1e-9
 LEAST_INERTIA = 2e-15
 """Least mass, kg, and moment of inertia, kg m^2, of a body that MuJoCo accepts."""
 LARGEST_DEGREE = 4
-"""Largest degree of the polynomials by which joints of MJCF files follow others."""
+"""Largest degree of a polynomial that couples joints of MJCF files."""
 LEVER = 0.1
-"""Distance, m, of the points that hold a hinge that closes a loop."""
+"""Distance, m, of the two points on the axis of a hinge that closes a loop."""
 TURN = 2.0 * math.pi
 FREE, BALL, HINGE, SLIDE = "free", "ball", "hinge", "slide"
 Control: TypeAlias = Callable[[jax.Array], jax.Array]
@@ -86,9 +87,9 @@ Control: TypeAlias = Callable[[jax.Array], jax.Array]
 class FileJoint(NamedTuple):
     """A joint or fixed tendon of the file, as the joint of a body, or for an element of the scene.
 
-    `axis`: of the joint or element, (3,) in global axes, in the pose of the file. `position`: in
-    this pose, rad or m. `sign`: of the file's position relative to that of the joint, as in joint
-    coordinates, or of the element. `start`: position of the joint, as there, in this pose.
+    All in the pose of the file: `axis` of that joint or element, (3,) in global axes; `position` in
+    the file, rad or m; `start`, position in joint coordinates. `sign`: 1 if the scene's position
+    grows with the file's, else -1.
     """
 
     element: Element
@@ -107,7 +108,7 @@ class FileJoint(NamedTuple):
 
 
 class NoCounterpartError(Exception):
-    """An element of the scene has no counterpart in MJCF files."""
+    """An element of the scene can't be written to MJCF files."""
 
 
 class Flanks(NamedTuple):
@@ -139,7 +140,7 @@ class MjcfWriter:
     """The file of a scene, whose bodies are in a `pose`.
 
     - `joints`: the file's joints by the body that they carry.
-    - `controls`: of the actuators that are forces of the scene, by name.
+    - `controls`: of the actuators that are forces of the scene, by name, as functions of time.
     - `omitted`: names of elements of the scene that have no counterpart, by title.
     """
 
@@ -177,12 +178,10 @@ class MjcfWriter:
         return trees.FreeBranch(place.body, None)
 
     def _variables(self, state: State) -> dict[str, PyTree]:
-        """Return a `JointState` for each carried body, and a `BodyState` for each free one."""
         return variables_of(self._branches.values(), jax.tree.map(np.asarray, state))
 
     def motion(self, state: State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Return numbers (..., n) of position and speed of each joint of the file, by name, for
-        states of the scene."""
+        """Return positions and speeds (..., n) of each joint of the file, by name, for states."""
         numbers = {}
         for body, variable in self._variables(state).items():
             if (joint := self.joints.get(body)) is None:
@@ -206,7 +205,7 @@ class MjcfWriter:
         return numbers
 
     def require_in_place(self, state: State) -> None:
-        """Raise a `ValueError` unless bodies are where the joints of the tree allow them."""
+        """Raise a `ValueError` for bodies that are not where the joints of the tree allow them."""
         for name in self._branches:
             off = np.asarray(state.bodies[name].position) - _array(self._motions[name].position)
             joint = f"on the joint of {name!r}, within {IN_PLACE} m"
@@ -257,7 +256,6 @@ class MjcfWriter:
         return _child(self.root, name) if section is None else section
 
     def _add(self, name: str, element: PyTree) -> None:
-        """Add an element that is no joint of the tree."""
         kind = type(element)
         if kind in ALONG:
             direction, axis, write = ALONG[kind]
@@ -269,9 +267,9 @@ class MjcfWriter:
             raise NoCounterpartError
 
     def _between(self, name: str, kind: str, element: PyTree, axis: Vector | None) -> FileJoint:
-        """Return the joint or tendon whose position is that of the second body of an element
-        relative to the first, about or along an axis of the first, by default that of the first
-        joint between them; all must have this axis. `name`: of a new tendon."""
+        """Return the joint or tendon whose position is that of an element's second body relative to
+        its first, about or along `axis`, by default that of the first joint between them. All
+        joints between the bodies must have this axis. `name`: of a new tendon."""
         first, second = element.pair()
         sides: dict[str, float] = defaultdict(float)
         for body, side in ((first, -1.0), (second, 1.0)):
@@ -305,7 +303,7 @@ class MjcfWriter:
         self._limit(name, on, joint.law, offset, joint.play, joint.radius)
 
     def ends_of_slot(self, name: str, joint: PinInSlot, on: FileJoint) -> None:
-        """Limit a slider as the ends of a slot along it do, whose walls are never touched."""
+        """Limit a slider by the ends of a slot along it, whose walls are never touched."""
         if joint.travel is None:
             raise NoCounterpartError
         slot, pin = (self._motions[body] for body in joint.pair())
@@ -395,7 +393,7 @@ class MjcfWriter:
     def _resist(
         self, on: FileJoint, stiffness: float = 0.0, stretch: float = 0.0, **others: float
     ) -> None:
-        """Add a spring, which is stretched by `stretch` in the pose, and other attributes."""
+        """Add a spring, which is stretched by `stretch` in the pose, and `others` to attributes."""
         rest, count = ("springref", 1) if on.element.tag == "joint" else ("springlength", 2)
         before = float(on.element.get("stiffness", 0.0))
         if stiffness:
@@ -416,7 +414,7 @@ class MjcfWriter:
     def _sites(
         self, name: str, pair: PyTree, first: PyTree, second: PyTree, turn: PyTree = trees.UPRIGHT
     ) -> list[str]:
-        """Add two points of a pair of bodies, the first with an orientation; return their names."""
+        """Add points of two bodies, the first with the orientation `turn`; return their names."""
         ends = ((pair.first, "first", first, turn), (pair.second, "second", second, trees.UPRIGHT))
         for body, end, point, orientation in ends:
             _child(self._bodies[body], "site", name=f"{name} {end}", pos=point, quat=orientation)
@@ -426,7 +424,7 @@ class MjcfWriter:
         self._actuate(name, on, lambda t: jnp.asarray(functions_of_time.value_at(force.torque, t)))
 
     def motor(self, name: str, force: Motor, on: FileJoint) -> None:
-        """Add a position servo, whose control is the target plus a lead for the target's rate."""
+        """Add a position servo, whose control is the target plus its rate times damping / gain."""
         gain, damping = float(force.proportional), float(force.derivative)
 
         def control(t: jax.Array) -> jax.Array:
@@ -479,7 +477,7 @@ class MjcfWriter:
         _child(self._section("equality"), tag, name=name, **names, polycoef=padded, **HARD)
 
     def closing(self, name: str, joint: PyTree) -> None:
-        """Add a ball, a weld or a hinge that closes a loop; a hinge as two points on its axis."""
+        """Add a ball, a weld or a hinge that closes a loop: two points on the axis of a hinge."""
         turn = joint.orientation if isinstance(joint, FixedJoint) else trees.UPRIGHT
         tag = "weld" if isinstance(joint, FixedJoint) else "connect"
         points = {name: (joint.point_first, joint.point_second)}
@@ -492,7 +490,6 @@ class MjcfWriter:
             _child(self._section("equality"), tag, name=label, **ends, **HARD)
 
     def add_robot(self, robot: Robot) -> None:
-        """Add limits and actuators of a robot's file."""
         joints = {joint.name: joint.element for joint in self.joints.values()}
         for name, limits in robot.limits.items():
             if name not in joints:
@@ -519,7 +516,7 @@ class MjcfWriter:
             )
 
     def start(self, model: Model, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """Return `qpos` and `qvel` of MuJoCo's model of a file, for a state of the scene."""
+        """Return `qpos` and `qvel` of MuJoCo's model of this file, for a state of the scene."""
         positions, speeds = model.qpos0.copy(), np.zeros(model.nv)
         for name, (position, speed) in self.motion(state).items():
             joint = model.joint(name)
@@ -538,8 +535,7 @@ class MjcfWriter:
             reason = " ".join(str(error).split())
             location.refuse(reason, "a scene that MuJoCo compiles", "change the scene")
 
-        def weight(element: Element) -> float:
-            """Return the inverse inertia that MuJoCo uses for a joint or tendon."""
+        def weight(element: Element) -> float:  # MuJoCo's inverse inertia of a joint or tendon
             name = element.attrib["name"]
             if element.tag == "joint":
                 return float(model.dof_invweight0[model.joint(name).dofadr[0]])
@@ -575,8 +571,8 @@ ALONG: Mapping[type, tuple[str, str | None, Callable[..., None]]] = {
     PrescribedAngle: (HINGE, "axis", MjcfWriter.prescribed),
     PrescribedTranslation: (SLIDE, "axis", MjcfWriter.prescribed),
 }
-"""Classes of elements about or along an axis of their first body: kind of the file's joints on
-which they act, name of the axis, and what adds them to the file."""
+"""What adds an element about or along an axis of its first body, by class: the kind of the file's
+joints on which it acts, the name of its axis, and the method."""
 OTHERS: Mapping[type, Callable[..., None]] = {
     JointFriction: MjcfWriter.friction,
     SpringDamper: MjcfWriter.spring_damper,
@@ -588,7 +584,6 @@ OTHERS: Mapping[type, Callable[..., None]] = {
 
 
 def _range(element: Element) -> list[float]:
-    """Return the limits of a joint or tendon of the file, an empty list without any."""
     return [*map(float, element.get("range", "").split())]
 
 
@@ -597,7 +592,6 @@ def _finite(ranges: Mapping[str, tuple[float, float]]) -> dict[str, PyTree]:
 
 
 def _damping_ratio(restitution: float) -> float:
-    """Return the damping ratio of a spring and dashpot with a restitution, at most critical."""
     from scipy.optimize import brentq
 
     restitution = np.clip(restitution, float(clamped_restitution(CRITICAL)), 1.0)
@@ -605,8 +599,8 @@ def _damping_ratio(restitution: float) -> float:
 
 
 def _with_ideal_joints(scene: Scene) -> tuple[Scene, list[str]]:
-    """Return the scene with an ideal joint in place of each clearance that has one of the joints of
-    a tree, and the names of these."""
+    """Return the scene with an ideal joint in place of each clearance, if a tree can have this
+    joint, and the names of the joints that are replaced."""
     joints, replaced = {}, []
     for name, joint in scene.joints.items():
         centred = joint.centred_joint() if isinstance(joint, AbstractContactJoint) else None
@@ -619,8 +613,7 @@ def _with_ideal_joints(scene: Scene) -> tuple[Scene, list[str]]:
 
 
 def _places(scene: Scene) -> list[trees.Place]:
-    """Return the trees of a scene, each parent before its children, siblings in the order of the
-    scene: JAX sorts dictionaries by their keys."""
+    """Return the trees of a scene, parents first, siblings in its order: JAX sorts names."""
     places = trees.topology(unpack(scene)).places
     depths = {GROUND: 0}
     for body, place in places.items():
@@ -635,7 +628,6 @@ def mjcf_of(
     timestep: float | None = None,
     integrator: str = "implicitfast",
 ) -> tuple[MjcfWriter, str]:
-    """Return the text of a file, and its writer; see `save_mjcf`."""
     check_precision(allow_float32=False)
     expected, remedy = "a Scene or a Robot", "pass that of `load_robot`"
     require(isinstance(scene, Scene | Robot), "scene", scene, expected, remedy)

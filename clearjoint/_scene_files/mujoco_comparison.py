@@ -1,9 +1,8 @@
 """Runs of an MJCF file in MuJoCo beside those of its scene."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 
 import jax
 import numpy as np
@@ -29,14 +28,14 @@ FILE = "the MJCF file"
 
 @dataclass(frozen=True)
 class MujocoComparison:
-    """Motion in MuJoCo beside that of the scene, for several time steps of MuJoCo.
+    """Motion in MuJoCo beside that of the scene, for n time steps of MuJoCo.
 
-    - `timesteps`: (n,) s, those of MuJoCo.
+    - `timesteps`: (n,) s.
     - `times`: (N,) s, from zero, at which the runs are compared.
-    - `positions`: (N,) of each hinge and slider in the run of the scene, rad or m, by name.
-    - `in_mujoco`: (n, N) of each, in MuJoCo. If the motion diverges there, because the step is too
-      long for a flank, they are NaN or arbitrary from then on.
-    - `largest_difference`: (n,) of each over the run, rad or m; infinite after divergence.
+    - `positions`: those of each hinge and slider in the run of the scene, (N,) rad or m, by name.
+    - `in_mujoco`: those in MuJoCo, (n, N), by name. If the motion diverges there, because the step
+      is too long for a flank, they are NaN or arbitrary from then on.
+    - `largest_difference`: that in each joint, (n,) rad or m, by name; infinite after divergence.
 
     ``print(comparison)`` shows the largest differences as a table.
 
@@ -55,7 +54,6 @@ class MujocoComparison:
 
     @property
     def largest_difference(self) -> dict[str, np.ndarray]:
-        """Largest difference of each joint over the run, (n,) rad or m, by name."""
         differences = {
             name: np.abs(self.in_mujoco[name] - own).max(axis=1)
             for name, own in self.positions.items()
@@ -142,7 +140,7 @@ def compare_with_mujoco(
         if model.actuator(k).name not in writer.controls:
             model.actuator_gainprm[k], model.actuator_biasprm[k] = 0.0, 0.0
     counts = [max(round(times[1] / step), 1) for step in timesteps]
-    runs = [_run(mujoco, model, writer, state, times, steps, own) for steps in counts]
+    runs = [_run(model, writer, state, times, steps, [*own]) for steps in counts]
     return MujocoComparison(
         tuple(float(times[1] / steps) for steps in counts),
         times,
@@ -152,15 +150,10 @@ def compare_with_mujoco(
 
 
 def _run(
-    mujoco: ModuleType,
-    model: Model,
-    writer: MjcfWriter,
-    state: State,
-    times: np.ndarray,
-    steps: int,
-    names: Iterable[str],
+    model: Model, writer: MjcfWriter, state: State, times: np.ndarray, steps: int, names: list[str]
 ) -> dict[str, np.ndarray]:
-    """Return positions of joints, (N,) at times, with a number of `steps` between two times."""
+    """Return positions (N,) of joints at `times`, with `steps` steps between two times."""
+    mujoco = mujoco_package(FileLocation(FILE))
     data, step = mujoco.MjData(model), times[1] / steps
     model.opt.timestep = step
     data.qpos[:], data.qvel[:] = writer.start(model, state)

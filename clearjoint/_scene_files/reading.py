@@ -30,7 +30,7 @@ from .classes import (
 from .documents import FileLocation, existing, listed, split
 
 KIND = "kind"
-"""The key under which a table names its class."""
+"""Key under which a table names its class."""
 EULER_PARAMETERS = (4,)
 ABSENT = "none"
 """Text that stands for ``None``, which TOML does not have."""
@@ -41,8 +41,8 @@ NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)(?:
 def axis_and_angle(
     axis: Annotated[Float[np.ndarray, "3"], "1"], angle: Annotated[float, "rad"]
 ) -> tuple:
-    """Return the Euler parameters, scalar first, of a rotation about an axis: a table with the keys
-    `axis` and `angle` may replace them in a file."""
+    """Return the Euler parameters, scalar first, of a rotation about an axis, which a table with
+    the keys `axis` and `angle` may replace in a file."""
     return tuple(rotation(axis, angle).tolist())
 
 
@@ -53,7 +53,6 @@ class Reader:
     classes: Classes
 
     def value(self, content: object, expected: Expectation, location: FileLocation) -> object:
-        """Convert a value of a file to the Python value for which it stands."""
         value = self._item(content, expected, location)
         # A tuple of objects stays a tuple; other tuples are rows of numbers and become arrays.
         rows = value if isinstance(value, tuple) else ()
@@ -64,7 +63,7 @@ class Reader:
             return as_number(value)
 
     def _item(self, content: object, expected: Expectation, location: FileLocation) -> object:
-        """Convert a value as `value` does, but return an array as a number or nested tuples."""
+        """Convert a value of a file to a Python value; an array to a number or nested tuples."""
         if isinstance(content, Mapping) and expected.by_name is not None:
             return self._table(content, expected, location)
         # Arguments that may also be numbers or objects are not limited to their options.
@@ -98,7 +97,6 @@ class Reader:
         return location.refuse(content, "a number, text, list or table", "write one of these")
 
     def _table(self, content: Mapping, expected: Expectation, location: FileLocation) -> object:
-        """Convert a table to an object of its class, to Euler parameters, or to a dictionary."""
         # A table of entries by name may have one that is called "kind".
         if expected.by_name is None:
             families = expected.classes
@@ -128,7 +126,7 @@ class Reader:
         other_keys: tuple[str, ...] = (),
     ) -> PyTree:
         """Make an object by calling a class or static method with the entries of a table.
-        `other_keys` of the file, which the caller reads, are listed in messages too."""
+        `other_keys`: those that the caller reads, for messages."""
         signature = arguments(make)
         values = {}  # arguments as Python values
         for name, item in content.items():
@@ -193,8 +191,8 @@ def _text(content: str, expected: Expectation, location: FileLocation) -> object
 
 
 def number_of_text(text: str, unit: str | None, location: FileLocation) -> float:
-    """Return the number in a text such as "0.3 mm" in the SI unit `unit`, ``None`` for no unit; it
-    is rounded only once, so that "0.3 mm" gives the same float as 3e-4."""
+    """Return the number in a text such as "0.3 mm" in the SI unit `unit`, ``None`` for no unit;
+    rounded only once, so that "0.3 mm" gives the same float as 3e-4."""
     expected = "a number" if unit is None else f"a number in {unit}"
     # Longer texts are no numbers that a user means, and exact computation with them may be slow.
     matched = NUMBER.fullmatch(text) if len(text) <= 200 else None

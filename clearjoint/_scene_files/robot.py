@@ -40,11 +40,11 @@ NOTHING: Mapping[str, PyTree] = MappingProxyType({})
 TURN = 2.0 * math.pi
 REST_OF_A_JOINT = JointState(0.0, (0.0,))
 FOLLOWS = 1e-6
-"""Largest distance, rad or m, of a given position of a follower from that which follows."""
+"""Largest difference, rad or m, of a given position of a follower from that by its leader."""
 
 
 class HasStates(Protocol):
-    """Interface of a solution or trajectory: states at N times."""
+    """A solution or trajectory, with states at N times."""
 
     @property
     def states(self) -> State:
@@ -56,8 +56,8 @@ class HasStates(Protocol):
 class Robot:
     """A robot from a file: its scene, and what connects it with positions of joints.
 
-    Positions are those of the file: angles, rad, of hinges, and distances, m, of sliders. States
-    and angles refer to bodies and joints as in the file, also if numbers of the scene are changed.
+    Positions are those of the file: angles, rad, of hinges, and distances, m, of sliders. They keep
+    this meaning if numbers of the scene, such as lengths, are changed.
 
     - `scene`: bodies, joints and forces.
     - `joints`: names of the hinges and sliders, in the order of the file.
@@ -182,7 +182,6 @@ class Robot:
         return ideal.first, ideal.second, np.asarray(axis)
 
     def _places(self) -> list[trees.Place]:
-        """Return the bodies with their parents and joints, each after its parent."""
         return [trees.Place(b.body, b.parent, getattr(b, "joint", None)) for b in self._branches]
 
     def _ideal(self, argument: str, name: str) -> HingeOrSlider:
@@ -264,12 +263,13 @@ class Robot:
     def torques(
         self, q: Positions = None, qd: Positions = None, qdd: Positions = None
     ) -> dict[str, np.ndarray]:
-        """Return the torques (N m) and forces (N) of drives in all joints that make a motion.
+        """Return the torques, N m, and forces, N, with which drives in all joints make a given
+        motion.
 
         They come from inverse dynamics, with gravity, and springs and dampers of the file, but
-        without dry friction, stops and joints that close loops. That of a joint that others follow
-        includes theirs, which are zero. That of a joint with a drive includes that of the rotor,
-        which turns with the joint. Free bodies are held at rest.
+        without dry friction, stops and joints that close loops. A joint that others follow has the
+        torque for all of them, and its followers have zero. The torque of a joint with a drive
+        moves the rotor too, which turns with the joint. Free bodies are held at rest.
 
         **Arguments:** `q`, `qd`, `qdd`: positions, speeds and accelerations, as in `state`.
 
@@ -306,18 +306,18 @@ class Robot:
         return self._ordered({name: _number(parts) for name, parts in torques.items() if parts})
 
     def _ordered(self, by_joint: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return the numbers of hinges and sliders in the order of the file, then the others."""
         return {name: by_joint[name] for name in dict.fromkeys((*self.joints, *by_joint))}
 
     def _motors(self) -> dict[str, str]:
-        """Return the names of motors that turn apart from their joints, by those of the joints."""
+        """Return the names of the motors that turn apart from their joints, by joint."""
         names = {
             branch.joint for branch in self._branches if isinstance(branch, trees.JointedBranch)
         }
         return {n: motor_name(n) for n in self.drives if motor_name(n) in names}
 
     def _by_joint(self, argument: str, values: Positions, speeds: bool) -> dict[str, JointNumbers]:
-        """Return the numbers of each joint: those of its position, or of its speeds."""
+        """Check the positions or, if `speeds`, the speeds of joints; return the numbers of each
+        joint."""
         if values is None:
             return {}
         if not isinstance(values, Mapping):
@@ -417,8 +417,7 @@ def variables_of(branches: Iterable[trees.TreeBranch], state: State) -> dict[str
 
 
 def kinematics(robot: Robot) -> Hashable:
-    """Return what is equal for robots of which all bodies move alike for the same positions and
-    speeds of their joints."""
+    """Return a key that is equal for robots whose bodies move alike if their joints do."""
     limits, mimics = frozenset(robot.limits.items()), frozenset(robot._mimics.items())
     return robot.joints, tuple(robot._branches), limits, mimics, frozenset(robot.drives)
 
@@ -446,7 +445,6 @@ def _in_scalars(body: BodyState) -> BodyState:
 
 
 def _number(parts: Sequence[Scalar]) -> np.ndarray:
-    """Return the only number of a joint, or its several numbers on a last axis."""
     xp = library(parts)
     if len(parts) == 1:
         return xp.asarray(parts[0])
@@ -454,7 +452,7 @@ def _number(parts: Sequence[Scalar]) -> np.ndarray:
 
 
 def _polynomial(mimic: robots.Mimic, x: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-    """Return the position of a follower and its first two derivatives by that of its leader."""
+    """Return a follower's position, and its first two derivatives by that of its leader."""
     value = slope = half = 0.0
     for coefficient in reversed(mimic.coefficients):
         half = half * x + slope
@@ -491,8 +489,8 @@ def _inertial_loads(
     motions: Mapping[str, Motion],
     rates: Mapping[str, JointNumbers],
 ) -> Loads:
-    """Return the loads that drives and joints exert on each body in a motion with given `rates` of
-    the joints' speeds (recursive Newton-Euler algorithm, first pass)."""
+    """Return the loads on each body in a motion with given `rates` of the joints' speeds, from
+    joints and drives alone (recursive Newton-Euler algorithm, first pass)."""
     # Linear acceleration in global axes, angular acceleration in body axes.
     accelerations = {GROUND: (ZERO, ZERO)}
     for branch in branches:
@@ -537,7 +535,7 @@ def _carried(
     motions: Mapping[str, Motion],
     loads: Loads,
 ) -> dict[str, JointNumbers]:
-    """Return the generalised forces of joints that carry loads (second pass)."""
+    """Return each joint's generalised forces that support the loads (second pass)."""
     loads, forces = dict(loads), {}
     for branch in reversed(branches):
         if isinstance(branch, trees.FreeBranch):

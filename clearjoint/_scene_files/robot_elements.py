@@ -50,10 +50,10 @@ IDEAL = {
     robots.BALL: (SphericalJoint, 0),
     robots.FIXED: (FixedJoint, 0),
 }
-"""Class of the ideal joint, and how often it takes the axis, by the type of the joint."""
+"""Class of the ideal joint, and number of its arguments that are the axis, by type in the file."""
 TYPES = *IDEAL, robots.FLOATING
 BACKLASH = "backlash"
-"""Key of the angle of a backlash, rad, which the class `Backlash` calls `play`."""
+"""Key of the angle of a backlash, rad, in `play`: the argument `play` of `Backlash`."""
 GIVEN_BY_THE_FILE = {
     *("bearing_body", "bearing_point", "bearing_axis"),
     *("journal_body", "journal_point", "journal_axis"),
@@ -63,24 +63,22 @@ GIVEN_BY_THE_FILE = {
 OF_STOPS = ("torsional_stiffness", "restitution", "law", "radius"), ("law",)
 """Arguments of the stops of hinges, and of those of sliders."""
 FAR = 1e3
-"""Distance of the walls from a slider that has stops, over its travel: it never touches them."""
+"""Distance of the walls from a slider with stops, over its travel: they are never touched."""
 
 
 FRICTION = ElastoPlastic(
     breakaway=1.0, kinetic=1.0, stribeck_speed=0.1, elastic_deflection=0.7e-4, stiffness=1e4
 )
 """Law of the dry friction of joints: they stick without drift at up to 0.7 of the friction, and
-yield by 1e-4 rad or m before they slip."""
+deflect elastically by 1e-4 rad or m before they slip."""
 
 
 class Elements:
     """The joints and forces of a robot's scene, by name.
 
-    - `ideal`: the ideal joint of each joint of the file, except those that are floating or within a
-      body.
-    - `mimics`: what joints follow, each after the joint that it follows.
-    - `omitted`: names of joints with an element of the file that the scene lacks, by the element's
-      title in messages.
+    - `ideal`: ideal joints of the file's joints, except those that are floating or within a body.
+    - `mimics`: of the joints that follow others, each after its leader.
+    - `omitted`: as in `Content`.
     """
 
     def __init__(self, tree: robots.LinkTree):
@@ -103,7 +101,7 @@ class Elements:
             return {name: mimics[name] for name in TopologicalSorter(leaders).static_order()}
 
     def add(self, element: Joint | AbstractForce, joint: str, what: str) -> None:
-        """Add an element that belongs to a joint of the file, by a name of its own."""
+        # The new name must be none of the file's joints, whose names are kept.
         name = f"{joint} {what}"
         if name in self.tree.joints or name in self.joints or name in self.forces:
             expected = f"no joint {name!r}, which is the name of the {what}"
@@ -114,7 +112,6 @@ class Elements:
             self.joints[name] = element
 
     def scalar(self, name: str) -> HingeOrSlider | None:
-        """Return the ideal joint of a name if it is a hinge or slider."""
         joint = self.ideal.get(name)
         return joint if isinstance(joint, HingeOrSlider) else None
 
@@ -314,7 +311,6 @@ def prescribed(joint: HingeOrSlider, position: FunctionOfTime) -> AbstractConstr
 
 
 def _add_resistances(elements: Elements, friction: FrictionLaw | None) -> None:
-    """Add springs, dampers and dry friction of joints."""
     for name, joint in elements.tree.joints.items():
         if (ideal := elements.scalar(name)) is None:
             continue
@@ -329,7 +325,7 @@ def _add_resistances(elements: Elements, friction: FrictionLaw | None) -> None:
 def friction_of(
     joint: HingeOrSlider, law: FrictionLaw, load: PyTree, **options: PyTree
 ) -> JointFriction:
-    """Return the friction of a hinge, N m, or of a slider, N; `options`: of `JointFriction`."""
+    """Return the friction of a hinge, with `load` in N m, or of a slider, N."""
     ends = joint.first, joint.second
     if isinstance(joint, RevoluteJoint):
         return JointFriction(*ends, law, load, joint.axis_first, 1.0, **options)
@@ -340,16 +336,14 @@ def spring_of(
     joint: HingeOrSlider, stiffness: PyTree, damping: PyTree, rest: PyTree
 ) -> AbstractForce:
     """Return the spring and damper of a hinge or slider, relaxed at the position `rest`."""
+    ends = joint.first, joint.second
     if isinstance(joint, RevoluteJoint):
-        return TorsionalSpring(
-            joint.first, joint.second, joint.axis_first, stiffness, damping, rest
-        )
+        return TorsionalSpring(*ends, joint.axis_first, stiffness, damping, rest)
     axis = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
     across = [pack(vector) for vector in transverse_axes(Vector(*axis.tolist()))]
     along = robots.euler_parameters(np.column_stack([axis, *across]))
     return Bushing(
-        joint.first,
-        joint.second,
+        *ends,
         point_first=joint.point_first + rest * axis,
         point_second=joint.point_second,
         stiffness=(stiffness, 0.0, 0.0),
@@ -360,9 +354,8 @@ def spring_of(
 
 
 def _add_stops(elements: Elements, stops: Mapping[str, Play]) -> None:
-    """Add stops at the limits of hinges and sliders, with the user's arguments `stops[joint]`. A
-    stop is an element with clearance whose play is the range of the joint: a `Backlash` of a hinge,
-    a `PinInSlot` with ends of a slider."""
+    """Add stops at the limits of joints, with the user's arguments `stops[joint]`: a `Backlash` or,
+    for a slider, a `PinInSlot` with ends, whose play is the range of the joint."""
     tree = elements.tree
     # Only joints of one degree of freedom with a finite range can have stops.
     ranges = {
@@ -396,7 +389,7 @@ def _add_stops(elements: Elements, stops: Mapping[str, Play]) -> None:
 def ends_of_travel(
     joint: PrismaticJoint, room: PyTree, middle: PyTree, settings: Play
 ) -> PinInSlot:
-    """Return the stops of a slider, a distance `room`, m, apart, about the position `middle`."""
+    """Return the stops of a slider, at a distance `room`, m, about the position `middle`, m."""
     axis = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
     normal, _ = transverse_axes(Vector(*axis.tolist()))
     return PinInSlot(

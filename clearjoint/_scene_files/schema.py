@@ -1,4 +1,4 @@
-"""Make the JSON Schema of scene files. Each class has a definition, to which others refer."""
+"""JSON Schema of scene files. Each class has a definition, to which others refer."""
 
 from dataclasses import dataclass, field
 from typing import TypeAlias
@@ -40,9 +40,8 @@ def scene_properties(catalogue: "Catalogue") -> Schema:
 
 @dataclass(frozen=True)
 class Catalogue:
-    """Makes the schema of a file. `definitions` collects the schemas to which it refers: that of
-    numbers, under `ROWS`, and those of makers, by their names in files, each added when another
-    schema first refers to it."""
+    """Makes the schema of a file. `definitions`: schemas to which others refer, of makers by their
+    names in files, and of numbers under `ROWS`; each maker's is added when it is first needed."""
 
     classes: Classes
     definitions: Schema = field(
@@ -132,8 +131,8 @@ def _any_of(ways: list[Schema]) -> Schema:
 
 
 def _numbers(shapes: tuple[tuple[int, ...], ...]) -> list[Schema]:
-    """Return the schemas of arrays of the given shapes, whose numbers may be texts with units.
-    Without shapes, any are allowed, and true and false too, since a flag has none."""
+    """Return the schemas of arrays of the given shapes, whose numbers may be texts with units;
+    without shapes, of any arrays, and of true and false, since a flag has no shape."""
     if not shapes:
         return [{"type": "boolean"}, _reference(ROWS)]
     schemas = []

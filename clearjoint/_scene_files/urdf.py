@@ -1,4 +1,4 @@
-"""Parse the XML of URDF files. Every message names the file and the element."""
+"""Parse the XML of URDF files."""
 
 import math
 from contextlib import suppress
@@ -24,7 +24,7 @@ TITLES = {
     "visual": "visual shapes",
     "collision": "collision shapes",
 }
-"""Names, in messages, of elements of links and joints that a scene lacks, by their tags."""
+"""Titles in messages of elements that a scene lacks, by their tags."""
 XACRO = "if the file is a xacro file, expand it with `xacro FILE > robot.urdf` and load that"
 
 
