@@ -1,4 +1,4 @@
-"""Write and read the files in a folder of results."""
+"""The files in a folder of results."""
 
 import json
 import time
@@ -36,14 +36,14 @@ from .study import CLASSES, AbstractStudy
 
 SUMMARY = "summary.json"
 SCENE, REACHED = "scene.toml", "reached.toml"
-"""Files of the scene with its initial state, and with the state at the end of the run."""
+"""Scene files with the state at the start and at the end of the run."""
 MOTION, OBSERVED, IMPACTS, OUTPUTS = "motion", "observed", "impacts", "outputs"
 """Tables of a run: saved states; forces, accelerations and energies; impacts; quantities."""
 DRAWN = "drawn"
-"""NetCDF file of a run's states for its figures: the saved ones, and others between these."""
+"""NetCDF file of the states from which a run's figures are drawn: more than those saved."""
 NUMBERS = "numbers.csv"
 FORMULATION = "formulation"
-"""Attribute of the table of saved states: the formulation of the equations of motion, as JSON."""
+"""Attribute of the table of saved states: the run's formulation, as JSON."""
 SECTION, TABLE, REJECTED = "section ", "impacts of ", "rejected steps of "
 """Prefixes of the names of the tables of outputs."""
 STORE, WEAR_STORE = "sweep.zarr", "wear.zarr"
@@ -75,16 +75,14 @@ def read_summary(folder: Path) -> dict[str, str | int | float]:
 
 
 def write_scene(folder: Path, scene: Scene, state: State, name: str = SCENE) -> None:
-    """Write a scene file, unless the state can't be saved, such as one with NaN of a failed run."""
+    """Write a scene file, unless the state can't be saved, as one with NaN."""
     with suppress(ValueError):
         save(scene, state, folder / name)
 
 
 def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = ()) -> None:
-    """Remove the results of an earlier computation that the new page would also show: all figures,
-    and the tables and files whose names match the given patterns.
-
-    From a folder without a summary, and thus without results, nothing is removed.
+    """Remove the results of an earlier computation that a new page would also show: figures, and
+    tables and files whose names match the patterns. Without a summary, the folder has no results.
     """
     if (folder / SUMMARY).is_file():
         both = [f"{table}.{suffix}" for table in tables for suffix in ("nc", "csv")]
@@ -94,11 +92,8 @@ def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = 
 
 
 def file_name(name: str) -> str:
-    """Return the name, without suffix, of the file of a table or figure.
-
-    Slashes are replaced, and names that are too long for file systems are shortened. A changed name
-    gets a checksum, so that different names give different files.
-    """
+    """Return the name, without suffix, of the file of a table or figure: without slashes, and not
+    too long for file systems. A changed name gets a checksum, so that files differ if names do."""
     safe = name.replace("/", "_")
     if len(safe.encode()) > 200:
         safe = f"{safe[:40]}_{safe[-20:]}"
@@ -186,7 +181,7 @@ def _impacts(folder: Path) -> Impacts | None:
 
 
 def read_drawn(folder: Path, scene: Scene, solution: Solution) -> Solution:
-    """Return a solution from `read_run` with the denser states `DRAWN` in the folder, if any."""
+    """Return a run with the denser states `DRAWN` of its folder, if there are any."""
     table = read_table(folder, DRAWN, ["time", "body", *STATE_PARTS])
     if table is None:
         return solution
@@ -195,7 +190,6 @@ def read_drawn(folder: Path, scene: Scene, solution: Solution) -> Solution:
 
 
 def formulation_text(formulation: Formulation) -> str:
-    """Return the JSON text of a run's formulation, for the attribute `FORMULATION` of its table."""
     return json.dumps(Writer().table(formulation, FileLocation(MOTION)))
 
 

@@ -22,8 +22,8 @@ input is wrong; 130 interrupted by Ctrl-C (results so far are written).
 
 
 def command(name: str, *examples: str) -> Callable[[Callable], click.Command]:
-    """Return a decorator that makes a function a command, with its docstring and `examples` as
-    help."""
+    """Return a decorator that makes a function a command; the function's docstring and `examples`
+    are its help."""
     lines = "\n".join(f"  {example}" for example in examples)
 
     def decorate(function: Callable) -> click.Command:
@@ -317,8 +317,8 @@ def _compute(
     out: Path | None,
     **options: str | None,
 ) -> None:
-    """Call the `function` that computes a command, print its result, and exit with its code. The
-    `options` replace entries of the study's section with the name of the command."""
+    """Compute a command by `function`, print its result, and exit with its code. `options` replace
+    entries of the study's section of this name."""
     from .folders import PAGE
 
     folder = out or Path("results") / file.stem / command

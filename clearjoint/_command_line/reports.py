@@ -1,4 +1,4 @@
-"""Draw the figures of results, and write the page of a folder of results."""
+"""Draw the figures of results, and write the page of a folder."""
 
 import base64
 import re
@@ -52,7 +52,7 @@ def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
 
 
 def worn_parts(dataset: xr.Dataset) -> list[tuple[str, Part]]:
-    """Return the parts that have worn, each as the name of its joint and "bearing" or "journal"."""
+    """Return the parts that have worn: names of joints with "bearing" or "journal"."""
     return [
         (str(joint), part)
         for joint in dataset["joint"].values
@@ -79,7 +79,7 @@ def _draw_output(folder: Path, dataset: xr.Dataset, name: str, axes: list[str]) 
 
 
 def _mark_peaks(forces: Axes, impacts: Impacts | None, joint: str) -> None:
-    """Mark the peaks of a joint's impacts as dots, since saved states may miss them."""
+    """Mark the peaks of a joint's impacts as dots: saved states may miss them."""
     if impacts is None:
         return
     of_joint = impacts.joint == joint
@@ -95,7 +95,7 @@ def _mark_peaks(forces: Axes, impacts: Impacts | None, joint: str) -> None:
 
 
 def _over_time(output: xr.DataArray) -> Axes:
-    """Draw an output at the saved states over time, with dots at its extremes, if known."""
+    """Draw an output at the saved states over time, with dots at known extremes."""
     axes = plot.style.axes_or_new(None)
     times, values = scaled(output["time"]), scaled(output)
     axes.plot(times.values, values.values, color=plot.style.BLUE, linewidth=1.4)
@@ -124,8 +124,8 @@ STYLE = Path(__file__).parent / "templates" / "page.css"
 
 
 def write_report(folder: Path) -> None:
-    """Draw the figures of the results in a folder again, and write the HTML page that shows them.
-    For a fit, only the page is written, since the folder lacks some of the data for its figures."""
+    """Draw the figures of a folder again, and write its page. The figures of a fit stay, since the
+    folder lacks some of their data."""
     kind = folders.read_summary(folder)["kind"]
     if kind == "run":
         write_run_report(folder)
@@ -142,8 +142,8 @@ def write_report(folder: Path) -> None:
 
 
 def write_run_report(folder: Path) -> None:
-    """Write the HTML page of a run from the files in its folder and, if these include saved states,
-    its figures, its one-page PDF report, and the 3D animation."""
+    """Write the page of a run from the files in its folder and, if these include saved states,
+    figures, a PDF report of one page, and the 3D animation."""
     parts = []
     if (folder / folders.NUMBERS).exists():
         numbers = pd.read_csv(folder / folders.NUMBERS).set_index("output")
@@ -163,10 +163,9 @@ def write_run_report(folder: Path) -> None:
 def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
     """Draw the figures of a sweep, and write its page and a CSV table with a row for each lane.
 
-    For one axis, or for zipped axes the first of them, an output is drawn as a curve over it. For
-    two axes there is a curve for each value of the second axis or, if it has more than six values,
-    a map of colours over both axes. Poincaré sections are drawn as bifurcation diagrams over a
-    single axis.
+    An output is drawn over a single axis, or the first of zipped axes, as a curve; over two axes,
+    as a curve for each value of the second or, for more than six values, as a map of colours.
+    Poincaré sections over a single axis become bifurcation diagrams.
     """
     frame = lane_table(dataset)
     frame.to_csv(folder / "sweep.csv", index=False)
@@ -205,7 +204,6 @@ def write_robot_report(folder: Path, result: RobotFit) -> None:
 
 
 def write_wear_report(folder: Path, dataset: xr.Dataset) -> None:
-    """Write figures, page and CSV tables of a result of `clearjoint.wear`."""
     frame = stage_table(dataset)
     frame.to_csv(folder / STAGES, index=False)
     profiles, depths, volumes = {"angle [rad]": dataset["angle"].values}, {}, {}
@@ -240,9 +238,9 @@ def write_wear_report(folder: Path, dataset: xr.Dataset) -> None:
 
 
 def stage_table(dataset: xr.Dataset) -> pd.DataFrame:
-    """Return a table with a row for each stage of a result of `clearjoint.wear`: depths and volumes
-    before the stage, and the largest forces during the stage's run. The last row is the worn state
-    at the end, whose forces are NaN if no run follows it."""
+    """Return a table of a result of `clearjoint.wear` with a row for each stage: depths and volumes
+    before it, and largest forces during its run. The last row is the state at the end, with forces
+    NaN if no run follows it."""
     columns = {"cycles": dataset["cycles"].values}
     for joint in dataset["joint"].values:
         columns[f"force in {joint} [N]"] = dataset["force"].sel(joint=joint).values
@@ -256,8 +254,7 @@ def stage_table(dataset: xr.Dataset) -> pd.DataFrame:
 
 
 def write_page(folder: Path, *parts: str) -> None:
-    """Write the HTML page of a folder of results, with further `parts` in HTML, such as tables. The
-    page loads nothing from the network."""
+    """Write the page of a folder, with further `parts` in HTML. It loads nothing from the network."""
     summary = folders.read_summary(folder)
     title = escape(str(summary.pop("title")))
 
@@ -305,8 +302,8 @@ def _table(title: str, frame: pd.DataFrame, rows: int) -> str:
 
 
 def lane_table(dataset: xr.Dataset) -> pd.DataFrame:
-    """Return a table with a row for each lane of a sweep: the values of the axes, and the outputs
-    that are single numbers."""
+    """Return a table with a row for each lane of a sweep: axes, and outputs that are single
+    numbers."""
     dims = dataset["result"].dims
     table = dataset[[name for name in dataset.data_vars if dataset[name].dims == dims]]
     # A sweep over a grid has a dimension for each axis. The lanes become one list, in which the

@@ -67,8 +67,7 @@ class RunPart:
 
     - `start`, `end`: first and last time, s. Without `end`, the command line must give it.
     - `save_every`: time between two saved states, s; by default a thousandth of the duration.
-    - `preset`: name of settings in `clearjoint.presets`; `settings`: entries that replace those of
-      the preset.
+    - `preset`: name of settings in `clearjoint.presets`; `settings`: replace some of them.
     - `outputs`: quantities, evaluated at the saved states, or reductions, sections and tables. The
       extremes of forces and accelerations between saved states are found too.
     - `sections`: further outputs that are sections, as in files of earlier versions.
@@ -107,7 +106,7 @@ class RunPart:
 
 @dataclass(frozen=True)
 class AxisPart:
-    """The values that a number of the scene or of the initial state takes in a sweep.
+    """The values of a number of the scene or of the initial state in a sweep.
 
     - `path`: of one number, or of several, which all get the same value.
     - `values`: numbers in SI units, or texts with units; without them `count` values from `start`
@@ -154,11 +153,8 @@ class SweepPart:
 
 @dataclass(frozen=True)
 class ColumnPart:
-    """A measured quantity: a column of the file of measurements.
-
-    - `unit`: of a column whose header has none.
-    - `noise`: standard deviation, a number in the column's unit or a text with a unit.
-    """
+    """A measured quantity, a column of the file of measurements: `unit`, if the header has none;
+    `noise`, standard deviation as a number in this unit or a text with a unit."""
 
     quantity: AbstractQuantity
     noise: float | str
@@ -167,12 +163,8 @@ class ColumnPart:
 
 @dataclass(frozen=True)
 class ParameterPart:
-    """A number of the scene or of the initial state to estimate.
-
-    - `path`: one path, or several, whose numbers all get the same value.
-    - `scale`: on which the number is estimated.
-    - `guess`: a number in SI units, or a text with a unit.
-    """
+    """A number to estimate, or several with the same value: `path`, or paths; `scale` of the
+    estimate; `guess`, a number in SI units or a text with a unit."""
 
     path: str | Sequence[str]
     scale: AbstractScale = field(default_factory=Linear)
@@ -184,8 +176,8 @@ class FitPart:
     """The section [fit]: parameters to estimate from measurements.
 
     - `measurements`: path of a CSV file, relative to the study's folder. `time`, `time_unit`,
-      `missing`: see `clearjoint.read_csv`; `comment`: character with which comment lines begin, by
-      default none.
+      `missing`: see `clearjoint.read_csv`; `comment`: first character of comment lines, none by
+      default.
     - `columns`: measured quantities, by the name of the column.
     - `grow`, `max_iterations`, `starts`: see `clearjoint.identify`.
     - `start`: time at which runs begin, s; `preset`, `settings`: as in [run].
@@ -208,11 +200,8 @@ class FitPart:
 
 @dataclass(frozen=True)
 class WearPart:
-    """The section [wear]: wear of joints over many cycles of a periodic motion.
-
-    The keys are arguments of `clearjoint.wear`, except for `start`, the time at which runs begin,
-    s, and `preset` and `settings`, as in [run].
-    """
+    """The section [wear]: arguments of `clearjoint.wear`; `start`, the time at which runs begin, s;
+    and `preset` and `settings`, as in [run]."""
 
     rates: Mapping[str, WearRates]
     cycle: Annotated[float, "s"]
@@ -259,12 +248,11 @@ CLASSES: tuple[type, ...] = (
     *(diffrax.Tsit5, diffrax.Dopri5, diffrax.Dopri8, diffrax.Bosh3, diffrax.Heun, diffrax.Euler),
     *(Linear, Log, Bounded),
 )
-"""Classes that a table of a study file may name under "kind". Classes that the annotation of a
-field names, such as `ImpactTable`, need not be listed here."""
+"""Classes that a table of a study file may name under "kind", beside those in the annotation of a
+field, such as `ImpactTable`."""
 
 
 def study_schema() -> Schema:
-    """Return the JSON Schema (2020-12) of study files as a dictionary for `json.dump`."""
     catalogue = Catalogue(CLASSES)
     scene = {"type": "object", "properties": scene_properties(catalogue), "required": ["bodies"]}
     properties = {"scene": {"anyOf": [{"type": "string"}, scene]}}
@@ -274,8 +262,8 @@ def study_schema() -> Schema:
 
 @dataclass(frozen=True)
 class WrittenPath:
-    """Function of a scene, or of a state, that returns the number at the keys of a path or, for
-    several `paths`, a list of numbers."""
+    """Function of a scene or a state that returns the number at a path, or the list of those at
+    several."""
 
     paths: tuple[Keys, ...]
 
@@ -286,15 +274,14 @@ class WrittenPath:
 
 @dataclass(frozen=True)
 class FoundPath:
-    """The number that a path in a file names, or the numbers that several paths name, which have
-    the same unit and get the same value. `in_state`: whether they are numbers of the state."""
+    """The numbers with one unit that one or several paths in a file name; `in_state`: whether they
+    are numbers of the state."""
 
     path: WrittenPath
     in_state: bool
     unit: str
 
     def number(self, value: object, location: FileLocation) -> float:
-        """Convert a number or a text with a unit from a file to a number in `unit`."""
         if isinstance(value, str):
             return number_of_text(value, self.unit, location)
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -305,11 +292,11 @@ class FoundPath:
 def find_path(
     texts: str | Sequence[str], scene: Scene, state: State, location: FileLocation
 ) -> FoundPath:
-    """Find the number of the scene or of its initial state that a path names, or the numbers that
-    several paths name.
+    """Find the number of the scene or of its initial state that a path names, or those of several
+    paths.
 
     **Raises:** `ValueError` for a path that does not lead to one number (the message lists the
-    existing names), for a mixture of paths in the scene and in the state, and for different units.
+    existing names), for paths both in the scene and in the state, and for different units.
     """
     with location.in_errors():
         paths = [keys_of(text) for text in ([texts] if isinstance(texts, str) else texts)]
@@ -346,20 +333,19 @@ def find_path(
 
 
 def _entry(tree: PyTree, key: str | int) -> PyTree:
-    """Return the entry of a dictionary, the field of an object, or the component of an array."""
     if isinstance(tree, dict):
         return tree[key]
     return getattr(tree, str(key)) if hasattr(tree, str(key)) else tree[int(key)]
 
 
 SCENE = "scene"
-"""Key of a study file for the scene: the path of its file, or a table."""
+"""Key of a study file: the path of a scene file, or the scene as a table."""
 PARTS = tuple(part.name for part in fields(StudyParts))
 
 
 class AbstractStudy:
-    """What a file says about computations: its `parts`, with a title, the `location` of the file,
-    and the value of `time.perf_counter` when it was read, s."""
+    """A file about computations: its `parts`, with a title; its `location`; and the value of
+    `time.perf_counter` when it was read, s."""
 
     parts: PyTree
     location: FileLocation
@@ -376,8 +362,8 @@ class AbstractStudy:
 
 @dataclass(frozen=True)
 class Study(AbstractStudy):
-    """A scene with its initial state, and what a study file says about runs, sweeps, fits and wear.
-    `document`: tables of the file without the scene, after the changes of the command line."""
+    """A scene with its initial state, and a study file; `document`: its tables without the scene,
+    after the changes of the command line."""
 
     scene: Scene
     state: State
@@ -387,9 +373,9 @@ class Study(AbstractStudy):
     started: float = field(default_factory=time.perf_counter)
 
     def settings(self, section: str) -> Settings:
-        """Return the settings in a section: those of its preset, with the entries of its
-        `settings`. A section [sweep] without either has those of [run]. The energy ledger is
-        switched on if an output of the section needs it."""
+        """Return the settings of a section: its preset, changed by the entries of its `settings`. A
+        section [sweep] without either has those of [run]. The energy ledger is on if an output
+        needs it."""
         part = getattr(self.parts, section)
         outputs = getattr(part, "outputs", {}).values()
         needs_ledger = any(getattr(output, "needs_ledger", False) for output in outputs)
@@ -407,7 +393,7 @@ class Study(AbstractStudy):
         return replace(getattr(presets, part.preset or "default"), **changes)
 
     def end(self, section_end: float | None = None) -> float:
-        """Return the end of runs, s: `section_end`, or if it is None that in [run]."""
+        """Return the end of runs, s: `section_end`, or by default that in [run]."""
         end = self.parts.run.end if section_end is None else section_end
         if end is None:
             self.location.at("run").refuse(None, "an `end`", 'write end = "1 s", or pass --end 1')
@@ -416,15 +402,15 @@ class Study(AbstractStudy):
         return float(end)
 
     def check_elements(self, named: Mapping[str, Output], *keys: str) -> None:
-        """Check that the scene has the elements that the entries at `keys` of the file name."""
+        """Check that the scene has the elements of the outputs at `keys` of the file."""
         for name, entry in named.items():
             with self.location.at(*keys, name).in_errors():
                 if isinstance(entry, AbstractQuantity | RECORDED):
                     entry.check(self.scene)
 
     def outputs_of_sweep(self, part: SweepPart) -> Requested:
-        """Return the outputs of a sweep: those of the section [sweep], with sample times for its
-        quantities, and the Poincaré sections of [run]."""
+        """Return the outputs of [sweep], with sample times for quantities, and the Poincaré
+        sections of [run]."""
         run = self.parts.run
         sections = {n: output for n, output in run.outputs.items() if isinstance(output, Section)}
         requested = Requested({**sections, **part.outputs}, Saving())
@@ -462,8 +448,8 @@ def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
 
 
 def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
-    """Make a change, such as "run.end=2", in the tables of the study or of the scene. Return
-    whether the study has been changed, and the keys of the changed value."""
+    """Make a change, such as "run.end=2", in the study or the scene; return whether it was in the
+    study, and the keys of the value."""
     location = FileLocation(f"--set {change}")
     path, equals, text = change.partition("=")
     if not equals:

@@ -12,9 +12,8 @@ from pathlib import Path
 
 import equinox as eqx
 
-_PACKAGES = tuple(
-    f"{folder}{os.sep}" for folder in (Path(__file__).parents[1], Path(eqx.__file__).parent)
-)
+_FOLDERS = Path(__file__).parents[1], Path(eqx.__file__).parent
+_PACKAGES = tuple(f"{folder}{os.sep}" for folder in _FOLDERS)
 """Folders of this package and of Equinox, whose stack frames are not the user's."""
 SILENCE = "To silence this:"
 """Start of the last sentence of each warning."""

@@ -124,9 +124,28 @@ def train_of(name: str, joint: HingeOrSlider, drive: Drive) -> Train:
         armature = numbers["armature"] * numbers["ratio"] ** 2
     is_elastic = "play" in numbers or "stiffness" in numbers
     _require_together(name, numbers, armature, is_elastic, is_slider)
+
+    def frictions(motor: HingeOrSlider, link: HingeOrSlider) -> dict[str, JointFriction]:
+        named = {}
+        if {"friction", "viscosity", "loss"} & numbers.keys():
+            load, loss = numbers.get("friction", 0.0), {}
+            if "loss" in numbers:
+                # The force of a flank of a hinge acts on its radius.
+                is_couple = "play" in numbers and not is_slider
+                loss = {
+                    "pressed_by": f"{name} {BACKLASH if 'play' in numbers else COMPLIANCE}",
+                    "load_ratio": numbers["loss"] * (DEFAULT_RADIUS if is_couple else 1.0),
+                }
+            own = friction_of(motor, drive.law, load, viscosity=numbers.get("viscosity"), **loss)
+            named[f"{motor_name(name)} friction"] = own
+        if "link_friction" in numbers:
+            friction = friction_of(link, drive.law, numbers["link_friction"])
+            named[f"{name} link friction"] = friction
+        return named
+
     if not is_elastic:
         driven = replace(joint, armature=armature)
-        return Train(driven, {**_frictions(name, driven, driven, numbers, drive.law)})
+        return Train(driven, {**frictions(driven, driven)})
     # A body must have mass, but the rotor's belongs to the file's link, and its rotation about the
     # axis to the joint. Beside the link, not before it: on the first body it then acts only by the
     # torque of its bearing about the axis, and nothing but rotor and link depends on it.
@@ -139,8 +158,7 @@ def train_of(name: str, joint: HingeOrSlider, drive: Drive) -> Train:
     if isinstance(motor, RevoluteJoint):
         motor = replace(motor, axis_second=motor.axis_first)
     between = replace(link, first=rotor, point_first=np.zeros(3))
-    frictions = _frictions(name, motor, link, numbers, drive.law)
-    elements: dict[str, Element] = {motor_name(name): motor, **frictions}
+    elements: dict[str, Element] = {motor_name(name): motor, **frictions(motor, link)}
     if "play" in numbers:
         elements[f"{name} {BACKLASH}"] = _flanks(between, numbers)
     else:
@@ -203,27 +221,3 @@ def _flanks(between: HingeOrSlider, numbers: Mapping[str, PyTree]) -> AbstractCo
     if isinstance(between, RevoluteJoint):
         return backlash_of(between, play=numbers["play"], radius=DEFAULT_RADIUS, law=law)
     return ends_of_travel(between, numbers["play"], 0.0, {"law": law})
-
-
-def _frictions(
-    name: str,
-    motor: HingeOrSlider,
-    link: HingeOrSlider,
-    numbers: Mapping[str, PyTree],
-    law: FrictionLaw,
-) -> dict[str, JointFriction]:
-    frictions = {}
-    if {"friction", "viscosity", "loss"} & numbers.keys():
-        load, loss = numbers.get("friction", 0.0), {}
-        if "loss" in numbers:
-            # The force of a flank of a hinge acts on its radius.
-            is_couple = "play" in numbers and isinstance(motor, RevoluteJoint)
-            loss = {
-                "pressed_by": f"{name} {BACKLASH if 'play' in numbers else COMPLIANCE}",
-                "load_ratio": numbers["loss"] * (DEFAULT_RADIUS if is_couple else 1.0),
-            }
-        own = friction_of(motor, law, load, viscosity=numbers.get("viscosity"), **loss)
-        frictions[f"{motor_name(name)} friction"] = own
-    if "link_friction" in numbers:
-        frictions[f"{name} link friction"] = friction_of(link, law, numbers["link_friction"])
-    return frictions

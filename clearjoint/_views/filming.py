@@ -23,15 +23,15 @@ from .page import Legend
 from .proportions import WIDE, Camera, in_perspective
 
 LIGHT = np.array([0.35, 0.55, 0.75])
-"""Direction to the light: components to the right, upwards and to the viewer."""
+"""Direction to the light, with components to the right, upwards and to the viewer."""
 SHADE = 0.45
-"""Brightness of surfaces that face away from the light, as a fraction of full brightness."""
+"""Brightness of surfaces that face away from the light, from 0 to 1."""
 DPI = 100
 """Pixels per inch of an animation; a still picture has twice as many."""
 SAMPLES = 4 * DPI
 """Computed points per inch, of which several are averaged in a pixel."""
 MOST_POINTS = 1_000_000
-"""Largest number of points at once; a triangle may have more."""
+"""Largest number of points computed at once, unless a single triangle has more."""
 FRAMES_PER_SECOND = 25
 
 
@@ -114,13 +114,12 @@ class Film:
             self._time_text.set_text(_time_text(self._times[k], self._times[-1] - self._times[0]))
 
     def _order(self, part: DrawnPart, k: int) -> tuple[bool, float]:
-        """Return the key by which parts are sorted before they are painted: the transparent ones
-        last, from the farthest to the nearest, over what is behind them."""
+        """Return the key by which parts are sorted to be painted: transparent ones last, from the
+        farthest to the nearest, over what is behind them."""
         centre = part.mesh.moved(part.pose(k)).vertices.mean(axis=0)
         return part.opacity < 1.0, float(centre @ self._view[2])
 
     def save(self, file: Path, frames: Sequence[int]) -> None:
-        """Write an animation of some frames to a GIF or, with ffmpeg, an MP4 file."""
         writer = PillowWriter(FRAMES_PER_SECOND)
         if file.suffix.lower() == ".mp4":
             has_ffmpeg = shutil.which("ffmpeg") is not None
@@ -137,11 +136,9 @@ def _covered(
     corners: Float[np.ndarray, "F 3 2"], values: Float[np.ndarray, "F 3"], width: int, height: int
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Yield the points of a grid that triangles cover, for some triangles at a time: (M,) numbers
-    of the points, row by row; indices of the triangles; and the triangles' values there.
-
-    `corners` are counter-clockwise, in points from the lower left of the grid. Between them, the
-    `values` are interpolated linearly.
-    """
+    of the points, row by row; indices of the triangles; and values there, which are interpolated
+    linearly between those at the `corners`. These are counter-clockwise, in points from the lower
+    left."""
     a, b, c = (corners[:, j] for j in range(3))
     # Point (i, k) of the grid is at x = i + 0.5, y = k + 0.5. A line is the part of a row of points
     # inside a triangle; lines are numbered triangle by triangle.
@@ -182,11 +179,8 @@ def _covered(
 
 
 def _whole_numbers(starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the whole numbers in the intervals from `starts[k]` to `ends[k]` - 1, one interval
-    after another, and before them, for each number, the index k of its interval.
-
-    For starts [3, 9, 7] and ends [5, 9, 8], the indices are [0, 0, 2] and the numbers [3, 4, 7].
-    """
+    """Return the index k of the interval, and the number, for each whole number from `starts[k]` to
+    `ends[k]` - 1: [0, 0, 2] and [3, 4, 7] for starts [3, 9, 7] and ends [5, 9, 8]."""
     counts = np.maximum(ends - starts, 0)
     interval = np.repeat(np.arange(len(counts)), counts)
     before = np.repeat(np.cumsum(counts) - counts, counts)  # numbers of the intervals before
@@ -194,7 +188,7 @@ def _whole_numbers(starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np
 
 
 def _time_text(time: float, whole: float) -> str:
-    """Text of a time, s, whose last digit is at most a hundredth of the run's duration `whole`."""
+    """Text of a time, s, to a hundredth of the run's duration `whole` or finer."""
     whole = whole or abs(time) or 1.0
     factor, unit = (1e6, "µs") if whole < 1e-3 else (1e3, "ms") if whole < 1.0 else (1.0, "s")
     digits = max(0, 2 - int(np.floor(np.log10(whole * factor))))

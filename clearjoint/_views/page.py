@@ -1,7 +1,7 @@
 """A page that shows a mechanism in a browser: one file that needs no network and no server.
 
-It is made by the package k3d. Pages of viser are smaller and are shown sooner, but k3d shows the
-time of the run, writes the file without a web server, and depends on ipywidgets alone.
+It is made by the package k3d. Pages of viser are smaller and shown sooner, but k3d shows the time,
+writes the file without a web server, and depends on ipywidgets alone.
 """
 
 import json
@@ -18,8 +18,8 @@ from .proportions import FIELD_OF_VIEW, Camera
 
 @dataclass(frozen=True)
 class Legend:
-    """Legend of a view: its title, pairs of a colour "#rrggbb" and its meaning, and lines of text
-    such as scales."""
+    """Legend of a view: `entries` are pairs of a colour "#rrggbb" and its meaning, `notes` lines of
+    text."""
 
     title: str
     entries: tuple[tuple[str, str], ...]

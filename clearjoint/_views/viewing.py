@@ -38,7 +38,7 @@ class View:
     - `times`: (N,) s, of the N frames; ``None`` for a single state.
     - `legend`: its `title`; its `entries`, pairs of a colour such as "#0072B2" and its meaning; and
       its `notes`.
-    - `clearance_scale`, `bearing_scale`: drawn size divided by true size of clearances and of
+    - `clearance_scale`, `bearing_scale`: drawn size divided by true size of clearances, of
       bearings.
     - `force_scale`: length of an arrow divided by its force, m/N; 1 without forces.
 
@@ -67,9 +67,9 @@ class View:
         return page(self.parts, self._camera, self.legend, self.times, self._height)
 
     def save(self, file: str | Path, *, time: float | None = None) -> Path:
-        """Write the view to a file: ".html" for an interactive page, ".gif" or ".mp4" for an
-        animation of at most 100 frames (MP4 needs ffmpeg), ".png", ".pdf" or ".svg" for a picture.
-        Return its path.
+        """Write the view to a file, and return its path: ".html" for an interactive page; ".gif"
+        or, with ffmpeg, ".mp4" for an animation of at most 100 frames; ".png", ".pdf" or ".svg" for
+        a picture.
 
         **Arguments:** `time`: s; a picture shows the nearest frame, by default the first one.
 
@@ -223,8 +223,8 @@ def _poses(
     forces: bool,
     frames: int,
 ) -> tuple[BodyPoses, Observation | None, list[str]]:
-    """Return the poses of the bodies in at most `frames` frames; the observation at the same times,
-    or None if no forces are shown; and notes for the legend."""
+    """Return the poses of the bodies in at most `frames` frames; the observation at their times,
+    None if no forces are shown; and notes for the legend."""
     if motion is None or isinstance(motion, State):
         remedy = "leave it out, or pass the solution that was observed"
         kind, expected = type(observation).__name__, "None for a single state"
@@ -264,7 +264,7 @@ def _at(recorded: T, chosen: np.ndarray) -> T:
 
 
 def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory:
-    """Return the saved states of a run, or the states at its steps if no states were saved."""
+    """Return the saved states of a run or, without any, those at its steps."""
     if isinstance(motion, Trajectory):
         return motion
     remedy = "pass a State, the result of simulate(), or a Trajectory"
@@ -281,8 +281,8 @@ def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory
 
 
 def _shapes(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> dict[str, Mesh]:
-    """Check and return the meshes of bodies. One whose size differs from that of the mechanism by
-    more than a factor of 50, as for a mesh in mm, is refused."""
+    """Check and return the meshes of bodies. The size of each must be that of the mechanism within
+    a factor of 50, which a mesh in mm exceeds."""
     checked = {}
     for name, value in meshes.items():
         bodies = sorted(scene.bodies)
@@ -298,8 +298,8 @@ def _shapes(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) ->
 
 
 def _missed(motion: Viewable | None, observed: Observation | None) -> list[str]:
-    """Return a note, in a list, on the largest force of all impacts if it acts between frames: if
-    it exceeds the largest normal force in all frames by more than a tenth."""
+    """Return a note, in a list, if the largest force of all impacts acts between frames: if it
+    exceeds the forces in all frames by more than a tenth."""
     impacts = motion.impacts if isinstance(motion, Solution) else None
     if observed is None or impacts is None or not len(impacts):
         return []

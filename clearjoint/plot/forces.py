@@ -77,11 +77,9 @@ def contact_forces(
     """Draw the normal forces of all contacts of a joint over time. Contacts with equal forces, such
     as both bases in planar motion, share one curve.
 
-    **Arguments:**
-
-    - `logarithmic`: whether the force axis is logarithmic; zero force is then not visible. By
-      default it is if the largest force exceeds six times the median of the peaks of the intervals
-      of contact, or eight times the median over time of the forces in contact.
+    **Arguments:** `logarithmic`: whether the force axis is logarithmic; zero force is then not
+    visible. By default it is if the largest force exceeds six times the median of the peaks of the
+    intervals of contact, or eight times the median over time of the forces in contact.
 
     >>> axes = plot.contact_forces(observed, "shoulder", window=(0.01, 0.0115))
     """

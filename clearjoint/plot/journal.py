@@ -76,13 +76,11 @@ def eccentricity_vectors(
     """Return the vector from the bearing's axis to the centre of a base, (N, 2) m, at the N
     observed times.
 
-    **Arguments:**
-
-    - `section`: two perpendicular unit vectors across the bearing's axis, by their labels, such as
-      {"X": (1, 0, 0), "Y": (0, 1, 0)}: (3,) each in global axes, or (N, 3) if the bearing turns. By
-      default the x and y axes of the bearing's own frame, which turn with the bearing. With a
-      `section`, the vector has the direction from the bearing's axis to the contact. This differs
-      from the direction to the centre if the bearing or the journal has a profile.
+    **Arguments:** `section`: two perpendicular unit vectors across the bearing's axis, by their
+    labels, such as {"X": (1, 0, 0), "Y": (0, 1, 0)}: (3,) each in global axes, or (N, 3) if the
+    bearing turns. By default the x and y axes of the bearing's own frame, which turn with the
+    bearing. With a `section`, the vector has the direction from the bearing's axis to the contact.
+    This differs from the direction to the centre if the bearing or the journal has a profile.
 
     >>> plot.eccentricity_vectors(observed, "shoulder", "V").shape[1]
     2
@@ -216,10 +214,8 @@ def orbit(
     """Draw the path of a journal or of a base in the bearing's cross-section, for one lane of a
     sweep, with a circle whose radius is the clearance. A dot marks the start.
 
-    **Arguments:**
-
-    - `outputs`: names of the two quantities among the outputs of the sweep that are drawn to the
-      right and upwards, both in m, such as `quantities.JournalOffset`.
+    **Arguments:** `outputs`: names of the two quantities among the outputs of the sweep that are
+    drawn to the right and upwards, both in m, such as `quantities.JournalOffset`.
 
     >>> offsets = {a: cj.quantities.JournalOffset("shoulder", a) for a in ("x", "y")}
     >>> save = cj.Saving(np.linspace(0.0, 0.02, 201), states=False)
