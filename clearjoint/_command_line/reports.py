@@ -254,7 +254,7 @@ def stage_table(dataset: xr.Dataset) -> pd.DataFrame:
 
 
 def write_page(folder: Path, *parts: str) -> None:
-    """Write the page of a folder, with further `parts` in HTML. It loads nothing from the network."""
+    """Write the page of a folder, with further `parts` in HTML. It loads nothing from a network."""
     summary = folders.read_summary(folder)
     title = escape(str(summary.pop("title")))
 

@@ -1,5 +1,5 @@
-"""Draw fits to measurements, the accuracy of estimated parameters, and the length of record that a
-single run can fit."""
+"""Draw fits to measurements, the accuracy of estimates, and the length of record that a run can
+fit."""
 
 from collections.abc import Iterable
 
@@ -21,8 +21,7 @@ def fitted(fit: Fit, series: list[str] | None = None) -> np.ndarray:
     """Draw each measured series over time with the fitted prediction, and below it the residuals,
     divided by the noise. The grey band, from -2 to 2, should contain 95 % of them.
 
-    **Arguments:** `fit`: from `cj.identify`; `series`: names of the measured series to draw, by
-    default all.
+    **Arguments:** `series`: names of the measured series to draw, by default all.
 
     **Returns:** array (2, number of series) of the axes in a new figure, with measurement and
     prediction in the first row, and residuals in the second.
@@ -77,12 +76,8 @@ def _draw(fit: Fit, name: str, times: style.ScaledValues, above: Axes, below: Ax
 
 def correlations(fit: Fit, axes: Axes | None = None) -> Axes:
     """Draw the correlation coefficients of the errors of estimated parameters as a matrix of
-    coloured numbers.
-
-    If a coefficient is near -1 or 1, the measurements determine a combination of the two parameters
-    well, but neither of them alone.
-
-    **Arguments:** `fit`: from `cj.identify`.
+    coloured numbers. If one is near -1 or 1, the measurements determine a combination of the two
+    parameters well, but neither of them alone.
 
     >>> axes = plot.correlations(fit)
     """
@@ -107,14 +102,11 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
     """Draw how accurately parameters can be estimated from measurements of increasing length.
 
     Each parameter has a line: the lower bound of the standard deviation of its estimate, if all
-    parameters are estimated together. This is the standard deviation of the value on the
-    parameter's scale: for the scale `Log` the relative error, for `Linear` the error in multiples
-    of the scale's `unit`. The line is thin and faint above the dotted line at `report.limits`,
-    where an estimate carries no information. A line begins with the shortest record that determines
-    the parameter at all.
-
-    **Arguments:** `report`: from `cj.identifiability`; pass `report.of("probe")` to draw the
-    accuracy by the sensor "probe" alone.
+    parameters are estimated together. It is that of the value on the parameter's scale: for the
+    scale `Log` the relative error, for `Linear` the error in multiples of the scale's `unit`. The
+    line is thin and faint above the dotted line at `report.limits`, where an estimate carries no
+    information, and begins with the shortest record that determines the parameter. Pass
+    `report.of("probe")` to draw the accuracy by the sensor "probe" alone.
 
     **Returns:** the axes, which show the time of the record's last sample in ms (the record's
     length only if the run starts at time 0).
@@ -148,8 +140,6 @@ def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
     beyond which a fit by a single run may not converge from a wrong guess, or integration errors
     are too large.
 
-    **Arguments:** `horizon`: from `cj.fit_horizon`.
-
     >>> axes = plot.growth(limits)
     """
     labels = [*map(shown, horizon.information.labels), f"{DISTURBANCE}, m/s"]
@@ -161,8 +151,6 @@ def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
     """Draw upper bounds of integration errors over time: of a run's outputs, in units of the
     measurement noise, and of their derivatives by the parameters, relative. Vertical lines are
     those of `growth`.
-
-    **Arguments:** `horizon`: from `cj.fit_horizon`.
 
     >>> axes = plot.integration_error(limits)
     """

@@ -38,10 +38,8 @@ def contact_and_reaction(
     """Draw the normal force of a contact and the magnitude of an ideal joint's reaction over time.
     The legend gives the peaks.
 
-    **Arguments:**
-
-    - `contact`: name of the clearance joint and label of the contact, such as ("shoulder", "V").
-    - `reaction`: name of the ideal joint and name of the body on which its force acts.
+    **Arguments:** `contact`: name of the clearance joint and label of the contact, such as
+    ("shoulder", "V"). `reaction`: name of the ideal joint and of the body on which its force acts.
 
     >>> axes = plot.contact_and_reaction(observed, ("shoulder", "V"), ("elbow", "arm 3"))
     """
@@ -95,10 +93,9 @@ def joint_forces(
     logarithmic: bool | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw one curve over time for each joint with contacts: the resultant of the normal forces of
-    its contacts, as `quantities.ContactForce`. Joints with equal curves share one.
-
-    **Arguments:** see `contact_forces`.
+    """Draw a curve over time for each joint with contacts: the resultant of the normal forces of
+    its contacts, as `quantities.ContactForce`. Joints with equal curves share one. For
+    `logarithmic`, see `contact_forces`.
 
     >>> axes = plot.joint_forces(observed)
     """
@@ -162,13 +159,10 @@ def hysteresis(
     a contact. The area inside a loop is the energy that the normal force dissipates; the legend
     gives it.
 
-    **Arguments:**
+    **Arguments:** `impacts`: of one contact: ``solution.impacts.of(joint, contact)``. `count`:
+    largest number of impacts to draw.
 
-    - `impacts`: impacts of one contact: ``solution.impacts.of(joint, contact)``.
-    - `count`: largest number of impacts to draw, from the first one on.
-
-    **Raises:** `ValueError` without impacts, and for fewer than three observed instants in a drawn
-    one.
+    **Raises:** `ValueError` without impacts, and for fewer than three observed instants in one.
 
     >>> axes = plot.hysteresis(observed, solution.impacts.of("shoulder", "V"), count=1)
     """
@@ -247,13 +241,13 @@ def contact_phases(observation: Observation, joint: str) -> np.ndarray:
     `ContactPhase`.
 
     An interval of contact with a single compression and restitution is an impact. If the bodies
-    approach again before they separate, or if the interval lasts to the end of the observation, the
-    phase is impact up to the first maximum of the penetration, and following from there on. An
+    approach again before they separate, or if the interval lasts to the end of the observation, it
+    is an impact up to the first maximum of the penetration, and following from there on. An
     interval that begins at the first instant is following as a whole.
 
     **Source:** the three phases are those of P. Flores et al., *Spatial revolute joints with
-    clearances for dynamic analysis of multi-body systems*, 2006. The limit between impact and
-    following is not from there.
+    clearances for dynamic analysis of multi-body systems*, 2006, but not the limit between impact
+    and following.
 
     >>> phases = plot.contact_phases(observed, "shoulder")
     >>> plot.ContactPhase(phases[0]).name  # the journal starts in the middle

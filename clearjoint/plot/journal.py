@@ -18,8 +18,8 @@ from .sweeps import require_names
 
 CrossSection = Mapping[str, ArrayLike]
 """Two perpendicular unit vectors by their labels, such as {"X": …, "Y": …}: the directions that a
-figure draws to the right and upwards. Each is (3,) in global axes, or (N, 3), one row for each
-observed time, for a bearing that turns."""
+figure draws to the right and upwards. Each is (3,) in global axes, or (N, 3) for each observed
+time, for a bearing that turns."""
 XY: CrossSection = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0)}
 """The cross-section of a bearing at rest whose axis is the global z axis.
 
@@ -37,11 +37,9 @@ def eccentricities(
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the eccentricities of both bases over time, and the clearance as a horizontal line,
-    above which a base touches the wall.
-
-    Bases with the same eccentricity, as in planar motion, share one curve. If the eccentricity
-    never differs from the clearance by more than 5 %, eccentricity minus clearance is drawn
-    instead, so that its changes are visible.
+    above which a base touches the wall. Bases with the same eccentricity, as in planar motion,
+    share one curve. If the eccentricity never differs from the clearance by more than 5 %, their
+    difference is drawn instead, so that its changes are visible.
 
     >>> axes = plot.eccentricities(observed, "shoulder", 0.5e-3)
     """
@@ -79,8 +77,8 @@ def eccentricity_vectors(
     **Arguments:** `section`: two perpendicular unit vectors across the bearing's axis, by their
     labels, such as {"X": (1, 0, 0), "Y": (0, 1, 0)}: (3,) each in global axes, or (N, 3) if the
     bearing turns. By default the x and y axes of the bearing's own frame, which turn with the
-    bearing. With a `section`, the vector has the direction from the bearing's axis to the contact.
-    This differs from the direction to the centre if the bearing or the journal has a profile.
+    bearing. With a `section`, the vector has the direction from the axis to the contact, which
+    differs from that to the centre if the bearing or the journal has a profile.
 
     >>> plot.eccentricity_vectors(observed, "shoulder", "V").shape[1]
     2
@@ -107,11 +105,8 @@ def journal_orbit(
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the paths of the centres of both bases in the bearing's cross-section, with a circle
-    whose radius is the clearance: a base whose centre is outside the circle touches the wall.
-
-    Bases with the same path share one curve.
-
-    **Arguments:** `section`: the directions to the right and upwards, see `eccentricity_vectors`.
+    whose radius is the clearance: a base whose centre is outside the circle touches the wall. Bases
+    with the same path share one curve.
 
     >>> axes = plot.journal_orbit(observed, "shoulder", 0.5e-3)
     """
@@ -144,8 +139,6 @@ def orbit_in_contact(
     """Draw the path of the centre of one base in the bearing's cross-section, dark and thick where
     the base touches the wall.
 
-    **Arguments:** see `journal_orbit`.
-
     >>> axes = plot.orbit_in_contact(observed, "shoulder", "V", 0.5e-3)
     """
     axes = style.axes_or_new(axes, (4.8, 5.0))
@@ -162,9 +155,7 @@ def orbit_in_contact(
 
 def clearance_circle(axes: Axes, clearance: float, *, factor: float = 1e3) -> Axes:
     """Draw a circle around the origin whose radius is the clearance, and give both axes the same
-    scale.
-
-    **Arguments:** `factor`: from m to the unit of the axes, by default that to mm.
+    scale. `factor`: from m to the unit of the axes, by default that to mm.
 
     >>> _, axes = plt.subplots()
     >>> axes = plot.clearance_circle(axes, 0.5e-3)
@@ -214,8 +205,8 @@ def orbit(
     """Draw the path of a journal or of a base in the bearing's cross-section, for one lane of a
     sweep, with a circle whose radius is the clearance. A dot marks the start.
 
-    **Arguments:** `outputs`: names of the two quantities among the outputs of the sweep that are
-    drawn to the right and upwards, both in m, such as `quantities.JournalOffset`.
+    **Arguments:** `outputs`: names of the outputs that are drawn to the right and upwards,
+    quantities in m, such as `quantities.JournalOffset`.
 
     >>> offsets = {a: cj.quantities.JournalOffset("shoulder", a) for a in ("x", "y")}
     >>> save = cj.Saving(np.linspace(0.0, 0.02, 201), states=False)

@@ -27,11 +27,8 @@ def position(
 ) -> Axes:
     """Draw one global coordinate of a body's centre of mass over time, a curve for each run.
 
-    **Arguments:**
-
-    - `trajectories`: trajectory of each run, such as `solution.saved`, by the curve's label; later
-      curves cover earlier ones.
-    - `component`: "X", "Y" or "Z" of the global frame.
+    **Arguments:** `trajectories`: of each run, such as `solution.saved`, by the curve's label;
+    later curves cover earlier ones. `component`: "X", "Y" or "Z" of the global frame.
 
     >>> axes = plot.position({"with clearance": solution.saved}, "arm 2", "Y")
     """
@@ -51,11 +48,10 @@ def acceleration(
     window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw one global component of the acceleration of a body's centre of mass over time, a curve
-    for each run.
+    """Draw one global component of the acceleration of a body's centre of mass over time, as
+    `position`.
 
-    **Arguments:** `observations`: of each run, at every accepted step, so that no peak is missed;
-    for the others see `position`.
+    **Arguments:** `observations`: of each run, at every accepted step, so that no peak is missed.
 
     >>> axes = plot.acceleration({"with clearance": observed}, "arm 2", "Y")
     """
@@ -76,10 +72,9 @@ def path(
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the path of a body's centre of mass, projected on a plane of the global frame, a curve
-    for each run. A dot marks the start; ``axes.legend()`` adds a legend.
+    for each run, as `position`. A dot marks the start; ``axes.legend()`` adds a legend.
 
-    **Arguments:** `trajectories`: see `position`; `plane`: the two global coordinates, "X", "Y" or
-    "Z", that are drawn to the right and upwards.
+    **Arguments:** `plane`: the two coordinates, "X", "Y" or "Z", drawn to the right and upwards.
 
     >>> axes = plot.path({"with clearance": solution.saved}, "arm 3", ("Y", "Z"))
     """
@@ -100,12 +95,9 @@ def over_angle(
     """Draw curves over the angle of a shaft, in degrees, such as forces over the angle of a crank.
     ``axes.legend()`` adds a legend.
 
-    **Arguments:**
-
-    - `curves`: angles (N,) in rad and values (N,), by the curve's label; later curves cover earlier
-      ones.
-    - `quantity`: text of the vertical axis: name and unit of the values.
-    - `shaft`: name of the shaft in the text of the horizontal axis.
+    **Arguments:** `curves`: angles (N,) in rad and values (N,), by the curve's label; later curves
+    cover earlier ones. `quantity`: text of the vertical axis, name and unit of the values; `shaft`:
+    name of the shaft in that of the horizontal axis.
 
     >>> angle = np.linspace(0.0, 2.0 * np.pi, 73)
     >>> axes = plot.over_angle({"ideal": (angle, 100.0 * np.cos(angle))}, "force / N")

@@ -51,8 +51,8 @@ IMPACT_COLUMNS = "joint", "contact", *(title for title, *_ in IMPACT_NUMBERS)
 
 
 def joint_rows(scene: Scene, most: int) -> list[Cells]:
-    """Return the texts of `JOINT_COLUMNS` for each joint with contacts; of more than `most` joints,
-    the last row names those that are left out."""
+    """Return the texts of `JOINT_COLUMNS` for each joint with contacts; if there are more than
+    `most`, the last row names those that are left out."""
     joints = scene.contact_joints()
     rows = [_joint_row(name, joint) for name, joint in joints.items()]
     if len(rows) <= most:
@@ -166,8 +166,7 @@ def _impacts(impacts: Impacts | None) -> str:
 
 def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
     """Return the texts of `IMPACT_COLUMNS` for the `most` impacts with the largest peak forces.
-    Simultaneous impacts of a joint, such as at both ends of a journal, share the row of the
-    largest."""
+    Simultaneous ones of a joint, as at both ends of a journal, share the row of the largest."""
     force = impacts.peak_force
     hardest = {max(group, key=lambda k: force[k]): group for group in _simultaneous(impacts)}
     rows = []
@@ -182,8 +181,8 @@ def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
 
 
 def _simultaneous(impacts: Impacts) -> list[list[int]]:
-    """Return groups of indices of impacts of a joint at different contacts, each of which overlaps
-    the first one of its group for more than half of the shorter one's duration."""
+    """Return groups of indices of a joint's impacts at different contacts, each of which overlaps
+    the first of its group for more than half of the shorter duration."""
     groups: list[list[int]] = []
     # In the order of the onsets, simultaneous impacts follow each other, so that an impact can only
     # belong to one of the latest groups. Eight are examined, since impacts of other joints may lie
@@ -228,27 +227,22 @@ def report(
     quantity: Quantity | None = None,
     unit: str | None = None,
 ) -> Figure:
-    """Draw a report of a run on one page: descriptions of scene and run, paths of the journals in
-    their bearings (orbits), contact forces, phases of free flight, impact and lasting contact,
+    """Draw a report of a run on one A4 page: descriptions of scene and run, paths of the journals
+    in their bearings (orbits), contact forces, phases of free flight, impact and lasting contact,
     energies, the spectrum of one quantity, and the largest impacts. Parts that the scene or the
     solution lacks are left out; without journals, the motion of the bodies is drawn.
 
     **Arguments:**
 
     - `solution`: with saved states, best from a run with ``Saving(np.linspace(0, end, count),
-      steps=True, impacts=True)`` and ``Settings(ledger=True)``. Without the accepted steps
-      (``steps=True``), orbits, forces and phases are drawn at the saved times only, which may miss
-      impacts.
+      steps=True, impacts=True)`` and ``Settings(ledger=True)``. Without the accepted steps, orbits,
+      forces and phases are drawn at the saved times only, which may miss impacts.
     - `file`: path of the page, with the suffix ".png" or ".pdf"; not written by default.
     - `title`: by default "Run of" and the names of the bodies.
-    - `quantity`, `unit`: quantity whose spectrum is drawn, and its SI unit if it does not declare
-      one, see `plot.series`. By default it is the component of the last body's velocity, or angular
-      velocity, that changes most.
+    - `quantity`: whose spectrum is drawn, by default the component of the last body's velocity, or
+      angular velocity, that changes most.
 
-    **Returns:** the figure, of size A4.
-
-    **Raises:** `ValueError` for another suffix, for results that are not a `Solution` or have no
-    states, and for a quantity without a unit.
+    **Raises:** `ValueError` for another suffix, and for results that are not a `Solution`.
 
     >>> figure = plot.report(scene, swing, "ball.pdf", title="Ball on a spring")
     """
@@ -288,8 +282,8 @@ def report(
 
 
 class _Part(NamedTuple):
-    """A row of the page. Texts have exactly their `height`, inches; figures share the rest of the
-    page in proportion to theirs."""
+    """A row of the page. Texts have exactly their `height`, inches; figures share the rest in
+    proportion to theirs."""
 
     height: float
     draw: Callable[[SubFigure], None]
@@ -334,8 +328,8 @@ def _record(
 
 
 def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[Cells]) -> _Part:
-    """Return a row of the page with lines of text and, unless there are no `rows`, a table below,
-    whose widest columns are made narrower, with broken texts, if the page has too little space."""
+    """Return a row with lines of text and, unless there are no `rows`, a table, whose widest
+    columns are made narrower, with broken texts, if the page has too little space."""
     # Left end, as a fraction of the width; lines from the top; text; and weight of the letters.
     texts = [(0.0, float(k), text, weight) for k, text in enumerate(lines)]
     # The head of the table is 0.4 lines below the text, and its first row 1.3 lines below the head.
@@ -410,8 +404,8 @@ def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observ
 
 
 def _bodies(axes: Axes, trajectory: Trajectory) -> None:
-    """Draw the paths of the bodies' centres on the coordinate plane in which they extend farthest.
-    If the bodies do little more than turn, draw their angular velocities over time instead."""
+    """Draw the paths of the bodies' centres on the coordinate plane in which they extend farthest;
+    of bodies that do little more than turn, the angular velocities over time."""
     bodies = trajectory.states.bodies
     paths = {name: np.asarray(body.position) for name, body in bodies.items()}
     spread = np.ptp(np.concatenate(list(paths.values())), axis=0)

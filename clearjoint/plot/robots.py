@@ -14,8 +14,7 @@ Loop = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 class FittedRobot(Protocol):
-    """The method of `clearjoint.results.RobotFit` that the figure shows. Figures do not import the
-    package of `RobotFit`, so they describe what they need of it."""
+    """What the figure shows of `clearjoint.results.RobotFit`: figures don't import its package."""
 
     def hysteresis(self) -> Mapping[str, Loop]:
         """Return torque over position, by name of the joint."""

@@ -20,9 +20,8 @@ from .sweeps import is_successful, mark_failed, only_axis, require_names, requir
 def poincare_map(
     x: np.ndarray, y: np.ndarray, labels: tuple[str, str], *, axes: Axes | None = None
 ) -> Axes:
-    """Draw the points of a Poincaré map: one dot for a motion that repeats from each point to the
-    next, n dots for one that repeats after n points, and a cloud for a chaotic motion. Later points
-    are darker.
+    """Draw the points of a Poincaré map: n dots for a motion that repeats after n points, and a
+    cloud for a chaotic motion. Later points are darker.
 
     **Arguments:** `x`, `y`: (N,) coordinates of the points in the order of time; `labels`: texts of
     the horizontal and the vertical axis, with units.
@@ -96,10 +95,7 @@ def poincare_section_of_lane(
     clearance: float | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw two quantities at the section crossings of one lane of a sweep, see `poincare_section`.
-
-    **Arguments:** `section`: name under which the `Section` was passed in `outputs`; for the others
-    see `poincare_section`.
+    """Draw two quantities at the section crossings of one lane of a sweep, as `poincare_section`.
 
     **Raises:** `ValueError` also for a lane that has not run yet.
 
@@ -129,8 +125,8 @@ def section_points(
     clearance: float | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw two `channels`, each given by its name, values (N,) and SI unit, of section crossings at
-    `times` (N,), s. For the other arguments, see `poincare_section`."""
+    """Draw two `channels`, each a name, values (N,) and an SI unit, of section crossings at `times`
+    (N,), s, as `poincare_section`."""
     times, units = np.asarray(times), [unit for *_, unit in channels]
     is_drawn = np.full(len(times), True) if after is None else times >= after
     last = f"at most that of the last crossing, {times.max(initial=0.0):.6g} s"
@@ -179,8 +175,8 @@ def bifurcation(
 
     **Arguments:**
 
-    - `section`: name under which the `Section` was passed in `outputs`; `channel`: the one to draw.
-      An output named "section_channel", sampled once a period, may replace a section.
+    - `channel`: the one of the section to draw. An output named "section_channel", sampled once a
+      period, may replace a section.
     - `number`: whether colours show the numbers of the crossings, from 1 on; this helps for a
       motion that decays, whose crossings depend on the time.
 

@@ -88,12 +88,11 @@ def against(
 
     **Arguments:**
 
-    - `median`: number of neighbouring lanes over which a running median is drawn as a line. It
+    - `median`: number of neighbouring lanes over which a running median is drawn as a line, which
       shows the trend in the scatter of chaotic motion. No line by default.
     - `label`: text of the legend; by default the name of the output and the selected values.
     - `colour`: colour of the points; by default one that the axes do not have yet.
-    - `axes`: such as those of an earlier call; values are then converted to the units in their
-      labels.
+    - `axes`: such as those of an earlier call, to whose units values are converted.
 
     >>> drawn = plot.against(found, "speed")
     """
@@ -129,12 +128,10 @@ def against(
 def running_median(
     positions: np.ndarray, values: np.ndarray, width: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return running medians of values over positions: each group of `width` successive points
-    gives the median of its positions and the median of its values.
+    """Return running medians of values over positions, (n - width + 1,) each: each group of `width`
+    successive points gives the median of its positions and of its values.
 
     **Arguments:** `positions`, `values`: (N,); the n points whose value is finite are used.
-
-    **Returns:** medians of the positions and of the values, (n - width + 1,) each.
 
     >>> values = np.array([1.0, 9.0, 2.0, 3.0, 4.0])
     >>> positions, medians = plot.running_median(np.arange(5.0), values, 3)
@@ -205,15 +202,11 @@ def convergence(
     and the power law C a^p that fits the logarithms of the positive outputs best, by least squares.
     The legend gives the rate p.
 
-    **Arguments:**
+    **Arguments:** `within`: smallest and largest parameter of the lanes that are fitted, in the
+    unit of the data set; by default all lanes are fitted. `label`: text of the legend before the
+    rate. `colour`, `axes`: see `against`.
 
-    - `within`: smallest and largest parameter of the lanes that are fitted, in the unit of the data
-      set; by default all lanes are fitted.
-    - `label`: text of the legend before the rate; by default the legend has only the rate.
-    - `colour`, `axes`: see `against`.
-
-    **Raises:** `ValueError` for fewer than two lanes to fit whose parameter and output are
-    positive.
+    **Raises:** `ValueError` for fewer than two lanes to fit with positive parameter and output.
 
     >>> drawn = plot.convergence(found, "speed")
     """
@@ -243,9 +236,7 @@ def power_law_exponent(
     *,
     within: tuple[float, float] | None = None,
 ) -> float:
-    """Return the exponent p of the power law that `convergence` draws.
-
-    **Arguments:**, **Raises:** see `convergence`.
+    """Return the exponent p of the power law that `convergence` draws, for the same arguments.
 
     >>> print(f"{plot.power_law_exponent(found, 'speed'):.3f}")  # 0.1 m times sqrt(k/m)
     0.500

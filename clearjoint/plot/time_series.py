@@ -28,14 +28,6 @@ def series(
     """Return the values (N,) of a quantity at the saved states of a solution, as an array with the
     coordinate "time", s; its unit is in ``attrs["units"]``.
 
-    **Arguments:**
-
-    - `quantity`: one of `clearjoint.quantities`, or another scalar function of an `Instant`.
-    - `unit`: SI unit of the values, for a quantity that does not declare its unit.
-    - `trajectory`: the states to take instead of the saved ones, such as `solution.steps`.
-
-    **Raises:** `ValueError` for a solution without states, and for a quantity without a unit.
-
     >>> positions = plot.series(scene, swing, x)
     >>> np.allclose(positions, 0.1 * np.cos(10.0 * positions["time"]), atol=1e-6)
     True
@@ -58,8 +50,6 @@ def rate_series(
     No differences of values are taken: the derivative follows from the velocities of each state,
     and from the accelerations that the equations of motion give for it. Entry speeds of contacts
     and deflections of bristles, on which a force may depend, count as constant.
-
-    **Arguments:**, **Raises:** see `series`.
 
     >>> rates = plot.rate_series(scene, swing, x)
     >>> np.allclose(rates, -np.sin(10.0 * rates["time"]), atol=1e-5)
@@ -127,11 +117,7 @@ def phase_portrait(
 ) -> Axes:
     """Draw the time derivative of a quantity over the quantity itself: a closed curve for a
     periodic motion. A dot marks the start, a square the end. Angles continue beyond a full turn.
-
-    **Arguments:** `quantity`: function of positions, such as an angle or a penetration; for the
-    others see `plot.series`.
-
-    **Raises:** see `plot.series`.
+    The quantity must be a function of positions, such as an angle or a penetration.
 
     >>> axes = plot.phase_portrait(scene, swing, x)
     """
@@ -157,10 +143,8 @@ FEWEST = 4
 
 
 def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArray:
-    """Return the one-sided amplitude spectrum of values over time, less their mean.
-
-    A harmonic of amplitude A, whose frequency is one of those of the spectrum, has the value A
-    there.
+    """Return the one-sided amplitude spectrum of values over time, less their mean. A harmonic of
+    amplitude A, whose frequency is one of those of the spectrum, has the value A there.
 
     **Arguments:**
 
@@ -226,12 +210,8 @@ def spectrum(
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the amplitude spectrum of a quantity at the saved states of a solution, on a logarithmic
-    scale.
-
-    Vibrations above half the sampling rate, such as those of an impact, appear at wrong frequencies
-    below it (aliasing).
-
-    **Arguments:**, **Raises:** see `plot.series` and `plot.amplitude_spectrum`.
+    scale, see `amplitude_spectrum`. Vibrations above half the sampling rate, such as those of an
+    impact, appear at wrong frequencies below it (aliasing).
 
     >>> axes = plot.spectrum(scene, swing, rate)
     """
@@ -239,11 +219,9 @@ def spectrum(
 
 
 def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None = None) -> Axes:
-    """Draw the amplitude spectrum of values over time, such as measured ones. The scale begins at
-    1e-8 of the largest amplitude or above. A title names the taper and the distance of the
-    frequencies.
-
-    **Arguments:**, **Raises:** see `plot.amplitude_spectrum`.
+    """Draw the amplitude spectrum of values over time, such as measured ones, see
+    `amplitude_spectrum`. The scale begins at 1e-8 of the largest amplitude or above. A title names
+    the taper and the distance of the frequencies.
 
     >>> axes = plot.spectrum_of(plot.series(scene, swing, x), taper="boxcar")
     """

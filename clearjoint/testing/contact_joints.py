@@ -22,15 +22,15 @@ from .continuity import at_rest
 TOLERANCE = 1e-9
 """Largest accepted error of an exact relation, relative to one plus the size of its terms."""
 STEP = 1e-6
-"""Step of finite differences, relative to the largest magnitude of the numbers in the field of the
-changed parameter, or to 1 if these numbers are all zero."""
+"""Step of finite differences, relative to the largest number in the field of the changed parameter,
+or to 1 if all are zero."""
 TOLERANCE_OF_DIFFERENCES = 1e-5
 """Largest accepted relative error of derivatives, far above the errors of finite differences."""
 PENETRATION, ENTRY_SPEED = 1e-6, 0.1
 """Depth beyond the onset, m, and entry speed, m/s, of a tested contact."""
 ROTATIONS = 4
-"""Number of Newton steps by which a body is rotated to a given penetration of a contact; the last
-error is far below `PENETRATION`."""
+"""Newton steps by which a body is rotated to a given penetration; the error is then far below
+`PENETRATION`."""
 
 Rows: TypeAlias = dict[str, jax.Array]
 """Numbers of each contact, as an array in the order of `_rows`, by the contact's label."""
@@ -56,8 +56,7 @@ def check_contact_joint(
     - contacts with friction have a slip, which is the tangential velocity of the surfaces;
     - friction is perpendicular to the normal and, without bristles, opposes sliding;
     - derivatives by motions and parameters are finite, and the derivative of the penetration by
-      each parameter of the joint agrees with finite differences;
-    - `jax.vmap` gives the same result as a single evaluation.
+      each parameter of the joint agrees with finite differences.
 
     The joint is tested at the given motions; at the onset of each contact's force, and a micrometre
     deeper; with the joint's attachment points on both bodies (those of its method `attachments`)
@@ -65,15 +64,9 @@ def check_contact_joint(
     or rotated to those of a contact that transmits a couple; if it is the ground, the first body is
     moved instead.
 
-    **Arguments:**
-
-    - `motions`: motion of each body of the joint, from `moving`, by the body's name; the ground may
-      be omitted. Translating and rotating bodies, less than a centimetre from contact, make the
-      strictest test.
-    - `together`: whether the attachment points on both bodies can coincide, so that the joint is
-      tested there too; ``False`` for the centres of gears.
-
-    **Raises:** `AssertionError` that states the first problem, and its contact.
+    **Arguments:** `motions`: with bodies less than a centimetre from contact; the ground may be
+    omitted. `together`: whether the attachment points on both bodies can coincide, so that the
+    joint is tested there too; ``False`` for the centres of gears.
 
     >>> law = cj.laws.LankaraniNikravesh(0.9, cj.mechanisms.STEEL)
     >>> ball = cj.BallInSocket("ground", "arm", socket_radius=10e-3, clearance=1e-3, law=law)
@@ -97,8 +90,7 @@ def check_contact_joint(
     @jax.jit
     @jax.vmap
     def evaluate(point: jax.Array, change: jax.Array) -> tuple[ByLabel[Condition], Rows, Rows]:
-        """Return the failures of the contacts at a point, their numbers, and the derivatives of
-        these in the direction `change`."""
+        # Failures of the contacts at a point, their numbers, and the derivatives of these.
         contacts, rates = jax.jvp(
             lambda point: _contacts(*joint_and_motions(point)), (point,), (change,)
         )
@@ -192,8 +184,8 @@ def _shifted(joint: AbstractContactJoint, motions: Motions, shift: Vector) -> Mo
 
 
 def _rotated(joint: AbstractContactJoint, motions: Motions, label: str, depth: Scalar) -> Motions:
-    """Motions with the second body, or the first instead of the ground, rotated to the penetration
-    `depth` of a contact that transmits a couple."""
+    """Motions with the second body, or the first instead of the ground, rotated until a contact
+    that transmits a couple has the penetration `depth`."""
     first, second = joint.pair()
     name, k = (first, 0) if second == GROUND else (second, 1)
     for _ in range(ROTATIONS):
@@ -209,10 +201,8 @@ def _rotated(joint: AbstractContactJoint, motions: Motions, label: str, depth: S
 
 
 def _contacts(joint: AbstractContactJoint, motions: Motions) -> Contacts:
-    """The contacts of a joint with their forces and energies, all as arrays.
-
-    Forces are those at the entry speed `ENTRY_SPEED`; bristles have half of their full deflection.
-    """
+    """The contacts of a joint with forces at the entry speed `ENTRY_SPEED` and energies, all as
+    arrays; bristles have half of their full deflection."""
     joint = unpack(joint)
     contacts, bristles = joint.contacts(motions), {}
     for label, bristle_law in joint.bristle_laws().items():
@@ -290,8 +280,8 @@ def _beside(side: SideForce, first: Motion, second: Motion) -> Vector:
 def _force_failures(
     loaded: LoadedContact, first: Motion, second: Motion, factor: Slope | None
 ) -> dict[str, jax.Array]:
-    """Whether each condition on normal force and friction of one contact without couples fails.
-    `factor` is the time derivative of `contact.gap.factor`; ``None`` if that is."""
+    """Whether each condition on normal force and friction of one contact without couples fails;
+    `factor`: time derivative of `contact.gap.factor`, or ``None``."""
     contact, friction, force = loaded.contact, loaded.friction, loaded.normal_force
     # Friction acts at the contact points. For a contact without friction, the joint may give other
     # points on the normal force's line of action.
@@ -334,9 +324,8 @@ def _force_failures(
 
 
 def _changes_of_parameters(parameters: AbstractContactJoint, point: jax.Array) -> jax.Array:
-    """Return a matrix with a row for each parameter of the joint: a change of `point` in this
-    number alone, by the largest magnitude of the numbers in its field, or by 1 if they are all
-    zero."""
+    """Return a row for each parameter of the joint: a change of `point` in this number alone, by
+    the largest magnitude of the numbers in its field, or by 1 if all are zero."""
     leaves = jax.tree.leaves(parameters)
     sizes = jnp.concatenate([jnp.full(leaf.size, jnp.max(jnp.abs(leaf))) for leaf in leaves])
     sizes = jnp.where(sizes > 0.0, sizes, 1.0)
@@ -344,9 +333,9 @@ def _changes_of_parameters(parameters: AbstractContactJoint, point: jax.Array) -
 
 
 def _rows(contacts: Contacts) -> Rows:
-    """Numbers (15,) of each contact: penetration, normal force and elastic force; then, with three
-    components each, friction and normal in global axes, and the vectors from the bodies' centres of
-    mass to the contact point in body axes."""
+    """Numbers (15,) of each contact: penetration, normal force and elastic force; then vectors:
+    friction and normal in global axes, and from the bodies' centres of mass to the contact point in
+    body axes."""
     rows = {}
     for label, (loaded, _) in contacts.items():
         friction = ZERO if loaded.friction is None else loaded.friction

@@ -15,19 +15,18 @@ from .._model.bodies import Motion
 PIECES = 64
 """Number of pieces into which each interval is divided."""
 HALVINGS = 100
-"""Number of bisections of each piece. The last ends are adjacent floats or, near zero, closer
-together than 1e-30 times the width of the piece."""
+"""Number of bisections of each piece. The last ends are adjacent floats or, near zero, closer than
+1e-30 of the piece's width."""
 ROUNDING = 1e-9
 """A change of the function below this fraction of its values counts as rounding error."""
 STAYS = 0.5
-"""The change that remains after all bisections is a jump if it exceeds this fraction of the change
-after half of them. For a continuous function, even one with an infinite slope, such as a square
-root, the change decreases in the second half."""
+"""A jump is a change that remains after all bisections and exceeds this fraction of the change
+after half of them, which decreases for any continuous function, even a square root."""
 
 
 class Jumps(NamedTuple):
-    """The largest jump of a function in each of N intervals. `sizes`: value right of the jump minus
-    value left of it, zero without a jump; `positions`: meaningless without a jump."""
+    """The largest jump of a function in each of N intervals: `sizes`, the value on the right minus
+    that on the left, zero without a jump; and `positions`."""
 
     sizes: Float[jax.Array, " N"]
     positions: Float[jax.Array, " N"]
@@ -47,11 +46,11 @@ def jumps(
     left: Float[jax.Array, " N"],
     right: Float[jax.Array, " N"],
 ) -> Jumps:
-    """Return the largest jump of a function in each of N intervals, and its position.
+    """Return the largest jump of a function in each of N intervals.
 
     Each interval is divided into pieces. Each piece is bisected until its ends are practically
-    adjacent floats; of its two halves, the one with the larger change of the function is kept. A
-    jump that is smaller than the continuous change of the function within a piece may be missed.
+    adjacent floats; the half with the larger change of the function is kept. A jump that is smaller
+    than the continuous change of the function within a piece may be missed.
     """
     # All arrays have one row for each piece and one column for each interval.
     ends = jnp.linspace(left, right, PIECES + 1)
