@@ -151,6 +151,7 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
     # The file has the message of the result instead of its code. The message of another version may
     # be unknown here; such a run counts as one that was not finished.
     results = {RESULTS[item]: item for item in RESULTS._name_to_item.values()}
+    notes = {key: value for key, value in motion.attrs.items() if key.startswith("setting_")}
     return scene, Solution(
         time=float(motion.attrs["time_reached"]),
         final=_state(scene, motion, "final_"),
@@ -164,11 +165,7 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
         formulation=read_formulation(motion.attrs, FileLocation(f"{folder / MOTION}.nc")),
         redundant_constraints=names,
         outputs=_sections(folder),
-        settings=tuple(
-            (key, value.item() if isinstance(value, np.generic) else value)
-            for key, value in motion.attrs.items()
-            if key.startswith("setting_")
-        ),
+        settings=tuple((k, v.item() if isinstance(v, np.generic) else v) for k, v in notes.items()),
     )
 
 
@@ -199,12 +196,10 @@ def read_formulation(notes: Mapping[str, object], location: FileLocation) -> For
 
 
 def _state(scene: Scene, table: xr.Dataset, prefix: str = "") -> State:
-    bodies = {
-        name: BodyState(
-            **{part: table[prefix + part].sel(body=name).values for part in STATE_PARTS}
-        )
-        for name in scene.bodies
-    }
+    parts = {part: table[prefix + part] for part in STATE_PARTS}
+    bodies = {}
+    for name in scene.bodies:
+        bodies[name] = BodyState(**{n: rows.sel(body=name).values for n, rows in parts.items()})
     ledger, work = table.get(f"{prefix}ledger"), {}
     if ledger is not None:
         work = {str(n): ledger.sel(integral=n).values for n in ledger["integral"].values}

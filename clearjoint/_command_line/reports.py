@@ -3,6 +3,7 @@
 import base64
 import re
 from html import escape
+from itertools import product
 from pathlib import Path
 from urllib.parse import quote
 
@@ -53,12 +54,8 @@ def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
 
 def worn_parts(dataset: xr.Dataset) -> list[tuple[str, Part]]:
     """Return the parts that have worn: names of joints with "bearing" or "journal"."""
-    return [
-        (str(joint), part)
-        for joint in dataset["joint"].values
-        for part in PARTS
-        if (dataset[f"{part}_depth"].sel(joint=joint) > 0.0).any()
-    ]
+    pairs = product(map(str, dataset["joint"].values), PARTS)
+    return [(j, part) for j, part in pairs if (dataset[f"{part}_depth"].sel(joint=j) > 0.0).any()]
 
 
 def _draw_output(folder: Path, dataset: xr.Dataset, name: str, axes: list[str]) -> None:
@@ -267,14 +264,10 @@ def write_page(folder: Path, *parts: str) -> None:
     rows = {key.replace("_", " "): shown(value) for key, value in entries.items()}
     with pd.option_context("display.max_colwidth", None):  # or pandas would cut long texts
         table = pd.Series(rows).to_frame().to_html(header=False, border=0, classes="summary")
-    texts = [
-        f"<h2>Report</h2><pre>{escape(path.read_text('utf-8'))}</pre>"
-        for path in folder.glob("*.txt")
-    ]
+    reports = [escape(path.read_text("utf-8")) for path in folder.glob("*.txt")]
+    texts = [f"<h2>Report</h2><pre>{report}</pre>" for report in reports]
     pictures = [_picture(path) for path in sorted((folder / folders.FIGURES).glob("*.png"))]
-    names = sorted(
-        path.name for path in folder.iterdir() if path.is_file() and path.name != folders.PAGE
-    )
+    names = sorted({path.name for path in folder.iterdir() if path.is_file()} - {folders.PAGE})
     links = "".join(f'<li><a href="{quote(name)}">{escape(name)}</a></li>' for name in names)
     files = f"<h2>Files</h2><ul>{links}</ul>"
     body = "\n".join([f"<h1>{title}</h1>{table}", *texts, *pictures, *parts, files])

@@ -43,11 +43,7 @@ LARGEST, SMALLEST = " largest", " smallest"
 """Suffixes of the names of reductions: the extremes of an output."""
 
 
-PREFIXES: dict[type, str] = {
-    Crossings: folders.SECTION,
-    Impacts: folders.TABLE,
-    Rejections: folders.REJECTED,
-}
+PREFIXES = {Crossings: folders.SECTION, Impacts: folders.TABLE, Rejections: folders.REJECTED}
 
 
 class Negative(AbstractQuantity):

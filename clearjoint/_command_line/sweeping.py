@@ -129,10 +129,7 @@ def _summary(dataset: xr.Dataset, code: int) -> tuple[Summary, str]:
     }
     failed = codes.size - done - pending
     steps = int(dataset["accepted"].clip(min=0).sum())  # lanes that have not run have -1
-    forces = [
-        float(np.nanmax(output.values))
-        for output in dataset.data_vars.values()
-        if output.attrs.get("units") == "N" and np.isfinite(output.values).any()
-    ]
+    in_newtons = [v.values for v in dataset.data_vars.values() if v.attrs.get("units") == "N"]
+    forces = [float(np.nanmax(values)) for values in in_newtons if np.isfinite(values).any()]
     force = f", largest force {max(forces):.4g} N" if forces else ""
     return summary, f"{codes.size} lanes, {failed} failed, {pending} pending, {steps} steps{force}"

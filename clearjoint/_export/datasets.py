@@ -103,12 +103,8 @@ def labelled_dataset(
     import xarray as xr
 
     parts = [{n: _variable(array) for n, array in d.items()} for d in (variables, coordinates)]
-    source = {name.removeprefix("version of "): text for name, text in versions().items()}
-    whole = {
-        "Conventions": "CF-1.11",
-        "title": title,
-        "source": ", ".join(f"{name} {text}" for name, text in source.items()),
-    }
+    programs = (f"{name.removeprefix('version of ')} {text}" for name, text in versions().items())
+    whole = {"Conventions": "CF-1.11", "title": title, "source": ", ".join(programs)}
     return xr.Dataset(*parts, attrs={**whole, **dict(notes)})
 
 

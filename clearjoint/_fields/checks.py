@@ -271,11 +271,9 @@ def caution_unless(
     """Issue an `UnusualValueWarning` about a number unless a condition holds; `expected`: the usual
     range with its unit, such as "at most 1 m"."""
     if not condition:
-        caution(
-            f"Argument `{argument}` is {float(value):.6g} {unit}, where {expected} is usual: "
-            f"{remedy}.",
-            UnusualValueWarning,
-        )
+        advice = f"where {expected} is usual: {remedy}."
+        number = f"{float(value):.6g} {unit}"
+        caution(f"Argument `{argument}` is {number}, {advice}", UnusualValueWarning)
 
 
 def caution_outside(
@@ -313,10 +311,8 @@ def require_axis(argument: str, value: ArrayLike) -> None:
 
 def require_euler_parameters(argument: str, value: ArrayLike) -> None:
     require_shape(argument, value, (4,), "pass four Euler parameters, scalar part first")
-    expected, remedy = (
-        "Euler parameters of unit norm, scalar part first",
-        "divide them by their norm",
-    )
+    expected = "Euler parameters of unit norm, scalar part first"
+    remedy = "divide them by their norm"
 
     # The margin allows for parameters that are given with seven digits.
     require_numbers(

@@ -290,9 +290,7 @@ def array_leaves(
     # Usually few leaves are left to convert. Types are compared here, without a call, because a
     # scene of thirty joints has a thousand leaves.
     others = [
-        k
-        for k, leaf in enumerate(leaves)
-        if not (type(leaf) is np.ndarray and leaf.dtype is _FLOAT64)
+        k for k, x in enumerate(leaves) if type(x) is not np.ndarray or x.dtype is not _FLOAT64
     ]
     if all(is_float_array(leaves[k]) for k in others):
         return leaves

@@ -104,13 +104,9 @@ def _subclasses(kind: type) -> Iterator[type]:
 
 @cache
 def _static_methods(kind: type) -> dict[str, Maker]:
-    return {
-        name: member.__func__
-        for name, member in vars(kind).items()
-        if isinstance(member, staticmethod)
-        and not name.startswith("_")
-        and _hints(member.__func__).get("return") is kind
-    }
+    methods = {n: m.__func__ for n, m in vars(kind).items() if isinstance(m, staticmethod)}
+    public = {name: make for name, make in methods.items() if not name.startswith("_")}
+    return {name: make for name, make in public.items() if _hints(make).get("return") is kind}
 
 
 def family_names(families: tuple[type, ...]) -> str:

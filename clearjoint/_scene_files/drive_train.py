@@ -131,11 +131,9 @@ def train_of(name: str, joint: HingeOrSlider, drive: Drive) -> Train:
             load, loss = numbers.get("friction", 0.0), {}
             if "loss" in numbers:
                 # The force of a flank of a hinge acts on its radius.
-                is_couple = "play" in numbers and not is_slider
-                loss = {
-                    "pressed_by": f"{name} {BACKLASH if 'play' in numbers else COMPLIANCE}",
-                    "load_ratio": numbers["loss"] * (DEFAULT_RADIUS if is_couple else 1.0),
-                }
+                radius = DEFAULT_RADIUS if "play" in numbers and not is_slider else 1.0
+                pressed_by = f"{name} {BACKLASH if 'play' in numbers else COMPLIANCE}"
+                loss = {"pressed_by": pressed_by, "load_ratio": numbers["loss"] * radius}
             own = friction_of(motor, drive.law, load, viscosity=numbers.get("viscosity"), **loss)
             named[f"{motor_name(name)} friction"] = own
         if "link_friction" in numbers:

@@ -54,11 +54,9 @@ class MujocoComparison:
 
     @property
     def largest_difference(self) -> dict[str, np.ndarray]:
-        differences = {
-            name: np.abs(self.in_mujoco[name] - own).max(axis=1)
-            for name, own in self.positions.items()
-        }
-        return {name: np.nan_to_num(part, nan=np.inf) for name, part in differences.items()}
+        differences = {name: self.in_mujoco[name] - own for name, own in self.positions.items()}
+        largest = {name: np.abs(rows).max(axis=1) for name, rows in differences.items()}
+        return {name: np.nan_to_num(part, nan=np.inf) for name, part in largest.items()}
 
     @override
     def __str__(self) -> str:
@@ -141,12 +139,8 @@ def compare_with_mujoco(
             model.actuator_gainprm[k], model.actuator_biasprm[k] = 0.0, 0.0
     counts = [max(round(times[1] / step), 1) for step in timesteps]
     runs = [_run(model, writer, state, times, steps, [*own]) for steps in counts]
-    return MujocoComparison(
-        tuple(float(times[1] / steps) for steps in counts),
-        times,
-        own,
-        {name: np.stack([run[name] for run in runs]) for name in own},
-    )
+    in_mujoco = {name: np.stack([run[name] for run in runs]) for name in own}
+    return MujocoComparison(tuple(float(times[1] / n) for n in counts), times, own, in_mujoco)
 
 
 def _run(

@@ -144,13 +144,9 @@ class Reader:
         is_required = "unit" in signature and signature["unit"].default is REQUIRED
         if is_required and "unit" not in values and unit is not None:
             values["unit"] = unit
-        missing = [
-            f"{name} ({expectation.unit})" if expectation.unit else name
-            for name, expectation in signature.items()
-            if expectation.default is REQUIRED and name not in values
-        ]
+        missing = {n: e for n, e in signature.items() if e.default is REQUIRED and n not in values}
         if missing:
-            names = ", ".join(missing)
+            names = ", ".join(f"{n} ({e.unit})" if e.unit else n for n, e in missing.items())
             raise ValueError(f"{location}: a {make.__qualname__} also needs {names}: add them.")
         try:
             made = CHECKED.get(make, make)(**values)

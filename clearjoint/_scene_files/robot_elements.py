@@ -258,10 +258,8 @@ def _checked(
             location.at(name).refuse(argument, f"one of the arguments {listed(allowed)}", remedy)
     # Only texts are converted here. The constructors check all other values.
     reader, at = Reader(()), location.at(name)
-    return {
-        key: reader.value(value, allowed[key], at.at(key)) if isinstance(value, str) else value
-        for key, value in settings.items()
-    }
+    texts = {key: value for key, value in settings.items() if isinstance(value, str)}
+    return {**settings, **{k: reader.value(v, allowed[k], at.at(k)) for k, v in texts.items()}}
 
 
 def _add_loops(elements: Elements, loops: tuple[robots.LoopJoint, ...]) -> None:
@@ -358,13 +356,8 @@ def _add_stops(elements: Elements, stops: Mapping[str, Play]) -> None:
     for a slider, a `PinInSlot` with ends, whose play is the range of the joint."""
     tree = elements.tree
     # Only joints of one degree of freedom with a finite range can have stops.
-    ranges = {
-        name: joint.limits
-        for name, joint in tree.joints.items()
-        if joint.limits is not None
-        and elements.scalar(name) is not None
-        and -math.inf < joint.limits.lower < joint.limits.upper < math.inf
-    }
+    limits_of = {n: j.limits for n, j in tree.joints.items() if j.limits and elements.scalar(n)}
+    ranges = {n: r for n, r in limits_of.items() if -math.inf < r.lower < r.upper < math.inf}
     for name, settings in stops.items():
         joint = elements.scalar(name)
         kind = Backlash if isinstance(joint, RevoluteJoint) else PinInSlot

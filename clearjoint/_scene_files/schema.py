@@ -104,12 +104,9 @@ class Catalogue:
         # The class that a table has if it does not name one. Another argument may allow further
         # classes, so that the definition itself doesn't require the name.
         implied = families[0] if len(families) == 1 and not is_abstract(families[0]) else None
-        references = {make: _reference(aliases[-1]) for make, aliases in names.items()}
+        references = [(make, _reference(aliases[-1])) for make, aliases in names.items()]
         # Editors that follow older drafts ignore what stands beside "$ref", but not beside "allOf".
-        return [
-            reference if make is implied else {"allOf": [reference], "required": [KIND]}
-            for make, reference in references.items()
-        ]
+        return [r if m is implied else {"allOf": [r], "required": [KIND]} for m, r in references]
 
 
 def _table(properties: Schema, required: list[str]) -> Schema:

@@ -162,9 +162,8 @@ def _covered(
     # The values are linear functions of x and y: their slopes, from the differences to corner a.
     (bx, by), (cx, cy) = (b - a).T, (c - a).T
     rise_b, rise_c = values[:, 1] - values[:, 0], values[:, 2] - values[:, 0]
-    slope_x, slope_y = np.array([rise_b * cy - rise_c * by, rise_c * bx - rise_b * cx]) / (
-        bx * cy - cx * by
-    )
+    double_area = bx * cy - cx * by
+    slopes = np.array([rise_b * cy - rise_c * by, rise_c * bx - rise_b * cx]) / double_area
     # Lines are taken in groups of about `MOST_POINTS` points, which limits the memory.
     first, ends = 0, np.cumsum(np.maximum(right - left, 0))
     while first < len(row):
@@ -173,7 +172,8 @@ def _covered(
         line, x = _whole_numbers(left[first:last], right[first:last])
         line += first
         k = triangle[line]
-        value = values[k, 0] + slope_x[k] * (x + 0.5 - a[k, 0]) + slope_y[k] * (y[line] - a[k, 1])
+        slope_x, slope_y = slopes[:, k]
+        value = values[k, 0] + slope_x * (x + 0.5 - a[k, 0]) + slope_y * (y[line] - a[k, 1])
         yield row[line] * width + x, k, value
         first = last
 

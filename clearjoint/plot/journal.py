@@ -114,10 +114,8 @@ def journal_orbit(
     radius = observed_clearance(observation, joint) if clearance is None else clearance
     factor, _ = length_unit(radius)
     in_window = style.inside(observation.times, window)
-    paths = {
-        f"base {base}": eccentricity_vectors(observation, joint, base, section)[in_window]
-        for base in BASES
-    }
+    vectors = {b: eccentricity_vectors(observation, joint, b, section) for b in BASES}
+    paths = {f"base {base}": rows[in_window] for base, rows in vectors.items()}
     curves = [(label, *(path * factor).T) for label, path in without_twins(paths)]
     style.draw_lines(axes, curves)
     # `axes` may have earlier lines: the new ones are the last. W is thinner, as it may lie on V.

@@ -382,8 +382,7 @@ def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observ
         _bodies(row.add_subplot(), path)
         return
     peaks = {
-        name: max(np.max(contact.normal_force) for contact in observed.contacts[name].values())
-        for name in journals
+        n: max(np.max(c.normal_force) for c in observed.contacts[n].values()) for n in journals
     }
     hardest = sorted(journals, key=lambda name: -peaks[name])[:2]
     grid = row.add_gridspec(1, len(hardest) + 1)

@@ -171,9 +171,8 @@ def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArra
     intervals = np.diff(times)
     shown = f"intervals from {intervals.min():.3g} to {intervals.max():.3g} s"
     remedy = "save states at equal intervals: Saving(np.linspace(0, end, count))"
-    require(
-        suits_spectrum(intervals), "record", shown, "sampled at equal intervals of time", remedy
-    )
+    expected = "sampled at equal intervals of time"
+    require(suits_spectrum(intervals), "record", shown, expected, remedy)
     values, rate = np.asarray(record.values, float), 1.0 / float(intervals.mean())
     frequency, power = signal.periodogram(
         values, rate, taper, detrend="constant", scaling="spectrum"

@@ -300,9 +300,8 @@ def check_bristles(friction: AbstractBristleFriction) -> None:
     none = Vector(0.0, 0.0, 0.0)
     at_rest = friction.ratio(none, none, none)
     ensure(jnp.asarray(list(at_rest)) == 0.0, "There is friction without deflection and slip.")
-    stored = jnp.stack(
-        [jnp.asarray(friction.stored_energy(Vector(0.0, z, 0.0))) for z in ratios * full]
-    )
+    energies = [friction.stored_energy(Vector(0.0, z, 0.0)) for z in ratios * full]
+    stored = jnp.stack([jnp.asarray(energy) for energy in energies])
     message = "stored_energy() is negative, or not zero without deflection."
     ensure((stored[0] == 0.0) & (stored >= 0.0), message)
     sliding = jax.vmap(friction.sliding_ratio)(speeds) * jnp.ones_like(speeds)

@@ -236,10 +236,9 @@ def _failures(
         failed = {
             "its normal is not a unit vector": ~flies_centred & _differ(size, 1.0),
             "its `rate` is not the time derivative of its penetration": _differ(rate, gap.rate),
-            "the rate of its stored energy is not the power of the elastic force": _differ(
-                power, expected_power
-            ),
         }
+        message = "the rate of its stored energy is not the power of the elastic force"
+        failed[message] = _differ(power, expected_power)
         if contact.turning is None:
             failed |= _force_failures(loaded, first, second, rates[label][0].contact.gap.factor)
         else:
@@ -248,12 +247,9 @@ def _failures(
             on_first, on_second = contact.turning
             remainder = first.direction(on_first) + second.direction(on_second)
             power = on_first.dot(first.spin) + on_second.dot(second.spin)
-            failed |= {
-                "the couples on both bodies are not equal and opposite": _is_nonzero(remainder),
-                "the power of the couples does not agree with the rate of the penetration": (
-                    _differ(power, gap.rate)
-                ),
-            }
+            failed["the couples on both bodies are not equal and opposite"] = _is_nonzero(remainder)
+            message = "the power of the couples does not agree with the rate of the penetration"
+            failed[message] = _differ(power, gap.rate)
         if loaded.friction is not None and contact.slip is not None:
             across = second.velocity_at(contact.arm_second) - first.velocity_at(contact.arm_first)
             sliding = across - normal * across.dot(normal)
@@ -293,33 +289,25 @@ def _force_failures(
     rate, side = velocity.dot(contact.normal), contact.side
     if side is not None:
         rate = rate + side.slope.dot(_beside(side, first, second))
-    failures = {
-        "the forces on both bodies leave a moment: they do not act on one line": (
-            _is_nonzero(apart.cross(contact.normal))
-        ),
-        "the power of the normal force does not agree with the rate of the penetration": (
-            _differ(rate, contact.gap.rate)
-        ),
-    }
+    message = "the forces on both bodies leave a moment: they do not act on one line"
+    failures = {message: _is_nonzero(apart.cross(contact.normal))}
+    message = "the power of the normal force does not agree with the rate of the penetration"
+    failures[message] = _differ(rate, contact.gap.rate)
     if side is not None:
-        failures["the forces beside the normal force do not act at one point"] = _is_nonzero(
-            second.point(side.arm_second) - first.point(side.arm_first)
-        )
+        between = second.point(side.arm_second) - first.point(side.arm_first)
+        message = "the forces beside the normal force do not act at one point"
+        failures[message] = _is_nonzero(between)
         if contact.gap.factor is not None and factor is not None:
-            failures["the rate of its factor is not the time derivative of the factor"] = _differ(
-                factor.value, contact.gap.factor.rate
-            )
+            message = "the rate of its factor is not the time derivative of the factor"
+            failures[message] = _differ(factor.value, contact.gap.factor.rate)
     if friction is not None:
-        failures |= {
-            # The energy ledger would omit the power of the friction.
-            "it has friction, but its slip is None": jnp.asarray(contact.slip is None),
-            "friction on both bodies leaves a moment: it does not act at one point": (
-                _is_nonzero(apart.cross(friction), force)
-            ),
-            "friction has a component along the normal": (
-                _differ(friction.dot(contact.normal), 0.0, TOLERANCE * (1.0 + force))
-            ),
-        }
+        # The energy ledger would omit the power of the friction.
+        failures["it has friction, but its slip is None"] = jnp.asarray(contact.slip is None)
+        message = "friction on both bodies leaves a moment: it does not act at one point"
+        failures[message] = _is_nonzero(apart.cross(friction), force)
+        along = friction.dot(contact.normal)
+        message = "friction has a component along the normal"
+        failures[message] = _differ(along, 0.0, TOLERANCE * (1.0 + force))
     return failures
 
 

@@ -116,10 +116,7 @@ def moved(motions: Mapping[str, Motion], time: float) -> dict[str, Motion]:
 
 def at_rest(motions: Mapping[str, Motion]) -> dict[str, Motion]:
     """Return motions with zero velocities and spins."""
-    return {
-        name: replace(motion, velocity=motion.velocity * 0.0, spin=motion.spin * 0.0)
-        for name, motion in motions.items()
-    }
+    return {n: replace(m, velocity=m.velocity * 0.0, spin=m.spin * 0.0) for n, m in motions.items()}
 
 
 def _exponential(angle: Vector) -> EulerParameters:
