@@ -21,17 +21,8 @@ from .._result_codes import RESULTS
 from .._scene_files.documents import FileLocation
 from .._scene_files.files import Writer, load, save
 from .._scene_files.reading import Reader
+from .._simulation.results import solution as solutions
 from .._simulation.results.impact_table import IMPACT_UNITS, NAMED, Impacts
-from .._simulation.results.solution import (
-    BRISTLES,
-    CONTACTS,
-    MEMORY,
-    STATE_PARTS,
-    Crossings,
-    Solution,
-    Trajectory,
-    contact_label,
-)
 from .study import CLASSES, AbstractStudy
 
 SUMMARY = "summary.json"
@@ -132,9 +123,14 @@ def require_names(path: Path, needed: Iterable[str], available: Collection[objec
         )
 
 
-def read_run(folder: Path) -> tuple[Scene, Solution]:
+def read_run(folder: Path) -> tuple[Scene, solutions.Solution]:
     """Return the scene and the solution of a run in a folder, without the accepted steps."""
-    needed = ["time", "body", *STATE_PARTS, *(f"final_{part}" for part in STATE_PARTS)]
+    needed = [
+        "time",
+        "body",
+        *solutions.STATE_PARTS,
+        *(f"final_{part}" for part in solutions.STATE_PARTS),
+    ]
     needed += ["time_reached", "result", "attempts", "accepted", "redundant_constraints"]
     needed += [FORMULATION]
     motion = read_table(folder, MOTION, needed)
@@ -152,13 +148,13 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
     # be unknown here; such a run counts as one that was not finished.
     results = {RESULTS[item]: item for item in RESULTS._name_to_item.values()}
     notes = {key: value for key, value in motion.attrs.items() if key.startswith("setting_")}
-    return scene, Solution(
+    return scene, solutions.Solution(
         time=float(motion.attrs["time_reached"]),
         final=_state(scene, motion, "final_"),
         result=results.get(motion.attrs["result"], RESULTS.max_steps_reached),
         attempts=int(motion.attrs["attempts"]),
         accepted=int(motion.attrs["accepted"]),
-        saved=Trajectory(motion["time"].values, _state(scene, motion)),
+        saved=solutions.Trajectory(motion["time"].values, _state(scene, motion)),
         saved_count=motion.sizes["time"],
         steps=None,
         impacts=_impacts(folder),
@@ -177,12 +173,12 @@ def _impacts(folder: Path) -> Impacts | None:
     return Impacts(**names, **{name: table[name].values for name in IMPACT_UNITS})
 
 
-def read_drawn(folder: Path, scene: Scene, solution: Solution) -> Solution:
+def read_drawn(folder: Path, scene: Scene, solution: solutions.Solution) -> solutions.Solution:
     """Return a run with the denser states `DRAWN` of its folder, if there are any."""
-    table = read_table(folder, DRAWN, ["time", "body", *STATE_PARTS])
+    table = read_table(folder, DRAWN, ["time", "body", *solutions.STATE_PARTS])
     if table is None:
         return solution
-    path = Trajectory(table["time"].values, _state(scene, table))
+    path = solutions.Trajectory(table["time"].values, _state(scene, table))
     return replace(solution, saved=path, saved_count=len(path))
 
 
@@ -196,7 +192,7 @@ def read_formulation(notes: Mapping[str, object], location: FileLocation) -> For
 
 
 def _state(scene: Scene, table: xr.Dataset, prefix: str = "") -> State:
-    parts = {part: table[prefix + part] for part in STATE_PARTS}
+    parts = {part: table[prefix + part] for part in solutions.STATE_PARTS}
     bodies = {}
     for name in scene.bodies:
         bodies[name] = BodyState(**{n: rows.sel(body=name).values for n, rows in parts.items()})
@@ -204,9 +200,9 @@ def _state(scene: Scene, table: xr.Dataset, prefix: str = "") -> State:
     if ledger is not None:
         work = {str(n): ledger.sel(integral=n).values for n in ledger["integral"].values}
     contacts = scene.laws()
-    entry_speeds = _by_label(contacts, table.get(f"{prefix}entry_speed"), CONTACTS)
-    bristles = _by_label(contacts, table.get(f"{prefix}bristle_deflection"), BRISTLES)
-    memory = _by_label(memory_names(scene), table.get(f"{prefix}memory"), MEMORY)
+    entry_speeds = _by_label(contacts, table.get(f"{prefix}entry_speed"), solutions.CONTACTS)
+    bristles = _by_label(contacts, table.get(f"{prefix}bristle_deflection"), solutions.BRISTLES)
+    memory = _by_label(memory_names(scene), table.get(f"{prefix}memory"), solutions.MEMORY)
     return State(bodies, entry_speeds, work, bristles, memory)
 
 
@@ -219,12 +215,12 @@ def _by_label(
     # An element may lack an entry, such as a contact without bristles.
     for element, family in names.items():
         for name in family:
-            if (label := contact_label(element, name)) in table[dim].values:
+            if (label := solutions.contact_label(element, name)) in table[dim].values:
                 by_element.setdefault(element, {})[name] = table.sel({dim: label}).values
     return by_element
 
 
-def _sections(folder: Path) -> dict[str, Crossings]:
+def _sections(folder: Path) -> dict[str, solutions.Crossings]:
     sections = {}
     for path in sorted(folder.glob(f"{SECTION}*.nc")):
         table = read_table(folder, path.stem, ["time"])
@@ -232,5 +228,5 @@ def _sections(folder: Path) -> dict[str, Crossings]:
         units = {str(name): row.attrs.get("units", "1") for name, row in table.items()}
         values = {name: table[name].values for name in units}
         name = str(table.attrs["table"]).removeprefix(SECTION)
-        sections[name] = Crossings(table["time"].values, values, units)
+        sections[name] = solutions.Crossings(table["time"].values, values, units)
     return sections

@@ -33,16 +33,7 @@ from .._model.bodies import State
 from .._model.scene import Scene
 from .._parametrisation.parameter import AbstractScale, Bounded, Linear, Log
 from .._parametrisation.paths import parameters
-from .._scene_files.documents import (
-    Document,
-    FileLocation,
-    Keys,
-    existing,
-    keys_of,
-    listed,
-    read_document,
-    written,
-)
+from .._scene_files import documents
 from .._scene_files.files import scene_of_document
 from .._scene_files.reading import KIND, Reader, number_of_text
 from .._scene_files.schema import Catalogue, Schema, scene_properties
@@ -265,7 +256,7 @@ class WrittenPath:
     """Function of a scene or a state that returns the number at a path, or the list of those at
     several."""
 
-    paths: tuple[Keys, ...]
+    paths: tuple[documents.Keys, ...]
 
     def __call__(self, tree: PyTree) -> PyTree:
         values = [reduce(_entry, keys, tree) for keys in self.paths]
@@ -281,7 +272,7 @@ class FoundPath:
     in_state: bool
     unit: str
 
-    def number(self, value: object, location: FileLocation) -> float:
+    def number(self, value: object, location: documents.FileLocation) -> float:
         if isinstance(value, str):
             return number_of_text(value, self.unit, location)
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -290,7 +281,7 @@ class FoundPath:
 
 
 def find_path(
-    texts: str | Sequence[str], scene: Scene, state: State, location: FileLocation
+    texts: str | Sequence[str], scene: Scene, state: State, location: documents.FileLocation
 ) -> FoundPath:
     """Find the number of the scene or of its initial state that a path names, or those of several
     paths.
@@ -299,7 +290,7 @@ def find_path(
     existing names), for paths both in the scene and in the state, and for different units.
     """
     with location.in_errors():
-        paths = [keys_of(text) for text in ([texts] if isinstance(texts, str) else texts)]
+        paths = [documents.keys_of(text) for text in ([texts] if isinstance(texts, str) else texts)]
     in_state = {keys[0] == "state" for keys in paths}
     if len(in_state) != 1:
         location.refuse(texts, "paths in the scene, or in the state", "name one or the other")
@@ -308,7 +299,7 @@ def find_path(
     tree, paths = (state, [keys[1:] for keys in paths]) if is_state else (scene, paths)
     # The unit of each number, by its keys: an array has one entry for each component.
     units = {
-        (*keys_of(name), *map(str, index)): unit
+        (*documents.keys_of(name), *map(str, index)): unit
         for name, (value, unit) in parameters(tree).items()
         for index in np.ndindex(np.shape(value))
     }
@@ -319,7 +310,10 @@ def find_path(
             # leading keys that are those of a number.
             known = max(n for n in range(len(keys) + 1) if any(k[:n] == keys[:n] for k in units))
             options = [k[known] for k in units if k[:known] == keys[:known] and len(k) > known]
-            names, parent = listed({*options}), written(keys[:known]) or "the top"
+            names, parent = (
+                documents.listed({*options}),
+                documents.written(keys[:known]) or "the top",
+            )
             if known == len(keys):
                 location.refuse(parent, "the path of one number", f"append one of {names}")
             otherwise = "`clearjoint check FILE --paths` lists all numbers"
@@ -348,7 +342,7 @@ class AbstractStudy:
     `time.perf_counter` when it was read, s."""
 
     parts: PyTree
-    location: FileLocation
+    location: documents.FileLocation
     started: float
 
     @property
@@ -368,7 +362,7 @@ class Study(AbstractStudy):
     scene: Scene
     state: State
     parts: StudyParts
-    location: FileLocation
+    location: documents.FileLocation
     document: Mapping[str, object]
     started: float = field(default_factory=time.perf_counter)
 
@@ -422,7 +416,7 @@ class Study(AbstractStudy):
 def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
     """Read a study file, or a scene file, which may have the sections of a study too, and make
     changes such as "joints.pin.clearance=0.2mm" in the scene or "run.end=2" in the study."""
-    document, location = read_document(path)
+    document, location = documents.read_document(path)
     if "bodies" in document:  # a scene file, which may have sections of a study
         study = {key: document.pop(key) for key in PARTS if key in document}
         tables, scene_location = document, location
@@ -432,7 +426,7 @@ def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
             file = path.parent / str(tables)
             if not file.is_file():
                 scene_location.refuse(tables, "the path of a scene file, or a table", "correct it")
-            tables, scene_location = read_document(file)
+            tables, scene_location = documents.read_document(file)
     else:
         remedy = 'a study file names one, scene = "four_bar.toml"; a scene file has [bodies.<name>]'
         location.refuse(sorted(document), "`scene` or `bodies`", remedy)
@@ -447,15 +441,17 @@ def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
     return Study(scene, state, parts, location, study)
 
 
-def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
+def _set(
+    study: documents.Document, scene: documents.Document, change: str
+) -> tuple[bool, documents.Keys]:
     """Make a change, such as "run.end=2", in the study or the scene; return whether it was in the
     study, and the keys of the value."""
-    location = FileLocation(f"--set {change}")
+    location = documents.FileLocation(f"--set {change}")
     path, equals, text = change.partition("=")
     if not equals:
         location.refuse(change, "a path and a value", "write joints.pin.clearance=0.2mm, say")
     with location.in_errors():
-        keys = keys_of(path.strip())
+        keys = documents.keys_of(path.strip())
     is_in_study = keys[0] in PARTS
     if keys[0] == "run":  # the options --end and --preset work for files without this section, too
         study.setdefault("run", {})
@@ -467,14 +463,16 @@ def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
     # last key may be new in a table, but not in a list. `steps` are the leading keys that exist,
     # with indices of lists as integers, and `table` is where those before the last one lead.
     tables = study if is_in_study else scene
-    steps, last = existing(tables, keys), len(keys) - 1
+    steps, last = documents.existing(tables, keys), len(keys) - 1
     table: PyTree = reduce(getitem, steps[:last], tables)  # pyright: ignore
     if len(steps) == last and isinstance(table, dict):
         steps = (*steps, keys[last])
     if len(steps) < len(keys):
-        key, parent = keys[len(steps)], written(steps) or "the top"
+        key, parent = keys[len(steps)], documents.written(steps) or "the top"
         names = list(table) if isinstance(table, dict) else []
         otherwise = f"add a section [{key}] to the file" if table is study else "see the file"
-        location.refuse(key, f"one of {listed(names)} at {parent}", nearest(key, names, otherwise))
+        location.refuse(
+            key, f"one of {documents.listed(names)} at {parent}", nearest(key, names, otherwise)
+        )
     table[steps[last]] = value
     return is_in_study, steps

@@ -138,17 +138,12 @@ def require(
         if (conditions := _CONDITIONS.get()) is not None:
             conditions.append(condition)
     elif not condition:
-        raise ValueError(
-            f"Argument `{argument}` must be {expected}, but is {_shown(value)}: {remedy}."
-        )
+        message = f"Argument `{argument}` must be {expected}, but is {_shown(value)}: {remedy}."
+        raise ValueError(message)
 
 
 def require_numbers(
-    condition: Callable[..., bool],
-    argument: str,
-    values: tuple[object, ...],
-    expected: str,
-    remedy: str,
+    condition: Callable[..., bool], argument: str, values: tuple, expected: str, remedy: str
 ) -> None:
     """Raise the error of `require` for the first of the `values` unless ``condition(*values)``
     holds. In `expected`, `{0}`, `{1}` and so on stand for the values."""

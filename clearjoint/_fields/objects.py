@@ -190,9 +190,8 @@ class AbstractReadable(eqx.Module):
     @override
     def __repr__(self) -> str:
         # A result code prints its name only while its number is an array: it is left unchanged.
-        return eqx.tree_pformat(
-            jax.tree.map(_plain, self, is_leaf=lambda node: isinstance(node, RESULTS))
-        )
+        plain = jax.tree.map(_plain, self, is_leaf=lambda node: isinstance(node, RESULTS))
+        return eqx.tree_pformat(plain)
 
 
 def without_modules(namespace: dict[str, object], *public: str) -> Callable[[], list[str]]:

@@ -199,9 +199,8 @@ class MjcfWriter:
                     position = position - TURN * np.round((position - middle) / TURN)
                     position = np.unwrap(position) if np.ndim(position) else position
                 parts = position, joint.sign * speed
-            numbers[joint.name] = tuple(
-                np.stack(np.broadcast_arrays(*jax.tree.leaves(part)), axis=-1) for part in parts
-            )
+            rows = (np.broadcast_arrays(*jax.tree.leaves(part)) for part in parts)
+            numbers[joint.name] = tuple(np.stack(row, axis=-1) for row in rows)
         return numbers
 
     def require_in_place(self, state: State) -> None:
@@ -503,17 +502,11 @@ class MjcfWriter:
             if math.isfinite(limits.velocity):
                 self.omitted["limits of velocities"].append(name)
         for name, actuator in robot.actuators.items():
-            _child(
-                self._section("actuator"),
-                "general",
-                biastype="affine",
-                name=name,
-                joint=robot._motors().get(actuator.joint, actuator.joint),
-                gear=actuator.gear,
-                gainprm=actuator.gain,
-                biasprm=actuator.bias,
-                **_finite({"ctrlrange": actuator.control, "forcerange": actuator.force}),
-            )
+            joint = robot._motors().get(actuator.joint, actuator.joint)
+            numbers = {"gear": actuator.gear, "gainprm": actuator.gain, "biasprm": actuator.bias}
+            numbers |= _finite({"ctrlrange": actuator.control, "forcerange": actuator.force})
+            options = {"biastype": "affine", "name": name, "joint": joint, **numbers}
+            _child(self._section("actuator"), "general", **options)
 
     def start(self, model: Model, state: State) -> tuple[np.ndarray, np.ndarray]:
         """Return `qpos` and `qvel` of MuJoCo's model of this file, for a state of the scene."""

@@ -3,7 +3,7 @@
 import math
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, is_dataclass
 from decimal import Decimal
@@ -119,11 +119,7 @@ class Reader:
         return {key: self.value(item, of_entry, location.at(key)) for key, item in content.items()}
 
     def instance(
-        self,
-        make: Maker,
-        content: Mapping,
-        location: FileLocation,
-        other_keys: tuple[str, ...] = (),
+        self, make: Maker, content: Mapping, location: FileLocation, other_keys: Sequence[str] = ()
     ) -> PyTree:
         """Make an object by calling a class or static method with the entries of a table.
         `other_keys`: those that the caller reads, for messages."""

@@ -462,20 +462,16 @@ def _polynomial(mimic: robots.Mimic, x: Scalar) -> tuple[Scalar, Scalar, Scalar]
 
 
 def _require_following(
-    argument: str,
-    numbers: Mapping[str, JointNumbers],
-    name: str,
-    mimic: robots.Mimic,
-    expected: Scalar,
+    argument: str, numbers: dict[str, JointNumbers], name: str, mimic: robots.Mimic, derived: Scalar
 ) -> None:
     if name not in numbers or isinstance(numbers[name][0], jax.Array):
         return
-    if isinstance(expected, jax.Array):
+    if isinstance(derived, jax.Array):
         return
-    follows = bool((np.abs(numbers[name][0] - expected) <= FOLLOWS).all())
+    follows = bool((np.abs(numbers[name][0] - derived) <= FOLLOWS).all())
     of = "constant" if mimic.leader is None else f"that which follows from joint {mimic.leader!r}"
     remedy = "leave it out of the dictionary"
-    require(follows, f"{argument}[{name!r}]", numbers[name][0], f"{of}, {expected}", remedy)
+    require(follows, f"{argument}[{name!r}]", numbers[name][0], f"{of}, {derived}", remedy)
 
 
 Loads: TypeAlias = dict[str, tuple[Vector, Vector]]
@@ -647,7 +643,7 @@ def load_robot(
     is_mjcf = root_tag(read_bytes(Path(path), LARGEST_FILE)) == "mujoco"
     content = (read_mjcf if is_mjcf else read_urdf)(Path(path))
     options = robots.Options(merge_fixed, free_root, balance_inertia, bound_mass, bound_inertia)
-    tree = robots.LinkTree(content.links, content.joints, location, options)
+    tree = robots.LinkTree(content, location, options)
     acceleration = content.gravity if isinstance(gravity, str) else gravity
     scene, state, elements = scene_of(tree, content.loops, play, stops, friction, acceleration)
     robot = _robot(tree, scene, state, elements, content)

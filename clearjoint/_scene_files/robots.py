@@ -210,16 +210,10 @@ class LinkTree:
     - `poses`: (4, 4) m, from the frame of each link to that of its carrier's first link.
     """
 
-    def __init__(
-        self,
-        links: Iterable[RobotLink],
-        joints: Iterable[RobotJoint],
-        location: FileLocation,
-        options: Options,
-    ):
+    def __init__(self, content: Content, location: FileLocation, options: Options):
         self.location, self.options = location, options
-        self.links = _by_name(links, "link", location)
-        self.joints = _by_name(joints, "joint", location)
+        self.links = _by_name(content.links, "link", location)
+        self.joints = _by_name(content.joints, "joint", location)
         of_child = self._joints_by_child()
         (self.root,) = self.links.keys() - of_child.keys()
         is_free = options.free_root
@@ -424,7 +418,6 @@ def warn_of_omitted(file: object, omitted: Mapping[str, list[str]]) -> None:
 
 
 def _by_name(elements: Iterable, kind: str, location: FileLocation) -> dict:
-    elements = list(elements)
     for name, number in Counter(element.name for element in elements).items():
         if number > 1:
             location.refuse(name, f"the name of one {kind} only", "rename the others")

@@ -50,9 +50,8 @@ def needed(package: str) -> ModuleType:
     try:
         return importlib.import_module(package)
     except ImportError as error:
-        raise ImportError(
-            f"Views need {package}: pip install 'clearjoint[view]', or pip install {package}"
-        ) from error
+        message = f"Views need {package}: pip install 'clearjoint[view]', or pip install {package}"
+        raise ImportError(message) from error
 
 
 def cylinder(radius: float, length: float) -> Mesh:

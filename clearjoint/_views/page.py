@@ -6,7 +6,6 @@ writes the file without a web server, and depends on ipywidgets alone.
 
 import json
 import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,11 +26,7 @@ class Legend:
 
 
 def page(
-    parts: Sequence[DrawnPart],
-    camera: Camera,
-    legend: Legend,
-    times: np.ndarray | None,
-    height: int,
+    parts: list[DrawnPart], camera: Camera, legend: Legend, times: np.ndarray | None, height: int
 ) -> str:
     """Return the HTML text of a page; `height`: of the view in a notebook, pixels."""
     k3d = needed("k3d")

@@ -217,14 +217,10 @@ def view(
 
 
 def _poses(
-    scene: Scene,
-    motion: Viewable | None,
-    observation: Observation | None,
-    forces: bool,
-    frames: int,
+    scene: Scene, motion: Viewable | None, observation: Observation | None, forces: bool, most: int
 ) -> tuple[BodyPoses, Observation | None, list[str]]:
-    """Return the poses of the bodies in at most `frames` frames; the observation at their times,
-    None if no forces are shown; and notes for the legend."""
+    """Return the poses of the bodies in at most `most` frames; the observation at their times, None
+    if no forces are shown; and notes for the legend."""
     if motion is None or isinstance(motion, State):
         remedy = "leave it out, or pass the solution that was observed"
         kind, expected = type(observation).__name__, "None for a single state"
@@ -241,10 +237,10 @@ def _poses(
     # unless an observation is given: it belongs to the ends of the steps, so these are shown.
     if observation is None and trajectory is getattr(motion, "steps", None) and len(trajectory) > 1:
         ends = np.asarray(trajectory.times)
-        trajectory = trajectory.between(np.linspace(ends[0], ends[-1], frames))
+        trajectory = trajectory.between(np.linspace(ends[0], ends[-1], most))
     times = np.asarray(trajectory.times)
     require_bodies(trajectory.states, scene.bodies, times)
-    chosen = instants_to_show(times, frames)
+    chosen = instants_to_show(times, most)
     shown = _at(trajectory, chosen)
     if observation is not None:
         observed = np.asarray(observation.times)

@@ -109,18 +109,12 @@ def run_lines(scene: Scene, solution: Solution) -> list[str]:
     gravity = "no gravity"
     if scene.gravity is not None:
         gravity = f"gravity ({', '.join(f'{g:.4g}' for g in np.asarray(scene.gravity))}) m/s²"
-    elements = [
-        f"{_counted(len(scene.bodies), 'bod', 'y', 'ies')} of {masses:.4g} kg",
-        _counted(len(scene.joints), "joint"),
-        _counted(len(scene.forces), "force"),
-    ]
+    bodies = f"{_counted(len(scene.bodies), 'bod', 'y', 'ies')} of {masses:.4g} kg"
+    elements = _counted(len(scene.joints), "joint"), _counted(len(scene.forces), "force")
     formulation = solution.formulation
-    equations = [
-        *_tolerances(solution),
-        type(formulation.coordinates).__name__,
-        type(formulation.stabilisation).__name__,
-        "with energy ledger" if formulation.ledger else "without energy ledger",
-    ]
+    parts = formulation.coordinates, formulation.stabilisation
+    equations = [*_tolerances(solution), *(type(part).__name__ for part in parts)]
+    ledger = "with energy ledger" if formulation.ledger else "without energy ledger"
     ideal: dict[str, list[str]] = {}
     for name, joint in scene.joints.items():
         if not isinstance(joint, AbstractContactJoint):
@@ -129,10 +123,10 @@ def run_lines(scene: Scene, solution: Solution) -> list[str]:
     steps = f"{int(solution.accepted)} steps accepted of {int(solution.attempts)} tried"
     redundant = ", ".join(solution.redundant_constraints)
     return [
-        f"Scene: {', '.join([*elements, gravity])}",
+        f"Scene: {', '.join([bodies, *elements, gravity])}",
         f"Run: to {float(solution.time):.6g} s; {RESULTS[solution.result]}",
         f"Steps: {steps}; {_impacts(solution.impacts)}",
-        f"Equations: {', '.join(equations)}",
+        f"Equations: {', '.join([*equations, ledger])}",
         *([f"Joints without contacts: {'; '.join(kinds)}"] if kinds else []),
         *([f"Redundant constraints: {redundant}"] if redundant else []),
     ]
