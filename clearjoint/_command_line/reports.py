@@ -129,10 +129,9 @@ def write_report(folder: Path) -> None:
     elif kind == "sweep":
         write_sweep_report(folder, open_sweep(folder / folders.STORE).load())
     elif kind == "wear":
-        results = open_wear(folder / folders.WEAR_STORE)
-        folders.require_names(
-            folder / folders.WEAR_STORE, ["force", *(f"{p}_volume" for p in PARTS)], results
-        )
+        store, needed = folder / folders.WEAR_STORE, ["force", *(f"{p}_volume" for p in PARTS)]
+        results = open_wear(store)
+        folders.require_names(store, needed, results)
         write_wear_report(folder, results)
     else:
         write_page(folder)

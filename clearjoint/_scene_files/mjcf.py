@@ -183,6 +183,8 @@ def _equalities(
         if kind not in (CONNECT, WELD) or not model.eq_active0[k]:
             others.append(name)
             continue
+        # For bodies, `eq_data` has the points in both (connect) or, from entry 3 on, the pose of the
+        # second relative to the first (weld).
         frames = [np.eye(4), np.eye(4)]
         if model.site_bodyid.size and model.eq_objtype[k] != 1:  # sites, not bodies
             for frame, site in zip(frames, ids, strict=True):
@@ -215,6 +217,7 @@ def _actuators(model: Model) -> tuple[dict[str, robots.Actuator], list[str]]:
     others: list[str] = []
     for k in range(model.nu):
         name, (target, _) = model.actuator(k).name or f"actuator {k}", model.actuator_trnid[k]
+        # On a slider or hinge, with a fixed gain, an affine bias or none, and no activation state.
         is_of_joint = model.actuator_trntype[k] in (0, 1) and model.jnt_type[target] >= 2
         is_affine = model.actuator_gaintype[k] == 0 and model.actuator_biastype[k] in (0, 1)
         if not (is_of_joint and is_affine and model.actuator_dyntype[k] == 0):

@@ -241,6 +241,7 @@ class MjcfWriter:
             ball = _child(element, "joint", type=BALL, **common)
             return FileJoint(ball, np.zeros(3), start=start)
         assert isinstance(subspace, Hinge | Slider)
+        # The scene's position is that of the second body relative to the first.
         sign = 1.0 if joint.body_names()[0] == branch.parent else -1.0
         axis, position, armature = subspace.axis * sign, sign * float(start), None
         if isinstance(joint, HingeOrSlider):
@@ -270,12 +271,14 @@ class MjcfWriter:
         its first, about or along `axis`, by default that of the first joint between them. All
         joints between the bodies must have this axis. `name`: of a new tendon."""
         first, second = element.pair()
+        # The position changes with the motion of a body's joint: 1 for those that carry the second
+        # body, -1 for those that carry the first, and not at all for those that carry both.
         sides: dict[str, float] = defaultdict(float)
         for body, side in ((first, -1.0), (second, 1.0)):
             while body != GROUND:
                 sides[body] += side
                 body = self._branches[body].parent
-        # Left out are bodies that carry both, and those that are fixed to their parents.
+        # Bodies that are fixed to their parents have no joint.
         passed = [b for b in self._branches if sides.get(b) and b in self.joints]
         if not passed or any(self.joints[body].kind != kind for body in passed):
             raise NoCounterpartError
@@ -393,9 +396,11 @@ class MjcfWriter:
         self, on: FileJoint, stiffness: float = 0.0, stretch: float = 0.0, **others: float
     ) -> None:
         """Add a spring, which is stretched by `stretch` in the pose, and `others` to attributes."""
+        # A tendon has two rest lengths, between which its spring is slack. Here they are equal.
         rest, count = ("springref", 1) if on.element.tag == "joint" else ("springlength", 2)
         before = float(on.element.get("stiffness", 0.0))
         if stiffness:
+            # With an earlier spring, the forces add up: the common rest position is a mean.
             moment = stiffness * (on.position - on.sign * stretch)
             moment += before * float(on.element.get(rest, "0").split()[0])
             on.element.set(rest, _text(np.full(count, moment / (before + stiffness))))
@@ -459,6 +464,7 @@ class MjcfWriter:
             position = float(end.position(self._motions).value)
             ends.append((self._between(name, kind, end, axis), position))
         (follower, y), (leader, x) = ends
+        # MuJoCo's polynomial is that of the displacements from the pose of the file.
         polynomial = np.polynomial.Polynomial(np.asarray(function.coefficients))
         shifted = (polynomial(np.polynomial.Polynomial([x, leader.sign])) - y).trim().coef
         if isinstance(joint.follower, RevoluteJoint):

@@ -133,9 +133,10 @@ def compare_with_mujoco(
     for name in own:
         has_joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) >= 0
         require(has_joint, "path", str(path), f"a file with a joint {name!r}", "add the joint")
+    # MuJoCo would restart a motion that diverges; the comparison shows it as it is.
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     for k in range(model.nu):
-        if model.actuator(k).name not in writer.controls:
+        if model.actuator(k).name not in writer.controls:  # of the robot's file, not of the scene
             model.actuator_gainprm[k], model.actuator_biasprm[k] = 0.0, 0.0
     counts = [max(round(times[1] / step), 1) for step in timesteps]
     runs = [_run(model, writer, state, times, steps, [*own]) for steps in counts]

@@ -287,6 +287,7 @@ class Robot:
             rate = change + curvature * leader.speeds[0] ** 2
             _require_following("qdd", rates, name, mimic, rate)
             rates[name] = (rate,)
+        # The rotor of a drive turns with the joint, unless its own rate is given.
         for name, motor in self._motors().items():
             rates.setdefault(motor, rates.get(name, (0.0,)))
         loads = _inertial_loads(unpack(self.scene), self._branches, variables, motions, rates)
@@ -298,6 +299,8 @@ class Robot:
         for name, motor in self._motors().items():
             (own,), (others,) = torques[name], torques.pop(motor)
             torques[name] = (own + others,)
+        # The leader does the work of its followers: by virtual work, their torques count times the
+        # derivative of their positions by its position. Followers of followers come first.
         for name, mimic in reversed(self._mimics.items()):
             if mimic.leader is not None:
                 (own,), (others,) = torques[mimic.leader], torques[name]
@@ -375,10 +378,10 @@ class Robot:
                 position = positions.get(branch.joint, tuple(leaves))
                 speed = speeds.get(branch.joint, zero.speeds)
                 variable = JointState(jax.tree.unflatten(structure, position), speed)
-            body, parent, about = branch.body, branch.parent, branch.orientation
+            body, parent, orient = branch.body, branch.parent, branch.orientation
             variables[body] = variable
             motions[body] = branch.motion(motions[parent], variable)  # pyright: ignore
-            orientations[body] = about(orientations[parent], variable)  # pyright: ignore
+            orientations[body] = orient(orientations[parent], variable)  # pyright: ignore
         return variables, motions, orientations
 
     def _coordinates(
@@ -498,12 +501,16 @@ def _inertial_loads(
         linear, angular = accelerations[branch.parent]
         to_child = subspace.rotation(state.position).transposed_times
         twist, rate = subspace.twist(state), subspace.bias(state)
+        # `rate` becomes the rate of `twist`, the child's motion relative to its parent: the bias at
+        # constant speeds, and the columns of the joint's motion times the rates of its speeds.
         own = rates.get(branch.joint, (0.0,) * len(state.speeds))
         for column, number in zip(subspace.columns(state.position), own, strict=True):
             rate = rate + column * number
+        # The joint's point on the parent, relative to the parent's centre; in the parent's axes.
         point, spin = subspace.point_parent, parent.spin
         at_point = angular.cross(point) + spin.cross(spin.cross(point))
         angular = to_child(angular) + to_child(spin).cross(twist.angular) + rate.angular
+        # The child's centre relative to that point, with the Coriolis term; in the child's axes.
         arm, spin = subspace.displacement(state.position) - subspace.point_child, body.spin
         relative = angular.cross(arm) + spin.cross(spin.cross(arm) + twist.linear * 2.0)
         linear = linear + parent.rotation @ at_point

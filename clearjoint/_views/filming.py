@@ -46,8 +46,7 @@ class Film:
         times: np.ndarray | None,
         samples: int = SAMPLES,
     ):
-        self._times = times
-        self._parts = parts
+        self._times, self._parts = times, parts
         self._view, self._target = camera.axes(), camera.target
         self._distance = float(np.linalg.norm(camera.eye - camera.target))
         self.figure = Figure(figsize=(8.0, 4.8), dpi=DPI)

@@ -53,9 +53,7 @@ def next_colour(axes: Axes) -> str:
 
 def axes_or_new(axes: Axes | None, size: tuple[float, float] = (6.4, 4.0)) -> Axes:
     """Return `axes`, or if it is None those of a new figure of width and height `size`, inches."""
-    if axes is not None:
-        return axes
-    return plt.subplots(figsize=size, layout="constrained")[1]
+    return plt.subplots(figsize=size, layout="constrained")[1] if axes is None else axes
 
 
 def polar_or_new(axes: Axes | None) -> PolarAxes:

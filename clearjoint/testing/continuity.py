@@ -64,11 +64,10 @@ def jumps(
         middle = 0.5 * (piece.left + piece.right)
         value = values(middle)
         is_left = jnp.abs(value - piece.value_left) >= jnp.abs(piece.value_right - value)
-        halves = (
-            _Piece(piece.left, middle, piece.value_left, value),
-            _Piece(middle, piece.right, value, piece.value_right),
-        )
-        return jax.tree.map(lambda *pair: jnp.where(is_left, *pair), *halves), halfway
+        left_half = _Piece(piece.left, middle, piece.value_left, value)
+        right_half = _Piece(middle, piece.right, value, piece.value_right)
+        kept = jax.tree.map(lambda *pair: jnp.where(is_left, *pair), left_half, right_half)
+        return kept, halfway
 
     zeros = jnp.zeros_like(start.value_left)
     (_, positions, low, high), halfway = jax.lax.fori_loop(0, HALVINGS, bisect, (start, zeros))
