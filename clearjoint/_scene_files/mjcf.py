@@ -183,8 +183,8 @@ def _equalities(
         if kind not in (CONNECT, WELD) or not model.eq_active0[k]:
             others.append(name)
             continue
-        # For bodies, `eq_data` has the points in both (connect) or, from entry 3 on, the pose of the
-        # second relative to the first (weld).
+        # For bodies, `eq_data` has the points in both (connect) or, from entry 3 on, the pose of
+        # the second relative to the first (weld).
         frames = [np.eye(4), np.eye(4)]
         if model.site_bodyid.size and model.eq_objtype[k] != 1:  # sites, not bodies
             for frame, site in zip(frames, ids, strict=True):

@@ -630,8 +630,7 @@ def mjcf_of(
     check_precision(allow_float32=False)
     expected, remedy = "a Scene or a Robot", "pass that of `load_robot`"
     require(isinstance(scene, Scene | Robot), "scene", scene, expected, remedy)
-    robot = scene if isinstance(scene, Robot) else None
-    whole = scene.scene if isinstance(scene, Robot) else scene
+    robot, whole = (scene, scene.scene) if isinstance(scene, Robot) else (None, scene)
     pose = state if robot is None else robot.state()
     remedy = "pass that in which the bodies of the file are"
     require(pose is not None, "state", state, "given for a scene", remedy)
