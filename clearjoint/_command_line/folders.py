@@ -73,8 +73,8 @@ def write_scene(folder: Path, scene: Scene, state: State, name: str = SCENE) -> 
 
 def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = ()) -> None:
     """Remove the results of an earlier computation that a new page would also show: figures, and
-    tables and files whose names match the patterns. Without a summary, the folder has no results.
-    """
+    tables and files whose names match the patterns. From a folder without a summary, and thus
+    without results, nothing is removed."""
     if (folder / SUMMARY).is_file():
         both = [f"{table}.{suffix}" for table in tables for suffix in ("nc", "csv")]
         for pattern in (f"{FIGURES}/*.png", *both, *files):

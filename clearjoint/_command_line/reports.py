@@ -53,7 +53,7 @@ def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
 
 
 def worn_parts(dataset: xr.Dataset) -> list[tuple[str, Part]]:
-    """Return the parts that have worn: names of joints with "bearing" or "journal"."""
+    """Return the parts that have worn, as pairs of a joint's name and "bearing" or "journal"."""
     pairs = product(map(str, dataset["joint"].values), PARTS)
     return [(j, part) for j, part in pairs if (dataset[f"{part}_depth"].sel(joint=j) > 0.0).any()]
 

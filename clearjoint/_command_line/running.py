@@ -40,7 +40,7 @@ DRAWN = 10_000
 SHARP = "N", "N m", "m/s^2", "rad/s^2"
 """Units of forces and accelerations: in an impact, they change faster than states are saved."""
 LARGEST, SMALLEST = " largest", " smallest"
-"""Suffixes of the names of reductions: the extremes of an output."""
+"""Suffixes of an output's name, in the names of the reductions that find its extremes."""
 
 
 PREFIXES = {Crossings: folders.SECTION, Impacts: folders.TABLE, Rejections: folders.REJECTED}

@@ -58,7 +58,7 @@ class RunPart:
 
     - `start`, `end`: first and last time, s. Without `end`, the command line must give it.
     - `save_every`: time between two saved states, s; by default a thousandth of the duration.
-    - `preset`: name of settings in `clearjoint.presets`; `settings`: replace some of them.
+    - `preset`: name of settings in `clearjoint.presets`; `settings`: entries that replace some.
     - `outputs`: quantities, evaluated at the saved states, or reductions, sections and tables. The
       extremes of forces and accelerations between saved states are found too.
     - `sections`: further outputs that are sections, as in files of earlier versions.
@@ -444,8 +444,8 @@ def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
 def _set(
     study: documents.Document, scene: documents.Document, change: str
 ) -> tuple[bool, documents.Keys]:
-    """Make a change, such as "run.end=2", in the study or the scene; return whether it was in the
-    study, and the keys of the value."""
+    """Make a change, such as "run.end=2", in the study or the scene; return whether the study has
+    been changed, and the keys of the value."""
     location = documents.FileLocation(f"--set {change}")
     path, equals, text = change.partition("=")
     if not equals:

@@ -271,9 +271,9 @@ def with_arrays(tree: PyTree) -> PyTree:
     """Return a PyTree, such as a scene and a state, with its numbers as float64 arrays.
 
     A Python number that `equinox.tree_at` has put into a scene would otherwise be part of the
-    program, which would be compiled for each of its values. Traced numbers and bools are not
-    converted. In Equinox modules of other packages, only fields with a converter are, since other
-    numbers may be meant as parts of the program.
+    program, which would be compiled for each of its values. Traced numbers and Python's bools are
+    not converted. In Equinox modules of other packages, only fields with a converter are, since
+    other numbers may be meant as parts of the program.
     """
     leaves, structure = jax.tree.flatten(tree)
     arrays = array_leaves(leaves, structure)

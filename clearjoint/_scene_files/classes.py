@@ -25,22 +25,22 @@ Classes: TypeAlias = Collection[type]
 Maker: TypeAlias = Callable[..., PyTree]
 """A class, or a static method that returns an object of its class, such as `Body.rod`."""
 CHECKED: dict[Maker, Maker] = {BodyState: body_state}
-"""For classes whose constructors do not check their arguments, functions that do, and return the
-object."""
+"""For each class whose constructor does not check its arguments, a function that checks them and
+returns an object."""
 
 
 @dataclass(frozen=True)
 class Expectation:
     """Values that an argument of a constructor, or an entry of a table or list, may have in a file.
 
-    Numbers, which the constructor checks, are refused only if there are `options` but neither
-    `shapes` nor `classes`.
+    The reader refuses a number only if there are `options` but neither `shapes` nor `classes`; in
+    all other cases the constructor checks it.
 
     - `unit`: SI unit of numbers; None if none is declared.
     - `shapes`: shapes that arrays of numbers may have, () for a single number; empty if unknown.
     - `is_array`: whether numbers, also a single one, are converted to an array.
     - `classes`: base classes of the objects that are allowed.
-    - `options`: value of each text, for an argument with a fixed set of texts.
+    - `options`: for an argument with a fixed set of texts, the value of each text.
     - `by_name`: expectation for the entries of a table whose keys are names, such as `bodies`.
     - `item`: expectation for the entries of a list.
     """
@@ -169,8 +169,8 @@ def _hints(owner: object) -> dict[str, Any]:
 
 
 def expectation(annotation: object, unit: str | None = None) -> Expectation:
-    """Return the `Expectation` of an annotation; the unit is that in ``Annotated[float, "s"]``,
-    else `unit`."""
+    """Return the `Expectation` of an annotation. The unit of numbers is that in ``Annotated[float,
+    "s"]``, or by default `unit`."""
     origin, inner = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:
         kind, *notes = inner

@@ -229,8 +229,8 @@ def _depth(content: object) -> int:
 
 
 def _parsed_json(text: str) -> object:
-    """Return the content of a JSON text, without repeated keys, of which `json` would take the
-    last."""
+    """Return the content of a JSON text; refuse repeated keys, as `tomllib` does: `json` would
+    silently take the last."""
     numbers = count()
 
     def table(pairs: list[tuple[str, object]]) -> Document:

@@ -58,7 +58,7 @@ class Drive:
     - `damping`: N m s/rad, parallel to the stiffness; with play, of a pressed flank
       (`SpringDashpot`).
     - `restitution`: of the flanks, in place of a damping; 0.5 by default (see `Backlash`).
-    - `friction`, `viscosity`: dry friction, N m, and its viscous part, N m s/rad, between the rotor
+    - `friction`, `viscosity`: dry friction, N m, and viscous friction, N m s/rad, between the rotor
       and the joint's first body.
     - `loss`: further dry friction of the rotor, divided by the torque between rotor and link: 0.1
       for a gear that loses a tenth of it. Of a slider only with play.

@@ -85,11 +85,12 @@ Control: TypeAlias = Callable[[jax.Array], jax.Array]
 
 
 class FileJoint(NamedTuple):
-    """A joint or fixed tendon of the file, as the joint of a body, or for an element of the scene.
+    """A joint or fixed tendon of the file, which stands for a joint of the scene or on which an
+    element of the scene acts.
 
-    All in the pose of the file: `axis` of that joint or element, (3,) in global axes; `position` in
-    the file, rad or m; `start`, position in joint coordinates. `sign`: 1 if the scene's position
-    grows with the file's, else -1.
+    `sign` is 1 if the position of this joint or element grows with that of the file's, else -1. In
+    the pose of the file, `axis` is its axis, (3,) in global axes; `position` that of the file's
+    joint, rad or m; and `start` its own, in joint coordinates.
     """
 
     element: Element
@@ -140,7 +141,7 @@ class MjcfWriter:
     """The file of a scene, whose bodies are in a `pose`.
 
     - `joints`: the file's joints by the body that they carry.
-    - `controls`: of the actuators that are forces of the scene, by name, as functions of time.
+    - `controls`: for each actuator that is a force of the scene, its control as a function of time.
     - `omitted`: names of elements of the scene that have no counterpart, by title.
     """
 
@@ -181,7 +182,8 @@ class MjcfWriter:
         return variables_of(self._branches.values(), jax.tree.map(np.asarray, state))
 
     def motion(self, state: State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Return positions and speeds (..., n) of each joint of the file, by name, for states."""
+        """Return positions and speeds (..., n) of the file's joints, by name, for states of the
+        scene."""
         numbers = {}
         for body, variable in self._variables(state).items():
             if (joint := self.joints.get(body)) is None:
@@ -268,8 +270,8 @@ class MjcfWriter:
 
     def _between(self, name: str, kind: str, element: PyTree, axis: Vector | None) -> FileJoint:
         """Return the joint or tendon whose position is that of an element's second body relative to
-        its first, about or along `axis`, by default that of the first joint between them. All
-        joints between the bodies must have this axis. `name`: of a new tendon."""
+        its first, about or along an `axis` of the first, by default that of the first joint between
+        them. All joints between the bodies must have this axis. `name`: of a new tendon."""
         first, second = element.pair()
         # The position changes with the motion of a body's joint: 1 for those that carry the second
         # body, -1 for those that carry the first, and not at all for those that carry both.
@@ -395,7 +397,8 @@ class MjcfWriter:
     def _resist(
         self, on: FileJoint, stiffness: float = 0.0, stretch: float = 0.0, **others: float
     ) -> None:
-        """Add a spring, which is stretched by `stretch` in the pose, and `others` to attributes."""
+        """Add a spring, which is stretched by `stretch` in the pose; increase the attributes
+        `others`."""
         # A tendon has two rest lengths, between which its spring is slack. Here they are equal.
         rest, count = ("springref", 1) if on.element.tag == "joint" else ("springlength", 2)
         before = float(on.element.get("stiffness", 0.0))
@@ -482,7 +485,7 @@ class MjcfWriter:
         _child(self._section("equality"), tag, name=name, **names, polycoef=padded, **HARD)
 
     def closing(self, name: str, joint: PyTree) -> None:
-        """Add a ball, a weld or a hinge that closes a loop: two points on the axis of a hinge."""
+        """Add a ball, a weld or a hinge that closes a loop; a hinge as two points on its axis."""
         turn = joint.orientation if isinstance(joint, FixedJoint) else trees.UPRIGHT
         tag = "weld" if isinstance(joint, FixedJoint) else "connect"
         points = {name: (joint.point_first, joint.point_second)}
@@ -570,8 +573,8 @@ ALONG: Mapping[type, tuple[str, str | None, Callable[..., None]]] = {
     PrescribedAngle: (HINGE, "axis", MjcfWriter.prescribed),
     PrescribedTranslation: (SLIDE, "axis", MjcfWriter.prescribed),
 }
-"""What adds an element about or along an axis of its first body, by class: the kind of the file's
-joints on which it acts, the name of its axis, and the method."""
+"""For each class of elements about or along an axis of their first body: the kind of the file's
+joints on which they act, the name of the axis, and the method that adds them to the file."""
 OTHERS: Mapping[type, Callable[..., None]] = {
     JointFriction: MjcfWriter.friction,
     SpringDamper: MjcfWriter.spring_damper,

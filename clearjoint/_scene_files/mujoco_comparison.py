@@ -32,10 +32,10 @@ class MujocoComparison:
 
     - `timesteps`: (n,) s.
     - `times`: (N,) s, from zero, at which the runs are compared.
-    - `positions`: those of each hinge and slider in the run of the scene, (N,) rad or m, by name.
-    - `in_mujoco`: those in MuJoCo, (n, N), by name. If the motion diverges there, because the step
-      is too long for a flank, they are NaN or arbitrary from then on.
-    - `largest_difference`: that in each joint, (n,) rad or m, by name; infinite after divergence.
+    - `positions`: of each hinge and slider in the run of the scene, (N,) rad or m, by name.
+    - `in_mujoco`: of the same joints in MuJoCo, (n, N) rad or m, by name. If the motion diverges,
+      because the step is too long for a flank, they are NaN or arbitrary from then on.
+    - `largest_difference`: of the two, (n,) rad or m, by name; infinite after divergence.
 
     ``print(comparison)`` shows the largest differences as a table.
 

@@ -41,8 +41,8 @@ NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)(?:
 def axis_and_angle(
     axis: Annotated[Float[np.ndarray, "3"], "1"], angle: Annotated[float, "rad"]
 ) -> tuple:
-    """Return the Euler parameters, scalar first, of a rotation about an axis, which a table with
-    the keys `axis` and `angle` may replace in a file."""
+    """Return the Euler parameters, scalar first, of a rotation about an axis. In a file, a table
+    with the keys `axis` and `angle` may stand for them."""
     return tuple(rotation(axis, angle).tolist())
 
 

@@ -40,7 +40,7 @@ NOTHING: Mapping[str, PyTree] = MappingProxyType({})
 TURN = 2.0 * math.pi
 REST_OF_A_JOINT = JointState(0.0, (0.0,))
 FOLLOWS = 1e-6
-"""Largest difference, rad or m, of a given position of a follower from that by its leader."""
+"""Largest difference, rad or m, between a follower's given position and that by its leader's."""
 
 
 class HasStates(Protocol):
@@ -267,9 +267,9 @@ class Robot:
         motion.
 
         They come from inverse dynamics, with gravity, and springs and dampers of the file, but
-        without dry friction, stops and joints that close loops. A joint that others follow has the
-        torque for all of them, and its followers have zero. The torque of a joint with a drive
-        moves the rotor too, which turns with the joint. Free bodies are held at rest.
+        without dry friction, stops and joints that close loops. The torque of a joint that others
+        follow moves these too; theirs is zero. The torque of a joint with a drive moves the rotor
+        too, which turns with the joint. Free bodies are held at rest.
 
         **Arguments:** `q`, `qd`, `qdd`: positions, speeds and accelerations, as in `state`.
 
@@ -488,8 +488,8 @@ def _inertial_loads(
     motions: Mapping[str, Motion],
     rates: Mapping[str, JointNumbers],
 ) -> Loads:
-    """Return the loads on each body in a motion with given `rates` of the joints' speeds, from
-    joints and drives alone (recursive Newton-Euler algorithm, first pass)."""
+    """Return the loads that joints and drives exert on each body in a motion with given `rates` of
+    the joints' speeds (recursive Newton-Euler algorithm, first pass)."""
     # Linear acceleration in global axes, angular acceleration in body axes.
     accelerations = {GROUND: (ZERO, ZERO)}
     for branch in branches:
@@ -538,7 +538,7 @@ def _carried(
     motions: Mapping[str, Motion],
     loads: Loads,
 ) -> dict[str, JointNumbers]:
-    """Return each joint's generalised forces that support the loads (second pass)."""
+    """Return the generalised forces of joints that balance the loads (second pass)."""
     loads, forces = dict(loads), {}
     for branch in reversed(branches):
         if isinstance(branch, trees.FreeBranch):

@@ -53,7 +53,7 @@ IDEAL = {
 """Class of the ideal joint, and number of its arguments that are the axis, by type in the file."""
 TYPES = *IDEAL, robots.FLOATING
 BACKLASH = "backlash"
-"""Key of the angle of a backlash, rad, in `play`: the argument `play` of `Backlash`."""
+"""Key of a backlash's angle, rad, in the user's arguments; the class `Backlash` calls it `play`."""
 GIVEN_BY_THE_FILE = {
     *("bearing_body", "bearing_point", "bearing_axis"),
     *("journal_body", "journal_point", "journal_axis"),
@@ -63,7 +63,7 @@ GIVEN_BY_THE_FILE = {
 OF_STOPS = ("torsional_stiffness", "restitution", "law", "radius"), ("law",)
 """Arguments of the stops of hinges, and of those of sliders."""
 FAR = 1e3
-"""Distance of the walls from a slider with stops, over its travel: they are never touched."""
+"""Distance of the walls that a slider with stops never touches, as a multiple of its travel."""
 
 
 FRICTION = ElastoPlastic(
@@ -382,7 +382,8 @@ def _add_stops(elements: Elements, stops: Mapping[str, Play]) -> None:
 def ends_of_travel(
     joint: PrismaticJoint, room: PyTree, middle: PyTree, settings: Play
 ) -> PinInSlot:
-    """Return the stops of a slider, at a distance `room`, m, about the position `middle`, m."""
+    """Return the two stops of a slider, `room`, m, apart, on both sides of the position `middle`,
+    m."""
     axis = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
     normal, _ = transverse_axes(Vector(*axis.tolist()))
     return PinInSlot(

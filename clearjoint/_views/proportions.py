@@ -30,8 +30,8 @@ class Proportions:
     - `size`: diagonal of the box around the mechanism, m.
     - `bar`: radius of the bar by which a body is drawn, m.
     - `bearing_scale`, `clearance_scale`: drawn size divided by true size, of bearings and sockets,
-      and of clearances and eccentricities. A journal or ball fills its bearing but for the
-      clearance.
+      and of clearances and eccentricities. The drawn radius of a journal or ball is that of its
+      bearing or socket less the drawn clearance.
     - `front`: unit vector to the viewer before the camera is tilted, the main direction of the
       joint axes.
     - `up`: unit vector upwards.

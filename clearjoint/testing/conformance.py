@@ -26,8 +26,8 @@ RATES = (-1.0, -1e-3, 0.0, 1e-6, 1e-3, 1.0)
 ENTRY_SPEEDS = (1e-9, 1e-4, 0.1, 10.0)
 """Entry speeds at which laws are tested, m/s."""
 EDGE = 1e-9
-"""A jump at this depth from the onset, as a fraction of the onset offset or, for an offset below
-1e-9 m, of 1e-9 m, is at the onset."""
+"""A jump counts as one at the onset if its depth differs from that of the onset by at most this
+fraction of the onset offset or, if the offset is below 1e-9 m, of 1e-9 m."""
 SMOOTH = (
     (1.3e-6, 2e-3, 0.11),
     (1.3e-6, 0.07, 0.11),
@@ -321,8 +321,9 @@ def check_constraint(
     is the Jacobian times the velocities and spins plus the time rate, and that the bias is the time
     derivative of this sum at constant velocities and spins.
 
-    **Arguments:** `tolerance`: largest accepted difference of rates, relative to one plus the size
-    of the rate. The bias may differ by ten times as much, because its rounding errors are larger.
+    **Arguments:** `motions`: at time 0. `tolerance`: largest accepted difference of rates, relative
+    to one plus the size of the rate. The bias may differ by ten times as much, because its rounding
+    errors are larger.
 
     >>> motions = {
     ...     "ground": testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0)),

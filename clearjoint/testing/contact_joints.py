@@ -277,7 +277,7 @@ def _force_failures(
     loaded: LoadedContact, first: Motion, second: Motion, factor: Slope | None
 ) -> dict[str, jax.Array]:
     """Whether each condition on normal force and friction of one contact without couples fails;
-    `factor`: time derivative of `contact.gap.factor`, or ``None``."""
+    `factor`: time derivative of `contact.gap.factor`, ``None`` if that is."""
     contact, friction, force = loaded.contact, loaded.friction, loaded.normal_force
     # Friction acts at the contact points. For a contact without friction, the joint may give other
     # points on the normal force's line of action.
@@ -322,8 +322,8 @@ def _changes_of_parameters(parameters: AbstractContactJoint, point: jax.Array) -
 
 def _rows(contacts: Contacts) -> Rows:
     """Numbers (15,) of each contact: penetration, normal force and elastic force; then vectors:
-    friction and normal in global axes, and from the bodies' centres of mass to the contact point in
-    body axes."""
+    friction and normal in global axes, and the arms from the bodies' centres of mass to the contact
+    point in body axes."""
     rows = {}
     for label, (loaded, _) in contacts.items():
         friction = ZERO if loaded.friction is None else loaded.friction

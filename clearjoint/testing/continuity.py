@@ -20,8 +20,8 @@ HALVINGS = 100
 ROUNDING = 1e-9
 """A change of the function below this fraction of its values counts as rounding error."""
 STAYS = 0.5
-"""A jump is a change that remains after all bisections and exceeds this fraction of the change
-after half of them, which decreases for any continuous function, even a square root."""
+"""A change that remains after all bisections is a jump if it exceeds this fraction of the change
+after half of them. That of a continuous function, even of a square root, decreases further."""
 
 
 class Jumps(NamedTuple):
