@@ -186,7 +186,9 @@ def read_document(path: Path) -> tuple[Document, FileLocation]:
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        byte = f"byte 0x{content[error.start]:02x} at position {error.start}"
+        # The decoder counts from the end of a byte order mark.
+        position = error.start + len(content) - len(error.object)
+        byte = f"byte 0x{content[position]:02x} at position {position}"
         location.refuse(byte, "UTF-8 text", "save the file in the encoding UTF-8")
     location.source = Source(text, suffix)
     return parse(text, suffix, str(path)), location

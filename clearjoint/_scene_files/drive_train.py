@@ -214,8 +214,7 @@ def _flanks(between: HingeOrSlider, numbers: Mapping[str, PyTree]) -> AbstractCo
         if damping is not None:
             law: AbstractContactLaw = SpringDashpot(stiffness, damping / square)
         else:
-            restitution = numbers.get("restitution", 0.5)
-            law = ExactRestitution(restitution=restitution, stiffness=stiffness, exponent=1.0)
+            law = ExactRestitution(numbers.get("restitution", 0.5), stiffness, exponent=1.0)
     if isinstance(between, RevoluteJoint):
         return backlash_of(between, play=numbers["play"], radius=DEFAULT_RADIUS, law=law)
     return ends_of_travel(between, numbers["play"], 0.0, {"law": law})
