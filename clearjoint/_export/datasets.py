@@ -104,8 +104,8 @@ def labelled_dataset(
 
     parts = [{n: _variable(array) for n, array in d.items()} for d in (variables, coordinates)]
     programs = (f"{name.removeprefix('version of ')} {text}" for name, text in versions().items())
-    whole = {"Conventions": "CF-1.11", "title": title, "source": ", ".join(programs)}
-    return xr.Dataset(*parts, attrs={**whole, **dict(notes)})
+    attributes = {"Conventions": "CF-1.11", "title": title, "source": ", ".join(programs)}
+    return xr.Dataset(*parts, attrs={**attributes, **dict(notes)})
 
 
 def estimate_labels(units: Mapping[str, str]) -> dict[str, Labelled]:

@@ -53,10 +53,10 @@ def _digits(value: float, error: float) -> int:
 def duration(seconds: float) -> str:  # "0.23 s", "68 s", "3 min 20 s" or "1 h 7 min"
     if seconds < 9.95:
         return f"{seconds:.2g} s"
-    whole = round(seconds)
-    if whole < 120:
-        return f"{whole} s"
-    minutes, rest = divmod(whole, 60)
+    rounded = round(seconds)
+    if rounded < 120:
+        return f"{rounded} s"
+    minutes, rest = divmod(rounded, 60)
     if minutes < 60:
         return f"{minutes} min {rest} s"
     return f"{minutes // 60} h {minutes % 60} min"

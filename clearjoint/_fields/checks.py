@@ -207,8 +207,8 @@ def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool
 
 def require_count(argument: str, value: object, remedy: str, *, zero: bool = False) -> None:
     least, expected = (0, "zero or positive") if zero else (1, "positive")
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= least
-    require(bool(whole), argument, value, f"a whole number, {expected}", remedy)
+    valid = isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= least
+    require(bool(valid), argument, value, f"a whole number, {expected}", remedy)
 
 
 def require_type(

@@ -252,8 +252,8 @@ def format_document(document: Document, suffix: str, units: Units, schema: str |
     """Return the text of a file with the given tables, with the `units` as comments in TOML, and
     with a reference to the JSON Schema file `schema`, if any."""
     if suffix == ".json":
-        whole = document if schema is None else {SCHEMA: schema, **document}
-        return json.dumps(whole, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+        content = document if schema is None else {SCHEMA: schema, **document}
+        return json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
     import tomlkit  # only needed to write
     from tomlkit.items import Array, Table
 

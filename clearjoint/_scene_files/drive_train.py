@@ -128,14 +128,14 @@ def train_of(name: str, joint: HingeOrSlider, drive: Drive) -> Train:
     def frictions(motor: HingeOrSlider, link: HingeOrSlider) -> dict[str, JointFriction]:
         named = {}
         if {"friction", "viscosity", "loss"} & numbers.keys():
-            load, loss = numbers.get("friction", 0.0), {}
+            load, viscosity, loss = numbers.get("friction", 0.0), numbers.get("viscosity"), {}
             if "loss" in numbers:
                 # The force of a flank of a hinge acts on its radius.
                 radius = DEFAULT_RADIUS if "play" in numbers and not is_slider else 1.0
                 pressed_by = f"{name} {BACKLASH if 'play' in numbers else COMPLIANCE}"
                 loss = {"pressed_by": pressed_by, "load_ratio": numbers["loss"] * radius}
-            own = friction_of(motor, drive.law, load, viscosity=numbers.get("viscosity"), **loss)
-            named[f"{motor_name(name)} friction"] = own
+            friction = friction_of(motor, drive.law, load, viscosity=viscosity, **loss)
+            named[f"{motor_name(name)} friction"] = friction
         if "link_friction" in numbers:
             friction = friction_of(link, drive.law, numbers["link_friction"])
             named[f"{name} link friction"] = friction
@@ -214,7 +214,8 @@ def _flanks(between: HingeOrSlider, numbers: Mapping[str, PyTree]) -> AbstractCo
         if damping is not None:
             law: AbstractContactLaw = SpringDashpot(stiffness, damping / square)
         else:
-            law = ExactRestitution(numbers.get("restitution", 0.5), stiffness, exponent=1.0)
+            restitution = numbers.get("restitution", 0.5)
+            law = ExactRestitution(restitution=restitution, stiffness=stiffness, exponent=1.0)
     if isinstance(between, RevoluteJoint):
         return backlash_of(between, play=numbers["play"], radius=DEFAULT_RADIUS, law=law)
     return ends_of_travel(between, numbers["play"], 0.0, {"law": law})

@@ -207,8 +207,8 @@ def _mimic(model: Model, follower: int, leader: int, coefficients: np.ndarray) -
     if leader < 0:
         return robots.Mimic(None, (float(start + coefficients[0]),))
     shift = np.polynomial.Polynomial([-model.qpos0[model.jnt_qposadr[leader]], 1.0])
-    whole = (np.polynomial.Polynomial(coefficients)(shift) + start).trim()
-    return robots.Mimic(_joint_name(model, leader), tuple(whole.coef.tolist()))
+    polynomial = (np.polynomial.Polynomial(coefficients)(shift) + start).trim()
+    return robots.Mimic(_joint_name(model, leader), tuple(polynomial.coef.tolist()))
 
 
 def _actuators(model: Model) -> tuple[dict[str, robots.Actuator], list[str]]:

@@ -370,12 +370,12 @@ class MjcfWriter:
         """Add the spring and damper of a slider, whose motion strains a bushing along its axis."""
         first, second = (self._motions[body] for body in force.pair())
         axes = _array(rotation_matrix(composed(self._turns[force.first], force.orientation_first)))
-        along, each = on.axis @ axes, _array(force.stiffness)
-        stiffness = float(along**2 @ each)
+        along, stiffnesses = on.axis @ axes, _array(force.stiffness)
+        stiffness = float(along**2 @ stiffnesses)
         damping = float(along**2 @ _array(force.damping))
         apart = _array(second.point(force.point_second) - first.point(force.point_first))
         # The points may also be apart across the axis, which pulls along it.
-        stretch = float(along * each @ (apart @ axes)) / stiffness if stiffness else 0.0
+        stretch = float(along * stiffnesses @ (apart @ axes)) / stiffness if stiffness else 0.0
         self._resist(on, stiffness, stretch, damping=damping)
 
     def friction(self, name: str, joint: JointFriction) -> None:
@@ -633,7 +633,7 @@ def mjcf_of(
     check_precision(allow_float32=False)
     expected, remedy = "a Scene or a Robot", "pass that of `load_robot`"
     require(isinstance(scene, Scene | Robot), "scene", scene, expected, remedy)
-    robot, whole = (scene, scene.scene) if isinstance(scene, Robot) else (None, scene)
+    robot, mechanism = (scene, scene.scene) if isinstance(scene, Robot) else (None, scene)
     pose = state if robot is None else robot.state()
     remedy = "pass that in which the bodies of the file are"
     require(pose is not None, "state", state, "given for a scene", remedy)
@@ -645,8 +645,8 @@ def mjcf_of(
     if timestep is not None:
         require_positive("timestep", timestep, "give it in s")
     start = pose if state is None else state
-    check_names(whole, start)
-    ideal, replaced = _with_ideal_joints(whole)
+    check_names(mechanism, start)
+    ideal, replaced = _with_ideal_joints(mechanism)
     writer = MjcfWriter(ideal, robot._places() if robot else _places(ideal), pose)
     if replaced:
         writer.omitted["clearances, replaced by ideal joints,"] += replaced

@@ -54,7 +54,7 @@ class MujocoComparison:
 
     @property
     def largest_difference(self) -> dict[str, np.ndarray]:
-        differences = {name: self.in_mujoco[name] - own for name, own in self.positions.items()}
+        differences = {name: self.in_mujoco[name] - q for name, q in self.positions.items()}
         largest = {name: np.abs(rows).max(axis=1) for name, rows in differences.items()}
         return {name: np.nan_to_num(part, nan=np.inf) for name, part in largest.items()}
 
@@ -125,12 +125,13 @@ def compare_with_mujoco(
         require_positive("timesteps", step, remedy)
     count = int(np.clip(end_time / max(timesteps), 1, SAMPLES))
     times = np.linspace(0.0, end_time, count + 1)
-    whole = scene.scene if isinstance(scene, Robot) else scene
-    solution = simulate(whole, state, end_time, settings, Saving(times), progress=False)
-    own = {n: q[:, 0] for n, (q, _) in writer.motion(solution.states).items() if q.shape[1] == 1}
+    mechanism = scene.scene if isinstance(scene, Robot) else scene
+    solution = simulate(mechanism, state, end_time, settings, Saving(times), progress=False)
+    motion = writer.motion(solution.states)
+    positions = {name: q[:, 0] for name, (q, _) in motion.items() if q.shape[1] == 1}
     expected, remedy = "one with a hinge or slider", "add one; other joints are not compared"
-    require(bool(own), "scene", [*writer.joints], expected, remedy)
-    for name in own:
+    require(bool(positions), "scene", [*writer.joints], expected, remedy)
+    for name in positions:
         has_joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) >= 0
         require(has_joint, "path", str(path), f"a file with a joint {name!r}", "add the joint")
     # MuJoCo would restart a motion that diverges; the comparison shows it as it is.
@@ -139,9 +140,9 @@ def compare_with_mujoco(
         if model.actuator(k).name not in writer.controls:  # of the robot's file, not of the scene
             model.actuator_gainprm[k], model.actuator_biasprm[k] = 0.0, 0.0
     counts = [max(round(times[1] / step), 1) for step in timesteps]
-    runs = [_run(model, writer, state, times, steps, [*own]) for steps in counts]
-    in_mujoco = {name: np.stack([run[name] for run in runs]) for name in own}
-    return MujocoComparison(tuple(float(times[1] / n) for n in counts), times, own, in_mujoco)
+    runs = [_run(model, writer, state, times, steps, [*positions]) for steps in counts]
+    in_mujoco = {name: np.stack([run[name] for run in runs]) for name in positions}
+    return MujocoComparison(tuple(float(times[1] / n) for n in counts), times, positions, in_mujoco)
 
 
 def _run(

@@ -370,8 +370,8 @@ class Robot:
         orientations = {GROUND: trees.UPRIGHT}
         for branch in self._branches:
             if isinstance(branch, trees.FreeBranch):
-                given = free.get(branch.body, self._start.bodies[branch.body])
-                variable: JointState | BodyState = _in_scalars(given)
+                state = free.get(branch.body, self._start.bodies[branch.body])
+                variable: JointState | BodyState = _in_scalars(state)
             else:
                 zero = _zero(branch)
                 leaves, structure = jax.tree.flatten(zero.position)
@@ -503,8 +503,8 @@ def _inertial_loads(
         twist, rate = subspace.twist(state), subspace.bias(state)
         # `rate` becomes the rate of `twist`, the child's motion relative to its parent: the bias at
         # constant speeds, and the columns of the joint's motion times the rates of its speeds.
-        own = rates.get(branch.joint, (0.0,) * len(state.speeds))
-        for column, number in zip(subspace.columns(state.position), own, strict=True):
+        joint_rates = rates.get(branch.joint, (0.0,) * len(state.speeds))
+        for column, number in zip(subspace.columns(state.position), joint_rates, strict=True):
             rate = rate + column * number
         # The joint's point on the parent, relative to the parent's centre; in the parent's axes.
         point, spin = subspace.point_parent, parent.spin
@@ -555,8 +555,8 @@ def _carried(
         if branch.parent != GROUND:
             apart = motion.position - motions[branch.parent].position
             other_force, other_moment = loads[branch.parent]
-            whole = other_moment + moment + apart.cross(force)
-            loads[branch.parent] = other_force + force, whole
+            about_parent = other_moment + moment + apart.cross(force)
+            loads[branch.parent] = other_force + force, about_parent
     return dict(reversed(forces.items()))
 
 

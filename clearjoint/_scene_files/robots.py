@@ -398,14 +398,14 @@ def _require_possible(
     """Refuse an inertia that no body can have, with a message that names the links and options."""
     moments = np.linalg.eigvalsh(tensor)
     at = location.at(carrier.links[0])
-    whole = f" of links {', '.join(names)} together" if len(names) > 1 else ""
+    links = f" of links {', '.join(names)} together" if len(names) > 1 else ""
     actual = f"principal moments {', '.join(f'{x:.4g}' for x in moments)} kg m^2"
     if not _is_possible(tensor):
-        expected = f"an inertia{whole} such that no principal moment exceeds the sum of the others"
+        expected = f"an inertia{links} such that no principal moment exceeds the sum of the others"
         remedy = "correct it, or pass balance_inertia=True to replace impossible inertias"
         at.refuse(actual, expected, remedy)
     if not moments[0] > ZERO * moments[-1]:
-        expected = f"an inertia{whole} with positive moments about all axes"
+        expected = f"an inertia{links} with positive moments about all axes"
         at.refuse(actual, expected, "correct it, or pass for example bound_inertia=1e-6, in kg m^2")
 
 

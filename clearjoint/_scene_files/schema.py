@@ -49,9 +49,9 @@ class Catalogue:
     )
 
     def document(self, title: str, properties: Schema, required: list[str]) -> Schema:
-        whole = _table({SCHEMA: {"type": "string"}, **properties}, required)
+        table = _table({SCHEMA: {"type": "string"}, **properties}, required)
         dialect = "https://json-schema.org/draft/2020-12/schema"
-        return {SCHEMA: dialect, "title": title, **whole, "$defs": self.definitions}
+        return {SCHEMA: dialect, "title": title, **table, "$defs": self.definitions}
 
     def properties(self, make: Maker) -> Schema:
         """Return the schemas of a maker's arguments by name, with their units as descriptions."""
@@ -110,8 +110,8 @@ class Catalogue:
 
 
 def _table(properties: Schema, required: list[str]) -> Schema:
-    whole: Schema = {"type": "object", "properties": properties, "required": required}
-    return whole | {"additionalProperties": False}
+    table: Schema = {"type": "object", "properties": properties, "required": required}
+    return table | {"additionalProperties": False}
 
 
 def _list_of(item: Schema, length: int | None = None) -> Schema:

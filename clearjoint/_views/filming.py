@@ -187,9 +187,9 @@ def _whole_numbers(starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np
     return interval, starts[interval] + np.arange(len(interval)) - before
 
 
-def _time_text(time: float, whole: float) -> str:
-    """Text of a time, s, to a hundredth of the run's duration `whole` or finer."""
-    whole = whole or abs(time) or 1.0
-    factor, unit = (1e6, "µs") if whole < 1e-3 else (1e3, "ms") if whole < 1.0 else (1.0, "s")
-    digits = max(0, 2 - int(np.floor(np.log10(whole * factor))))
+def _time_text(time: float, duration: float) -> str:
+    """Text of a time, s, to a hundredth of the run's `duration` or finer."""
+    duration = duration or abs(time) or 1.0
+    factor, unit = (1e6, "µs") if duration < 1e-3 else (1e3, "ms") if duration < 1.0 else (1.0, "s")
+    digits = max(0, 2 - int(np.floor(np.log10(duration * factor))))
     return f"t = {time * factor:.{digits}f} {unit}"

@@ -173,7 +173,7 @@ def _positions(joint: AbstractContactJoint, motions: Motions, together: bool) ->
         apart = motions[second].point(points[second]) - motions[first].point(points[first])
         moving.append(_shifted(joint, motions, -apart))
     positions = moving + list(map(at_rest, moving))
-    return [jax.tree.map(lambda leaf: jnp.asarray(leaf, float), each) for each in positions]
+    return [jax.tree.map(lambda leaf: jnp.asarray(leaf, float), position) for position in positions]
 
 
 def _shifted(joint: AbstractContactJoint, motions: Motions, shift: Vector) -> Motions:

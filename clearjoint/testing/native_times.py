@@ -37,4 +37,4 @@ def optimise_programs() -> None:
 
 def _programs() -> list[Code]:
     # There is no list of all programs, but the garbage collector knows all objects.
-    return [each for each in gc.get_objects() if isinstance(each, Code)]
+    return [program for program in gc.get_objects() if isinstance(program, Code)]
