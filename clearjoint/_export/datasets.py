@@ -221,8 +221,7 @@ def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
 
 def _columns(name: str, array: "xr.DataArray", rows: str) -> dict[str, np.ndarray]:
     others = [str(dim) for dim in array.dims if dim != rows]
-    values = array.transpose(rows, *others).values
-    attributes = array.attrs
+    values, attributes = array.transpose(rows, *others).values, array.attrs
     if "flag_meanings" in attributes:
         values, attributes = _meanings(values, attributes), {}
     columns = {}

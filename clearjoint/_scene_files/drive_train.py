@@ -137,8 +137,7 @@ def train_of(name: str, joint: HingeOrSlider, drive: Drive) -> Train:
             friction = friction_of(motor, drive.law, load, viscosity=viscosity, **loss)
             named[f"{motor_name(name)} friction"] = friction
         if "link_friction" in numbers:
-            friction = friction_of(link, drive.law, numbers["link_friction"])
-            named[f"{name} link friction"] = friction
+            named[f"{name} link friction"] = friction_of(link, drive.law, numbers["link_friction"])
         return named
 
     if not is_elastic:
