@@ -680,22 +680,21 @@ def save_mjcf(
 
     The file has the bodies, their tree of hinges, sliders, balls and fixed joints, and free bodies;
     armatures, dampers, springs and dry friction of hinges and sliders, and `SpringDamper`. Dry
-    friction is that at 1 m/s or rad/s, without the elastic deflection of bristles. Joints
-    that close loops, `JointCoupling` and constant `PrescribedAngle` are equality constraints, which
-    are soft in MuJoCo. A `DriveTorque` or `Motor` is an actuator, whose control the keyframe
-    "start" has at time zero; the keyframe also has the `state`. Joints have their names and
-    positions.
+    friction is that at 1 m/s or rad/s, without the elastic deflection of bristles. Joints that
+    close loops, `JointCoupling` and constant `PrescribedAngle` are equality constraints, which are
+    soft in MuJoCo. A `DriveTorque` or `Motor` is an actuator; the keyframe "start" has its control
+    at time zero, and the `state`. Joints keep their names and positions.
 
     MuJoCo's recipe for backlash is two hinges in series, of which the second has a small range and
     a stiff limit. The flanks of a `Backlash`, or of a `PinInSlot` along a slider, become such a
     limit, of the hinge between the two bodies, or of a fixed tendon if, as with `Robot.with_drive`,
     rotor and link are both on the link's first body. The limit has the stiffness of the flanks and
-    the damping of a `SpringDashpot`; with other laws it is linear, with the stored energy at a
-    tenth of the play and the restitution of an impact in the pose of the file. It has the smallest
-    impedance that MuJoCo accepts, 1e-4. With an impedance near one, as is MuJoCo's default, a limit
-    sets an acceleration rather than a force, so that a load hardly deflects it. The numbers of the
-    limits are for the masses in the file: after changes, write it again. Without play,
-    `load_robot` reads a robot from its file as it was.
+    the damping of a `SpringDashpot`. For another law, it is a linear spring with the law's stored
+    energy at a penetration of a tenth of the play, and with the law's restitution for an impact in
+    the pose of the file. It has the smallest impedance that MuJoCo accepts, 1e-4. With an impedance
+    near one, as is MuJoCo's default, a limit sets an acceleration rather than a force, so that a
+    load hardly deflects it. The numbers of the limits are for the masses in the file: after
+    changes, write it again. Without play, `load_robot` reads a robot from its file as it was.
 
     Elements without counterpart are left out: `ClearanceJoint` and `BallInSocket` become ideal
     joints, and bodies on joints of other types are free. Limits of a robot's joints, without effect

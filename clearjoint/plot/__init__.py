@@ -41,7 +41,7 @@ These arguments mean the same in all functions:
 - `dataset`: from `sweep` or `open_sweep`. If the sweep has several axes, select one value of each
   axis that is not drawn: ``dataset.sel(restitution=0.9)``.
 - `lane`: data set of one lane, a run of a sweep: ``dataset.isel(clearance=3)``.
-- `fit`, `report`, `horizon`: from `cj.identify`, `cj.identifiability` and `cj.fit_horizon`.
+- `fit`, `horizon`: from `cj.identify` and `cj.fit_horizon`.
 - `section`: the directions drawn to the right and upwards, see `eccentricity_vectors`; but in
   figures of Poincaré sections the name under which the `Section` was passed in `outputs`.
 - `quantity`, `unit`: one of `clearjoint.quantities`, or another scalar function of an `Instant`,

@@ -105,8 +105,10 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
     parameters are estimated together. It is that of the value on the parameter's scale: for the
     scale `Log` the relative error, for `Linear` the error in multiples of the scale's `unit`. The
     line is thin and faint above the dotted line at `report.limits`, where an estimate carries no
-    information, and begins with the shortest record that determines the parameter. Pass
-    `report.of("probe")` to draw the accuracy by the sensor "probe" alone.
+    information, and begins with the shortest record that determines the parameter.
+
+    **Arguments:** `report`: from `cj.identifiability`; pass `report.of("probe")` to draw the
+    accuracy by the sensor "probe" alone.
 
     **Returns:** the axes, which show the time of the record's last sample in ms (the record's
     length only if the run starts at time 0).
