@@ -249,18 +249,8 @@ def __getattr__(name: str) -> _ModuleType:
 
 __dir__ = _without_modules(
     globals(),
-    "densities",
-    "extend",
-    "films",
-    "frictions",
-    "laws",
-    "mechanisms",
-    "plot",
-    "presets",
-    "profiles",
-    "quantities",
-    "results",
-    "testing",
+    *("densities", "extend", "films", "frictions", "laws", "mechanisms"),
+    *("plot", "presets", "profiles", "quantities", "results", "testing"),
 )
 # Last of all, since the objects in all modules that have been imported are recorded.
 _remember_contents()

@@ -73,8 +73,7 @@ class RESULTS(eqx.Enumeration):
 
 
 def result_number(result: RESULTS) -> np.ndarray:
-    """Return the whole number of a result code, (), or of each of N codes, (N,), for files and for
-    masks of NumPy.
+    """Return the whole number of a result code, (), or of N codes, (N,), for files and NumPy masks.
 
     >>> int(extend.result_number(cj.RESULTS.successful))
     0
@@ -83,7 +82,7 @@ def result_number(result: RESULTS) -> np.ndarray:
 
 
 def result_numbers() -> dict[str, int]:
-    """Return the whole number of each result code, by the name of the code.
+    """Return the whole number of each result code, by the code's name.
 
     >>> extend.result_numbers()["max_steps_reached"]
     1

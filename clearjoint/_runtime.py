@@ -35,22 +35,22 @@ True
 """
 _EXTRA = "--xla_backend_extra_options"
 _KEEP = "CLEARJOINT_KEEP_PROGRAMS"
-"""Environment variable: with the value 0, whole programs are not saved; see `configure`."""
+"""Environment variable, 0 to save no whole programs; see `configure`."""
 _CACHE = "jax_compilation_cache_dir"
 _MIN_COMPILE_TIME = "jax_persistent_cache_min_compile_time_secs"
 _SHARED = ("jax_enable_x64", _CACHE, _MIN_COMPILE_TIME)
 """JAX's settings that must be equal in all processes that share a sweep."""
 _NATIVE = "CLEARJOINT_NATIVE"
-"""Environment variable: with the value 0, XLA compiles everything, `clearjoint._native` nothing."""
+"""Environment variable, 0 to let XLA compile everything, and `clearjoint._native` nothing."""
 Setting = bool | float | str | None
 _threads: int | None = None
 """Number of threads of sweeps; ``None`` until `configure` or `adopt` sets it."""
 
 
 def default_cache() -> Path:
-    """Return the default folder of compiled programs: that of the environment variable
-    ``CLEARJOINT_CACHE`` or, if it is unset or empty, ``clearjoint`` in the user's cache folder,
-    which is ``XDG_CACHE_HOME`` if that is an absolute path, else ``~/.cache``."""
+    """Return the default folder of compiled programs: ``CLEARJOINT_CACHE`` or, if it is unset or
+    empty, ``clearjoint`` in ``XDG_CACHE_HOME``, if that is an absolute path, else in ``~/.cache``.
+    """
     if folder := os.environ.get("CLEARJOINT_CACHE"):
         return Path(folder)
     base = Path(os.environ.get("XDG_CACHE_HOME", ""))
@@ -62,8 +62,8 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
 
     Call `configure` before JAX computes anything, if possible. Arrays that exist already keep their
     precision, and the options `clearjoint.XLA_FLAGS`, which `configure` appends to the environment
-    variable ``XLA_FLAGS``, have no effect later. If the variable already contains
-    ``--xla_backend_extra_options``, it is not changed, so that the user's own options hold.
+    variable ``XLA_FLAGS``, have no effect later. A variable that contains
+    ``--xla_backend_extra_options`` is not changed, so that the user's own options hold.
 
     The folder stores machine code for later processes. If the arguments of a call consist only of
     this package's classes, numbers, strings and arrays, the whole program is saved, and the next
@@ -88,7 +88,7 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
       variable ``CLEARJOINT_CACHE``, or ``clearjoint`` in the user's cache folder.
 
     **Raises:** `ValueError` if `threads` is not a positive whole number, if `cache` is a file or
-    leads through one, or if ``CLEARJOINT_KEEP_PROGRAMS`` is set to another value than 0 and 1.
+    leads through one, or if ``CLEARJOINT_KEEP_PROGRAMS`` is neither 0 nor 1.
 
     **Warns:** `UserWarning` if other users may write to the folder, or if it cannot be made. No
     programs are saved then.
@@ -130,10 +130,10 @@ def _keep() -> bool:
 
 
 def _usable(cache: str) -> str | None:
-    """Make the folder `cache` if it does not exist, and return its path; ``None``, with a warning,
-    if it can't be made or if other users may write to it. URLs of cloud storage stay as they are.
+    """Make the folder `cache`, and return its path; ``None``, with a warning, if it can't be made
+    or if other users may write to it. URLs of cloud storage stay as they are.
 
-    **Raises:** `ValueError` if the path is that of a file, or leads through a file.
+    **Raises:** `ValueError` if the path is that of a file, or leads through one.
     """
     if "://" in cache:
         return cache
@@ -146,8 +146,8 @@ def _usable(cache: str) -> str | None:
 
 
 def threads_of_sweeps() -> int:
-    """Return the number of threads that share the runs of a sweep, as `configure` or `adopt` has
-    set it; by default, the number of accelerators or, without any, of usable cores."""
+    """Return the number of threads that share the runs of a sweep: that set by `configure` or
+    `adopt`, else the number of accelerators or, without any, of usable cores."""
     if _threads is not None:
         return _threads
     if jax.default_backend() != "cpu":
@@ -158,18 +158,18 @@ def threads_of_sweeps() -> int:
 
 
 def in_force() -> dict[str, Setting]:
-    """Return the settings that all processes of a sweep must share, for `adopt`, by the names of
-    JAX's settings and of environment variables."""
+    """Return the settings that all processes of a sweep must share, by the names of JAX's settings
+    and of environment variables, for `adopt`."""
     shared = {name: getattr(jax.config, name) for name in _SHARED}
     return {**shared, _NATIVE: os.environ.get(_NATIVE), _KEEP: keeps_programs()}
 
 
 def adopt(values: dict[str, Setting]) -> None:
-    """Take over the settings of another process, from its `in_force`, before a worker process of a
-    sweep computes runs.
+    """Take over the settings of another process, from its `in_force`, in a worker process of a
+    sweep.
 
     On CPUs, the worker then uses one thread, since the processes share the cores, unless
-    `configure` has set another number of threads in the worker.
+    `configure` has set another number in the worker.
     """
     global _threads
     for name in _SHARED:

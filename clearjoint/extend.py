@@ -2,12 +2,12 @@
 your own.
 
 A class of your own is a subclass of one of these base classes; it need not be registered. Methods
-compute with scalars instead of arrays. Most scalars are JAX arrays of shape (). A number that is
-compiled as exactly zero or one, such as a component of the axis (1, 0, 0), is a Python float
-instead. `Vector`, `Matrix`, `EulerParameters`, `Motion` and `Wrench` contain scalars of both types,
-and leave products with these zeros and ones out of the program. `quantity` declares fields that
-have units, and the `require` functions check arguments and raise errors of a common form. The
-functions of `clearjoint.testing` check the finished classes.
+compute with scalars instead of arrays: JAX arrays of shape (), but a Python float for a number that
+is compiled as exactly zero or one, such as a component of the axis (1, 0, 0). `Vector`, `Matrix`,
+`EulerParameters`, `Motion` and `Wrench` contain such scalars, and leave products with these zeros
+and ones out of the program. `quantity` declares fields that have units, and the `require` functions
+check arguments and raise errors of a common form. The functions of `clearjoint.testing` check the
+finished classes.
 """
 
 from ._dynamics.coordinates import AbstractCoordinates as AbstractCoordinates

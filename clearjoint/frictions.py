@@ -1,9 +1,10 @@
 """Friction laws of contacts, passed as `friction=` to a joint with clearance.
 
-Laws of the slip speed v have no force at zero speed, so surfaces creep slowly instead of sticking.
-Surfaces stick only with `Dahl`, `LuGre` and `ElastoPlastic`, which have bristles: elastic
-deflections of the surfaces. `coefficient` is mu, `regularisation_speed` v_d, m/s; of friction that
-falls with the speed, `breakaway` is mu_S, the maximum, and `kinetic` mu_C, the limit at high speed.
+Laws without bristles have no force at the slip speed zero, so surfaces creep slowly instead of
+sticking. Surfaces stick only with `Dahl`, `LuGre` and `ElastoPlastic`, which have bristles: elastic
+deflections of the surfaces. In formulas v is the slip speed, `coefficient` mu,
+`regularisation_speed` v_d, m/s; of friction that falls with the speed, `breakaway` is mu_S, the
+maximum, and `kinetic` mu_C, the limit at high speed.
 """
 
 from ._model.contact.friction import Ambrosio as Ambrosio

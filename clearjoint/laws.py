@@ -9,9 +9,7 @@ the symbols. `restitution` is c, the requested ratio of rebound speed to entry s
 `ExactRestitution` to get it, and other laws to reproduce published results.
 """
 
-from ._model.contact.cylinders import (
-    DubowskyFreudensteinCylinder as DubowskyFreudensteinCylinder,
-)
+from ._model.contact.cylinders import DubowskyFreudensteinCylinder as DubowskyFreudensteinCylinder
 from ._model.contact.cylinders import EsduCylinder as EsduCylinder
 from ._model.contact.cylinders import GoldsmithCylinder as GoldsmithCylinder
 from ._model.contact.cylinders import GreenwoodTripp as GreenwoodTripp

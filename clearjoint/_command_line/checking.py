@@ -29,8 +29,8 @@ from .study import Study
 def description(study: Study) -> Iterator[str]:
     """Yield the lines of text in which `clearjoint check` describes a study.
 
-    **Raises:** `ValueError`, after the lines about the scene, for a state with which the scene
-    can't run, and for wrong entries of a section.
+    **Raises:** `ValueError`, after the lines about the scene, if the scene can't run from its
+    state, and for wrong entries of a section.
     """
     scene, state, start = study.scene, study.state, study.parts.run.start
     report = constraint_report(scene, state, start)
@@ -81,8 +81,7 @@ def _contacts(scene: Scene, state: State) -> Iterator[str]:
         by_joint = depths(scene, state)
     for name, family in by_joint.items():
         joint = scene.contact_joints()[name]
-        kinds = {type(whole_law(law)).__name__ for law in joint.laws().values()}
-        laws = ", ".join(sorted(kinds))
+        laws = ", ".join(sorted({type(whole_law(law)).__name__ for law in joint.laws().values()}))
         play = f"clearance {_length(joint.clearance)}, " if isinstance(joint, HasJournal) else ""
         gaps = ", ".join(
             f"{label} {_length(abs(depth))} {'deep' if depth > 0.0 else 'apart'}"
@@ -139,7 +138,7 @@ def _sections(study: Study) -> Iterator[str]:
 
 
 TEMPLATES = [Path(__file__).parent / "templates" / name for name in ("scene.toml", "study.toml")]
-"""The comments at the head of a scene file, and a study file, with placeholders ``$joint``."""
+"""Comments at the head of a scene file, and a study file, with placeholders ``$joint``."""
 MECHANISMS: dict[str, Callable[[], tuple[Scene, State]]] = {
     "double_pendulum": double_pendulum,
     "four_bar": lambda: four_bar({"crank pin": 0.1e-3}, speed=30.0),
@@ -154,8 +153,8 @@ PLACEHOLDERS = {
 
 
 def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
-    """Return the texts of the example scene file and study file of a mechanism. They mention the
-    names `scene` and `study` of these files."""
+    """Return an example of a scene file and of a study file, which mention their names `scene` and
+    `study`."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "scene.toml"
         save(*MECHANISMS[mechanism](), path)
@@ -169,10 +168,8 @@ def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
 
 
 def write_example(mechanism: str, folder: Path) -> tuple[Path, Path]:
-    """Write the scene file and the study file of a mechanism into a folder; return their paths.
-
-    **Raises:** `ValueError` if one of the files exists; nothing is written then.
-    """
+    """Write an example of a scene file and of a study file into a folder, and return their paths;
+    if one of them exists, raise a `ValueError` and write nothing."""
     names = f"{mechanism}.toml", f"{mechanism}_study.toml"
     scene, study = folder / names[0], folder / names[1]
     folder.mkdir(parents=True, exist_ok=True)

@@ -13,7 +13,7 @@ WELL, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
 class CommandResult(NamedTuple):
-    """Exit code of a command, its result in one line, and whether it has written results."""
+    """Exit code of a command, its result in one line, and whether it wrote results."""
 
     code: int
     line: str
@@ -21,20 +21,18 @@ class CommandResult(NamedTuple):
 
 
 def say(text: str) -> None:
-    """Print a message to the error stream, so that the standard output has results only."""
+    """Print a message to the error stream; only results go to the standard output."""
     click.echo(text, err=True)
 
 
-def has_error_stream() -> bool:
-    """Return whether the process has an error stream, to which a progress bar can be written."""
+def has_error_stream() -> bool:  # to which a progress bar can be written
     return sys.stderr is not None
 
 
 @contextmanager
 def understandable() -> Iterator[None]:
-    """Return a context that prints warnings and expected errors as sentences, and turns these
-    errors into exit codes: wrong input, failed runs and Ctrl-C. Errors of other types, which are
-    faults of the program, keep their tracebacks. Click handles `BrokenPipeError`."""
+    """Print warnings and expected errors as sentences, and turn these errors into exit codes.
+    Errors of other types, which are faults of the program, keep their tracebacks."""
     with warnings.catch_warnings():
         warnings.showwarning = _say_warning
         try:

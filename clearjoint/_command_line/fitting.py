@@ -1,8 +1,6 @@
 """`clearjoint fit`: estimate parameters from measurements."""
 
-from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,13 +20,13 @@ from .study import FitPart, Study, find_path
 
 REPORT = "report.txt"
 SERIES = "series "
-"""Prefix of the names of the tables of the fitted series."""
+"""Prefix of the names of the tables of fitted series."""
 
 
 def fit(study: Study, folder: Path) -> CommandResult:
-    """Fit the parameters of a study's section [fit] to its measurements, and write the estimates,
-    the fitted scene and series, a report and an HTML page. After Ctrl-C, the best fit so far is
-    written; nothing is written if no run had ended."""
+    """Fit the parameters of a study's section [fit], and write estimates, the fitted scene and
+    series, a report and an HTML page. After Ctrl-C, the best fit so far is written; nothing if no
+    run had ended."""
     part = study.parts.fit
     location = study.location.at("fit")
     if part is None:
@@ -37,6 +35,13 @@ def fit(study: Study, folder: Path) -> CommandResult:
     parameters, guess = fit_parameters(study, part)
     measured.check(study.scene)  # raises an error for sensors on unknown bodies or joints
     interrupted = False
+
+    def say_iteration(iteration: Iteration) -> None:
+        pairs = zip(parameters.items(), iteration.coordinates, strict=True)
+        values = [f"{name} {float(parameter.scale.value(x)):.6g}" for (name, parameter), x in pairs]
+        rejected = "" if iteration.accepted else " (rejected)"
+        say(f"{iteration_line(iteration, part.max_iterations)}, {', '.join(values)}{rejected}")
+
     try:
         result = identify(
             study.scene,
@@ -49,7 +54,7 @@ def fit(study: Study, folder: Path) -> CommandResult:
             starts=part.starts,
             grow=part.grow,
             max_iterations=part.max_iterations,
-            progress=partial(_say_iteration, parameters, part.max_iterations),
+            progress=say_iteration,
         )
     except FitInterrupted as stopped:
         if not stopped.fits:
@@ -79,8 +84,7 @@ def fit(study: Study, folder: Path) -> CommandResult:
 def _measured(study: Study, part: FitPart, location: FileLocation) -> Measurements:
     path = study.path.parent / part.measurements
     if not path.exists():
-        remedy = f"there is no {path}"
-        location.at("measurements").refuse(part.measurements, "a CSV file", remedy)
+        location.at("measurements").refuse(part.measurements, "a CSV file", f"there is no {path}")
     # A noise given as a text, such as "2 um", is converted below, when the unit of its series is
     # known. Until then, 1.0 stands for it.
     texts = {name: c.noise for name, c in part.columns.items() if isinstance(c.noise, str)}
@@ -112,22 +116,12 @@ def fit_parameters(study: Study, part: FitPart) -> tuple[dict[str, Parameter], d
     return parameters, guess
 
 
-def _say_iteration(
-    parameters: Mapping[str, Parameter], max_iterations: int, iteration: Iteration
-) -> None:
-    pairs = zip(parameters.items(), iteration.coordinates, strict=True)
-    values = [f"{name} {float(parameter.scale.value(x)):.6g}" for (name, parameter), x in pairs]
-    rejected = "" if iteration.accepted else " (rejected)"
-    say(f"{iteration_line(iteration, max_iterations)}, {', '.join(values)}{rejected}")
-
-
 def iteration_line(iteration: Iteration, most: int) -> str:
     number, chi_squared = iteration.number, iteration.chi_squared
     return f"iteration {number} of at most {most}: chi squared {chi_squared:.6g}"
 
 
 def write_fit(result: Fit, folder: Path) -> dict[str, str | int | float]:
-    """Write a fit to a folder, in place of an earlier one; return the summary."""
     folder.mkdir(parents=True, exist_ok=True)
     remove_old(folder, [f"{SERIES}*"])
     write_scene(folder, result.scene, result.state, "fitted.toml")

@@ -1,4 +1,4 @@
-"""Write and read the files in a folder of results."""
+"""The files in a folder of results."""
 
 import json
 import time
@@ -21,29 +21,20 @@ from .._result_codes import RESULTS
 from .._scene_files.documents import FileLocation
 from .._scene_files.files import Writer, load, save
 from .._scene_files.reading import Reader
+from .._simulation.results import solution as solutions
 from .._simulation.results.impact_table import IMPACT_UNITS, NAMED, Impacts
-from .._simulation.results.solution import (
-    BRISTLES,
-    CONTACTS,
-    MEMORY,
-    STATE_PARTS,
-    Crossings,
-    Solution,
-    Trajectory,
-    contact_label,
-)
 from .study import CLASSES, AbstractStudy
 
 SUMMARY = "summary.json"
 SCENE, REACHED = "scene.toml", "reached.toml"
-"""Files of the scene with its initial state, and with the state at the end of the run."""
+"""Scene files with the state at the start and at the end of the run."""
 MOTION, OBSERVED, IMPACTS, OUTPUTS = "motion", "observed", "impacts", "outputs"
 """Tables of a run: saved states; forces, accelerations and energies; impacts; quantities."""
 DRAWN = "drawn"
-"""NetCDF file of a run's states for its figures: the saved ones, and others between these."""
+"""NetCDF file of the states from which a run's figures are drawn: more than those saved."""
 NUMBERS = "numbers.csv"
 FORMULATION = "formulation"
-"""Attribute of the table of saved states: the formulation of the equations of motion, as JSON."""
+"""Attribute of the table of saved states: the run's formulation, as JSON."""
 SECTION, TABLE, REJECTED = "section ", "impacts of ", "rejected steps of "
 """Prefixes of the names of the tables of outputs."""
 STORE, WEAR_STORE = "sweep.zarr", "wear.zarr"
@@ -75,17 +66,15 @@ def read_summary(folder: Path) -> dict[str, str | int | float]:
 
 
 def write_scene(folder: Path, scene: Scene, state: State, name: str = SCENE) -> None:
-    """Write a scene file, unless the state can't be saved, such as one with NaN of a failed run."""
+    """Write a scene file, unless the state can't be saved, as one with NaN."""
     with suppress(ValueError):
         save(scene, state, folder / name)
 
 
 def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = ()) -> None:
-    """Remove the results of an earlier computation that the new page would also show: all figures,
-    and the tables and files whose names match the given patterns.
-
-    From a folder without a summary, and thus without results, nothing is removed.
-    """
+    """Remove the results of an earlier computation that a new page would also show: figures, and
+    tables and files whose names match the patterns. From a folder without a summary, and thus
+    without results, nothing is removed."""
     if (folder / SUMMARY).is_file():
         both = [f"{table}.{suffix}" for table in tables for suffix in ("nc", "csv")]
         for pattern in (f"{FIGURES}/*.png", *both, *files):
@@ -94,11 +83,8 @@ def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = 
 
 
 def file_name(name: str) -> str:
-    """Return the name, without suffix, of the file of a table or figure.
-
-    Slashes are replaced, and names that are too long for file systems are shortened. A changed name
-    gets a checksum, so that different names give different files.
-    """
+    """Return the name, without suffix, of the file of a table or figure: without slashes, and not
+    too long for file systems. A changed name gets a checksum, so that files differ if names do."""
     safe = name.replace("/", "_")
     if len(safe.encode()) > 200:
         safe = f"{safe[:40]}_{safe[-20:]}"
@@ -137,9 +123,14 @@ def require_names(path: Path, needed: Iterable[str], available: Collection[objec
         )
 
 
-def read_run(folder: Path) -> tuple[Scene, Solution]:
+def read_run(folder: Path) -> tuple[Scene, solutions.Solution]:
     """Return the scene and the solution of a run in a folder, without the accepted steps."""
-    needed = ["time", "body", *STATE_PARTS, *(f"final_{part}" for part in STATE_PARTS)]
+    needed = [
+        "time",
+        "body",
+        *solutions.STATE_PARTS,
+        *(f"final_{part}" for part in solutions.STATE_PARTS),
+    ]
     needed += ["time_reached", "result", "attempts", "accepted", "redundant_constraints"]
     needed += [FORMULATION]
     motion = read_table(folder, MOTION, needed)
@@ -156,26 +147,22 @@ def read_run(folder: Path) -> tuple[Scene, Solution]:
     # The file has the message of the result instead of its code. The message of another version may
     # be unknown here; such a run counts as one that was not finished.
     results = {RESULTS[item]: item for item in RESULTS._name_to_item.values()}
-    solution = Solution(
+    notes = {key: value for key, value in motion.attrs.items() if key.startswith("setting_")}
+    return scene, solutions.Solution(
         time=float(motion.attrs["time_reached"]),
         final=_state(scene, motion, "final_"),
         result=results.get(motion.attrs["result"], RESULTS.max_steps_reached),
         attempts=int(motion.attrs["attempts"]),
         accepted=int(motion.attrs["accepted"]),
-        saved=Trajectory(motion["time"].values, _state(scene, motion)),
+        saved=solutions.Trajectory(motion["time"].values, _state(scene, motion)),
         saved_count=motion.sizes["time"],
         steps=None,
         impacts=_impacts(folder),
         formulation=read_formulation(motion.attrs, FileLocation(f"{folder / MOTION}.nc")),
         redundant_constraints=names,
         outputs=_sections(folder),
-        settings=tuple(
-            (key, value.item() if isinstance(value, np.generic) else value)
-            for key, value in motion.attrs.items()
-            if key.startswith("setting_")
-        ),
+        settings=tuple((k, v.item() if isinstance(v, np.generic) else v) for k, v in notes.items()),
     )
-    return scene, solution
 
 
 def _impacts(folder: Path) -> Impacts | None:
@@ -186,17 +173,16 @@ def _impacts(folder: Path) -> Impacts | None:
     return Impacts(**names, **{name: table[name].values for name in IMPACT_UNITS})
 
 
-def read_drawn(folder: Path, scene: Scene, solution: Solution) -> Solution:
-    """Return a solution from `read_run` with the denser states `DRAWN` in the folder, if any."""
-    table = read_table(folder, DRAWN, ["time", "body", *STATE_PARTS])
+def read_drawn(folder: Path, scene: Scene, solution: solutions.Solution) -> solutions.Solution:
+    """Return a run with the denser states `DRAWN` of its folder, if there are any."""
+    table = read_table(folder, DRAWN, ["time", "body", *solutions.STATE_PARTS])
     if table is None:
         return solution
-    path = Trajectory(table["time"].values, _state(scene, table))
+    path = solutions.Trajectory(table["time"].values, _state(scene, table))
     return replace(solution, saved=path, saved_count=len(path))
 
 
 def formulation_text(formulation: Formulation) -> str:
-    """Return the JSON text of a run's formulation, for the attribute `FORMULATION` of its table."""
     return json.dumps(Writer().table(formulation, FileLocation(MOTION)))
 
 
@@ -206,19 +192,17 @@ def read_formulation(notes: Mapping[str, object], location: FileLocation) -> For
 
 
 def _state(scene: Scene, table: xr.Dataset, prefix: str = "") -> State:
-    bodies = {
-        name: BodyState(
-            **{part: table[prefix + part].sel(body=name).values for part in STATE_PARTS}
-        )
-        for name in scene.bodies
-    }
+    parts = {part: table[prefix + part] for part in solutions.STATE_PARTS}
+    bodies = {}
+    for name in scene.bodies:
+        bodies[name] = BodyState(**{n: rows.sel(body=name).values for n, rows in parts.items()})
     ledger, work = table.get(f"{prefix}ledger"), {}
     if ledger is not None:
         work = {str(n): ledger.sel(integral=n).values for n in ledger["integral"].values}
     contacts = scene.laws()
-    entry_speeds = _by_label(contacts, table.get(f"{prefix}entry_speed"), CONTACTS)
-    bristles = _by_label(contacts, table.get(f"{prefix}bristle_deflection"), BRISTLES)
-    memory = _by_label(memory_names(scene), table.get(f"{prefix}memory"), MEMORY)
+    entry_speeds = _by_label(contacts, table.get(f"{prefix}entry_speed"), solutions.CONTACTS)
+    bristles = _by_label(contacts, table.get(f"{prefix}bristle_deflection"), solutions.BRISTLES)
+    memory = _by_label(memory_names(scene), table.get(f"{prefix}memory"), solutions.MEMORY)
     return State(bodies, entry_speeds, work, bristles, memory)
 
 
@@ -231,12 +215,12 @@ def _by_label(
     # An element may lack an entry, such as a contact without bristles.
     for element, family in names.items():
         for name in family:
-            if (label := contact_label(element, name)) in table[dim].values:
+            if (label := solutions.contact_label(element, name)) in table[dim].values:
                 by_element.setdefault(element, {})[name] = table.sel({dim: label}).values
     return by_element
 
 
-def _sections(folder: Path) -> dict[str, Crossings]:
+def _sections(folder: Path) -> dict[str, solutions.Crossings]:
     sections = {}
     for path in sorted(folder.glob(f"{SECTION}*.nc")):
         table = read_table(folder, path.stem, ["time"])
@@ -244,5 +228,5 @@ def _sections(folder: Path) -> dict[str, Crossings]:
         units = {str(name): row.attrs.get("units", "1") for name, row in table.items()}
         values = {name: table[name].values for name in units}
         name = str(table.attrs["table"]).removeprefix(SECTION)
-        sections[name] = Crossings(table["time"].values, values, units)
+        sections[name] = solutions.Crossings(table["time"].values, values, units)
     return sections

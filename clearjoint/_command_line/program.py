@@ -22,8 +22,8 @@ input is wrong; 130 interrupted by Ctrl-C (results so far are written).
 
 
 def command(name: str, *examples: str) -> Callable[[Callable], click.Command]:
-    """Return a decorator that makes a function a command, with its docstring and `examples` as
-    help."""
+    """Return a decorator that makes a function a command; the function's docstring and `examples`
+    are its help."""
     lines = "\n".join(f"  {example}" for example in examples)
 
     def decorate(function: Callable) -> click.Command:
@@ -106,8 +106,7 @@ def check(file: Path, changes: tuple[str, ...], paths: bool, assemble: Path | No
     from .checking import description, number_paths
 
     if assemble is not None:
-        state = assembled(study.scene, study.state, study.parts.run.start)
-        save(study.scene, state, assemble)
+        save(study.scene, assembled(study.scene, study.state, study.parts.run.start), assemble)
         click.echo(f"wrote {assemble}")
         return
     for line in number_paths(study) if paths else description(study):
@@ -318,8 +317,8 @@ def _compute(
     out: Path | None,
     **options: str | None,
 ) -> None:
-    """Call the `function` that computes a command, print its result, and exit with its code. The
-    `options` replace entries of the study's section with the name of the command."""
+    """Compute a command by `function`, print its result, and exit with its code. `options` replace
+    entries of the study's section of this name."""
     from .folders import PAGE
 
     folder = out or Path("results") / file.stem / command

@@ -1,8 +1,9 @@
-"""Draw the figures of results, and write the page of a folder of results."""
+"""Draw the figures of results, and write the page of a folder."""
 
 import base64
 import re
 from html import escape
+from itertools import product
 from pathlib import Path
 from urllib.parse import quote
 
@@ -48,18 +49,13 @@ def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
     for name, crossings in solution.outputs.items():
         if len(crossings):
             _save(folder, f"section {name}", plot.poincare_section(crossings))
-    title = str(folders.read_summary(folder)["title"])
-    plot.report(scene, solution, folder / PDF, title=title)
+    plot.report(scene, solution, folder / PDF, title=str(folders.read_summary(folder)["title"]))
 
 
 def worn_parts(dataset: xr.Dataset) -> list[tuple[str, Part]]:
-    """Return the parts that have worn, each as the name of its joint and "bearing" or "journal"."""
-    return [
-        (str(joint), part)
-        for joint in dataset["joint"].values
-        for part in PARTS
-        if (dataset[f"{part}_depth"].sel(joint=joint) > 0.0).any()
-    ]
+    """Return the parts that have worn, as pairs of a joint's name and "bearing" or "journal"."""
+    pairs = product(map(str, dataset["joint"].values), PARTS)
+    return [(j, part) for j, part in pairs if (dataset[f"{part}_depth"].sel(joint=j) > 0.0).any()]
 
 
 def _draw_output(folder: Path, dataset: xr.Dataset, name: str, axes: list[str]) -> None:
@@ -80,7 +76,7 @@ def _draw_output(folder: Path, dataset: xr.Dataset, name: str, axes: list[str]) 
 
 
 def _mark_peaks(forces: Axes, impacts: Impacts | None, joint: str) -> None:
-    """Mark the peaks of a joint's impacts as dots, since saved states may miss them."""
+    """Mark the peaks of a joint's impacts as dots: saved states may miss them."""
     if impacts is None:
         return
     of_joint = impacts.joint == joint
@@ -96,7 +92,7 @@ def _mark_peaks(forces: Axes, impacts: Impacts | None, joint: str) -> None:
 
 
 def _over_time(output: xr.DataArray) -> Axes:
-    """Draw an output at the saved states over time, with dots at its extremes, if known."""
+    """Draw an output at the saved states over time, with dots at known extremes."""
     axes = plot.style.axes_or_new(None)
     times, values = scaled(output["time"]), scaled(output)
     axes.plot(times.values, values.values, color=plot.style.BLUE, linewidth=1.4)
@@ -125,26 +121,25 @@ STYLE = Path(__file__).parent / "templates" / "page.css"
 
 
 def write_report(folder: Path) -> None:
-    """Draw the figures of the results in a folder again, and write the HTML page that shows them.
-    For a fit, only the page is written, since the folder lacks some of the data for its figures."""
+    """Draw the figures of a folder again, and write its page. The figures of a fit stay, since the
+    folder lacks some of their data."""
     kind = folders.read_summary(folder)["kind"]
     if kind == "run":
         write_run_report(folder)
     elif kind == "sweep":
         write_sweep_report(folder, open_sweep(folder / folders.STORE).load())
     elif kind == "wear":
-        results = open_wear(folder / folders.WEAR_STORE)
-        folders.require_names(
-            folder / folders.WEAR_STORE, ["force", *(f"{p}_volume" for p in PARTS)], results
-        )
+        store, needed = folder / folders.WEAR_STORE, ["force", *(f"{p}_volume" for p in PARTS)]
+        results = open_wear(store)
+        folders.require_names(store, needed, results)
         write_wear_report(folder, results)
     else:
         write_page(folder)
 
 
 def write_run_report(folder: Path) -> None:
-    """Write the HTML page of a run from the files in its folder and, if these include saved states,
-    its figures, its one-page PDF report, and the 3D animation."""
+    """Write the page of a run from the files in its folder and, if these include saved states,
+    figures, a PDF report of one page, and the 3D animation."""
     parts = []
     if (folder / folders.NUMBERS).exists():
         numbers = pd.read_csv(folder / folders.NUMBERS).set_index("output")
@@ -164,10 +159,9 @@ def write_run_report(folder: Path) -> None:
 def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
     """Draw the figures of a sweep, and write its page and a CSV table with a row for each lane.
 
-    For one axis, or for zipped axes the first of them, an output is drawn as a curve over it. For
-    two axes there is a curve for each value of the second axis or, if it has more than six values,
-    a map of colours over both axes. Poincaré sections are drawn as bifurcation diagrams over a
-    single axis.
+    An output is drawn over a single axis, or the first of zipped axes, as a curve; over two axes,
+    as a curve for each value of the second or, for more than six values, as a map of colours.
+    Poincaré sections over a single axis become bifurcation diagrams.
     """
     frame = lane_table(dataset)
     frame.to_csv(folder / "sweep.csv", index=False)
@@ -206,7 +200,6 @@ def write_robot_report(folder: Path, result: RobotFit) -> None:
 
 
 def write_wear_report(folder: Path, dataset: xr.Dataset) -> None:
-    """Write figures, page and CSV tables of a result of `clearjoint.wear`."""
     frame = stage_table(dataset)
     frame.to_csv(folder / STAGES, index=False)
     profiles, depths, volumes = {"angle [rad]": dataset["angle"].values}, {}, {}
@@ -241,9 +234,9 @@ def write_wear_report(folder: Path, dataset: xr.Dataset) -> None:
 
 
 def stage_table(dataset: xr.Dataset) -> pd.DataFrame:
-    """Return a table with a row for each stage of a result of `clearjoint.wear`: depths and volumes
-    before the stage, and the largest forces during the stage's run. The last row is the worn state
-    at the end, whose forces are NaN if no run follows it."""
+    """Return a table of a result of `clearjoint.wear` with a row for each stage: depths and volumes
+    before it, and largest forces during its run. The last row is the state at the end, with forces
+    NaN if no run follows it."""
     columns = {"cycles": dataset["cycles"].values}
     for joint in dataset["joint"].values:
         columns[f"force in {joint} [N]"] = dataset["force"].sel(joint=joint).values
@@ -257,8 +250,7 @@ def stage_table(dataset: xr.Dataset) -> pd.DataFrame:
 
 
 def write_page(folder: Path, *parts: str) -> None:
-    """Write the HTML page of a folder of results, with further `parts` in HTML, such as tables. The
-    page loads nothing from the network."""
+    """Write the page of a folder, with further `parts` in HTML. It loads nothing from a network."""
     summary = folders.read_summary(folder)
     title = escape(str(summary.pop("title")))
 
@@ -271,14 +263,10 @@ def write_page(folder: Path, *parts: str) -> None:
     rows = {key.replace("_", " "): shown(value) for key, value in entries.items()}
     with pd.option_context("display.max_colwidth", None):  # or pandas would cut long texts
         table = pd.Series(rows).to_frame().to_html(header=False, border=0, classes="summary")
-    texts = [
-        f"<h2>Report</h2><pre>{escape(path.read_text('utf-8'))}</pre>"
-        for path in folder.glob("*.txt")
-    ]
+    reports = [escape(path.read_text("utf-8")) for path in folder.glob("*.txt")]
+    texts = [f"<h2>Report</h2><pre>{report}</pre>" for report in reports]
     pictures = [_picture(path) for path in sorted((folder / folders.FIGURES).glob("*.png"))]
-    names = sorted(
-        path.name for path in folder.iterdir() if path.is_file() and path.name != folders.PAGE
-    )
+    names = sorted({path.name for path in folder.iterdir() if path.is_file()} - {folders.PAGE})
     links = "".join(f'<li><a href="{quote(name)}">{escape(name)}</a></li>' for name in names)
     files = f"<h2>Files</h2><ul>{links}</ul>"
     body = "\n".join([f"<h1>{title}</h1>{table}", *texts, *pictures, *parts, files])
@@ -306,8 +294,8 @@ def _table(title: str, frame: pd.DataFrame, rows: int) -> str:
 
 
 def lane_table(dataset: xr.Dataset) -> pd.DataFrame:
-    """Return a table with a row for each lane of a sweep: the values of the axes, and the outputs
-    that are single numbers."""
+    """Return a table with a row for each lane of a sweep: axes, and outputs that are single
+    numbers."""
     dims = dataset["result"].dims
     table = dataset[[name for name in dataset.data_vars if dataset[name].dims == dims]]
     # A sweep over a grid has a dimension for each axis. The lanes become one list, in which the

@@ -33,11 +33,11 @@ TEMPLATE = Path(__file__).parent / "templates" / "robot_fit.toml"
 
 @dataclass(frozen=True)
 class RobotFitParts:
-    """What a file says about the fit of a robot.
+    """The file of the fit of a robot.
 
     - `find`: what to find of each joint, a list such as ["play", "friction"], or a table with
-      starts. `driven_by`: how joints are driven: see `clearjoint.fit_robot`; for a servo, the table
-      of a `Servo` or `Motor`, whose bodies and axis are by default those of the joint's motor.
+      starts. `driven_by`: see `clearjoint.fit_robot`; a servo is the table of a `Servo` or `Motor`,
+      by default with the bodies and axis of the joint's motor.
     - `angles`, `torques`, `goals`: columns of the log by joint: "name [unit]", or tables of a
       `LogColumn`; `time`: column of the times. `header`: whether the first row has the names;
       without, columns have numbers. `missing`, `largest_gap`: see `clearjoint.RobotLog.read`.
@@ -81,7 +81,6 @@ class RobotFitStudy(AbstractStudy):
 
 
 def read_robot_fit(robot_file: Path, log_file: Path, path: Path) -> RobotFitStudy:
-    """Read the file of a robot, its log, and the file of the fit."""
     started = time.perf_counter()
     document, location = read_document(path)
     reader = Reader(CLASSES)

@@ -36,22 +36,18 @@ from .endings import FAILED, INTERRUPTED, WELL, CommandResult, has_error_stream,
 from .study import RunPart, Study
 
 DRAWN = 10_000
-"""Least number of equal intervals for the figures of a run, between which curves are straight."""
+"""Least number of intervals in the curves of a run's figures."""
 SHARP = "N", "N m", "m/s^2", "rad/s^2"
-"""Units of forces and accelerations, which change during an impact faster than states are saved."""
+"""Units of forces and accelerations: in an impact, they change faster than states are saved."""
 LARGEST, SMALLEST = " largest", " smallest"
-"""Suffixes of the names of the reductions that find the extremes of an output."""
+"""Suffixes of an output's name, in the names of the reductions that find its extremes."""
 
 
-PREFIXES: dict[type, str] = {
-    Crossings: folders.SECTION,
-    Impacts: folders.TABLE,
-    Rejections: folders.REJECTED,
-}
+PREFIXES = {Crossings: folders.SECTION, Impacts: folders.TABLE, Rejections: folders.REJECTED}
 
 
 class Negative(AbstractQuantity):
-    """The negative of a quantity, whose `Peak` is the negative of the quantity's smallest value."""
+    """The negative of a quantity, whose `Peak` is the negative of the quantity's minimum."""
 
     quantity: AbstractQuantity = eqx.field(static=True)
 
@@ -65,8 +61,8 @@ class Negative(AbstractQuantity):
 
 
 def run(study: Study, folder: Path) -> CommandResult:
-    """Run a study's scene, and write tables, figures and a page. If the run fails, or if Ctrl-C
-    interrupts it, the results so far are written."""
+    """Run a study's scene, and write tables, figures and a page; after a failure or Ctrl-C, of the
+    results so far."""
     settings = study.settings("run")
     extremes = extremes_of(study.parts.run, settings)
     times = study.parts.run.saved_times(study.end())
@@ -108,8 +104,8 @@ def run(study: Study, folder: Path) -> CommandResult:
 
 
 def divided(times: np.ndarray, parts: int) -> np.ndarray:
-    """Divide each interval between the given times into `parts` equal ones, and return all times,
-    of which every `parts`-th is exactly a given one."""
+    """Divide each interval between times into `parts` equal ones; every `parts`-th of the returned
+    times is exactly a given one."""
     fractions = np.arange(parts * (len(times) - 1) + 1) / parts
     return np.interp(fractions, np.arange(len(times)), times)
 
@@ -117,8 +113,8 @@ def divided(times: np.ndarray, parts: int) -> np.ndarray:
 def _simulated(
     study: Study, settings: Settings, extremes: Mapping[str, AbstractReduction], times: np.ndarray
 ) -> tuple[Solution, int]:
-    """Run a study's scene, saving states at `times`, (N,) s. Return the solution, also of a failed
-    or interrupted run, and the exit code."""
+    """Run a study's scene, saving states at `times`, (N,) s; return the solution, also of a run
+    that failed or was interrupted, and the exit code."""
     part = study.parts.run
     # Quantities are computed after the run, so that they don't change a bit of its states.
     recorded = {n: o for n, o in part.outputs.items() if not isinstance(o, AbstractQuantity)}
@@ -159,11 +155,8 @@ def _summary(study: Study, solution: Solution, interrupted: bool) -> dict[str, s
 
 
 def extremes_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduction]:
-    """Return two reductions for each output with a unit in `SHARP`, which find its largest and
-    smallest value, also between saved states.
-
-    The dictionary is empty if the solver has no dense output.
-    """
+    """Return two reductions for each output with a unit in `SHARP`: its largest and smallest value,
+    also between saved states. There are none if the solver has no dense output."""
     extremes: dict[str, AbstractReduction] = {}
     for name, output in part.outputs.items():
         if isinstance(output, AbstractQuantity) and output.unit in SHARP:
@@ -211,8 +204,8 @@ def write_results(
 def _outputs(
     quantities: Mapping[str, AbstractQuantity], scene: Scene, solution: Solution
 ) -> xr.Dataset:
-    """Return the values of quantities at the saved states, with the extremes in the whole run, if
-    known, as attributes. Print a note if saved values miss them by more than 2 % of the range."""
+    """Return quantities at the saved states, with known extremes as attributes. Print a note if
+    saved values miss an extreme by more than 2 % of the range."""
     saved, rows, numbers = solution.saved, ("time",), solution.outputs
     assert saved is not None
     variables = {}
@@ -236,8 +229,7 @@ def _outputs(
                     f"{quantity.unit}: {folders.NUMBERS} has these extremes; a smaller save_every "
                     "gives more samples"
                 )
-        title = type(quantity).__name__
-        variables[name] = Labelled(rows, values, quantity.unit, title, extremes)
+        variables[name] = Labelled(rows, values, quantity.unit, type(quantity).__name__, extremes)
     times = {"time": Labelled(rows, saved.times, "s", "time")}
     return labelled_dataset("outputs of a run", variables, times)
 

@@ -33,16 +33,7 @@ from .._model.bodies import State
 from .._model.scene import Scene
 from .._parametrisation.parameter import AbstractScale, Bounded, Linear, Log
 from .._parametrisation.paths import parameters
-from .._scene_files.documents import (
-    Document,
-    FileLocation,
-    Keys,
-    existing,
-    keys_of,
-    listed,
-    read_document,
-    written,
-)
+from .._scene_files import documents
 from .._scene_files.files import scene_of_document
 from .._scene_files.reading import KIND, Reader, number_of_text
 from .._scene_files.schema import Catalogue, Schema, scene_properties
@@ -67,8 +58,7 @@ class RunPart:
 
     - `start`, `end`: first and last time, s. Without `end`, the command line must give it.
     - `save_every`: time between two saved states, s; by default a thousandth of the duration.
-    - `preset`: name of settings in `clearjoint.presets`; `settings`: entries that replace those of
-      the preset.
+    - `preset`: name of settings in `clearjoint.presets`; `settings`: entries that replace some.
     - `outputs`: quantities, evaluated at the saved states, or reductions, sections and tables. The
       extremes of forces and accelerations between saved states are found too.
     - `sections`: further outputs that are sections, as in files of earlier versions.
@@ -107,7 +97,7 @@ class RunPart:
 
 @dataclass(frozen=True)
 class AxisPart:
-    """The values that a number of the scene or of the initial state takes in a sweep.
+    """The values of a number of the scene or of the initial state in a sweep.
 
     - `path`: of one number, or of several, which all get the same value.
     - `values`: numbers in SI units, or texts with units; without them `count` values from `start`
@@ -154,11 +144,8 @@ class SweepPart:
 
 @dataclass(frozen=True)
 class ColumnPart:
-    """A measured quantity: a column of the file of measurements.
-
-    - `unit`: of a column whose header has none.
-    - `noise`: standard deviation, a number in the column's unit or a text with a unit.
-    """
+    """A measured quantity, a column of the file of measurements: `unit`, if the header has none;
+    `noise`, standard deviation as a number in this unit or a text with a unit."""
 
     quantity: AbstractQuantity
     noise: float | str
@@ -167,12 +154,8 @@ class ColumnPart:
 
 @dataclass(frozen=True)
 class ParameterPart:
-    """A number of the scene or of the initial state to estimate.
-
-    - `path`: one path, or several, whose numbers all get the same value.
-    - `scale`: on which the number is estimated.
-    - `guess`: a number in SI units, or a text with a unit.
-    """
+    """A number to estimate, or several with the same value: `path`, or paths; `scale` of the
+    estimate; `guess`, a number in SI units or a text with a unit."""
 
     path: str | Sequence[str]
     scale: AbstractScale = field(default_factory=Linear)
@@ -184,8 +167,8 @@ class FitPart:
     """The section [fit]: parameters to estimate from measurements.
 
     - `measurements`: path of a CSV file, relative to the study's folder. `time`, `time_unit`,
-      `missing`: see `clearjoint.read_csv`; `comment`: character with which comment lines begin, by
-      default none.
+      `missing`: see `clearjoint.read_csv`; `comment`: first character of comment lines, none by
+      default.
     - `columns`: measured quantities, by the name of the column.
     - `grow`, `max_iterations`, `starts`: see `clearjoint.identify`.
     - `start`: time at which runs begin, s; `preset`, `settings`: as in [run].
@@ -208,11 +191,8 @@ class FitPart:
 
 @dataclass(frozen=True)
 class WearPart:
-    """The section [wear]: wear of joints over many cycles of a periodic motion.
-
-    The keys are arguments of `clearjoint.wear`, except for `start`, the time at which runs begin,
-    s, and `preset` and `settings`, as in [run].
-    """
+    """The section [wear]: arguments of `clearjoint.wear`; `start`, the time at which runs begin, s;
+    and `preset` and `settings`, as in [run]."""
 
     rates: Mapping[str, WearRates]
     cycle: Annotated[float, "s"]
@@ -259,12 +239,11 @@ CLASSES: tuple[type, ...] = (
     *(diffrax.Tsit5, diffrax.Dopri5, diffrax.Dopri8, diffrax.Bosh3, diffrax.Heun, diffrax.Euler),
     *(Linear, Log, Bounded),
 )
-"""Classes that a table of a study file may name under "kind". Classes that the annotation of a
-field names, such as `ImpactTable`, need not be listed here."""
+"""Classes that a table of a study file may name under "kind", beside those in the annotation of a
+field, such as `ImpactTable`."""
 
 
 def study_schema() -> Schema:
-    """Return the JSON Schema (2020-12) of study files as a dictionary for `json.dump`."""
     catalogue = Catalogue(CLASSES)
     scene = {"type": "object", "properties": scene_properties(catalogue), "required": ["bodies"]}
     properties = {"scene": {"anyOf": [{"type": "string"}, scene]}}
@@ -274,10 +253,10 @@ def study_schema() -> Schema:
 
 @dataclass(frozen=True)
 class WrittenPath:
-    """Function of a scene, or of a state, that returns the number at the keys of a path or, for
-    several `paths`, a list of numbers."""
+    """Function of a scene or a state that returns the number at a path, or the list of those at
+    several."""
 
-    paths: tuple[Keys, ...]
+    paths: tuple[documents.Keys, ...]
 
     def __call__(self, tree: PyTree) -> PyTree:
         values = [reduce(_entry, keys, tree) for keys in self.paths]
@@ -286,15 +265,14 @@ class WrittenPath:
 
 @dataclass(frozen=True)
 class FoundPath:
-    """The number that a path in a file names, or the numbers that several paths name, which have
-    the same unit and get the same value. `in_state`: whether they are numbers of the state."""
+    """The numbers with one unit that one or several paths in a file name; `in_state`: whether they
+    are numbers of the state."""
 
     path: WrittenPath
     in_state: bool
     unit: str
 
-    def number(self, value: object, location: FileLocation) -> float:
-        """Convert a number or a text with a unit from a file to a number in `unit`."""
+    def number(self, value: object, location: documents.FileLocation) -> float:
         if isinstance(value, str):
             return number_of_text(value, self.unit, location)
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -303,16 +281,16 @@ class FoundPath:
 
 
 def find_path(
-    texts: str | Sequence[str], scene: Scene, state: State, location: FileLocation
+    texts: str | Sequence[str], scene: Scene, state: State, location: documents.FileLocation
 ) -> FoundPath:
-    """Find the number of the scene or of its initial state that a path names, or the numbers that
-    several paths name.
+    """Find the number of the scene or of its initial state that a path names, or those of several
+    paths.
 
     **Raises:** `ValueError` for a path that does not lead to one number (the message lists the
-    existing names), for a mixture of paths in the scene and in the state, and for different units.
+    existing names), for paths both in the scene and in the state, and for different units.
     """
     with location.in_errors():
-        paths = [keys_of(text) for text in ([texts] if isinstance(texts, str) else texts)]
+        paths = [documents.keys_of(text) for text in ([texts] if isinstance(texts, str) else texts)]
     in_state = {keys[0] == "state" for keys in paths}
     if len(in_state) != 1:
         location.refuse(texts, "paths in the scene, or in the state", "name one or the other")
@@ -321,7 +299,7 @@ def find_path(
     tree, paths = (state, [keys[1:] for keys in paths]) if is_state else (scene, paths)
     # The unit of each number, by its keys: an array has one entry for each component.
     units = {
-        (*keys_of(name), *map(str, index)): unit
+        (*documents.keys_of(name), *map(str, index)): unit
         for name, (value, unit) in parameters(tree).items()
         for index in np.ndindex(np.shape(value))
     }
@@ -332,7 +310,10 @@ def find_path(
             # leading keys that are those of a number.
             known = max(n for n in range(len(keys) + 1) if any(k[:n] == keys[:n] for k in units))
             options = [k[known] for k in units if k[:known] == keys[:known] and len(k) > known]
-            names, parent = listed({*options}), written(keys[:known]) or "the top"
+            names, parent = (
+                documents.listed({*options}),
+                documents.written(keys[:known]) or "the top",
+            )
             if known == len(keys):
                 location.refuse(parent, "the path of one number", f"append one of {names}")
             otherwise = "`clearjoint check FILE --paths` lists all numbers"
@@ -346,23 +327,22 @@ def find_path(
 
 
 def _entry(tree: PyTree, key: str | int) -> PyTree:
-    """Return the entry of a dictionary, the field of an object, or the component of an array."""
     if isinstance(tree, dict):
         return tree[key]
     return getattr(tree, str(key)) if hasattr(tree, str(key)) else tree[int(key)]
 
 
 SCENE = "scene"
-"""Key of a study file for the scene: the path of its file, or a table."""
+"""Key of a study file: the path of a scene file, or the scene as a table."""
 PARTS = tuple(part.name for part in fields(StudyParts))
 
 
 class AbstractStudy:
-    """What a file says about computations: its `parts`, with a title, the `location` of the file,
-    and the value of `time.perf_counter` when it was read, s."""
+    """A file about computations: its `parts`, with a title; its `location`; and the value of
+    `time.perf_counter` when it was read, s."""
 
     parts: PyTree
-    location: FileLocation
+    location: documents.FileLocation
     started: float
 
     @property
@@ -376,20 +356,20 @@ class AbstractStudy:
 
 @dataclass(frozen=True)
 class Study(AbstractStudy):
-    """A scene with its initial state, and what a study file says about runs, sweeps, fits and wear.
-    `document`: tables of the file without the scene, after the changes of the command line."""
+    """A scene with its initial state, and a study file; `document`: its tables without the scene,
+    after the changes of the command line."""
 
     scene: Scene
     state: State
     parts: StudyParts
-    location: FileLocation
+    location: documents.FileLocation
     document: Mapping[str, object]
     started: float = field(default_factory=time.perf_counter)
 
     def settings(self, section: str) -> Settings:
-        """Return the settings in a section: those of its preset, with the entries of its
-        `settings`. A section [sweep] without either has those of [run]. The energy ledger is
-        switched on if an output of the section needs it."""
+        """Return the settings of a section: its preset, changed by the entries of its `settings`. A
+        section [sweep] without either has those of [run]. The energy ledger is on if an output
+        needs it."""
         part = getattr(self.parts, section)
         outputs = getattr(part, "outputs", {}).values()
         needs_ledger = any(getattr(output, "needs_ledger", False) for output in outputs)
@@ -407,25 +387,24 @@ class Study(AbstractStudy):
         return replace(getattr(presets, part.preset or "default"), **changes)
 
     def end(self, section_end: float | None = None) -> float:
-        """Return the end of runs, s: `section_end`, or if it is None that in [run]."""
+        """Return the end of runs, s: `section_end`, or by default that in [run]."""
         end = self.parts.run.end if section_end is None else section_end
         if end is None:
-            remedy = 'write end = "1 s", or pass --end 1'
-            self.location.at("run").refuse(None, "an `end`", remedy)
+            self.location.at("run").refuse(None, "an `end`", 'write end = "1 s", or pass --end 1')
         with self.location.at("run" if section_end is None else "sweep", "end").in_errors():
             require(end > self.parts.run.start, "end", end, "after the start", "give it in s")
         return float(end)
 
     def check_elements(self, named: Mapping[str, Output], *keys: str) -> None:
-        """Check that the scene has the elements that the entries at `keys` of the file name."""
+        """Check that the scene has the elements of the outputs at `keys` of the file."""
         for name, entry in named.items():
             with self.location.at(*keys, name).in_errors():
                 if isinstance(entry, AbstractQuantity | RECORDED):
                     entry.check(self.scene)
 
     def outputs_of_sweep(self, part: SweepPart) -> Requested:
-        """Return the outputs of a sweep: those of the section [sweep], with sample times for its
-        quantities, and the Poincaré sections of [run]."""
+        """Return the outputs of [sweep], with sample times for quantities, and the Poincaré
+        sections of [run]."""
         run = self.parts.run
         sections = {n: output for n, output in run.outputs.items() if isinstance(output, Section)}
         requested = Requested({**sections, **part.outputs}, Saving())
@@ -437,7 +416,7 @@ class Study(AbstractStudy):
 def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
     """Read a study file, or a scene file, which may have the sections of a study too, and make
     changes such as "joints.pin.clearance=0.2mm" in the scene or "run.end=2" in the study."""
-    document, location = read_document(path)
+    document, location = documents.read_document(path)
     if "bodies" in document:  # a scene file, which may have sections of a study
         study = {key: document.pop(key) for key in PARTS if key in document}
         tables, scene_location = document, location
@@ -446,9 +425,8 @@ def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
         if not isinstance(tables, dict):
             file = path.parent / str(tables)
             if not file.is_file():
-                expected = "the path of a scene file, or a table"
-                scene_location.refuse(tables, expected, "correct it")
-            tables, scene_location = read_document(file)
+                scene_location.refuse(tables, "the path of a scene file, or a table", "correct it")
+            tables, scene_location = documents.read_document(file)
     else:
         remedy = 'a study file names one, scene = "four_bar.toml"; a scene file has [bodies.<name>]'
         location.refuse(sorted(document), "`scene` or `bodies`", remedy)
@@ -463,15 +441,17 @@ def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
     return Study(scene, state, parts, location, study)
 
 
-def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
-    """Make a change, such as "run.end=2", in the tables of the study or of the scene. Return
-    whether the study has been changed, and the keys of the changed value."""
-    location = FileLocation(f"--set {change}")
+def _set(
+    study: documents.Document, scene: documents.Document, change: str
+) -> tuple[bool, documents.Keys]:
+    """Make a change, such as "run.end=2", in the study or the scene; return whether the study has
+    been changed, and the keys of the value."""
+    location = documents.FileLocation(f"--set {change}")
     path, equals, text = change.partition("=")
     if not equals:
         location.refuse(change, "a path and a value", "write joints.pin.clearance=0.2mm, say")
     with location.in_errors():
-        keys = keys_of(path.strip())
+        keys = documents.keys_of(path.strip())
     is_in_study = keys[0] in PARTS
     if keys[0] == "run":  # the options --end and --preset work for files without this section, too
         study.setdefault("run", {})
@@ -483,14 +463,16 @@ def _set(study: Document, scene: Document, change: str) -> tuple[bool, Keys]:
     # last key may be new in a table, but not in a list. `steps` are the leading keys that exist,
     # with indices of lists as integers, and `table` is where those before the last one lead.
     tables = study if is_in_study else scene
-    steps, last = existing(tables, keys), len(keys) - 1
+    steps, last = documents.existing(tables, keys), len(keys) - 1
     table: PyTree = reduce(getitem, steps[:last], tables)  # pyright: ignore
     if len(steps) == last and isinstance(table, dict):
         steps = (*steps, keys[last])
     if len(steps) < len(keys):
-        key, parent = keys[len(steps)], written(steps) or "the top"
+        key, parent = keys[len(steps)], documents.written(steps) or "the top"
         names = list(table) if isinstance(table, dict) else []
         otherwise = f"add a section [{key}] to the file" if table is study else "see the file"
-        location.refuse(key, f"one of {listed(names)} at {parent}", nearest(key, names, otherwise))
+        location.refuse(
+            key, f"one of {documents.listed(names)} at {parent}", nearest(key, names, otherwise)
+        )
     table[steps[last]] = value
     return is_in_study, steps

@@ -1,8 +1,4 @@
-"""`clearjoint sweep`: run a scene for many values of its numbers.
-
-The store of a sweep keeps the lanes that have ended, so that the same command continues an
-interrupted sweep.
-"""
+"""`clearjoint sweep`: run a scene for many values of its numbers."""
 
 from pathlib import Path
 
@@ -21,8 +17,8 @@ from .study import AxisPart, FoundPath, Study, SweepPart, find_path
 
 
 def sweep(study: Study, folder: Path) -> CommandResult:
-    """Run the sweep of a study's section [sweep], and write its store, tables, figures and page. If
-    the folder contains the store of this sweep already, only the missing lanes are run.
+    """Run a study's section [sweep], and write its store, tables, figures and page. Lanes that the
+    folder's store has already are not run again.
 
     The sweep counts as failed only if no lane ran to its end, since a sweep often includes values
     with which a mechanism can't run. After Ctrl-C, results so far are written.
@@ -100,7 +96,7 @@ def sweep_axes(study: Study, part: SweepPart) -> dict[str, Axis]:
 
 
 def shape_of_lanes(axes: dict[str, Axis], part: SweepPart) -> list[int]:
-    """Return the number of values of each axis or, if the axes are zipped, their common number."""
+    """Return the number of values of each axis, or of zipped axes their common number."""
     sizes = [axis.values.size for axis in axes.values()]
     return sizes[:1] if part.zipped else sizes
 
@@ -133,10 +129,7 @@ def _summary(dataset: xr.Dataset, code: int) -> tuple[Summary, str]:
     }
     failed = codes.size - done - pending
     steps = int(dataset["accepted"].clip(min=0).sum())  # lanes that have not run have -1
-    forces = [
-        float(np.nanmax(output.values))
-        for output in dataset.data_vars.values()
-        if output.attrs.get("units") == "N" and np.isfinite(output.values).any()
-    ]
+    in_newtons = [v.values for v in dataset.data_vars.values() if v.attrs.get("units") == "N"]
+    forces = [float(np.nanmax(values)) for values in in_newtons if np.isfinite(values).any()]
     force = f", largest force {max(forces):.4g} N" if forces else ""
     return summary, f"{codes.size} lanes, {failed} failed, {pending} pending, {steps} steps{force}"

@@ -15,17 +15,16 @@ if TYPE_CHECKING:
     import xarray as xr
 
 WORN_SCENE = "worn.toml"
-"""File of the scene with the worn profiles and the state after the last run."""
+"""Scene file with the worn profiles and the state after the last run."""
 
 
 def wear(study: Study, folder: Path) -> CommandResult:
-    """Compute the wear that a study's section [wear] describes, and write its store, tables,
-    figures, the worn scene and an HTML page. If the folder contains a store of this computation
-    already, it is continued from there. After Ctrl-C, results so far are written."""
+    """Compute a study's section [wear], and write its store, tables, figures, the worn scene and a
+    page. A computation that the folder's store has begun is continued. After Ctrl-C, results so far
+    are written."""
     part = study.parts.wear
     if part is None:
-        remedy = "add [wear.rates.<joint>]"
-        study.location.at("wear").refuse(None, "a section [wear]", remedy)
+        study.location.at("wear").refuse(None, "a section [wear]", "add [wear.rates.<joint>]")
     store, code = folder / WEAR_STORE, WELL
     try:
         with study.location.at("wear").in_errors():
@@ -62,14 +61,13 @@ def wear(study: Study, folder: Path) -> CommandResult:
 
 
 def check_wear_section(study: Study, part: WearPart) -> None:
-    """Check the entries of a study's section [wear] without any run."""
     with study.location.at("wear").in_errors():
         arguments: dict[str, Any] = _arguments(part) | {"cycles": np.asarray(part.cycles)}
         CycleRun(**arguments).check(study.scene)
 
 
 def _arguments(part: WearPart) -> dict[str, Any]:
-    """Return those entries of the section that are arguments of `clearjoint.wear`, by name."""
+    """Return the entries of the section that are arguments of `clearjoint.wear`."""
     others = ("start", "preset", "settings")
     return {name: entry for name, entry in vars(part).items() if name not in others}
 

@@ -1,4 +1,4 @@
-"""Export of results as labelled arrays with units, data frames, CSV and netCDF files."""
+"""Results as labelled arrays with units, data frames, CSV and netCDF files."""
 
 import abc
 import itertools
@@ -21,18 +21,16 @@ if TYPE_CHECKING:
     import xarray as xr
 
 LONGEST = 200
-"""Largest number of characters by which an array is described."""
+"""Number of characters after which the text of an array is cut off."""
 Notes = tuple[tuple[str, str | int | float], ...]
-"""Pairs (name, text or number) that become attributes of a dataset and of its netCDF file."""
+"""Pairs (name, text or number) that become attributes of a dataset."""
 
 
 def describe(value: object) -> str:
-    """Return a text that describes a value, such as "Tsit5(scan_kind=None)".
+    """Return a text that describes a value, such as "Tsit5(scan_kind=None)", as results record it.
 
-    Results record arguments and settings by such texts, and the store of a sweep compares them.
-    Instances of dataclasses are described by the name of their class and by their fields, functions
-    and classes by their names, and other objects by the name of their class alone. Arrays are cut
-    off after `LONGEST` characters.
+    Dataclasses are described by name and fields, functions and classes by name, and other objects
+    by their class alone. The store of a sweep compares such texts.
     """
     if isinstance(value, partial):
         return f"partial({describe([value.func, value.args, value.keywords])})"
@@ -54,13 +52,12 @@ def describe(value: object) -> str:
 
 
 def described(values: Mapping[str, object]) -> dict[str, str]:
-    """Return the text of each value, from `describe`, by name."""
     return {name: describe(value) for name, value in values.items()}
 
 
 @cached_by_numbers
 def setting_notes(values: dict[str, object]) -> Notes:
-    """Return the fields of settings, by name, as notes named "setting_<field>"."""
+    """Return the fields of settings as notes named "setting_<field>"."""
     return tuple((f"setting_{name}", _note(value)) for name, value in values.items())
 
 
@@ -71,8 +68,7 @@ def _note(value: object) -> str | int | float:
 
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions of clearjoint, JAX and diffrax, under "version of <name>"; "unknown" for
-    a package that is not installed."""
+    """Return the versions of clearjoint, JAX and diffrax, under "version of <name>"."""
     by_package = {}
     for name in ("clearjoint", "jax", "diffrax"):
         try:
@@ -82,15 +78,13 @@ def versions() -> dict[str, str]:
     return by_package
 
 
-COMPONENT = "component"
-"""Name of the dimension along the components of a vector."""
-COMPONENTS = ("x", "y", "z")
-"""Labels of the components of a vector."""
+COMPONENT, COMPONENTS = "component", ("x", "y", "z")
+"""Name of the dimension along the components of a vector; labels of the components."""
 
 
 class Labelled(NamedTuple):
-    """A variable of a dataset. `unit` is ``None`` if unknown, `description` becomes the attribute
-    "long_name" unless it is empty, and `attributes` are further ones."""
+    """A variable of a dataset: its `unit`, ``None`` if unknown, its `description`, which becomes
+    the attribute "long_name", and further `attributes`."""
 
     dims: tuple[str, ...]
     values: ArrayLike
@@ -105,22 +99,17 @@ def labelled_dataset(
     coordinates: Mapping[str, Labelled],
     notes: Notes = (),
 ) -> "xr.Dataset":
-    """Return a dataset whose attributes are its title, `notes` and the versions of programs."""
     # Importing xarray takes long, so it is imported only when it is needed.
     import xarray as xr
 
     parts = [{n: _variable(array) for n, array in d.items()} for d in (variables, coordinates)]
-    source = {name.removeprefix("version of "): text for name, text in versions().items()}
-    whole = {
-        "Conventions": "CF-1.11",
-        "title": title,
-        "source": ", ".join(f"{name} {text}" for name, text in source.items()),
-    }
-    return xr.Dataset(*parts, attrs={**whole, **dict(notes)})
+    programs = (f"{name.removeprefix('version of ')} {text}" for name, text in versions().items())
+    attributes = {"Conventions": "CF-1.11", "title": title, "source": ", ".join(programs)}
+    return xr.Dataset(*parts, attrs={**attributes, **dict(notes)})
 
 
 def estimate_labels(units: Mapping[str, str]) -> dict[str, Labelled]:
-    """Return the labels of parameters, with their `units`, and of the bounds of intervals."""
+    """Return labels for the dimensions "parameter" and "bound" (of intervals), and the units."""
     along = ("parameter",)
     return {
         "parameter": Labelled(along, texts([*units])),
@@ -130,7 +119,7 @@ def estimate_labels(units: Mapping[str, str]) -> dict[str, Labelled]:
 
 
 def texts(labels: ArrayLike) -> np.ndarray:
-    """Return labels as an array of texts; without any, `np.asarray` would return floats."""
+    """Return labels as an array of texts; of none, `np.asarray` would make floats."""
     return np.array(np.asarray(labels).tolist(), dtype=str)
 
 
@@ -144,14 +133,12 @@ IN_FRONT = (
     *("body", "contact", "bristle_contact", "joint", "journal", "reaction", "rigid_contact"),
     "remembered",
 )
-"""Dimensions whose labels precede the variable's name in the name of a column, as the body "arm"
-does in "arm.position.x"; labels of other dimensions, such as the component "x", follow it."""
+"""Dimensions whose labels precede a variable's name in the name of a column, as "arm" does in
+"arm.position.x"; labels of other dimensions, such as "x", follow it."""
 
 
 class AbstractTabular(abc.ABC):
-    """Base class of results that can be exported as dataset, data frame, CSV and netCDF file.
-
-    A subclass defines `to_xarray`, from which the other exports follow.
+    """Base class of results that can be exported; a subclass defines `to_xarray`.
 
     ```python
     import clearjoint as cj
@@ -164,24 +151,20 @@ class AbstractTabular(abc.ABC):
 
     @abc.abstractmethod
     def to_xarray(self) -> "xr.Dataset":
-        """Return the results as an `xarray.Dataset`, with units, descriptions ("long_name") and the
-        versions of the programs as attributes."""
+        """Return an `xarray.Dataset` with units, descriptions ("long_name") and the versions of the
+        programs as attributes."""
 
     def to_dataframe(self) -> "pd.DataFrame":
         """Return a `pandas.DataFrame` with a row for each time, impact, crossing or parameter.
 
-        The index has the labels of the rows, such as times in s or names of parameters. Each
-        component of each variable has a column, whose name has the unit, such as "arm.position.x
-        [m]".
+        The index has the labels of the rows, such as times in s. Each component of each variable
+        has a column, whose name has the unit, such as "arm.position.x [m]".
         """
         return to_frame(self.to_xarray())
 
     def to_csv(self, path: str | PathLike[str]) -> None:
-        """Write the data frame of `to_dataframe` to a CSV file, for spreadsheets and
-        `clearjoint.read_csv`.
-
-        Units are in the header, and numbers are written without loss.
-        """
+        """Write the data frame without loss to a CSV file, with units in the header, for
+        spreadsheets and `clearjoint.read_csv`."""
         self.to_dataframe().to_csv(path)
 
     def to_netcdf(self, path: str | PathLike[str]) -> None:
@@ -217,13 +200,12 @@ def header(name: str, attributes: dict) -> str:
 
 
 def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
-    """Return a data frame with a row for each label along the dimension `rows` of a dataset, by
-    default its first dimension.
+    """Return a data frame with a row for each label along a dimension, by default the first one.
 
     A variable gets a column for each combination of labels along its other dimensions, such as
-    "arm.position.x [m]". Variables and coordinates without the dimension `rows` are left out. The
-    numbers of a variable with the attribute "flag_meanings", such as result codes, become texts:
-    their meanings, or their digits if they have none.
+    "arm.position.x [m]". Variables and coordinates without the dimension `rows` are left out.
+    Numbers of a variable with the attribute "flag_meanings", such as result codes, become their
+    meanings, or texts of their digits without any.
     """
     import pandas as pd
 
@@ -238,10 +220,8 @@ def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
 
 
 def _columns(name: str, array: "xr.DataArray", rows: str) -> dict[str, np.ndarray]:
-    """Columns of a variable: one for each combination of labels of its other dimensions."""
     others = [str(dim) for dim in array.dims if dim != rows]
-    values = array.transpose(rows, *others).values
-    attributes = array.attrs
+    values, attributes = array.transpose(rows, *others).values, array.attrs
     if "flag_meanings" in attributes:
         values, attributes = _meanings(values, attributes), {}
     columns = {}

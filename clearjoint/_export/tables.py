@@ -7,25 +7,22 @@ import numpy as np
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return the lines of a table with aligned columns. The first row is the head, and the first
-    text of each other row its label."""
+    """Return the lines of a table with aligned columns; the first row is the head, the first column
+    has labels."""
     import pandas as pd
 
     (corner, *head), *body = rows
     labels = [label for label, *_ in body]
-    columns = pd.Index(head, name=corner)
-    table = pd.DataFrame([cells for _, *cells in body], labels, columns)
+    table = pd.DataFrame([cells for _, *cells in body], labels, pd.Index(head, name=corner))
     return [line.rstrip() for line in table.to_string().splitlines()]
 
 
 def percent(share: float) -> str:
-    """Return a share in percent with two significant digits; "-" if it is not finite."""
     return f"{number(100.0 * share)} %" if np.isfinite(share) else "-"
 
 
 def number(value: float, digits: int = 2) -> str:
-    """Return a number with some significant digits; "-" if it is not finite."""
-    # Rounded first: 100 with two digits would otherwise be "1e+02".
+    # A number that is not finite has no digits. Rounded first: 100 would otherwise be "1e+02".
     return f"{float(f'{value:.{digits}g}'):g}" if np.isfinite(value) else "-"
 
 
@@ -45,22 +42,21 @@ def estimates_table(
 
 
 def _digits(value: float, error: float) -> int:
-    """How many digits of a value to show, so that two digits of its error are visible, from 2 to
-    15; 4 if the value is zero, or if the error is not finite and positive."""
+    """How many digits of a value show two digits of its error, from 2 to 15; 4 for a value of zero,
+    or an error that is not finite and positive."""
     if not 0.0 < error < math.inf or value == 0.0:
         return 4
     size = math.floor(math.log10(abs(value))) - math.floor(math.log10(error))
     return min(max(size + 2, 2), 15)
 
 
-def duration(seconds: float) -> str:
-    """Return the text of a duration: "0.23 s", "68 s", "3 min 20 s" or "1 h 7 min"."""
+def duration(seconds: float) -> str:  # "0.23 s", "68 s", "3 min 20 s" or "1 h 7 min"
     if seconds < 9.95:
         return f"{seconds:.2g} s"
-    whole = round(seconds)
-    if whole < 120:
-        return f"{whole} s"
-    minutes, rest = divmod(whole, 60)
+    rounded = round(seconds)
+    if rounded < 120:
+        return f"{rounded} s"
+    minutes, rest = divmod(rounded, 60)
     if minutes < 60:
         return f"{minutes} min {rest} s"
     return f"{minutes // 60} h {minutes % 60} min"

@@ -17,7 +17,7 @@ Result = TypeVar("Result")
 
 
 def cached_by_numbers(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Return the given function of PyTrees with a cache for its results.
+    """Return a function of PyTrees with a cache for its results.
 
     A result is used again for arguments of the same classes, static fields and numbers. Leaves
     other than arrays must be hashable. The function must have no side effects, and callers must not

@@ -12,17 +12,16 @@ from pathlib import Path
 
 import equinox as eqx
 
-_PACKAGES = tuple(
-    f"{folder}{os.sep}" for folder in (Path(__file__).parents[1], Path(eqx.__file__).parent)
-)
-"""Folders of this package and of Equinox. Stack frames of code in them are not the user's."""
+_FOLDERS = Path(__file__).parents[1], Path(eqx.__file__).parent
+_PACKAGES = tuple(f"{folder}{os.sep}" for folder in _FOLDERS)
+"""Folders of this package and of Equinox, whose stack frames are not the user's."""
 SILENCE = "To silence this:"
-"""Start of the last sentence of each warning, on how to silence it."""
+"""Start of the last sentence of each warning."""
 _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 
 
 _ISSUED = threading.local()
-"""Its `number` is that of the warnings that `caution` has issued in each thread."""
+"""`_ISSUED.number` counts the warnings that `caution` has issued in a thread."""
 
 
 class UnusualValueWarning(UserWarning):
@@ -79,7 +78,7 @@ class LawRangeWarning(UserWarning):
 
 def caution(message: str, category: type[Warning]) -> None:
     """Issue a warning that points to the user's line of code, with a sentence on how to silence it;
-    none within the context `quiet`."""
+    do nothing within the context `quiet`."""
     if not warns():
         return
     _ISSUED.number = number_issued() + 1
@@ -88,19 +87,17 @@ def caution(message: str, category: type[Warning]) -> None:
 
 
 def number_issued() -> int:
-    """Return the number of warnings that `caution` has issued in this thread."""
     return getattr(_ISSUED, "number", 0)
 
 
 def warns() -> bool:
-    """Return whether `caution` issues warnings: false within the context `quiet`."""
     return not _QUIET.get()
 
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Suppress the warnings of this module within the context, for numbers about which the user has
-    been warned before, and for those that are unusual on purpose."""
+    """Suppress the warnings of `caution` within the context: about numbers that the user knows, or
+    that are unusual on purpose."""
     token = _QUIET.set(True)
     try:
         yield

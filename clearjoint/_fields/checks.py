@@ -1,10 +1,9 @@
-"""Checks of values, whose error messages all have the form of `require`: `argument`, the name of
-the value; `expected`, what the value must be; and `remedy`, advice on how to correct it.
+"""Checks of values, whose errors all have the form of `require`.
 
 Numbers are stored as 64-bit NumPy arrays, which do not start a JAX backend when a scene is built. A
 check of a traced value, whose numbers are unknown, passes. But while `conditions_of` calls a check,
-the condition on the numbers is collected, so that a compiled program can evaluate it for the
-numbers of one run, or for those of all runs of a sweep.
+it collects the condition, so that a compiled program can evaluate it for the numbers of one run, or
+for those of all runs of a sweep.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
@@ -28,22 +27,23 @@ from .types import ArrayLike
 
 T = TypeVar("T")
 LONGEST = 400
-"""Largest number of characters of a value, and of entries of an array or list, in a message."""
+"""Largest number of characters of a value in a message, and of entries of an array or list."""
 Path: TypeAlias = tuple[str | int, ...]
 """Path to a part of a PyTree: names of fields, and keys or indices of containers."""
 EPSILON = float(np.finfo(float).eps)
 ROUNDINGS = 16.0
-"""`as_shown` rounds a number to 14 digits if this changes it by at most so many `EPSILON`."""
+"""`as_shown` rounds a number to 14 digits if this changes it by at most `ROUNDINGS * EPSILON`,
+relatively."""
 _CONDITIONS: ContextVar[list[jax.Array] | None] = ContextVar("conditions", default=None)
-"""Conditions that `conditions_of` collects at present; ``None`` if it isn't running."""
+"""Conditions that `conditions_of` is collecting; ``None`` if it isn't running."""
 
 
 def as_number(value: object, argument: str = "value", unit: str = "1") -> np.ndarray | jax.Array:
-    """Return a value as a float64 NumPy array, but JAX arrays and traced numbers as a JAX array.
+    """Return numbers as a float64 NumPy array or, if they are JAX arrays or traced, as a JAX array.
 
-    **Raises:** `ValueError`, with the name and unit of the value, if it does not consist of
-    numbers; texts, bools, dates, complex numbers and ``None`` are refused. In a list that also
-    contains numbers, NumPy takes a bool as 0 or 1, without an error.
+    **Raises:** `ValueError`, with the name and unit of the value, for anything but numbers, such as
+    texts, bools, dates, complex numbers and ``None``. In a list that also contains numbers, NumPy
+    takes a bool as 0 or 1, without an error.
     """
     if isinstance(value, jax.Array) and jnp.issubdtype(value.dtype, jnp.number):
         if jnp.isrealobj(value):
@@ -54,10 +54,6 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
         kinds = {type(leaf) for leaf in jax.tree.leaves(value)}
         if any(issubclass(kind, Tracer) for kind in kinds):
             return jnp.asarray(value, dtype=float)
-    expected, remedy = (
-        "a number or an array of numbers",
-        "pass a float, a list of floats or an array",
-    )
     try:
         # NumPy would convert strings, bools, dates and complex numbers to floats without an error,
         # and ``None`` in a list to NaN.
@@ -69,7 +65,8 @@ def as_number(value: object, argument: str = "value", unit: str = "1") -> np.nda
     if numbers is None:
         in_unit = "" if unit == "1" else f", in {unit}"
         raise ValueError(
-            f"Argument `{argument}` must be {expected}, but is {_shown(value)}: {remedy}{in_unit}."
+            f"Argument `{argument}` must be a number or an array of numbers, but is "
+            f"{_shown(value)}: pass a float, a list of floats or an array{in_unit}."
         )
     return numbers
 
@@ -80,26 +77,25 @@ def concrete(value: object) -> np.ndarray | None:
 
 
 def as_shown(value: Any) -> Any:
-    """Return NumPy numbers and arrays as Python numbers and nested lists, for printing; a number
-    that differs by a few roundings from its form with 14 digits is replaced by that form."""
+    """Return NumPy numbers and arrays as Python numbers and nested lists, for printing, without the
+    rounding errors of conversions of units: 0.3 for 0.30000000000000004."""
     if isinstance(value, list | tuple) and type(value) in (list, tuple):
         return type(value)(map(as_shown, value))
     if isinstance(value, np.ndarray | np.generic):
         return as_shown(value.tolist())
     if not isinstance(value, float) or not np.isfinite(value):
         return value
-    # Conversions of units leave errors of a few roundings, which would print as 17 digits.
     short = float(f"{value:.14g}")
     return short if abs(short - value) <= ROUNDINGS * EPSILON * abs(value) else value
 
 
 def checkable(*values: object) -> list[Any] | None:
-    """Return the values as arrays for a check, or ``None`` if the check must be omitted.
+    """Return values as arrays for a check of several of them, or ``None`` if the check must be
+    omitted.
 
     It must be omitted if JAX traces one of the values, except in a run that checks traced numbers
-    in its compiled program. There, returned values may be traced, and so may a condition on them.
-    Therefore, combine conditions by ``&`` and ``|``, and pass the result to `require` without
-    calling `bool`, which tracers do not support.
+    in its compiled program: the arrays are then traced. Therefore, combine conditions by ``&`` and
+    ``|``, and pass the result to `require` without calling `bool`, which tracers do not support.
 
     >>> numbers = extend.checkable(0.3, 0.1)
     >>> if numbers is not None:
@@ -112,8 +108,8 @@ def checkable(*values: object) -> list[Any] | None:
 
 
 def conditions_of(check: Callable[[], None]) -> list[jax.Array]:
-    """Return the conditions, each a traced boolean (), under which a check raises no error; errors
-    for known values are raised."""
+    """Return the traced booleans () that must be true for a check to pass. If known values fail the
+    check, its error is raised."""
     conditions: list[jax.Array] = []
     token = _CONDITIONS.set(conditions)
     try:
@@ -126,12 +122,12 @@ def conditions_of(check: Callable[[], None]) -> list[jax.Array]:
 def require(
     condition: bool | np.bool_ | jax.Array, argument: str, value: object, expected: str, remedy: str
 ) -> None:
-    """Check a condition on an argument.
+    """Raise an error unless a condition on an argument is true.
 
-    A traced condition raises no error; a run tests it in its compiled program, see `checkable`.
+    `value` is what was passed, `expected` what it must be, `remedy` advice on how to correct it. A
+    traced condition raises no error; a run tests it in its compiled program, see `checkable`.
 
-    **Raises:** `ValueError` "Argument `argument` must be `expected`, but is `value`: `remedy`." if
-    the condition is false.
+    **Raises:** `ValueError` "Argument `argument` must be `expected`, but is `value`: `remedy`."
 
     >>> extend.require(False, "teeth", 3, "at least 5", "count them")
     Traceback (most recent call last):
@@ -142,20 +138,15 @@ def require(
         if (conditions := _CONDITIONS.get()) is not None:
             conditions.append(condition)
     elif not condition:
-        raise ValueError(
-            f"Argument `{argument}` must be {expected}, but is {_shown(value)}: {remedy}."
-        )
+        message = f"Argument `{argument}` must be {expected}, but is {_shown(value)}: {remedy}."
+        raise ValueError(message)
 
 
 def require_numbers(
-    condition: Callable[..., bool],
-    argument: str,
-    values: tuple[object, ...],
-    expected: str,
-    remedy: str,
+    condition: Callable[..., bool], argument: str, values: tuple, expected: str, remedy: str
 ) -> None:
-    """Check ``condition(*values)``. The error is about the first value; `{0}`, `{1}` and so on in
-    `expected` stand for all values in their order."""
+    """Raise the error of `require` for the first of the `values` unless ``condition(*values)``
+    holds. In `expected`, `{0}`, `{1}` and so on stand for the values."""
     if (arrays := checkable(*values)) is not None:
         holds = condition(*arrays)
         # Numbers are written out for an error only: a run checks all numbers of its scene.
@@ -173,8 +164,7 @@ def errors_about(subject: object) -> Iterator[None]:
 
 
 def _shown(value: object) -> str:
-    """Return a value as text for an error message; a long text is cut off, and a long array or list
-    is replaced by its shape or length."""
+    """Return a value as text for a message: long texts cut off, long arrays as their shapes."""
     if isinstance(value, np.ndarray) and value.size > LONGEST:
         return f"an array of shape {value.shape}"
     if isinstance(value, list | tuple) and len(value) > LONGEST:
@@ -217,8 +207,8 @@ def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool
 
 def require_count(argument: str, value: object, remedy: str, *, zero: bool = False) -> None:
     least, expected = (0, "zero or positive") if zero else (1, "positive")
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= least
-    require(bool(whole), argument, value, f"a whole number, {expected}", remedy)
+    valid = isinstance(value, int | np.integer) and not isinstance(value, bool) and value >= least
+    require(bool(valid), argument, value, f"a whole number, {expected}", remedy)
 
 
 def require_type(
@@ -244,7 +234,7 @@ def require_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
 
 def require_array_names(argument: str, given: Mapping[str, T], remedy: str) -> None:
     """Raise a ``ValueError`` unless a value is a dictionary whose keys can name arrays in a Zarr
-    store, where the name of an array is that of a folder."""
+    store, that is, folders."""
     require_names(argument, given, remedy)
     for name in given:
         is_folder = "/" not in name and "\\" not in name and not name.startswith((".", "__"))
@@ -273,21 +263,19 @@ def require_range(argument: str, value: ArrayLike, lower: float, upper: float, r
 def caution_unless(
     condition: bool, argument: str, value: float, unit: str, expected: str, remedy: str
 ) -> None:
-    """Issue an `UnusualValueWarning` about a number unless the condition holds; `expected` is the
-    usual range with its unit, such as "at most 1 m"."""
+    """Issue an `UnusualValueWarning` about a number unless a condition holds; `expected`: the usual
+    range with its unit, such as "at most 1 m"."""
     if not condition:
-        caution(
-            f"Argument `{argument}` is {float(value):.6g} {unit}, where {expected} is usual: "
-            f"{remedy}.",
-            UnusualValueWarning,
-        )
+        advice = f"where {expected} is usual: {remedy}."
+        number = f"{float(value):.6g} {unit}"
+        caution(f"Argument `{argument}` is {number}, {advice}", UnusualValueWarning)
 
 
 def caution_outside(
     argument: str, value: object, unit: str, least: float, most: float, remedy: str
 ) -> None:
-    """Issue an `UnusualValueWarning` if a number is not from `least` to `most`; tracers are not
-    checked."""
+    """Issue an `UnusualValueWarning` about a number that is not from `least` to `most`, unless JAX
+    traces it."""
     number = concrete(value)
     if number is not None:
         at_least, at_most = f"at least {least:g} {unit}", f"at most {most:g} {unit}"
@@ -320,6 +308,7 @@ def require_euler_parameters(argument: str, value: ArrayLike) -> None:
     require_shape(argument, value, (4,), "pass four Euler parameters, scalar part first")
     expected = "Euler parameters of unit norm, scalar part first"
     remedy = "divide them by their norm"
+
     # The margin allows for parameters that are given with seven digits.
     require_numbers(
         lambda x: abs((x**2).sum() ** 0.5 - 1.0) < 1e-6, argument, (value,), expected, remedy
@@ -327,8 +316,8 @@ def require_euler_parameters(argument: str, value: ArrayLike) -> None:
 
 
 def recheck(tree: PyTree) -> None:
-    """Repeat the checks of the constructors for all Equinox modules in a PyTree, without warnings:
-    `equinox.tree_at` may have replaced values."""
+    """Repeat the checks that constructors make, in all Equinox modules of a PyTree, without
+    warnings: `equinox.tree_at` may have replaced values."""
     with quiet():
         _check_here(tree)
         for part in _children(tree):
@@ -336,10 +325,9 @@ def recheck(tree: PyTree) -> None:
 
 
 def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]) -> None:
-    """Repeat the checks of the constructors for the Equinox modules that contain a changed leaf,
-    without warnings: the faster form of `recheck` for a sweep. `changed` tells of each leaf of the
-    tree, whose `structure` is given, whether it has changed.
+    """Do as `recheck`, but faster: only in modules that contain a changed leaf.
 
+    `structure` is that of the tree, and `changed` tells of each leaf whether it has changed.
     Modules of this package that contain changed leaves only through a dictionary, list or tuple are
     left out, since their checks don't depend on the numbers in these containers.
     """
@@ -358,8 +346,8 @@ def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Pa
     paths: list[Path] = []
 
     def collect(tree: PyTree, path: Path) -> tuple[bool, bool]:
-        """Add the paths of modules to check to `paths`. Return two truth values: that a leaf has
-        changed that is in no dictionary, list or tuple of `tree`; that any leaf has changed."""
+        """Add the paths of modules to check to `paths`. Return whether a leaf has changed that is
+        in no dictionary, list or tuple of `tree`, and whether any leaf has changed."""
         if isinstance(tree, eqx.Module):
             names = [f.name for f in fields(tree) if not f.metadata.get("static", False)]
             changes = [collect(getattr(tree, name), (*path, name)) for name in names]
@@ -385,8 +373,8 @@ def _child(tree: PyTree, key: str | int) -> PyTree:
 
 
 def _check_here(tree: PyTree) -> None:
-    """Call the checks that a module's class and its base classes define. While `conditions_of`
-    collects conditions, a check that fails because it needs known values is omitted."""
+    """Call the checks of a module's class and its base classes. While `conditions_of` runs, a check
+    is omitted if it fails because it needs known values."""
     if isinstance(tree, eqx.Module):
         for cls in type(tree).__mro__:
             if check := vars(cls).get("__check_init__"):
@@ -406,12 +394,12 @@ def _children(tree: PyTree) -> list[PyTree]:
 
 
 ALIKE = 0.66
-"""Smallest similarity, from 0 to 1 by `difflib`, at which a message suggests a known name."""
+"""Least similarity, from 0 to 1 by `difflib`, of a known name that a message suggests."""
 
 
 def nearest(name: object, known: Iterable[str], otherwise: str) -> str:
-    """Return the remedy for an unknown name, as the end of an error message: the most similar of
-    the known names, without regard to capitals, if there is one, and the advice `otherwise`."""
+    """Return the remedy for an unknown name, as the end of an error message: the most similar known
+    name, without regard to capitals, if there is one, and the advice `otherwise`."""
     by_lower = {other.lower(): other for other in known}
     similar = get_close_matches(str(name).lower(), list(by_lower), n=1, cutoff=ALIKE)
     return f"did you mean {by_lower[similar[0]]!r}? If not, {otherwise}" if similar else otherwise

@@ -3,7 +3,7 @@
 from textwrap import fill
 
 LONGEST_NAME = 40
-"""Largest number of characters of a name in a figure; a longer name is shortened."""
+"""Number of characters above which a name in a figure is shortened."""
 WIDEST_LABEL = 44
 """Number of characters above which an axis's label is broken into several lines."""
 
@@ -16,9 +16,9 @@ def literal(text: str) -> str:
 def shown(name: str, longest: int = LONGEST_NAME) -> str:
     """Return a name as one line of at most `longest` characters, for matplotlib.
 
-    The middle of a longer name is replaced by an ellipsis, since similar names differ mostly at the
-    end. A name that begins with an underscore gets a space of zero width in front, since legends
-    omit such labels. Neither this space nor escapes of dollar signs count as characters.
+    A longer name has an ellipsis in the middle, since similar names differ mostly at the end. A
+    leading underscore, for which legends omit a label, gets a space of zero width in front. Neither
+    this space nor escapes of dollar signs count as characters.
     """
     text = " ".join(str(name).split()) or "(no name)"
     if len(text) > longest:
@@ -28,11 +28,10 @@ def shown(name: str, longest: int = LONGEST_NAME) -> str:
 
 
 def broken(label: str) -> str:
-    """Return an axis's label, in lines of about equal length if it is above `WIDEST_LABEL`."""
+    """Return an axis's label, broken into lines of about equal length above `WIDEST_LABEL`."""
     # The quotient rounded up. Lines end before a word that doesn't fit. With a width of six
     # characters more than the average, the text nearly always fits into this number of lines.
     lines = -(-len(label) // WIDEST_LABEL)
     if lines <= 1:
         return label
-    width = len(label) // lines + 6
-    return fill(label, width, break_long_words=False, break_on_hyphens=False)
+    return fill(label, len(label) // lines + 6, break_long_words=False, break_on_hyphens=False)

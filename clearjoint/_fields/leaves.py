@@ -1,9 +1,9 @@
 """Order of names where JAX flattens dictionaries.
 
 JAX sorts the keys of a dictionary when it flattens a PyTree. So whatever has passed through a
-function of JAX is in the order of names, while a scene has the order in which its author wrote it
-down. Columns, rows and lists that are paired by position must not mix these two orders: they carry
-their names, or take them from one object.
+function of JAX is in the order of names, while a scene has its author's order. Columns, rows and
+lists that are paired by position must not mix these two orders: they carry their names, or take
+them from one object.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,17 +22,17 @@ def with_leaves(
     leaves: Sequence[PyTree],
     structure: jax.tree_util.PyTreeDef | None = None,  # pyright: ignore
 ) -> Tree:
-    """Return a scene, a state or a pair of both with other leaves, and with the names in the tree's
-    order; `jax.tree.unflatten` and `equinox.tree_at` return sorted dictionaries instead. The
-    `structure` of the tree may be given if it is known."""
+    """Return a scene, a state or a pair of both with other leaves, and with its names in the same
+    order; `jax.tree.unflatten` and `equinox.tree_at` would sort them. `structure`: of the tree, if
+    it is known."""
     structure = jax.tree.structure(tree) if structure is None else structure
     return ordered_like(tree, jax.tree.unflatten(structure, leaves))
 
 
 def ordered_like(tree: PyTree, other: PyTree) -> PyTree:
-    """Return `other`, a scene, a state or a tuple of such, after it has been changed in place: its
-    dictionaries by name get the order that they have in `tree`. Dictionaries inside of elements
-    keep their order, which can't matter."""
+    """Give the dictionaries by name in `other`, a scene, a state or a tuple of these, the order
+    that they have in `tree`, and return it. Elements keep the order of their dictionaries, which
+    can't matter."""
     if type(other) is tuple:
         return tuple(ordered_like(*pair) for pair in zip(tree, other, strict=True))
     for name, part in vars(other).items() if isinstance(other, eqx.Module) else ():
@@ -52,12 +52,9 @@ def with_fields(module: Module, values: Mapping[str, object]) -> Module:
 
 
 def _ordered(names: dict[str, PyTree], part: dict[str, PyTree]) -> dict[str, PyTree]:
-    """Return the entries of `part`, also in inner dictionaries, in the order of the same keys in
-    `names`; unchanged if the keys differ."""
+    """Return the entries of `part`, also in inner dictionaries, in the order of `names`; unchanged
+    if the keys differ."""
     if names.keys() != part.keys():
         return part
-    entries = {name: part[name] for name in names}
-    return {
-        name: _ordered(names[name], entry) if isinstance(entry, dict) else entry
-        for name, entry in entries.items()
-    }
+    entries = ((name, inner, part[name]) for name, inner in names.items())
+    return {n: _ordered(inner, e) if isinstance(e, dict) else e for n, inner, e in entries}

@@ -16,16 +16,8 @@ from jaxtyping import PyTree
 from typing_extensions import override
 
 from .._result_codes import RESULTS
+from . import checks
 from .cautions import warns
-from .checks import (
-    as_number,
-    as_shown,
-    caution_outside,
-    is_of_package,
-    require_positive,
-    require_range,
-    require_shape,
-)
 from .leaves import with_leaves
 from .types import ArrayLike
 
@@ -36,7 +28,7 @@ _COUNTS = {(): "a single number", (3,): "three components", (4,): "four componen
 
 @dataclass(frozen=True)
 class Declaration:
-    """Allowed and usual values of a field; the attributes are arguments of `quantity`."""
+    """Allowed and usual values of a field: the arguments of `quantity`."""
 
     unit: str
     shape: tuple[int, ...] | None = None
@@ -48,20 +40,20 @@ class Declaration:
     remedy: str = ""
 
     def check_value(self, name: str, value: ArrayLike) -> None:
-        """Check a value of the field `name` against the declaration, and warn of an unusual one."""
+        """Check a value of the field `name`, and warn of an unusual one."""
         if self.check is not None:
             self.check(name, value)
         if self.shape is not None:
             in_unit = "" if self.unit == "1" else f" in {self.unit}"
-            require_shape(name, value, self.shape, f"pass {_COUNTS[self.shape]}{in_unit}")
+            checks.require_shape(name, value, self.shape, f"pass {_COUNTS[self.shape]}{in_unit}")
         # The other checks are for single numbers.
         remedy = self.remedy or f"give it in {self.unit}"
         if self.positive:
-            require_positive(name, value, remedy, zero=self.zero)
+            checks.require_positive(name, value, remedy, zero=self.zero)
         if self.within is not None:
-            require_range(name, value, *self.within, remedy)
+            checks.require_range(name, value, *self.within, remedy)
         if self.usual is not None:
-            caution_outside(name, value, self.unit, *self.usual, remedy)
+            checks.caution_outside(name, value, self.unit, *self.usual, remedy)
 
 
 def quantity(
@@ -80,9 +72,8 @@ def quantity(
     """Declare a field of a user-defined element, law or quantity that holds a number or an array.
 
     Numbers of Python and NumPy are converted to NumPy arrays of 64-bit floats; JAX arrays stay as
-    they are. Values are checked against the declaration when an object is made and again before
-    runs. Of values that JAX traces, only the shape is checked, except that a sweep checks the
-    numbers of all its runs.
+    they are. Values are checked when an object is made and again before runs. Of values that JAX
+    traces, only the shape is checked; but a sweep checks the numbers of all its runs.
 
     **Arguments:**
 
@@ -97,8 +88,8 @@ def quantity(
       `require_axis`.
     - `remedy`: advice in error messages; the default is to give the value in its unit.
     - `table`: whether methods get an array of any shape as an array, for instance for
-      `jax.numpy.interp`. By default, in compiled programs, they get one of shape (3,) as a
-      `Vector`, (4,) as `EulerParameters` and (3, 3) as a `Matrix`.
+      `jax.numpy.interp`. By default, in compiled programs, an array of shape (3,) becomes a
+      `Vector`, of (4,) `EulerParameters` and of (3, 3) a `Matrix`.
     - `options`: options of `equinox.field`, such as `default`.
 
     >>> class Blade(extend.AbstractFriction):
@@ -108,23 +99,14 @@ def quantity(
     >>> Blade(0.1)
     Blade(coefficient=0.1)
     """
-    declared = Declaration(
-        unit,
-        shape=shape,
-        positive=positive,
-        zero=zero,
-        within=within,
-        usual=usual,
-        check=check,
-        remedy=remedy,
-    )
+    declared = Declaration(unit, shape, positive, zero, within, usual, check, remedy)
     metadata = {"unit": unit, "table": table, "declared": declared}
-    return eqx.field(**{"converter": as_number, "metadata": metadata, **options})
+    return eqx.field(**{"converter": checks.as_number, "metadata": metadata, **options})
 
 
 def optional_quantity(unit: str, **options: Any) -> Any:
-    """Declare a field with the default ``None``, which stands for an effect that is absent and not
-    computed, otherwise as `quantity` does.
+    """Declare a field as `quantity` does, but with the default ``None``: an effect that is absent
+    and not computed.
 
     >>> class Damper(extend.AbstractForce):
     ...     damping: float | None = extend.optional_quantity("N s/m", positive=True)
@@ -141,11 +123,11 @@ def optional_quantity(unit: str, **options: Any) -> Any:
 def _as_optional_number(
     value: object, argument: str = "value", unit: str = "1"
 ) -> np.ndarray | jax.Array | None:
-    return None if value is None else as_number(value, argument, unit)
+    return None if value is None else checks.as_number(value, argument, unit)
 
 
 def described(unit: str, text: str = "") -> Any:
-    """Declare a field of a result, with a unit and a description that tables show."""
+    """Declare a field of a result, with its unit and a description for tables."""
     return eqx.field(metadata={"unit": unit, "text": text})
 
 
@@ -155,15 +137,14 @@ def _declarations(kind: type[eqx.Module]) -> list[tuple[str, Declaration]]:
 
 
 LONGEST = 16
-"""Largest number of entries of an array that is printed with its entries."""
+"""Number of entries above which an array is printed by its shape alone."""
 
 
 class AbstractReadable(eqx.Module):
     """Base class of PyTree classes whose fields are checked and whose `repr` is readable.
 
-    When an object is made, each field is checked against its declaration, such as ``quantity("m",
-    positive=True)``, unless it is ``None``; then `_check_together` and `_caution_together` are
-    called.
+    When an object is made, each field except ``None`` is checked against its declaration, such as
+    ``quantity("m", positive=True)``; then `_check_together` and `_caution_together` are called.
     """
 
     def __init_subclass__(cls, **options: object):
@@ -172,7 +153,7 @@ class AbstractReadable(eqx.Module):
         # does not know the names. Thus the error for a value that is no number names its field.
         for name, field in list(vars(cls).items()):
             converter = field.metadata.get("converter") if isinstance(field, Field) else None
-            if converter is not None and converter in (as_number, _as_optional_number):
+            if converter is not None and converter in (checks.as_number, _as_optional_number):
                 named = partial(converter, argument=name, unit=field.metadata["unit"])
                 field.metadata = MappingProxyType({**field.metadata, "converter": named})
 
@@ -209,14 +190,13 @@ class AbstractReadable(eqx.Module):
     @override
     def __repr__(self) -> str:
         # A result code prints its name only while its number is an array: it is left unchanged.
-        return eqx.tree_pformat(
-            jax.tree.map(_plain, self, is_leaf=lambda node: isinstance(node, RESULTS))
-        )
+        plain = jax.tree.map(_plain, self, is_leaf=lambda node: isinstance(node, RESULTS))
+        return eqx.tree_pformat(plain)
 
 
 def without_modules(namespace: dict[str, object], *public: str) -> Callable[[], list[str]]:
-    """Return a function ``__dir__`` for a package that lists the names of a namespace without those
-    of its modules, except the `public` ones, so that users find classes with the tab key."""
+    """Return a function ``__dir__`` for a package, by which the tab key shows the names of
+    `namespace` without its modules, except the `public` ones."""
     return lambda: sorted(
         name
         for name, value in namespace.items()
@@ -225,15 +205,15 @@ def without_modules(namespace: dict[str, object], *public: str) -> Callable[[], 
 
 
 def _plain(leaf: object) -> object:
-    """Return a short array as a number or a list of numbers, and any other leaf unchanged."""
+    """Return a short array as a number or a list of numbers; any other leaf as it is."""
     is_array = isinstance(leaf, np.ndarray | np.generic | jax.Array)
     if not is_array or isinstance(leaf, Tracer) or np.size(leaf) > LONGEST:
         return leaf
-    return as_shown(np.asarray(leaf))
+    return checks.as_shown(np.asarray(leaf))
 
 
 NAMES = (str, bool, "str", "bool")
-"""Annotations of fields that hold no numbers, and become static: part of a PyTree's structure."""
+"""Annotations of fields that hold no numbers, and are static: part of a PyTree's structure."""
 
 
 class AbstractConverting(AbstractReadable):
@@ -264,8 +244,7 @@ class AbstractConverting(AbstractReadable):
 
 
 def as_numbers(value: PyTree) -> PyTree:
-    """Return a value in which numbers of Python and NumPy, and tuples and lists of numbers, are
-    replaced by float64 arrays.
+    """Return a value with float64 arrays in place of Python and NumPy numbers.
 
     Tuples and lists of numbers, or of arrays of equal shape, are stacked to one array.
     Dictionaries, and other tuples and lists, are converted entry by entry. All other values are
@@ -274,7 +253,7 @@ def as_numbers(value: PyTree) -> PyTree:
     **Raises:** `ValueError` for a NumPy array of anything but numbers.
     """
     if isinstance(value, int | float | np.number | np.ndarray) and not isinstance(value, bool):
-        return as_number(value)
+        return checks.as_number(value)
     if isinstance(value, dict):
         return {key: as_numbers(inner) for key, inner in value.items()}
     # A named tuple is a structure of its own, which must keep its type.
@@ -285,17 +264,16 @@ def as_numbers(value: PyTree) -> PyTree:
     if len(shapes) != 1 or None in shapes:
         return type(value)(parts)
     # All parts are arrays of one shape. Traced numbers can be stacked by JAX only.
-    library = jnp if any(isinstance(part, jax.Array) for part in parts) else np
-    return library.stack(parts)
+    return (jnp if any(isinstance(part, jax.Array) for part in parts) else np).stack(parts)
 
 
 def with_arrays(tree: PyTree) -> PyTree:
     """Return a PyTree, such as a scene and a state, with its numbers as float64 arrays.
 
     A Python number that `equinox.tree_at` has put into a scene would otherwise be part of the
-    program, which would be compiled for each of its values. Traced numbers are not converted, nor
-    are Python's bools and numbers in fields without a converter in Equinox modules of other
-    packages, since they may be meant as parts of the program.
+    program, which would be compiled for each of its values. Traced numbers and Python's bools are
+    not converted. In Equinox modules of other packages, only fields with a converter are, since
+    other numbers may be meant as parts of the program.
     """
     leaves, structure = jax.tree.flatten(tree)
     arrays = array_leaves(leaves, structure)
@@ -306,14 +284,12 @@ def array_leaves(
     leaves: list[PyTree],
     structure: jax.tree_util.PyTreeDef,  # pyright: ignore
 ) -> list[PyTree]:
-    """Return the leaves of `with_arrays`, from those of its argument; the same list if there is
-    nothing to convert."""
+    """Return the leaves of `with_arrays` for those of its argument; the same list if no leaf is to
+    be converted."""
     # Usually few leaves are left to convert. Types are compared here, without a call, because a
     # scene of thirty joints has a thousand leaves.
     others = [
-        k
-        for k, leaf in enumerate(leaves)
-        if not (type(leaf) is np.ndarray and leaf.dtype is _FLOAT64)
+        k for k, x in enumerate(leaves) if type(x) is not np.ndarray or x.dtype is not _FLOAT64
     ]
     if all(is_float_array(leaves[k]) for k in others):
         return leaves
@@ -341,14 +317,14 @@ def _is_other_number(leaf: PyTree) -> bool:
 
 @lru_cache(maxsize=256)
 def _number_fields(structure: jax.tree_util.PyTreeDef) -> set[int]:  # pyright: ignore
-    """Return the indices, in JAX's order, of the leaves that `with_arrays` may convert."""
+    """Return the indices of the leaves that `with_arrays` may convert."""
     # The tree is visited with the indices of its leaves in place of the leaves.
     numbers: set[int] = set()
 
     def visit(node: PyTree, is_number: bool) -> None:
         if isinstance(node, eqx.Module):
             # In this package, all fields that are not static hold numbers.
-            of_package = is_of_package(type(node))
+            of_package = checks.is_of_package(type(node))
             for field in fields(node):
                 if not field.metadata.get("static", False):
                     visit(getattr(node, field.name), of_package or "converter" in field.metadata)
@@ -363,29 +339,24 @@ def _number_fields(structure: jax.tree_util.PyTreeDef) -> set[int]:  # pyright: 
 
 
 def on_device(value: ArrayLike, dtype: type[float] | type[int] = float) -> jax.Array:
-    """Return a value as a JAX array, by way of NumPy: `jax.numpy.asarray` of numbers of Python and
-    NumPy compiles a small program for each shape."""
+    """Return a value as a JAX array, by way of NumPy: for Python and NumPy numbers,
+    `jax.numpy.asarray` would compile a small program for each shape."""
     return jnp.asarray(value if isinstance(value, jax.Array) else np.asarray(value, dtype), dtype)
 
 
 def _is_no_field(annotation: object) -> bool:
     if isinstance(annotation, str):
         return "ClassVar" in annotation
-    return annotation in (ClassVar, KW_ONLY) or get_origin(annotation) in (
-        ClassVar,
-        eqx.AbstractVar,
-        eqx.AbstractClassVar,
-    )
+    origins = ClassVar, eqx.AbstractVar, eqx.AbstractClassVar
+    return annotation in (ClassVar, KW_ONLY) or get_origin(annotation) in origins
 
 
 def _declared(cls: type[AbstractConverting], name: str, annotation: object) -> Field:
     """Return the dataclass field `name` of a class, static or with a converter."""
     # The class may have declared a field, or only a default value, or neither.
-    value = cls.__dict__.get(name)
-    if isinstance(value, Field):
-        field = value
-    else:
-        field = eqx.field(default=value) if name in cls.__dict__ else eqx.field()
+    field = vars(cls).get(name, eqx.field())
+    if not isinstance(field, Field):
+        field = eqx.field(default=field)
     if "converter" in field.metadata or field.metadata.get("static", False):
         return field
     added = {"static": True} if annotation in NAMES else {"converter": cls.field_converter(name)}

@@ -1,9 +1,8 @@
 """Types of the numbers in fields, by name and shape.
 
-The fields of bodies, joints, forces and states store arrays. Inside of compiled programs, one of
-shape (3,) is replaced by a `Vector` of three scalars, one of shape (4,) by `EulerParameters`, and
-one of shape (3, 3) by a `Matrix`. The types below are used for both forms; so they are based on
-`Any`.
+Fields of bodies, joints, forces and states store arrays. In compiled programs, a `Vector` of three
+scalars replaces an array of shape (3,), `EulerParameters` one of (4,), and a `Matrix` one of (3,
+3). The types below stand for both forms; so they are based on `Any`.
 """
 
 from typing import Any, TypeAlias
@@ -13,7 +12,7 @@ from jaxtyping import Float
 from typing_extensions import TypeAliasType
 
 ArrayLike = TypeAliasType("ArrayLike", numpy.typing.ArrayLike)
-"""A number, a sequence of numbers or an array; an alias, so that signatures are short."""
+"""A number, a sequence of numbers or an array; a name that makes signatures short."""
 
 Single: TypeAlias = Float[Any, ""]
 Triple: TypeAlias = Float[Any, "3"]

@@ -1,5 +1,5 @@
-"""Classes that a file may name, and the values that the arguments of their constructors may have.
-No module is imported because a file names it."""
+"""Classes that a file may name, and what the arguments of their constructors may be. No module is
+imported because a file names it."""
 
 import inspect
 import typing
@@ -25,18 +25,18 @@ Classes: TypeAlias = Collection[type]
 Maker: TypeAlias = Callable[..., PyTree]
 """A class, or a static method that returns an object of its class, such as `Body.rod`."""
 CHECKED: dict[Maker, Maker] = {BodyState: body_state}
-"""For each class whose constructor does not check its arguments, a function that does, and returns
-an object of the class."""
+"""For each class whose constructor does not check its arguments, a function that checks them and
+returns an object."""
 
 
 @dataclass(frozen=True)
 class Expectation:
     """Values that an argument of a constructor, or an entry of a table or list, may have in a file.
 
-    No attribute tells whether numbers are allowed: the reader refuses a number only if there are
-    `options` but neither `shapes` nor `classes`. In all other cases the constructor checks it.
+    The reader refuses a number only if there are `options` but neither `shapes` nor `classes`; in
+    all other cases the constructor checks it.
 
-    - `unit`: SI unit of numbers; None if no unit is declared.
+    - `unit`: SI unit of numbers; None if none is declared.
     - `shapes`: shapes that arrays of numbers may have, () for a single number; empty if unknown.
     - `is_array`: whether numbers, also a single one, are converted to an array.
     - `classes`: base classes of the objects that are allowed.
@@ -68,21 +68,22 @@ def class_name(kind: type) -> str:
 
 
 def is_abstract(kind: type) -> bool:
-    """Return whether a class is abstract or private, so that no file may name it."""
+    """Return whether no file may name a class, since it is abstract or private."""
     return inspect.isabstract(kind) or kind.__name__.startswith(("Abstract", "_"))
 
 
 def makers(families: tuple[type, ...], classes: Classes) -> dict[str, Maker]:
-    """Return, by name, the classes that a file may name as `kind`, and static methods that return
-    an object of their class, such as "Body.rod". Classes derive from one of the `families`, if
-    there are any; those of this package also from `AbstractReadable`, unless they are families.
-    User-defined `classes` have two names, with and without module; of equal short names, that of
-    this package counts."""
+    """Return the classes and static methods, such as "Body.rod", that a file may name as `kind`, by
+    name.
+
+    Classes derive from one of the `families`; if there are none, all classes are returned.
+    User-defined `classes` have two names, "Class" and "module:Class"; the former may be that of a
+    class of this package, which then has priority.
+    """
     # An iterator is no collection: it could be read only once. A class may be one, such as an enum.
     is_collection = isinstance(classes, Collection) and not isinstance(classes, type)
     is_valid = is_collection and all(isinstance(kind, type) for kind in classes)
-    remedy = "pass for example classes=[MyLaw]"
-    require(is_valid, "classes", classes, "a list of classes", remedy)
+    require(is_valid, "classes", classes, "a list of classes", "pass for example classes=[MyLaw]")
     included = filter(is_of_package, (*families, *_subclasses(AbstractReadable)))
     # For equal names, the class of this package has priority.
     named = {kind.__name__: kind for kind in (*classes, *included)}
@@ -103,13 +104,9 @@ def _subclasses(kind: type) -> Iterator[type]:
 
 @cache
 def _static_methods(kind: type) -> dict[str, Maker]:
-    return {
-        name: member.__func__
-        for name, member in vars(kind).items()
-        if isinstance(member, staticmethod)
-        and not name.startswith("_")
-        and _hints(member.__func__).get("return") is kind
-    }
+    methods = {n: m.__func__ for n, m in vars(kind).items() if isinstance(m, staticmethod)}
+    public = {name: make for name, make in methods.items() if not name.startswith("_")}
+    return {name: make for name, make in public.items() if _hints(make).get("return") is kind}
 
 
 def family_names(families: tuple[type, ...]) -> str:
@@ -121,8 +118,8 @@ def find_maker(
 ) -> Maker:
     """Return the maker that a file names.
 
-    A script saves its own class as "__main__:Class"; for such a name, a class "Class" in `classes`
-    is found, whatever its module, unless this package has a class of that name.
+    A script saves its own class as "__main__:Class". Such a name means a class "Class" of this
+    package or else of `classes`, whatever its module.
     """
     allowed = makers(families, classes)
     expected = f"one of {listed(allowed)}"
@@ -163,8 +160,8 @@ def arguments(make: Maker) -> dict[str, Expectation]:
 
 
 def _hints(owner: object) -> dict[str, Any]:
-    """Return the annotations of a class or function by name; all as they were written if one of
-    them names a type that is unknown at run time."""
+    """Return the annotations of a class or function by name, as they were written if one of them
+    names a type that is unknown at run time."""
     try:
         return typing.get_type_hints(owner, include_extras=True)
     except NameError:
@@ -172,8 +169,8 @@ def _hints(owner: object) -> dict[str, Any]:
 
 
 def expectation(annotation: object, unit: str | None = None) -> Expectation:
-    """Return the `Expectation` of an annotation; numbers have the unit in it, as in
-    ``Annotated[float, "s"]``, or else `unit`."""
+    """Return the `Expectation` of an annotation. The unit of numbers is that in ``Annotated[float,
+    "s"]``, or by default `unit`."""
     origin, inner = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:
         kind, *notes = inner
@@ -213,10 +210,9 @@ def expectation(annotation: object, unit: str | None = None) -> Expectation:
     # size None stands for an unknown shape.
     sizes = [getattr(size, "size", None) for size in getattr(annotation, "dims", (None,))]
     fixed = tuple(size for size in sizes if isinstance(size, int))
-    has_shape = annotation in (int, float) or len(fixed) == len(sizes)
     return Expectation(
         unit,
-        shapes=(fixed,) if has_shape else (),
+        shapes=(fixed,) if annotation in (int, float) or len(fixed) == len(sizes) else (),
         is_array=hasattr(annotation, "dims") or annotation in (np.ndarray, jax.Array),
         is_text=annotation is str,
         is_flag=annotation is bool,

@@ -1,7 +1,7 @@
-"""Text of TOML and JSON files, and names of the locations in them for error messages.
+"""Text of TOML and JSON files, and locations in them for error messages.
 
-A location is given by the keys of tables and indices of lists that lead to it; as a text, such as
-"joints.pin.axis[0]", these are a path. Limits stop files that would exhaust time or memory.
+A location is the keys of tables and the indices of lists that lead to it; its text, such as
+"joints.pin.axis[0]", is a path. Limits stop files that would exhaust time or memory.
 """
 
 import json
@@ -64,7 +64,7 @@ def written(keys: Keys) -> str:
 
 
 def existing(content: object, keys: Sequence[str | int]) -> Keys:
-    """Return as many of the first `keys` as exist in `content`, with indices as integers."""
+    """Return the longest beginning of `keys` that exists in `content`, with indices as integers."""
     steps: list[str | int] = []
     for key in keys:
         if isinstance(content, Mapping) and key in content:
@@ -79,19 +79,19 @@ def existing(content: object, keys: Sequence[str | int]) -> Keys:
 
 
 class Source:
-    """The text of a file, for error messages that tell where a value is set. `changes` has the
-    options ``--set`` of the command line, by the keys of the value that each of them sets."""
+    """Text of a file, for error messages that tell where a value is set. `changes`: the options
+    ``--set`` of the command line, by the keys of the values that they set."""
 
     def __init__(self, text: str, suffix: str):
         self._text, self._is_toml = text, suffix == ".toml"
         self.changes: dict[Keys, str] = {}
 
     def where(self, keys: Keys) -> str:
-        """Return where the value at `keys` is set, as a text that follows the name of the file in
-        messages.
+        """Return where the value at `keys` is set, as a text that follows the name of the file.
 
-        It is " with --set run.end=2", or ", line 12": that of the statement that sets the value or,
-        if it is missing, the table around it. The text is empty if the line is unknown.
+        It is " with --set run.end=2", or ", line 12" with the first line of the statement that sets
+        the value or, if it is missing, the table around it. The text is empty if the line is
+        unknown.
         """
         for depth in range(1, len(keys) + 1):
             if keys[:depth] in self.changes:
@@ -104,7 +104,7 @@ class Source:
         return f", line {self._line(keys)}" if keys else ""
 
     def _line(self, keys: Keys) -> int:
-        """Return the number of the first line of the statement that sets an existing key."""
+        """Return the first line of the statement that sets an existing key."""
         lines = self._text.split("\n")
 
         def valid_lines(limit: int) -> tuple[int, object]:
@@ -146,7 +146,6 @@ class FileLocation:
         raise ValueError(f"{self}: found {_shown(value)}, expected {expected}: {remedy}.")
 
     def in_errors(self) -> AbstractContextManager[None]:
-        """Return a context in which messages of `ValueError` begin with this location."""
         return errors_about(self)
 
 
@@ -157,7 +156,6 @@ def _shown(value: object) -> str:
 
 
 def listed(names: Iterable[str]) -> str:
-    """Return names, in alphabetical order, as text for a message; "none" without names."""
     return ", ".join(sorted(names)) or "none"
 
 
@@ -167,13 +165,13 @@ Units: TypeAlias = Mapping[Keys, str]
 SUFFIXES = ".toml", ".json"
 SCHEMA = "$schema"
 DEEPEST = 32
-"""Largest depth of nested tables and lists; the file itself, which is a table, is not counted."""
+"""Largest depth of nested tables and lists in a file."""
 DEEP_KEY = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
 """Pattern of a dotted key with at least `DEEPEST` dots; tomllib's time grows with their square."""
 
 
 JSON_END = re.compile(r'"(?:[^"\\]|\\.)*"|\}')
-"""Pattern of the brace at the end of an object in a JSON text, or of a whole string."""
+"""Pattern of the brace at the end of an object in JSON, or of a whole string."""
 
 
 def suffix_of(path: Path) -> str:
@@ -188,7 +186,9 @@ def read_document(path: Path) -> tuple[Document, FileLocation]:
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        byte = f"byte 0x{content[error.start]:02x} at position {error.start}"
+        # The decoder counts from the end of a byte order mark.
+        position = error.start + len(content) - len(error.object)
+        byte = f"byte 0x{content[position]:02x} at position {position}"
         location.refuse(byte, "UTF-8 text", "save the file in the encoding UTF-8")
     location.source = Source(text, suffix)
     return parse(text, suffix, str(path)), location
@@ -201,8 +201,7 @@ def read_bytes(path: Path, most: int) -> bytes:
     return path.read_bytes()
 
 
-def parse(text: str, suffix: str, file: str) -> Document:
-    """Parse the text of a file and return its tables, without the key `SCHEMA`."""
+def parse(text: str, suffix: str, file: str) -> Document:  # without the key `SCHEMA`
     try:
         is_deep = suffix == ".toml" and DEEP_KEY.search(text) is not None
         if suffix == ".json":
@@ -232,8 +231,8 @@ def _depth(content: object) -> int:
 
 
 def _parsed_json(text: str) -> object:
-    """Return the content of a JSON text. An object with a repeated key is refused as by `tomllib`:
-    the module `json` would silently take the last value."""
+    """Return the content of a JSON text; refuse repeated keys, as `tomllib` does: `json` would
+    silently take the last."""
     numbers = count()
 
     def table(pairs: list[tuple[str, object]]) -> Document:
@@ -250,11 +249,11 @@ def _parsed_json(text: str) -> object:
 
 
 def format_document(document: Document, suffix: str, units: Units, schema: str | None) -> str:
-    """Return the text of a file with the given tables, with the `units` in comments of TOML, and
+    """Return the text of a file with the given tables, with the `units` as comments in TOML, and
     with a reference to the JSON Schema file `schema`, if any."""
     if suffix == ".json":
-        whole = document if schema is None else {SCHEMA: schema, **document}
-        return json.dumps(whole, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+        content = document if schema is None else {SCHEMA: schema, **document}
+        return json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
     import tomlkit  # only needed to write
     from tomlkit.items import Array, Table
 

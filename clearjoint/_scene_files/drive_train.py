@@ -38,29 +38,30 @@ COMPLIANCE = "compliance"
 
 @dataclass(frozen=True)
 class Drive:
-    """The drive train of a joint: rotor - play or compliance - link, for `Robot.with_drive`.
+    """The drive train of a hinge or slider: rotor - play or compliance - link; see
+    `Robot.with_drive`.
 
     With neither play nor stiffness, the rotor turns with the joint and only adds its inertia. With
     a stiffness, the drive train is a spring, whose oscillations the steps of a run must resolve;
     play adds impacts of the flanks.
 
-    Numbers may be texts with units, such as "0.5 deg". Those of a slider have m in place of rad,
-    N in place of N m, and kg in place of kg m^2.
+    Numbers may be texts with units, such as "0.5 deg". Those of a slider have m in place of rad, N
+    in place of N m, and kg in place of kg m^2.
 
     - `armature`: kg m^2, moment of inertia of the rotor about the motor's axis. ``None`` keeps the
       armature of the file, which is not multiplied by the squared ratio.
     - `ratio`: turns of the motor per turn of the joint, whose square multiplies the armature. All
       other numbers are those at the joint: give the motor's friction times the ratio.
     - `play`: rad, total angle from flank to flank; ``None`` for none.
-    - `stiffness`: N m/rad, of the gear and shafts between rotor and link, with play of a pressed
-      flank. ``None`` is rigid, and not possible with play.
-    - `damping`: N m s/rad, parallel to the stiffness; with play, while a flank is pressed, by the
-      law `SpringDashpot`.
-    - `restitution`: of the flanks in place of a damping, 0.5 by default (see `Backlash`).
-    - `friction`, `viscosity`: dry friction, N m, and its viscous part, N m s/rad, between the rotor
+    - `stiffness`: N m/rad, between rotor and link; with play, of a pressed flank. ``None`` is
+      rigid, and not possible with play.
+    - `damping`: N m s/rad, parallel to the stiffness; with play, of a pressed flank
+      (`SpringDashpot`).
+    - `restitution`: of the flanks, in place of a damping; 0.5 by default (see `Backlash`).
+    - `friction`, `viscosity`: dry friction, N m, and viscous friction, N m s/rad, between the rotor
       and the joint's first body.
-    - `loss`: further dry friction of the rotor, over the torque that flanks or compliance transmit:
-      0.1 for a gear that loses a tenth of it. Of a slider only with play.
+    - `loss`: further dry friction of the rotor, divided by the torque between rotor and link: 0.1
+      for a gear that loses a tenth of it. Of a slider only with play.
     - `link_friction`: dry friction of the link, N m, beside that of the file.
     - `law`: law of both dry frictions, with speeds in rad/s; by default they stick.
 
@@ -94,12 +95,12 @@ UNITS = {
     "loss": ("1", "1"),
     "link_friction": ("N m", "N"),
 }
-"""Units of the numbers of a `Drive` of a hinge, and of a slider."""
+"""Units of the numbers of a `Drive`: of a hinge, of a slider."""
 
 
 class Train(NamedTuple):
-    """What a drive adds to a robot's scene: the driven joint with its armature, elements by name,
-    and unless the rotor turns with the link, its body and the joint that holds it."""
+    """What a drive adds to a robot's scene: the driven `joint` with its armature, `elements` by
+    name, and the body of a `rotor` that does not turn with the link."""
 
     joint: HingeOrSlider
     elements: dict[str, Element]
@@ -116,16 +117,32 @@ def motor_name(joint: str) -> str:
 
 def train_of(name: str, joint: HingeOrSlider, drive: Drive) -> Train:
     require_type("drive", drive, Drive, "a Drive", 'pass cj.Drive(play="0.5 deg", ...)')
-    numbers = _numbers(drive, isinstance(joint, PrismaticJoint))
+    is_slider = isinstance(joint, PrismaticJoint)
+    numbers = _numbers(drive, is_slider)
     armature = joint.armature
     if "armature" in numbers:
         armature = numbers["armature"] * numbers["ratio"] ** 2
     is_elastic = "play" in numbers or "stiffness" in numbers
-    is_slider = isinstance(joint, PrismaticJoint)
     _require_together(name, numbers, armature, is_elastic, is_slider)
+
+    def frictions(motor: HingeOrSlider, link: HingeOrSlider) -> dict[str, JointFriction]:
+        named = {}
+        if {"friction", "viscosity", "loss"} & numbers.keys():
+            load, viscosity, loss = numbers.get("friction", 0.0), numbers.get("viscosity"), {}
+            if "loss" in numbers:
+                # The force of a flank of a hinge acts on its radius.
+                radius = DEFAULT_RADIUS if "play" in numbers and not is_slider else 1.0
+                pressed_by = f"{name} {BACKLASH if 'play' in numbers else COMPLIANCE}"
+                loss = {"pressed_by": pressed_by, "load_ratio": numbers["loss"] * radius}
+            friction = friction_of(motor, drive.law, load, viscosity=viscosity, **loss)
+            named[f"{motor_name(name)} friction"] = friction
+        if "link_friction" in numbers:
+            named[f"{name} link friction"] = friction_of(link, drive.law, numbers["link_friction"])
+        return named
+
     if not is_elastic:
         driven = replace(joint, armature=armature)
-        return Train(driven, {**_frictions(name, driven, driven, numbers, drive.law)})
+        return Train(driven, {**frictions(driven, driven)})
     # A body must have mass, but the rotor's belongs to the file's link, and its rotation about the
     # axis to the joint. Beside the link, not before it: on the first body it then acts only by the
     # torque of its bearing about the axis, and nothing but rotor and link depends on it.
@@ -138,8 +155,7 @@ def train_of(name: str, joint: HingeOrSlider, drive: Drive) -> Train:
     if isinstance(motor, RevoluteJoint):
         motor = replace(motor, axis_second=motor.axis_first)
     between = replace(link, first=rotor, point_first=np.zeros(3))
-    elements: dict[str, Element] = {motor_name(name): motor}
-    elements.update(_frictions(name, motor, link, numbers, drive.law))
+    elements: dict[str, Element] = {motor_name(name): motor, **frictions(motor, link)}
     if "play" in numbers:
         elements[f"{name} {BACKLASH}"] = _flanks(between, numbers)
     else:
@@ -149,7 +165,6 @@ def train_of(name: str, joint: HingeOrSlider, drive: Drive) -> Train:
 
 
 def _numbers(drive: Drive, is_slider: bool) -> dict[str, np.ndarray]:
-    """Return the numbers of a drive in SI units, by name."""
     numbers = {}
     for field in fields(drive):
         value = getattr(drive, field.name)
@@ -183,18 +198,16 @@ def _require_together(
     is_valid = not (has["restitution"] and has["damping"])
     check("restitution", is_valid, "omitted with a damping", "leave one of the two out")
     is_valid, expected = has["stiffness"] or not has["damping"], "omitted without a stiffness"
-    remedy = "give a stiffness, or a viscosity in place of the damping"
-    check("damping", is_valid, expected, remedy)
+    check("damping", is_valid, expected, "give a stiffness, or a viscosity in place of the damping")
     is_valid = not has["loss"] or has["play"] or (is_elastic and not is_slider)
     expected = "omitted without a play or, of a hinge, a stiffness"
     check("loss", is_valid, expected, "leave it out, or give one of them")
 
 
 def _flanks(between: HingeOrSlider, numbers: Mapping[str, PyTree]) -> AbstractContactJoint:
-    """Return the play between rotor and link, whose joint would be `between`."""
-    is_hinge = isinstance(between, RevoluteJoint)
+    """Return the play between rotor and link; `between`: the ideal joint of these two bodies."""
     # Stiffness and damping of a couple are those of a force times the square of the radius.
-    square = DEFAULT_RADIUS**2 if is_hinge else 1.0
+    square = DEFAULT_RADIUS**2 if isinstance(between, RevoluteJoint) else 1.0
     stiffness, damping = numbers["stiffness"] / square, numbers.get("damping")
     with quiet():  # the stiffness for the arbitrary radius may be unusual
         if damping is not None:
@@ -205,27 +218,3 @@ def _flanks(between: HingeOrSlider, numbers: Mapping[str, PyTree]) -> AbstractCo
     if isinstance(between, RevoluteJoint):
         return backlash_of(between, play=numbers["play"], radius=DEFAULT_RADIUS, law=law)
     return ends_of_travel(between, numbers["play"], 0.0, {"law": law})
-
-
-def _frictions(
-    name: str,
-    motor: HingeOrSlider,
-    link: HingeOrSlider,
-    numbers: Mapping[str, PyTree],
-    law: FrictionLaw,
-) -> dict[str, JointFriction]:
-    frictions = {}
-    if {"friction", "viscosity", "loss"} & numbers.keys():
-        load, loss = numbers.get("friction", 0.0), {}
-        if "loss" in numbers:
-            # The force of a flank of a hinge acts on its radius.
-            is_couple = "play" in numbers and isinstance(motor, RevoluteJoint)
-            loss = {
-                "pressed_by": f"{name} {BACKLASH if 'play' in numbers else COMPLIANCE}",
-                "load_ratio": numbers["loss"] * (DEFAULT_RADIUS if is_couple else 1.0),
-            }
-        own = friction_of(motor, law, load, viscosity=numbers.get("viscosity"), **loss)
-        frictions[f"{motor_name(name)} friction"] = own
-    if "link_friction" in numbers:
-        frictions[f"{name} link friction"] = friction_of(link, law, numbers["link_friction"])
-    return frictions

@@ -44,14 +44,13 @@ from .schema import scene_schema
 
 @dataclass(frozen=True)
 class Writer:
-    """Converts objects to tables. `units` collects the unit of each value, by its keys, and
-    `user_classes` the user-defined classes of the objects."""
+    """Converts objects to tables; collects `units` of values, by keys, and `user_classes`."""
 
     units: dict[Keys, str] = field(default_factory=dict)
     user_classes: set[type] = field(default_factory=set)
 
     def table(self, instance: PyTree, location: FileLocation) -> dict[str, object]:
-        """Return the arguments with which the constructor makes an object again. Left out are those
+        """Return the arguments with which the constructor makes an object again, without those
         whose value and default are ``None`` or empty, and those with a default but no field."""
         kind = type(instance)
         if not is_of_package(kind):
@@ -70,8 +69,7 @@ class Writer:
                     entries[name] = self._value(value, expected, location.at(name))
             elif expected.default is REQUIRED:
                 remedy = "store it in a field of the same name, or give it a default"
-                missing = "no field of this name"
-                location.at(name).refuse(missing, "one for each argument", remedy)
+                location.at(name).refuse("no field of this name", "one for each argument", remedy)
         return entries
 
     def _value(self, value: object, expected: Expectation, location: FileLocation) -> object:
@@ -87,9 +85,7 @@ class Writer:
             for key in value:
                 if not isinstance(key, str):
                     location.refuse(key, "a name", "use text for the keys of dictionaries")
-            return {
-                key: self._value(item, of_entry, location.at(key)) for key, item in value.items()
-            }
+            return {k: self._value(item, of_entry, location.at(k)) for k, item in value.items()}
         if isinstance(value, tuple | list):
             # Rows of an array have the unit of the whole array.
             of_entry = expected.item or expected
@@ -123,8 +119,8 @@ ARRAYS = np.ndarray | np.generic | jax.Array
 FORMAT = 1
 VERSION, STATE = "format", "state"
 MOST_ASSEMBLED = 50
-"""Largest number of bodies of a scene whose file may omit states of bodies. To assemble a chain of
-20 bodies takes 20 s, and the time grows faster than their number."""
+"""Largest number of bodies of a scene whose file may omit states: to assemble a chain of 20 bodies
+takes 20 s, and the time grows faster than their number."""
 FilePath: TypeAlias = str | PathLike[str]
 
 
@@ -142,9 +138,8 @@ def save(scene: Scene, state: State, path: FilePath, *, schema: bool = False) ->
       editors complete and check the file: "pendulum.schema.json" for "pendulum.toml".
 
     **Raises:** `ValueError` for a state that does not suit the scene, and for a value that a file
-    can't hold: a function, NaN, a number that JAX traces, or an object that its class does not make
-    again from its fields. The message names the location of the value. `OSError` if the file can't
-    be written.
+    can't hold: a function, NaN, a traced number, or an object that its class does not make again
+    from its fields. The message names its location. `OSError` if the file can't be written.
 
     >>> cj.save(*cj.mechanisms.double_pendulum(), "pendulum.toml")
     >>> scene, state = cj.load("pendulum.toml")
@@ -248,8 +243,8 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
 
 
 def first_difference(first: object, second: object, location: FileLocation) -> FileLocation | None:
-    """Return the location of the first difference of two objects, ``None`` if they are equal:
-    floats and arrays bit by bit, arrays also in shape and dtype."""
+    """Return where two objects first differ, ``None`` if they are equal: floats and arrays bit by
+    bit, arrays also in shape and dtype."""
     # An array of NumPy may equal one of JAX, and dictionaries of different types may be equal. All
     # other objects differ if their types do.
     are_arrays = isinstance(first, ARRAYS) and isinstance(second, ARRAYS)
@@ -304,8 +299,7 @@ def scene_of_document(
     for name in state.bodies:
         if name not in bodies:
             remedy = nearest(name, bodies, "add the body, or leave its state out")
-            expected = f"one of the scene's {listed(bodies)}"
-            state_location.at("bodies").refuse(name, expected, remedy)
+            state_location.at("bodies").refuse(name, f"one of the scene's {listed(bodies)}", remedy)
     return scene, _completed(scene, state, state_location)
 
 

@@ -1,7 +1,7 @@
 """Read MJCF files with MuJoCo, which resolves their defaults, frames, inertias and references.
 
-A body of MJCF is a link here, fixed to its parent unless it has joints. If it has several, one
-follows the other, with links without mass between them.
+A body of MJCF becomes a link, which is fixed to its parent if it has no joint. If it has several
+joints, links without mass between them make a chain.
 """
 
 import math
@@ -12,31 +12,17 @@ from typing import TypeAlias
 import numpy as np
 from jaxtyping import PyTree
 
+from . import robots
 from .documents import FileLocation
-from .robots import (
-    BALL,
-    FIXED,
-    FLOATING,
-    SLIDER,
-    Actuator,
-    Content,
-    Inertial,
-    JointLimits,
-    LoopJoint,
-    Mimic,
-    RobotJoint,
-    RobotLink,
-    rounded,
-)
 
 Model: TypeAlias = PyTree
-"""A compiled model of MuJoCo, whose package has no annotations of it."""
-KINDS = FLOATING, BALL, SLIDER, "continuous"
+"""A compiled model of MuJoCo, whose classes have no annotations."""
+KINDS = robots.FLOATING, robots.BALL, robots.SLIDER, "continuous"
 """Types of joints, in the order of MuJoCo's numbers for free, ball, slide and hinge."""
 CONNECT, WELD, COUPLE = range(3)
-"""MuJoCo's numbers of the types of equality constraints that a robot has."""
+"""MuJoCo's numbers of types of equality constraints."""
 WITH_FILES = "geoms", "meshes", "textures", "materials", "hfields", "skins"
-"""Elements of a model that refer to other files, as attributes of MuJoCo's specification."""
+"""Elements that refer to other files, as attributes of MuJoCo's `MjSpec`."""
 IGNORED = {
     "collision and visual shapes": "ngeom",
     "tendons": "ntendon",
@@ -46,27 +32,27 @@ IGNORED = {
     "plugins": "nplugin",
     "mocap bodies": "nmocap",
 }
-"""What a robot lacks of a model, and its number in the model."""
+"""Contents that a robot lacks, by title in messages: the attribute of a model that counts them."""
 
 
-def read_mjcf(path: Path) -> Content:
+def read_mjcf(path: Path) -> robots.Content:
     model, location = _compiled(path), FileLocation(str(path))
     names = [model.body(k).name or f"body {k}" for k in range(model.nbody)]
-    links = [RobotLink(name, _inertial(model, k)) for k, name in enumerate(names)]
-    joints: list[RobotJoint] = []
+    links = [robots.RobotLink(name, _inertial(model, k)) for k, name in enumerate(names)]
+    joints: list[robots.RobotJoint] = []
     for k in range(1, model.nbody):
         parent, pose = names[model.body_parentid[k]], np.eye(4)
         pose[:3, :3] = _rotation(model.body_quat[k])
         pose[:3, 3] = model.body_pos[k]
         first, count = model.body_jntadr[k], model.body_jntnum[k]
         if not count:
-            x_axis = np.array([1.0, 0.0, 0.0])
-            joints.append(RobotJoint(f"{names[k]} {FIXED}", FIXED, parent, names[k], pose, x_axis))
+            name, x_axis = f"{names[k]} {robots.FIXED}", np.array([1.0, 0.0, 0.0])
+            joints.append(robots.RobotJoint(name, robots.FIXED, parent, names[k], pose, x_axis))
         for j in range(first, first + count):
             is_last = j == first + count - 1
             child = names[k] if is_last else f"{names[k]} after {_joint_name(model, j)}"
             if not is_last:
-                links.append(RobotLink(child))
+                links.append(robots.RobotLink(child))
             joints.append(_joint(model, j, parent, child, pose))
             parent, pose = child, np.eye(4)
     loops, followers, other_equalities = _equalities(model, names)
@@ -83,7 +69,7 @@ def read_mjcf(path: Path) -> Content:
     omitted |= {"fluid": []} if model.opt.density or model.opt.viscosity else {}
     is_off = model.opt.disableflags & mujoco_package(location).mjtDisableBit.mjDSBL_GRAVITY
     gravity = (0.0, 0.0, 0.0) if is_off else tuple(model.opt.gravity.tolist())
-    return Content(links, joints, omitted, loops, actuators, gravity)
+    return robots.Content(links, joints, omitted, loops, actuators, gravity)
 
 
 def mujoco_package(location: FileLocation) -> ModuleType:
@@ -96,7 +82,7 @@ def mujoco_package(location: FileLocation) -> ModuleType:
 
 
 def _compiled(path: Path) -> Model:
-    """Return MuJoCo's model; without shapes if files are missing and the inertias are given."""
+    """Return MuJoCo's model; without shapes if files are missing but all inertias are given."""
     location = FileLocation(str(path))
     mujoco = mujoco_package(location)
     try:
@@ -119,38 +105,38 @@ def _compiled(path: Path) -> Model:
 def _rotation(quaternion: np.ndarray) -> np.ndarray:
     from scipy.spatial.transform import Rotation
 
-    return rounded(Rotation.from_quat(quaternion, scalar_first=True).as_matrix())
+    return robots.rounded(Rotation.from_quat(quaternion, scalar_first=True).as_matrix())
 
 
-def _inertial(model: Model, body: int) -> Inertial | None:
+def _inertial(model: Model, body: int) -> robots.Inertial | None:
     if body == 0 or not model.body_mass[body] > 0.0:
         return None
     axes = _rotation(model.body_iquat[body])
     tensor = axes @ np.diag(model.body_inertia[body]) @ axes.T
-    return Inertial(float(model.body_mass[body]), model.body_ipos[body].copy(), tensor)
+    return robots.Inertial(float(model.body_mass[body]), model.body_ipos[body].copy(), tensor)
 
 
 def _joint_name(model: Model, joint: int) -> str:
     return model.joint(joint).name or f"joint {joint}"
 
 
-def _joint(model: Model, j: int, parent: str, child: str, pose: np.ndarray) -> RobotJoint:
+def _joint(model: Model, j: int, parent: str, child: str, pose: np.ndarray) -> robots.RobotJoint:
     name, kind = _joint_name(model, j), KINDS[model.jnt_type[j]]
     axis, point = model.jnt_axis[j].copy(), model.jnt_pos[j].copy()
-    if kind in (FLOATING, BALL):
-        return RobotJoint(name, kind, parent, child, pose, axis, point=point)
+    if kind in (robots.FLOATING, robots.BALL):
+        return robots.RobotJoint(name, kind, parent, child, pose, axis, point=point)
     first, dof = model.jnt_qposadr[j], model.jnt_dofadr[j]
     _, effort = _range(model.jnt_actfrcrange[j], model.jnt_actfrclimited[j])
     lower, upper = _range(model.jnt_range[j], model.jnt_limited[j])
     has_limits = bool(model.jnt_limited[j] or model.jnt_actfrclimited[j])
-    return RobotJoint(
+    return robots.RobotJoint(
         name,
         kind,
         parent,
         child,
         pose @ _motion(kind, axis, point, -float(model.qpos0[first])),
         axis,
-        JointLimits(lower, upper, effort) if has_limits else None,
+        robots.JointLimits(lower, upper, effort) if has_limits else None,
         point=point,
         friction=float(model.dof_frictionloss[dof]),
         damping=float(model.dof_damping[dof]),
@@ -166,11 +152,11 @@ def _range(ends: np.ndarray, is_limited: bool) -> tuple[float, float]:
 
 
 def _motion(kind: str, axis: np.ndarray, point: np.ndarray, position: float) -> np.ndarray:
-    """Return the motion (4, 4) of a body in a joint, in the body's axes at zero."""
+    """Return the pose (4, 4) of a body at a joint's `position`, in the body's axes at zero."""
     from scipy.spatial.transform import Rotation
 
     pose = np.eye(4)
-    if kind == SLIDER:
+    if kind == robots.SLIDER:
         pose[:3, 3] = axis * position
     elif position:
         pose[:3, :3] = Rotation.from_rotvec(axis * position).as_matrix()
@@ -180,10 +166,11 @@ def _motion(kind: str, axis: np.ndarray, point: np.ndarray, position: float) -> 
 
 def _equalities(
     model: Model, names: list[str]
-) -> tuple[tuple[LoopJoint, ...], dict[str, Mimic], list[str]]:
-    """Return constraints that close loops, what joints follow, and the names of others."""
-    loops: list[LoopJoint] = []
-    followers: dict[str, Mimic] = {}
+) -> tuple[tuple[robots.LoopJoint, ...], dict[str, robots.Mimic], list[str]]:
+    """Return the constraints that close loops, the `Mimic` of each following joint by name, and the
+    names of all other constraints."""
+    loops: list[robots.LoopJoint] = []
+    followers: dict[str, robots.Mimic] = {}
     others: list[str] = []
     for k in range(model.neq):
         name, kind, data = model.eq(k).name or f"equality {k}", model.eq_type[k], model.eq_data[k]
@@ -196,6 +183,8 @@ def _equalities(
         if kind not in (CONNECT, WELD) or not model.eq_active0[k]:
             others.append(name)
             continue
+        # For bodies, `eq_data` has the points in both (connect) or, from entry 3 on, the pose of
+        # the second relative to the first (weld).
         frames = [np.eye(4), np.eye(4)]
         if model.site_bodyid.size and model.eq_objtype[k] != 1:  # sites, not bodies
             for frame, site in zip(frames, ids, strict=True):
@@ -207,34 +196,35 @@ def _equalities(
         else:
             frames[0][:3, :3], frames[0][:3, 3] = _rotation(data[6:10]), data[3:6]
         first, second = (names[body] for body in ids)
-        of_loop = BALL if kind == CONNECT else FIXED
-        loops.append(LoopJoint(name, of_loop, first, second, frames[0], frames[1]))
+        of_loop = robots.BALL if kind == CONNECT else robots.FIXED
+        loops.append(robots.LoopJoint(name, of_loop, first, second, frames[0], frames[1]))
     return tuple(loops), followers, others
 
 
-def _mimic(model: Model, follower: int, leader: int, coefficients: np.ndarray) -> Mimic:
-    """Return what a joint follows: q - ref is a polynomial of the leader's q - ref."""
+def _mimic(model: Model, follower: int, leader: int, coefficients: np.ndarray) -> robots.Mimic:
+    """Return how a joint follows: in MJCF, q - ref is a polynomial of the leader's q - ref."""
     start = model.qpos0[model.jnt_qposadr[follower]]
     if leader < 0:
-        return Mimic(None, (float(start + coefficients[0]),))
+        return robots.Mimic(None, (float(start + coefficients[0]),))
     shift = np.polynomial.Polynomial([-model.qpos0[model.jnt_qposadr[leader]], 1.0])
-    whole = (np.polynomial.Polynomial(coefficients)(shift) + start).trim()
-    return Mimic(_joint_name(model, leader), tuple(whole.coef.tolist()))
+    polynomial = (np.polynomial.Polynomial(coefficients)(shift) + start).trim()
+    return robots.Mimic(_joint_name(model, leader), tuple(polynomial.coef.tolist()))
 
 
-def _actuators(model: Model) -> tuple[dict[str, Actuator], list[str]]:
-    """Return the actuators of joints by name, and the names of others."""
-    actuators: dict[str, Actuator] = {}
+def _actuators(model: Model) -> tuple[dict[str, robots.Actuator], list[str]]:
+    """Return the actuators of joints by name, and the names of all others."""
+    actuators: dict[str, robots.Actuator] = {}
     others: list[str] = []
     for k in range(model.nu):
         name, (target, _) = model.actuator(k).name or f"actuator {k}", model.actuator_trnid[k]
+        # On a slider or hinge, with a fixed gain, an affine bias or none, and no activation state.
         is_of_joint = model.actuator_trntype[k] in (0, 1) and model.jnt_type[target] >= 2
         is_affine = model.actuator_gaintype[k] == 0 and model.actuator_biastype[k] in (0, 1)
         if not (is_of_joint and is_affine and model.actuator_dyntype[k] == 0):
             others.append(name)
             continue
         bias = model.actuator_biasprm[k, :3] * (model.actuator_biastype[k] == 1)
-        actuators[name] = Actuator(
+        actuators[name] = robots.Actuator(
             _joint_name(model, target),
             float(model.actuator_gear[k, 0]),
             float(model.actuator_gainprm[k, 0]),
@@ -246,7 +236,8 @@ def _actuators(model: Model) -> tuple[dict[str, Actuator], list[str]]:
 
 
 def _resisted(model: Model) -> list[str]:
-    """Return the names of balls and free joints with what only hinges and sliders have here."""
+    """Return the names of balls and free joints with limits, springs, damping, friction or
+    armature, which only hinges and sliders of a robot have."""
     resisting = model.dof_damping + model.dof_frictionloss + model.dof_armature
     names = []
     for j in range(model.njnt):

@@ -1,7 +1,7 @@
 """Write scenes and robots as MJCF files, with play by MuJoCo's recipe.
 
 A body's frame in the file is that of the scene: its origin is the centre of mass. Positions of
-hinges and sliders are those of the scene's joints: the attribute `ref` has those of the pose that
+hinges and sliders are those of the scene's joints: the attribute `ref` has those in the pose that
 the file describes.
 
 Flanks are limits of a hinge or, between bodies that are not parent and child, of a fixed tendon,
@@ -9,8 +9,8 @@ whose length is a sum of hinges' angles. With the limit, MuJoCo accelerates the 
 
     (1 - d) a - b v - k r,
 
-where d is the limit's impedance, a the acceleration without it, r the penetration and v its rate;
-the numbers of `solreflimit` are -k and -b. An impedance near one, as by default, fixes the
+where d is the limit's impedance, a the acceleration without the limit, r the penetration and v its
+rate; the numbers of `solreflimit` are -k and -b. An impedance near one, as by default, fixes the
 acceleration: a load hardly deflects the limit. With an impedance near zero, the limit is a spring
 and damper, whose force does not depend on the load: its stiffness is k over the inverse inertia
 that MuJoCo computes when it compiles the file (`dof_invweight0`, `tendon_invweight0`), in any pose.
@@ -29,14 +29,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from .._dynamics.assembly import check_names
-from .._dynamics.joint_coordinates.trees import (
-    UPRIGHT,
-    FreeBranch,
-    JointedBranch,
-    Place,
-    TreeBranch,
-    topology,
-)
+from .._dynamics.joint_coordinates import trees
 from .._fields.cautions import quiet
 from .._fields.checks import require, require_positive
 from .._math.rotations import composed, conjugate, rotation_matrix, unit
@@ -47,13 +40,8 @@ from .._model.clearance_joints.backlash import Backlash
 from .._model.clearance_joints.between_walls import PinInSlot
 from .._model.contact.dashpots import AbstractDashpotLaw, clamped_restitution
 from .._model.contact.laws import AbstractContactLaw, Gap
+from .._model.drives import functions_of_time
 from .._model.drives.drivers import DriveTorque, Motor, PrescribedAngle, PrescribedTranslation
-from .._model.drives.functions_of_time import (
-    Polynomial,
-    as_function_of_time,
-    value_and_rate,
-    value_at,
-)
 from .._model.forces import Bushing, SpringDamper, TorsionalSpring
 from .._model.joints.base import AbstractContactJoint
 from .._model.joints.couplings import HingeOrSlider, JointCoupling
@@ -70,12 +58,13 @@ from .robot import Robot, variables_of
 from .robots import warn_of_omitted
 
 SOFT, STIFF = "0.0001 0.0001 0.001 0.5 1", "0.9999 0.9999 0.001 0.5 1"
-"""`solimp` of flanks, with the smallest impedance, and of what would creep: constraints,
-friction."""
+"""`solimp` with the smallest impedance, for flanks, and with the largest, for constraints and dry
+friction, which would creep."""
 QUICK = "0.0001 1"
 """`solref` of equality constraints and of dry friction; MuJoCo takes at least two time steps, s."""
 LARGEST_PENETRATION = 0.1
-"""Penetration up to which a linear law replaces that of flanks, over the play."""
+"""Penetration, as a fraction of the play, at which the spring of a limit stores the law's energy.
+"""
 STEPS_A_PERIOD, LONGEST_STEP = 20.0, 2e-3
 """Default time steps in the shortest period of a flank or spring, and the longest step, s."""
 PARALLEL, IN_PLACE = 1e-9, 1e-6
@@ -87,20 +76,21 @@ CRITICAL = 1.0 - 1e-9
 LEAST_INERTIA = 2e-15
 """Least mass, kg, and moment of inertia, kg m^2, of a body that MuJoCo accepts."""
 LARGEST_DEGREE = 4
-"""Largest degree of the polynomials by which joints of MJCF files follow others."""
+"""Largest degree of a polynomial that couples joints of MJCF files."""
 LEVER = 0.1
-"""Distance, m, of the points that hold a hinge that closes a loop."""
+"""Distance, m, of the two points on the axis of a hinge that closes a loop."""
 TURN = 2.0 * math.pi
 FREE, BALL, HINGE, SLIDE = "free", "ball", "hinge", "slide"
 Control: TypeAlias = Callable[[jax.Array], jax.Array]
 
 
 class FileJoint(NamedTuple):
-    """A joint or fixed tendon of the file, as the joint of a body, or for an element of the scene.
+    """A joint or fixed tendon of the file, which stands for a joint of the scene or on which an
+    element of the scene acts.
 
-    `axis`: of the joint or element, (3,) in global axes, in the pose of the file. `position`: in
-    this pose, rad or m. `sign`: of the file's position relative to that of the joint, as in joint
-    coordinates, or of the element. `start`: position of the joint, as there, in this pose.
+    `sign` is 1 if the position of this joint or element grows with that of the file's, else -1. In
+    the pose of the file, `axis` is its axis, (3,) in global axes; `position` that of the file's
+    joint, rad or m; and `start` its own, in joint coordinates.
     """
 
     element: Element
@@ -119,7 +109,7 @@ class FileJoint(NamedTuple):
 
 
 class NoCounterpartError(Exception):
-    """An element of the scene has no counterpart in MJCF files."""
+    """An element of the scene can't be written to MJCF files."""
 
 
 class Flanks(NamedTuple):
@@ -151,11 +141,11 @@ class MjcfWriter:
     """The file of a scene, whose bodies are in a `pose`.
 
     - `joints`: the file's joints by the body that they carry.
-    - `controls`: of the actuators that are forces of the scene, by name.
+    - `controls`: for each actuator that is a force of the scene, its control as a function of time.
     - `omitted`: names of elements of the scene that have no counterpart, by title.
     """
 
-    def __init__(self, scene: Scene, places: Iterable[Place], pose: State):
+    def __init__(self, scene: Scene, places: Iterable[trees.Place], pose: State):
         self.joints: dict[str, FileJoint] = {}
         self.controls: dict[str, Control] = {}
         self.omitted: dict[str, list[str]] = defaultdict(list)
@@ -168,10 +158,10 @@ class MjcfWriter:
         self._tendons: dict[tuple[tuple[str, float], ...], FileJoint] = {}
         self._scene = unpack(jax.tree.map(np.asarray, scene))
         self._branches = {place.body: self._branch(place) for place in places}
-        self._motions, self._turns = {GROUND: GROUND_MOTION}, {GROUND: UPRIGHT}
+        self._motions, self._turns = {GROUND: GROUND_MOTION}, {GROUND: trees.UPRIGHT}
         for body, variable in self._variables(pose).items():
             self._add_body(body, variable)
-        in_tree = {b.joint for b in self._branches.values() if isinstance(b, JointedBranch)}
+        in_tree = {b.joint for b in self._branches.values() if isinstance(b, trees.JointedBranch)}
         # In the order of the scene: JAX has sorted the dictionaries of the other.
         elements = self._scene.joints | self._scene.forces
         for name in (*scene.joints, *scene.forces):
@@ -181,20 +171,19 @@ class MjcfWriter:
                 except NoCounterpartError:
                     self.omitted[type(elements[name]).__name__].append(name)
 
-    def _branch(self, place: Place) -> TreeBranch:
+    def _branch(self, place: trees.Place) -> trees.TreeBranch:
         if place.joint is not None:
             subspace = self._scene.joints[place.joint].motion_subspace(place.parent)
             if isinstance(subspace, Hinge | Slider | Ball | Weld):
-                return JointedBranch(place.body, place.parent, place.joint, subspace)
-        return FreeBranch(place.body, None)
+                return trees.JointedBranch(place.body, place.parent, place.joint, subspace)
+        return trees.FreeBranch(place.body, None)
 
     def _variables(self, state: State) -> dict[str, PyTree]:
-        """Return a `JointState` for each carried body, and a `BodyState` for each free one."""
         return variables_of(self._branches.values(), jax.tree.map(np.asarray, state))
 
     def motion(self, state: State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Return numbers (..., n) of position and speed of each joint of the file, by name, for
-        states of the scene."""
+        """Return positions and speeds (..., n) of the file's joints, by name, for states of the
+        scene."""
         numbers = {}
         for body, variable in self._variables(state).items():
             if (joint := self.joints.get(body)) is None:
@@ -212,13 +201,12 @@ class MjcfWriter:
                     position = position - TURN * np.round((position - middle) / TURN)
                     position = np.unwrap(position) if np.ndim(position) else position
                 parts = position, joint.sign * speed
-            numbers[joint.name] = tuple(
-                np.stack(np.broadcast_arrays(*jax.tree.leaves(part)), axis=-1) for part in parts
-            )
+            rows = (np.broadcast_arrays(*jax.tree.leaves(part)) for part in parts)
+            numbers[joint.name] = tuple(np.stack(row, axis=-1) for row in rows)
         return numbers
 
     def require_in_place(self, state: State) -> None:
-        """Raise a `ValueError` unless bodies are where the joints of the tree allow them."""
+        """Raise a `ValueError` for bodies that are not where the joints of the tree allow them."""
         for name in self._branches:
             off = np.asarray(state.bodies[name].position) - _array(self._motions[name].position)
             joint = f"on the joint of {name!r}, within {IN_PLACE} m"
@@ -234,7 +222,7 @@ class MjcfWriter:
         relative = composed(conjugate(parents_turn), turn)
         element = _child(self._bodies[branch.parent], "body", name=name, pos=place, quat=relative)
         self._bodies[name], least = element, 0.0
-        if isinstance(branch, FreeBranch):
+        if isinstance(branch, trees.FreeBranch):
             free = _child(element, "freejoint", name=f"{name} free")
             self.joints[name] = FileJoint(free, np.zeros(3))
         elif not isinstance(branch.motion_subspace, Weld):
@@ -248,13 +236,14 @@ class MjcfWriter:
             moments = {"diaginertia": np.maximum(inertia, least)}
         _child(element, "inertial", pos="0 0 0", mass=np.maximum(body.mass, least), **moments)
 
-    def _joint(self, element: Element, branch: JointedBranch, start: PyTree) -> FileJoint:
+    def _joint(self, element: Element, branch: trees.JointedBranch, start: PyTree) -> FileJoint:
         subspace, joint = branch.motion_subspace, self._scene.joints[branch.joint]
         common = {"name": branch.joint, "pos": subspace.point_child}
         if isinstance(subspace, Ball):
             ball = _child(element, "joint", type=BALL, **common)
             return FileJoint(ball, np.zeros(3), start=start)
         assert isinstance(subspace, Hinge | Slider)
+        # The scene's position is that of the second body relative to the first.
         sign = 1.0 if joint.body_names()[0] == branch.parent else -1.0
         axis, position, armature = subspace.axis * sign, sign * float(start), None
         if isinstance(joint, HingeOrSlider):
@@ -269,7 +258,6 @@ class MjcfWriter:
         return _child(self.root, name) if section is None else section
 
     def _add(self, name: str, element: PyTree) -> None:
-        """Add an element that is no joint of the tree."""
         kind = type(element)
         if kind in ALONG:
             direction, axis, write = ALONG[kind]
@@ -281,16 +269,18 @@ class MjcfWriter:
             raise NoCounterpartError
 
     def _between(self, name: str, kind: str, element: PyTree, axis: Vector | None) -> FileJoint:
-        """Return the joint or tendon whose position is that of the second body of an element
-        relative to the first, about or along an axis of the first, by default that of the first
-        joint between them; all must have this axis. `name`: of a new tendon."""
+        """Return the joint or tendon whose position is that of an element's second body relative to
+        its first, about or along an `axis` of the first, by default that of the first joint between
+        them. All joints between the bodies must have this axis. `name`: of a new tendon."""
         first, second = element.pair()
+        # The position changes with the motion of a body's joint: 1 for those that carry the second
+        # body, -1 for those that carry the first, and not at all for those that carry both.
         sides: dict[str, float] = defaultdict(float)
         for body, side in ((first, -1.0), (second, 1.0)):
             while body != GROUND:
                 sides[body] += side
                 body = self._branches[body].parent
-        # Left out are bodies that carry both, and those that are fixed to their parents.
+        # Bodies that are fixed to their parents have no joint.
         passed = [b for b in self._branches if sides.get(b) and b in self.joints]
         if not passed or any(self.joints[body].kind != kind for body in passed):
             raise NoCounterpartError
@@ -317,7 +307,7 @@ class MjcfWriter:
         self._limit(name, on, joint.law, offset, joint.play, joint.radius)
 
     def ends_of_slot(self, name: str, joint: PinInSlot, on: FileJoint) -> None:
-        """Limit a slider as the ends of a slot along it do, whose walls are never touched."""
+        """Limit a slider by the ends of a slot along it, whose walls are never touched."""
         if joint.travel is None:
             raise NoCounterpartError
         slot, pin = (self._motions[body] for body in joint.pair())
@@ -380,12 +370,12 @@ class MjcfWriter:
         """Add the spring and damper of a slider, whose motion strains a bushing along its axis."""
         first, second = (self._motions[body] for body in force.pair())
         axes = _array(rotation_matrix(composed(self._turns[force.first], force.orientation_first)))
-        along, each = on.axis @ axes, _array(force.stiffness)
-        stiffness = float(along**2 @ each)
+        along, stiffnesses = on.axis @ axes, _array(force.stiffness)
+        stiffness = float(along**2 @ stiffnesses)
         damping = float(along**2 @ _array(force.damping))
         apart = _array(second.point(force.point_second) - first.point(force.point_first))
         # The points may also be apart across the axis, which pulls along it.
-        stretch = float(along * each @ (apart @ axes)) / stiffness if stiffness else 0.0
+        stretch = float(along * stiffnesses @ (apart @ axes)) / stiffness if stiffness else 0.0
         self._resist(on, stiffness, stretch, damping=damping)
 
     def friction(self, name: str, joint: JointFriction) -> None:
@@ -407,10 +397,13 @@ class MjcfWriter:
     def _resist(
         self, on: FileJoint, stiffness: float = 0.0, stretch: float = 0.0, **others: float
     ) -> None:
-        """Add a spring, which is stretched by `stretch` in the pose, and other attributes."""
+        """Add a spring, which is stretched by `stretch` in the pose; increase the attributes
+        `others`."""
+        # A tendon has two rest lengths, between which its spring is slack. Here they are equal.
         rest, count = ("springref", 1) if on.element.tag == "joint" else ("springlength", 2)
         before = float(on.element.get("stiffness", 0.0))
         if stiffness:
+            # With an earlier spring, the forces add up: the common rest position is a mean.
             moment = stiffness * (on.position - on.sign * stretch)
             moment += before * float(on.element.get(rest, "0").split()[0])
             on.element.set(rest, _text(np.full(count, moment / (before + stiffness))))
@@ -426,23 +419,23 @@ class MjcfWriter:
             _child(tendon, "site", site=site)
 
     def _sites(
-        self, name: str, pair: PyTree, first: PyTree, second: PyTree, turn: PyTree = UPRIGHT
+        self, name: str, pair: PyTree, first: PyTree, second: PyTree, turn: PyTree = trees.UPRIGHT
     ) -> list[str]:
-        """Add two points of a pair of bodies, the first with an orientation; return their names."""
-        ends = ((pair.first, "first", first, turn), (pair.second, "second", second, UPRIGHT))
+        """Add points of two bodies, the first with the orientation `turn`; return their names."""
+        ends = ((pair.first, "first", first, turn), (pair.second, "second", second, trees.UPRIGHT))
         for body, end, point, orientation in ends:
             _child(self._bodies[body], "site", name=f"{name} {end}", pos=point, quat=orientation)
         return [f"{name} {end}" for _, end, *_ in ends]
 
     def torque(self, name: str, force: DriveTorque, on: FileJoint) -> None:
-        self._actuate(name, on, lambda t: jnp.asarray(value_at(force.torque, t)))
+        self._actuate(name, on, lambda t: jnp.asarray(functions_of_time.value_at(force.torque, t)))
 
     def motor(self, name: str, force: Motor, on: FileJoint) -> None:
-        """Add a position servo, whose control is the target plus a lead for the target's rate."""
+        """Add a position servo, whose control is the target plus its rate times damping / gain."""
         gain, damping = float(force.proportional), float(force.derivative)
 
         def control(t: jax.Array) -> jax.Array:
-            value, rate = map(jnp.asarray, value_and_rate(force.target, t))
+            value, rate = map(jnp.asarray, functions_of_time.value_and_rate(force.target, t))
             return value + damping / gain * rate if gain else damping * rate
 
         # The length of the actuator is the angle less `zero`.
@@ -458,15 +451,15 @@ class MjcfWriter:
         self.controls[name] = control
 
     def prescribed(self, name: str, drive: PyTree, on: FileJoint) -> None:
-        function = as_function_of_time(drive.function)
-        if not isinstance(function, Polynomial) or len(function.coefficients) > 1:
+        function = functions_of_time.as_function_of_time(drive.function)
+        if not isinstance(function, functions_of_time.Polynomial) or len(function.coefficients) > 1:
             raise NoCounterpartError
         (row,) = drive.rows(self._motions, 0.0).values()
         self._equate(name, [on], np.array([-on.sign * float(row.value)]))
 
     def coupling(self, name: str, joint: JointCoupling) -> None:
-        ends, function = [], as_function_of_time(joint.function)
-        if not isinstance(function, Polynomial):
+        ends, function = [], functions_of_time.as_function_of_time(joint.function)
+        if not isinstance(function, functions_of_time.Polynomial):
             raise NoCounterpartError
         for end in (joint.follower, joint.leader):
             is_hinge = isinstance(end, RevoluteJoint)
@@ -474,6 +467,7 @@ class MjcfWriter:
             position = float(end.position(self._motions).value)
             ends.append((self._between(name, kind, end, axis), position))
         (follower, y), (leader, x) = ends
+        # MuJoCo's polynomial is that of the displacements from the pose of the file.
         polynomial = np.polynomial.Polynomial(np.asarray(function.coefficients))
         shifted = (polynomial(np.polynomial.Polynomial([x, leader.sign])) - y).trim().coef
         if isinstance(joint.follower, RevoluteJoint):
@@ -492,7 +486,7 @@ class MjcfWriter:
 
     def closing(self, name: str, joint: PyTree) -> None:
         """Add a ball, a weld or a hinge that closes a loop; a hinge as two points on its axis."""
-        turn = joint.orientation if isinstance(joint, FixedJoint) else UPRIGHT
+        turn = joint.orientation if isinstance(joint, FixedJoint) else trees.UPRIGHT
         tag = "weld" if isinstance(joint, FixedJoint) else "connect"
         points = {name: (joint.point_first, joint.point_second)}
         if isinstance(joint, RevoluteJoint):
@@ -504,7 +498,6 @@ class MjcfWriter:
             _child(self._section("equality"), tag, name=label, **ends, **HARD)
 
     def add_robot(self, robot: Robot) -> None:
-        """Add limits and actuators of a robot's file."""
         joints = {joint.name: joint.element for joint in self.joints.values()}
         for name, limits in robot.limits.items():
             if name not in joints:
@@ -518,20 +511,14 @@ class MjcfWriter:
             if math.isfinite(limits.velocity):
                 self.omitted["limits of velocities"].append(name)
         for name, actuator in robot.actuators.items():
-            _child(
-                self._section("actuator"),
-                "general",
-                biastype="affine",
-                name=name,
-                joint=robot._motors().get(actuator.joint, actuator.joint),
-                gear=actuator.gear,
-                gainprm=actuator.gain,
-                biasprm=actuator.bias,
-                **_finite({"ctrlrange": actuator.control, "forcerange": actuator.force}),
-            )
+            joint = robot._motors().get(actuator.joint, actuator.joint)
+            numbers = {"gear": actuator.gear, "gainprm": actuator.gain, "biasprm": actuator.bias}
+            numbers |= _finite({"ctrlrange": actuator.control, "forcerange": actuator.force})
+            options = {"biastype": "affine", "name": name, "joint": joint, **numbers}
+            _child(self._section("actuator"), "general", **options)
 
     def start(self, model: Model, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """Return `qpos` and `qvel` of MuJoCo's model of a file, for a state of the scene."""
+        """Return `qpos` and `qvel` of MuJoCo's model of this file, for a state of the scene."""
         positions, speeds = model.qpos0.copy(), np.zeros(model.nv)
         for name, (position, speed) in self.motion(state).items():
             joint = model.joint(name)
@@ -550,8 +537,7 @@ class MjcfWriter:
             reason = " ".join(str(error).split())
             location.refuse(reason, "a scene that MuJoCo compiles", "change the scene")
 
-        def weight(element: Element) -> float:
-            """Return the inverse inertia that MuJoCo uses for a joint or tendon."""
+        def weight(element: Element) -> float:  # MuJoCo's inverse inertia of a joint or tendon
             name = element.attrib["name"]
             if element.tag == "joint":
                 return float(model.dof_invweight0[model.joint(name).dofadr[0]])
@@ -587,8 +573,8 @@ ALONG: Mapping[type, tuple[str, str | None, Callable[..., None]]] = {
     PrescribedAngle: (HINGE, "axis", MjcfWriter.prescribed),
     PrescribedTranslation: (SLIDE, "axis", MjcfWriter.prescribed),
 }
-"""Classes of elements about or along an axis of their first body: kind of the file's joints on
-which they act, name of the axis, and what adds them to the file."""
+"""For each class of elements about or along an axis of their first body: the kind of the file's
+joints on which they act, the name of the axis, and the method that adds them to the file."""
 OTHERS: Mapping[type, Callable[..., None]] = {
     JointFriction: MjcfWriter.friction,
     SpringDamper: MjcfWriter.spring_damper,
@@ -600,7 +586,6 @@ OTHERS: Mapping[type, Callable[..., None]] = {
 
 
 def _range(element: Element) -> list[float]:
-    """Return the limits of a joint or tendon of the file, an empty list without any."""
     return [*map(float, element.get("range", "").split())]
 
 
@@ -609,7 +594,6 @@ def _finite(ranges: Mapping[str, tuple[float, float]]) -> dict[str, PyTree]:
 
 
 def _damping_ratio(restitution: float) -> float:
-    """Return the damping ratio of a spring and dashpot with a restitution, at most critical."""
     from scipy.optimize import brentq
 
     restitution = np.clip(restitution, float(clamped_restitution(CRITICAL)), 1.0)
@@ -617,8 +601,8 @@ def _damping_ratio(restitution: float) -> float:
 
 
 def _with_ideal_joints(scene: Scene) -> tuple[Scene, list[str]]:
-    """Return the scene with an ideal joint in place of each clearance that has one of the joints of
-    a tree, and the names of these."""
+    """Return the scene with an ideal joint in place of each clearance, if a tree can have this
+    joint, and the names of the joints that are replaced."""
     joints, replaced = {}, []
     for name, joint in scene.joints.items():
         centred = joint.centred_joint() if isinstance(joint, AbstractContactJoint) else None
@@ -630,10 +614,9 @@ def _with_ideal_joints(scene: Scene) -> tuple[Scene, list[str]]:
         return Scene(scene.bodies, joints, scene.forces, scene.gravity), replaced
 
 
-def _places(scene: Scene) -> list[Place]:
-    """Return the trees of a scene, each parent before its children, siblings in the order of the
-    scene: JAX sorts dictionaries by their keys."""
-    places = topology(unpack(scene)).places
+def _places(scene: Scene) -> list[trees.Place]:
+    """Return the trees of a scene, parents first, siblings in its order: JAX sorts names."""
+    places = trees.topology(unpack(scene)).places
     depths = {GROUND: 0}
     for body, place in places.items():
         depths[body] = depths[place.parent] + 1
@@ -647,12 +630,10 @@ def mjcf_of(
     timestep: float | None = None,
     integrator: str = "implicitfast",
 ) -> tuple[MjcfWriter, str]:
-    """Return the text of a file, and its writer; see `save_mjcf`."""
     check_precision(allow_float32=False)
     expected, remedy = "a Scene or a Robot", "pass that of `load_robot`"
     require(isinstance(scene, Scene | Robot), "scene", scene, expected, remedy)
-    robot = scene if isinstance(scene, Robot) else None
-    whole = scene.scene if isinstance(scene, Robot) else scene
+    robot, mechanism = (scene, scene.scene) if isinstance(scene, Robot) else (None, scene)
     pose = state if robot is None else robot.state()
     remedy = "pass that in which the bodies of the file are"
     require(pose is not None, "state", state, "given for a scene", remedy)
@@ -664,8 +645,8 @@ def mjcf_of(
     if timestep is not None:
         require_positive("timestep", timestep, "give it in s")
     start = pose if state is None else state
-    check_names(whole, start)
-    ideal, replaced = _with_ideal_joints(whole)
+    check_names(mechanism, start)
+    ideal, replaced = _with_ideal_joints(mechanism)
     writer = MjcfWriter(ideal, robot._places() if robot else _places(ideal), pose)
     if replaced:
         writer.omitted["clearances, replaced by ideal joints,"] += replaced
@@ -699,22 +680,21 @@ def save_mjcf(
 
     The file has the bodies, their tree of hinges, sliders, balls and fixed joints, and free bodies;
     armatures, dampers, springs and dry friction of hinges and sliders, and `SpringDamper`. Dry
-    friction is that at 1 m/s or rad/s, without the elastic deflection of bristles. Joints
-    that close loops, `JointCoupling` and constant `PrescribedAngle` are equality constraints, which
-    are soft in MuJoCo. A `DriveTorque` or `Motor` is an actuator, whose control the keyframe
-    "start" has at time zero; the keyframe also has the `state`. Joints have their names and
-    positions.
+    friction is that at 1 m/s or rad/s, without the elastic deflection of bristles. Joints that
+    close loops, `JointCoupling` and constant `PrescribedAngle` are equality constraints, which are
+    soft in MuJoCo. A `DriveTorque` or `Motor` is an actuator; the keyframe "start" has its control
+    at time zero, and the `state`. Joints keep their names and positions.
 
     MuJoCo's recipe for backlash is two hinges in series, of which the second has a small range and
     a stiff limit. The flanks of a `Backlash`, or of a `PinInSlot` along a slider, become such a
     limit, of the hinge between the two bodies, or of a fixed tendon if, as with `Robot.with_drive`,
     rotor and link are both on the link's first body. The limit has the stiffness of the flanks and
-    the damping of a `SpringDashpot`; with other laws it is linear, with the stored energy at a
-    tenth of the play and the restitution of an impact in the pose of the file. It has the smallest
-    impedance that MuJoCo accepts, 1e-4. With an impedance near one, as is MuJoCo's default, a limit
-    sets an acceleration rather than a force, so that a load hardly deflects it. The numbers of the
-    limits are for the masses in the file: after changes, write it again. Without play,
-    `load_robot` reads a robot from its file as it was.
+    the damping of a `SpringDashpot`. For another law, it is a linear spring with the law's stored
+    energy at a penetration of a tenth of the play, and with the law's restitution for an impact in
+    the pose of the file. It has the smallest impedance that MuJoCo accepts, 1e-4. With an impedance
+    near one, as is MuJoCo's default, a limit sets an acceleration rather than a force, so that a
+    load hardly deflects it. The numbers of the limits are for the masses in the file: after
+    changes, write it again. Without play, `load_robot` reads a robot from its file as it was.
 
     Elements without counterpart are left out: `ClearanceJoint` and `BallInSocket` become ideal
     joints, and bodies on joints of other types are free. Limits of a robot's joints, without effect

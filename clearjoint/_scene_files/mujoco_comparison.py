@@ -1,9 +1,8 @@
 """Runs of an MJCF file in MuJoCo beside those of its scene."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 
 import jax
 import numpy as np
@@ -29,14 +28,14 @@ FILE = "the MJCF file"
 
 @dataclass(frozen=True)
 class MujocoComparison:
-    """Motion in MuJoCo beside that of the scene, for several time steps of MuJoCo.
+    """Motion in MuJoCo beside that of the scene, for n time steps of MuJoCo.
 
-    - `timesteps`: (n,) s, those of MuJoCo.
+    - `timesteps`: (n,) s.
     - `times`: (N,) s, from zero, at which the runs are compared.
-    - `positions`: (N,) of each hinge and slider in the run of the scene, rad or m, by name.
-    - `in_mujoco`: (n, N) of each, in MuJoCo. If the motion diverges there, because the step is too
-      long for a flank, they are NaN or arbitrary from then on.
-    - `largest_difference`: (n,) of each over the run, rad or m; infinite after divergence.
+    - `positions`: of each hinge and slider in the run of the scene, (N,) rad or m, by name.
+    - `in_mujoco`: of the same joints in MuJoCo, (n, N) rad or m, by name. If the motion diverges,
+      because the step is too long for a flank, they are NaN or arbitrary from then on.
+    - `largest_difference`: of the two, (n,) rad or m, by name; infinite after divergence.
 
     ``print(comparison)`` shows the largest differences as a table.
 
@@ -55,12 +54,9 @@ class MujocoComparison:
 
     @property
     def largest_difference(self) -> dict[str, np.ndarray]:
-        """Largest difference of each joint over the run, (n,) rad or m, by name."""
-        differences = {
-            name: np.abs(self.in_mujoco[name] - own).max(axis=1)
-            for name, own in self.positions.items()
-        }
-        return {name: np.nan_to_num(part, nan=np.inf) for name, part in differences.items()}
+        differences = {name: self.in_mujoco[name] - q for name, q in self.positions.items()}
+        largest = {name: np.abs(rows).max(axis=1) for name, rows in differences.items()}
+        return {name: np.nan_to_num(part, nan=np.inf) for name, part in largest.items()}
 
     @override
     def __str__(self) -> str:
@@ -129,39 +125,31 @@ def compare_with_mujoco(
         require_positive("timesteps", step, remedy)
     count = int(np.clip(end_time / max(timesteps), 1, SAMPLES))
     times = np.linspace(0.0, end_time, count + 1)
-    whole = scene.scene if isinstance(scene, Robot) else scene
-    save = Saving(times)
-    solution = simulate(whole, state, end_time, settings, save, progress=False)
-    own = {n: q[:, 0] for n, (q, _) in writer.motion(solution.states).items() if q.shape[1] == 1}
+    mechanism = scene.scene if isinstance(scene, Robot) else scene
+    solution = simulate(mechanism, state, end_time, settings, Saving(times), progress=False)
+    motion = writer.motion(solution.states)
+    positions = {name: q[:, 0] for name, (q, _) in motion.items() if q.shape[1] == 1}
     expected, remedy = "one with a hinge or slider", "add one; other joints are not compared"
-    require(bool(own), "scene", [*writer.joints], expected, remedy)
-    for name in own:
+    require(bool(positions), "scene", [*writer.joints], expected, remedy)
+    for name in positions:
         has_joint = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) >= 0
         require(has_joint, "path", str(path), f"a file with a joint {name!r}", "add the joint")
+    # MuJoCo would restart a motion that diverges; the comparison shows it as it is.
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     for k in range(model.nu):
-        if model.actuator(k).name not in writer.controls:
+        if model.actuator(k).name not in writer.controls:  # of the robot's file, not of the scene
             model.actuator_gainprm[k], model.actuator_biasprm[k] = 0.0, 0.0
     counts = [max(round(times[1] / step), 1) for step in timesteps]
-    runs = [_run(mujoco, model, writer, state, times, steps, own) for steps in counts]
-    return MujocoComparison(
-        tuple(float(times[1] / steps) for steps in counts),
-        times,
-        own,
-        {name: np.stack([run[name] for run in runs]) for name in own},
-    )
+    runs = [_run(model, writer, state, times, steps, [*positions]) for steps in counts]
+    in_mujoco = {name: np.stack([run[name] for run in runs]) for name in positions}
+    return MujocoComparison(tuple(float(times[1] / n) for n in counts), times, positions, in_mujoco)
 
 
 def _run(
-    mujoco: ModuleType,
-    model: Model,
-    writer: MjcfWriter,
-    state: State,
-    times: np.ndarray,
-    steps: int,
-    names: Iterable[str],
+    model: Model, writer: MjcfWriter, state: State, times: np.ndarray, steps: int, names: list[str]
 ) -> dict[str, np.ndarray]:
-    """Return positions of joints, (N,) at times, with a number of `steps` between two times."""
+    """Return positions (N,) of joints at `times`, with `steps` steps between two times."""
+    mujoco = mujoco_package(FileLocation(FILE))
     data, step = mujoco.MjData(model), times[1] / steps
     model.opt.timestep = step
     data.qpos[:], data.qvel[:] = writer.start(model, state)

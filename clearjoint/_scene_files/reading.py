@@ -3,7 +3,7 @@
 import math
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, is_dataclass
 from decimal import Decimal
@@ -30,7 +30,7 @@ from .classes import (
 from .documents import FileLocation, existing, listed, split
 
 KIND = "kind"
-"""The key under which a table names its class."""
+"""Key under which a table names its class."""
 EULER_PARAMETERS = (4,)
 ABSENT = "none"
 """Text that stands for ``None``, which TOML does not have."""
@@ -41,8 +41,8 @@ NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf)(?:
 def axis_and_angle(
     axis: Annotated[Float[np.ndarray, "3"], "1"], angle: Annotated[float, "rad"]
 ) -> tuple:
-    """Return the Euler parameters, scalar first, of a rotation about an axis: a table with the keys
-    `axis` and `angle` may replace them in a file."""
+    """Return the Euler parameters, scalar first, of a rotation about an axis. In a file, a table
+    with the keys `axis` and `angle` may stand for them."""
     return tuple(rotation(axis, angle).tolist())
 
 
@@ -53,7 +53,6 @@ class Reader:
     classes: Classes
 
     def value(self, content: object, expected: Expectation, location: FileLocation) -> object:
-        """Convert a value of a file to the Python value for which it stands."""
         value = self._item(content, expected, location)
         # A tuple of objects stays a tuple; other tuples are rows of numbers and become arrays.
         rows = value if isinstance(value, tuple) else ()
@@ -64,7 +63,7 @@ class Reader:
             return as_number(value)
 
     def _item(self, content: object, expected: Expectation, location: FileLocation) -> object:
-        """Convert a value as `value` does, but return an array as a number or nested tuples."""
+        """Convert a value of a file to a Python value; an array to a number or nested tuples."""
         if isinstance(content, Mapping) and expected.by_name is not None:
             return self._table(content, expected, location)
         # Arguments that may also be numbers or objects are not limited to their options.
@@ -98,7 +97,6 @@ class Reader:
         return location.refuse(content, "a number, text, list or table", "write one of these")
 
     def _table(self, content: Mapping, expected: Expectation, location: FileLocation) -> object:
-        """Convert a table to an object of its class, to Euler parameters, or to a dictionary."""
         # A table of entries by name may have one that is called "kind".
         if expected.by_name is None:
             families = expected.classes
@@ -121,14 +119,10 @@ class Reader:
         return {key: self.value(item, of_entry, location.at(key)) for key, item in content.items()}
 
     def instance(
-        self,
-        make: Maker,
-        content: Mapping,
-        location: FileLocation,
-        other_keys: tuple[str, ...] = (),
+        self, make: Maker, content: Mapping, location: FileLocation, other_keys: Sequence[str] = ()
     ) -> PyTree:
         """Make an object by calling a class or static method with the entries of a table.
-        `other_keys` of the file, which the caller reads, are listed in messages too."""
+        `other_keys`: those that the caller reads, for messages."""
         signature = arguments(make)
         values = {}  # arguments as Python values
         for name, item in content.items():
@@ -146,13 +140,9 @@ class Reader:
         is_required = "unit" in signature and signature["unit"].default is REQUIRED
         if is_required and "unit" not in values and unit is not None:
             values["unit"] = unit
-        missing = [
-            f"{name} ({expectation.unit})" if expectation.unit else name
-            for name, expectation in signature.items()
-            if expectation.default is REQUIRED and name not in values
-        ]
+        missing = {n: e for n, e in signature.items() if e.default is REQUIRED and n not in values}
         if missing:
-            names = ", ".join(missing)
+            names = ", ".join(f"{n} ({e.unit})" if e.unit else n for n, e in missing.items())
             raise ValueError(f"{location}: a {make.__qualname__} also needs {names}: add them.")
         try:
             made = CHECKED.get(make, make)(**values)
@@ -166,11 +156,10 @@ class Reader:
         # ``None``, numbers or options may be allowed too; these are no objects of the classes.
         for name, item in values.items():
             allowed, stored = signature[name], getattr(made, name, None)
-            is_number = isinstance(stored, int | float | tuple | np.ndarray)
             is_no_object = (
                 stored is None
                 or isinstance(item, Mapping)
-                or (bool(allowed.shapes) and is_number)
+                or (bool(allowed.shapes) and isinstance(stored, int | float | tuple | np.ndarray))
                 or any(item is option for option in (allowed.options or {}).values())
             )
             if allowed.classes and not (is_no_object or isinstance(stored, allowed.classes)):
@@ -194,8 +183,8 @@ def _text(content: str, expected: Expectation, location: FileLocation) -> object
 
 
 def number_of_text(text: str, unit: str | None, location: FileLocation) -> float:
-    """Return the number in a text such as "0.3 mm" in the SI unit `unit`, ``None`` for no unit; it
-    is rounded only once, so that "0.3 mm" gives the same float as 3e-4."""
+    """Return the number in a text such as "0.3 mm" in the SI unit `unit`, ``None`` for no unit;
+    rounded only once, so that "0.3 mm" gives the same float as 3e-4."""
     expected = "a number" if unit is None else f"a number in {unit}"
     # Longer texts are no numbers that a user means, and exact computation with them may be slow.
     matched = NUMBER.fullmatch(text) if len(text) <= 200 else None

@@ -13,13 +13,7 @@ from jaxtyping import PyTree
 from typing_extensions import override
 
 from .._dynamics.coordinates import free_motion
-from .._dynamics.joint_coordinates.trees import (
-    UPRIGHT,
-    FreeBranch,
-    JointedBranch,
-    Place,
-    TreeBranch,
-)
+from .._dynamics.joint_coordinates import trees
 from .._fields.cautions import quiet
 from .._fields.checks import nearest, require, require_positive
 from .._fields.types import TripleLike
@@ -31,24 +25,12 @@ from .._model.joints.couplings import HingeOrSlider
 from .._model.joints.ideal import RevoluteJoint
 from .._model.joints.motion_subspaces import REST, Hinge, JointState, Relative
 from .._model.scene import Scene
+from . import robots
 from .documents import FileLocation, read_bytes
 from .drive_train import Drive, motor_name, rotor_name, train_of
 from .files import FilePath
 from .mjcf import read_mjcf
 from .robot_elements import FRICTION, Element, Elements, Joint, Play, scene_of
-from .robots import (
-    FLOATING,
-    HINGES,
-    SLIDER,
-    Actuator,
-    Content,
-    JointLimits,
-    LinkPose,
-    LinkTree,
-    Mimic,
-    Options,
-    warn_of_omitted,
-)
 from .urdf import LARGEST_FILE, read_urdf, root_tag
 
 Positions: TypeAlias = PyTree
@@ -58,11 +40,11 @@ NOTHING: Mapping[str, PyTree] = MappingProxyType({})
 TURN = 2.0 * math.pi
 REST_OF_A_JOINT = JointState(0.0, (0.0,))
 FOLLOWS = 1e-6
-"""Largest distance, rad or m, of a given position of a follower from that which follows."""
+"""Largest difference, rad or m, between a follower's given position and that by its leader's."""
 
 
 class HasStates(Protocol):
-    """Interface of a solution or trajectory: states at N times."""
+    """A solution or trajectory, with states at N times."""
 
     @property
     def states(self) -> State:
@@ -74,8 +56,8 @@ class HasStates(Protocol):
 class Robot:
     """A robot from a file: its scene, and what connects it with positions of joints.
 
-    Positions are those of the file: angles, rad, of hinges, and distances, m, of sliders. States
-    and angles refer to bodies and joints as in the file, also if numbers of the scene are changed.
+    Positions are those of the file: angles, rad, of hinges, and distances, m, of sliders. They keep
+    this meaning if numbers of the scene, such as lengths, are changed.
 
     - `scene`: bodies, joints and forces.
     - `joints`: names of the hinges and sliders, in the order of the file.
@@ -96,13 +78,13 @@ class Robot:
 
     scene: Scene
     joints: tuple[str, ...]
-    limits: Mapping[str, JointLimits]
-    links: Mapping[str, LinkPose]
-    actuators: Mapping[str, Actuator]
+    limits: Mapping[str, robots.JointLimits]
+    links: Mapping[str, robots.LinkPose]
+    actuators: Mapping[str, robots.Actuator]
     leaders: Mapping[str, str]
-    _branches: Sequence[TreeBranch]
+    _branches: Sequence[trees.TreeBranch]
     _start: State
-    _mimics: dict[str, Mimic]
+    _mimics: dict[str, robots.Mimic]
     drives: Mapping[str, Drive] = field(default_factory=dict)
 
     @override
@@ -149,9 +131,8 @@ class Robot:
             motor = train.elements[name]
             assert isinstance(motor, HingeOrSlider)
             subspace = unpack(motor).motion_subspace(motor.first)
-            branches.append(JointedBranch(rotor, motor.first, name, subspace))
-        drives = {**self.drives, joint: drive}
-        robot = replace(self, _branches=branches, drives=drives)
+            branches.append(trees.JointedBranch(rotor, motor.first, name, subspace))
+        robot = replace(self, _branches=branches, drives={**self.drives, joint: drive})
         return robot._with(bodies, joints, train.elements)
 
     def with_elements(self, elements: Mapping[str, Element]) -> "Robot":
@@ -200,9 +181,8 @@ class Robot:
         axis = ideal.axis_first if isinstance(ideal, RevoluteJoint) else ideal.axis
         return ideal.first, ideal.second, np.asarray(axis)
 
-    def _places(self) -> list[Place]:
-        """Return the bodies with their parents and joints, each after its parent."""
-        return [Place(b.body, b.parent, getattr(b, "joint", None)) for b in self._branches]
+    def _places(self) -> list[trees.Place]:
+        return [trees.Place(b.body, b.parent, getattr(b, "joint", None)) for b in self._branches]
 
     def _ideal(self, argument: str, name: str) -> HingeOrSlider:
         ideal = {n: self.scene.joints[n] for n in self.joints}
@@ -258,13 +238,12 @@ class Robot:
         **Raises:** `ValueError` as `state`.
         """
         new = self._by_joint("q", q, False), self._by_joint("qd", qd, True)
-        kept = self._coordinates(state)
         positions, speeds = (
             {n: value for n, value in part.items() if n not in self._mimics}
             | {n: _number(value) for n, value in changed.items()}
-            for part, changed in zip(kept, new, strict=True)
+            for part, changed in zip(self._coordinates(state), new, strict=True)
         )
-        free = [b.body for b in self._branches if isinstance(b, FreeBranch)]
+        free = [b.body for b in self._branches if isinstance(b, trees.FreeBranch)]
         return self.state(positions, speeds, free={body: state.bodies[body] for body in free})
 
     def angles(self, motion: State | HasStates) -> dict[str, np.ndarray]:
@@ -284,12 +263,13 @@ class Robot:
     def torques(
         self, q: Positions = None, qd: Positions = None, qdd: Positions = None
     ) -> dict[str, np.ndarray]:
-        """Return the torques (N m) and forces (N) of drives in all joints that make a motion.
+        """Return the torques, N m, and forces, N, with which drives in all joints make a given
+        motion.
 
         They come from inverse dynamics, with gravity, and springs and dampers of the file, but
-        without dry friction, stops and joints that close loops. That of a joint that others follow
-        includes theirs, which are zero. That of a joint with a drive includes that of the rotor,
-        which turns with the joint. Free bodies are held at rest.
+        without dry friction, stops and joints that close loops. The torque of a joint that others
+        follow moves these too; theirs is zero. The torque of a joint with a drive moves the rotor
+        too, which turns with the joint. Free bodies are held at rest.
 
         **Arguments:** `q`, `qd`, `qdd`: positions, speeds and accelerations, as in `state`.
 
@@ -297,7 +277,7 @@ class Robot:
         """
         variables, motions, _ = self._moved(q, qd, NOTHING)
         rates = self._by_joint("qdd", qdd, speeds=True)
-        bodies = {b.joint: b.body for b in self._branches if isinstance(b, JointedBranch)}
+        bodies = {b.joint: b.body for b in self._branches if isinstance(b, trees.JointedBranch)}
         slopes = {}
         for name, mimic in self._mimics.items():
             leader = variables[bodies[mimic.leader]] if mimic.leader else REST_OF_A_JOINT
@@ -307,6 +287,7 @@ class Robot:
             rate = change + curvature * leader.speeds[0] ** 2
             _require_following("qdd", rates, name, mimic, rate)
             rates[name] = (rate,)
+        # The rotor of a drive turns with the joint, unless its own rate is given.
         for name, motor in self._motors().items():
             rates.setdefault(motor, rates.get(name, (0.0,)))
         loads = _inertial_loads(unpack(self.scene), self._branches, variables, motions, rates)
@@ -318,6 +299,8 @@ class Robot:
         for name, motor in self._motors().items():
             (own,), (others,) = torques[name], torques.pop(motor)
             torques[name] = (own + others,)
+        # The leader does the work of its followers: by virtual work, their torques count times the
+        # derivative of their positions by its position. Followers of followers come first.
         for name, mimic in reversed(self._mimics.items()):
             if mimic.leader is not None:
                 (own,), (others,) = torques[mimic.leader], torques[name]
@@ -326,16 +309,18 @@ class Robot:
         return self._ordered({name: _number(parts) for name, parts in torques.items() if parts})
 
     def _ordered(self, by_joint: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return the numbers of hinges and sliders in the order of the file, then the others."""
         return {name: by_joint[name] for name in dict.fromkeys((*self.joints, *by_joint))}
 
     def _motors(self) -> dict[str, str]:
-        """Return the names of motors that turn apart from their joints, by those of the joints."""
-        names = {branch.joint for branch in self._branches if isinstance(branch, JointedBranch)}
+        """Return the names of the motors that turn apart from their joints, by joint."""
+        names = {
+            branch.joint for branch in self._branches if isinstance(branch, trees.JointedBranch)
+        }
         return {n: motor_name(n) for n in self.drives if motor_name(n) in names}
 
     def _by_joint(self, argument: str, values: Positions, speeds: bool) -> dict[str, JointNumbers]:
-        """Return the numbers of each joint: those of its position, or of its speeds."""
+        """Check the positions or, if `speeds`, the speeds of joints; return the numbers of each
+        joint."""
         if values is None:
             return {}
         if not isinstance(values, Mapping):
@@ -344,7 +329,7 @@ class Robot:
             remedy = "give one for each of " + ", ".join(self.joints)
             require(shape[-1:] == (count,), argument, shape, expected, remedy)
             values = dict(zip(self.joints, _columns(values), strict=True))
-        zeros = {b.joint: _zero(b) for b in self._branches if isinstance(b, JointedBranch)}
+        zeros = {b.joint: _zero(b) for b in self._branches if isinstance(b, trees.JointedBranch)}
         by_joint = {}
         for name, value in values.items():
             known = [*zeros]
@@ -352,8 +337,7 @@ class Robot:
             require(name in known, argument, name, f"one of the joints {', '.join(known)}", remedy)
             zero = zeros[name]
             count = len(zero.speeds if speeds else jax.tree.leaves(zero.position))
-            is_single = len(zero.speeds) == 1
-            parts = (value,) if is_single else tuple(_columns(value))
+            parts = (value,) if len(zero.speeds) == 1 else tuple(_columns(value))
             expected, remedy = f"{count} numbers of joint {name!r}", "give that many"
             require(len(parts) == count, argument, np.shape(value), expected, remedy)
             by_joint[name] = tuple(map(_as_number, parts))
@@ -368,8 +352,7 @@ class Robot:
     ) -> tuple[dict[str, JointState | BodyState], dict[str, Motion], dict[str, EulerParameters]]:
         positions, speeds = self._by_joint("q", q, False), self._by_joint("qd", qd, True)
         for name, mimic in self._mimics.items():
-            x = positions.get(mimic.leader or "", (0.0,))[0]
-            y, slope, _ = _polynomial(mimic, x)
+            y, slope, _ = _polynomial(mimic, positions.get(mimic.leader or "", (0.0,))[0])
             rate = slope * speeds.get(mimic.leader or "", (0.0,))[0]
             _require_following("q", positions, name, mimic, y)
             _require_following("qd", speeds, name, mimic, rate)
@@ -377,28 +360,28 @@ class Robot:
         for name, motor in self._motors().items():
             for numbers in (positions, speeds):
                 numbers.setdefault(motor, numbers.get(name, (0.0,)))
-        of_free = {b.body for b in self._branches if isinstance(b, FreeBranch)}
+        of_free = {b.body for b in self._branches if isinstance(b, trees.FreeBranch)}
         for body in free:
             remedy = nearest(body, of_free, "set the positions of its joints")
             expected = f"one of the free bodies, {', '.join(sorted(of_free)) or 'none'}"
             require(body in of_free, "free", body, expected, remedy)
         variables: dict[str, JointState | BodyState] = {}
         motions = {GROUND: GROUND_MOTION}
-        orientations = {GROUND: UPRIGHT}
+        orientations = {GROUND: trees.UPRIGHT}
         for branch in self._branches:
-            if isinstance(branch, FreeBranch):
-                given = free.get(branch.body, self._start.bodies[branch.body])
-                variable: JointState | BodyState = _in_scalars(given)
+            if isinstance(branch, trees.FreeBranch):
+                state = free.get(branch.body, self._start.bodies[branch.body])
+                variable: JointState | BodyState = _in_scalars(state)
             else:
                 zero = _zero(branch)
                 leaves, structure = jax.tree.flatten(zero.position)
                 position = positions.get(branch.joint, tuple(leaves))
                 speed = speeds.get(branch.joint, zero.speeds)
                 variable = JointState(jax.tree.unflatten(structure, position), speed)
-            body, parent, about = branch.body, branch.parent, branch.orientation
+            body, parent, orient = branch.body, branch.parent, branch.orientation
             variables[body] = variable
             motions[body] = branch.motion(motions[parent], variable)  # pyright: ignore
-            orientations[body] = about(orientations[parent], variable)  # pyright: ignore
+            orientations[body] = orient(orientations[parent], variable)  # pyright: ignore
         return variables, motions, orientations
 
     def _coordinates(
@@ -410,11 +393,13 @@ class Robot:
         joints = {motor: name for name, motor in self._motors().items()}
         for branch in self._branches:
             variable = variables[branch.body]
-            if isinstance(branch, FreeBranch) or not variable.speeds:
+            if isinstance(branch, trees.FreeBranch) or not variable.speeds:
                 continue
             value = _number(jax.tree.leaves(variable.position))
             if isinstance(branch.motion_subspace, Hinge):
-                limits = self.limits.get(joints.get(branch.joint, branch.joint), JointLimits())
+                limits = self.limits.get(
+                    joints.get(branch.joint, branch.joint), robots.JointLimits()
+                )
                 middle = 0.5 * (limits.lower + limits.upper)
                 middle = middle if math.isfinite(middle) else 0.0
                 value = value - TURN * np.round((value - middle) / TURN)
@@ -423,10 +408,10 @@ class Robot:
         return self._ordered(positions), self._ordered(speeds)
 
 
-def variables_of(branches: Iterable[TreeBranch], state: State) -> dict[str, PyTree]:
+def variables_of(branches: Iterable[trees.TreeBranch], state: State) -> dict[str, PyTree]:
     """Return a `JointState` for each body on a joint, and a `BodyState` for each free one, by name;
     numbers of states at N times are arrays (N,)."""
-    poses, variables = {GROUND: (UPRIGHT, GROUND_MOTION)}, {}
+    poses, variables = {GROUND: (trees.UPRIGHT, GROUND_MOTION)}, {}
     for branch in branches:
         body = _in_scalars(state.bodies[branch.body])
         poses[branch.body] = body.orientation, free_motion(body, None)
@@ -435,14 +420,13 @@ def variables_of(branches: Iterable[TreeBranch], state: State) -> dict[str, PyTr
 
 
 def kinematics(robot: Robot) -> Hashable:
-    """Return what is equal for robots of which all bodies move alike for the same positions and
-    speeds of their joints."""
+    """Return a key that is equal for robots whose bodies move alike if their joints do."""
     limits, mimics = frozenset(robot.limits.items()), frozenset(robot._mimics.items())
     return robot.joints, tuple(robot._branches), limits, mimics, frozenset(robot.drives)
 
 
-def _zero(branch: JointedBranch) -> JointState:
-    return branch.motion_subspace.encode(Relative(UPRIGHT, ZERO, REST))
+def _zero(branch: trees.JointedBranch) -> JointState:
+    return branch.motion_subspace.encode(Relative(trees.UPRIGHT, ZERO, REST))
 
 
 def _as_number(value: PyTree) -> Scalar:
@@ -464,15 +448,14 @@ def _in_scalars(body: BodyState) -> BodyState:
 
 
 def _number(parts: Sequence[Scalar]) -> np.ndarray:
-    """Return the only number of a joint, or its several numbers on a last axis."""
     xp = library(parts)
     if len(parts) == 1:
         return xp.asarray(parts[0])
     return xp.stack(xp.broadcast_arrays(*parts), axis=-1)  # pyright: ignore
 
 
-def _polynomial(mimic: Mimic, x: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-    """Return the position of a follower and its first two derivatives by that of its leader."""
+def _polynomial(mimic: robots.Mimic, x: Scalar) -> tuple[Scalar, Scalar, Scalar]:
+    """Return a follower's position, and its first two derivatives by that of its leader."""
     value = slope = half = 0.0
     for coefficient in reversed(mimic.coefficients):
         half = half * x + slope
@@ -482,16 +465,16 @@ def _polynomial(mimic: Mimic, x: Scalar) -> tuple[Scalar, Scalar, Scalar]:
 
 
 def _require_following(
-    argument: str, numbers: Mapping[str, JointNumbers], name: str, mimic: Mimic, expected: Scalar
+    argument: str, numbers: dict[str, JointNumbers], name: str, mimic: robots.Mimic, derived: Scalar
 ) -> None:
     if name not in numbers or isinstance(numbers[name][0], jax.Array):
         return
-    if isinstance(expected, jax.Array):
+    if isinstance(derived, jax.Array):
         return
-    follows = bool((np.abs(numbers[name][0] - expected) <= FOLLOWS).all())
+    follows = bool((np.abs(numbers[name][0] - derived) <= FOLLOWS).all())
     of = "constant" if mimic.leader is None else f"that which follows from joint {mimic.leader!r}"
     remedy = "leave it out of the dictionary"
-    require(follows, f"{argument}[{name!r}]", numbers[name][0], f"{of}, {expected}", remedy)
+    require(follows, f"{argument}[{name!r}]", numbers[name][0], f"{of}, {derived}", remedy)
 
 
 Loads: TypeAlias = dict[str, tuple[Vector, Vector]]
@@ -500,17 +483,17 @@ Loads: TypeAlias = dict[str, tuple[Vector, Vector]]
 
 def _inertial_loads(
     scene: Scene,
-    branches: Sequence[TreeBranch],
+    branches: Sequence[trees.TreeBranch],
     variables: Mapping[str, PyTree],
     motions: Mapping[str, Motion],
     rates: Mapping[str, JointNumbers],
 ) -> Loads:
-    """Return the loads that drives and joints exert on each body in a motion with given `rates` of
+    """Return the loads that joints and drives exert on each body in a motion with given `rates` of
     the joints' speeds (recursive Newton-Euler algorithm, first pass)."""
     # Linear acceleration in global axes, angular acceleration in body axes.
     accelerations = {GROUND: (ZERO, ZERO)}
     for branch in branches:
-        if isinstance(branch, FreeBranch):
+        if isinstance(branch, trees.FreeBranch):
             accelerations[branch.body] = ZERO, ZERO
             continue
         subspace, state = branch.motion_subspace, variables[branch.body]
@@ -518,12 +501,16 @@ def _inertial_loads(
         linear, angular = accelerations[branch.parent]
         to_child = subspace.rotation(state.position).transposed_times
         twist, rate = subspace.twist(state), subspace.bias(state)
-        own = rates.get(branch.joint, (0.0,) * len(state.speeds))
-        for column, number in zip(subspace.columns(state.position), own, strict=True):
+        # `rate` becomes the rate of `twist`, the child's motion relative to its parent: the bias at
+        # constant speeds, and the columns of the joint's motion times the rates of its speeds.
+        joint_rates = rates.get(branch.joint, (0.0,) * len(state.speeds))
+        for column, number in zip(subspace.columns(state.position), joint_rates, strict=True):
             rate = rate + column * number
+        # The joint's point on the parent, relative to the parent's centre; in the parent's axes.
         point, spin = subspace.point_parent, parent.spin
         at_point = angular.cross(point) + spin.cross(spin.cross(point))
         angular = to_child(angular) + to_child(spin).cross(twist.angular) + rate.angular
+        # The child's centre relative to that point, with the Coriolis term; in the child's axes.
         arm, spin = subspace.displacement(state.position) - subspace.point_child, body.spin
         relative = angular.cross(arm) + spin.cross(spin.cross(arm) + twist.linear * 2.0)
         linear = linear + parent.rotation @ at_point
@@ -546,15 +533,15 @@ def _inertial_loads(
 
 
 def _carried(
-    branches: Sequence[TreeBranch],
+    branches: Sequence[trees.TreeBranch],
     variables: Mapping[str, PyTree],
     motions: Mapping[str, Motion],
     loads: Loads,
 ) -> dict[str, JointNumbers]:
-    """Return the generalised forces of joints that carry loads (second pass)."""
+    """Return the generalised forces of joints that balance the loads (second pass)."""
     loads, forces = dict(loads), {}
     for branch in reversed(branches):
-        if isinstance(branch, FreeBranch):
+        if isinstance(branch, trees.FreeBranch):
             continue
         subspace, state = branch.motion_subspace, variables[branch.body]
         motion, (force, moment) = motions[branch.body], loads[branch.body]
@@ -568,8 +555,8 @@ def _carried(
         if branch.parent != GROUND:
             apart = motion.position - motions[branch.parent].position
             other_force, other_moment = loads[branch.parent]
-            whole = other_moment + moment + apart.cross(force)
-            loads[branch.parent] = other_force + force, whole
+            about_parent = other_moment + moment + apart.cross(force)
+            loads[branch.parent] = other_force + force, about_parent
     return dict(reversed(forces.items()))
 
 
@@ -662,8 +649,8 @@ def load_robot(
     location = FileLocation(str(path))
     is_mjcf = root_tag(read_bytes(Path(path), LARGEST_FILE)) == "mujoco"
     content = (read_mjcf if is_mjcf else read_urdf)(Path(path))
-    options = Options(merge_fixed, free_root, balance_inertia, bound_mass, bound_inertia)
-    tree = LinkTree(content.links, content.joints, location, options)
+    options = robots.Options(merge_fixed, free_root, balance_inertia, bound_mass, bound_inertia)
+    tree = robots.LinkTree(content, location, options)
     acceleration = content.gravity if isinstance(gravity, str) else gravity
     scene, state, elements = scene_of(tree, content.loops, play, stops, friction, acceleration)
     robot = _robot(tree, scene, state, elements, content)
@@ -673,28 +660,28 @@ def load_robot(
     massive = [name for name, inertial in inertials.items() if inertial and inertial.mass > 0.0]
     if massive:
         omitted["inertia of the fixed links"] = massive
-    warn_of_omitted(path, omitted)
+    robots.warn_of_omitted(path, omitted)
     return robot
 
 
 def _robot(
-    tree: LinkTree, scene: Scene, state: State, elements: Elements, content: Content
+    tree: robots.LinkTree, scene: Scene, state: State, elements: Elements, content: robots.Content
 ) -> Robot:
     of_child = {joint.child: joint for joint in tree.joints.values()}
-    branches: list[TreeBranch] = []
+    branches: list[trees.TreeBranch] = []
     # The carriers are in the order of the tree, each before those that it carries.
     for carrier in {id(carrier): carrier for carrier in tree.carriers.values()}.values():
         joint = of_child.get(carrier.links[0])
         if carrier.body == GROUND:
             continue
-        if joint is None or joint.kind == FLOATING:
-            branches.append(FreeBranch(carrier.body, None))
+        if joint is None or joint.kind == robots.FLOATING:
+            branches.append(trees.FreeBranch(carrier.body, None))
             continue
         parent = tree.carriers[joint.parent].body
         subspace = unpack(elements.ideal[joint.name]).motion_subspace(parent)
-        branches.append(JointedBranch(carrier.body, parent, joint.name, subspace))
+        branches.append(trees.JointedBranch(carrier.body, parent, joint.name, subspace))
     moving = [j for j in content.joints if j.name in elements.ideal]
-    names = tuple(j.name for j in moving if j.kind in (*HINGES, SLIDER))
+    names = tuple(j.name for j in moving if j.kind in (*robots.HINGES, robots.SLIDER))
     followed = {name: mimic.leader for name, mimic in elements.mimics.items() if name in names}
     return Robot(
         scene,

@@ -34,40 +34,26 @@ from .._model.joints.ideal import (
 )
 from .._model.joints.joint_friction import JointFriction
 from .._model.scene import Scene
+from . import robots
 from .classes import Expectation, arguments
 from .documents import FileLocation, listed
 from .reading import Reader
-from .robots import (
-    BALL,
-    FIXED,
-    FLOATING,
-    HINGES,
-    SLIDER,
-    LinkTree,
-    LoopJoint,
-    Mimic,
-    RobotJoint,
-    bodies_of,
-    euler_parameters,
-    moved,
-    rounded,
-)
 
 Play: TypeAlias = Mapping[str, PyTree]
 """Arguments of a `ClearanceJoint`, a `Backlash` or a stop, by name, as the user passes them."""
 Joint: TypeAlias = AbstractConstraint | AbstractContactJoint
 Element: TypeAlias = Joint | AbstractForce
 IDEAL = {
-    **dict.fromkeys(HINGES, (RevoluteJoint, 2)),
-    SLIDER: (PrismaticJoint, 1),
+    **dict.fromkeys(robots.HINGES, (RevoluteJoint, 2)),
+    robots.SLIDER: (PrismaticJoint, 1),
     "planar": (PlanarJoint, 2),
-    BALL: (SphericalJoint, 0),
-    FIXED: (FixedJoint, 0),
+    robots.BALL: (SphericalJoint, 0),
+    robots.FIXED: (FixedJoint, 0),
 }
-"""Class of the ideal joint, and how often it takes the axis, by the type of the joint."""
-TYPES = *IDEAL, FLOATING
+"""Class of the ideal joint, and number of its arguments that are the axis, by type in the file."""
+TYPES = *IDEAL, robots.FLOATING
 BACKLASH = "backlash"
-"""Key of the angle of a backlash, rad, which the class `Backlash` calls `play`."""
+"""Key of a backlash's angle, rad, in the user's arguments; the class `Backlash` calls it `play`."""
 GIVEN_BY_THE_FILE = {
     *("bearing_body", "bearing_point", "bearing_axis"),
     *("journal_body", "journal_point", "journal_axis"),
@@ -77,27 +63,25 @@ GIVEN_BY_THE_FILE = {
 OF_STOPS = ("torsional_stiffness", "restitution", "law", "radius"), ("law",)
 """Arguments of the stops of hinges, and of those of sliders."""
 FAR = 1e3
-"""Distance of the walls from a slider that has stops, over its travel: it never touches them."""
+"""Distance of the walls that a slider with stops never touches, as a multiple of its travel."""
 
 
 FRICTION = ElastoPlastic(
     breakaway=1.0, kinetic=1.0, stribeck_speed=0.1, elastic_deflection=0.7e-4, stiffness=1e4
 )
 """Law of the dry friction of joints: they stick without drift at up to 0.7 of the friction, and
-yield by 1e-4 rad or m before they slip."""
+deflect elastically by 1e-4 rad or m before they slip."""
 
 
 class Elements:
     """The joints and forces of a robot's scene, by name.
 
-    - `ideal`: the ideal joint of each joint of the file, except those that are floating or within a
-      body.
-    - `mimics`: what joints follow, each after the joint that it follows.
-    - `omitted`: names of joints with an element of the file that the scene lacks, by the element's
-      title in messages.
+    - `ideal`: ideal joints of the file's joints, except those that are floating or within a body.
+    - `mimics`: of the joints that follow others, each after its leader.
+    - `omitted`: as in `Content`.
     """
 
-    def __init__(self, tree: LinkTree):
+    def __init__(self, tree: robots.LinkTree):
         self.tree = tree
         self.joints: dict[str, Joint] = {}
         self.forces: dict[str, AbstractForce] = {}
@@ -106,19 +90,18 @@ class Elements:
         self.omitted: dict[str, list[str]] = defaultdict(list)
         self.mimics = self._mimics()
 
-    def _mimics(self) -> dict[str, Mimic]:
+    def _mimics(self) -> dict[str, robots.Mimic]:
         mimics = {name: j.mimic for name, j in self.tree.joints.items() if j.mimic is not None}
         for name, mimic in [*mimics.items()]:
             if self.scalar(name) is None or self.scalar(mimic.leader or name) is None:
-                title = "mimics, between other joints than hinges and sliders,"
-                self.omitted[title].append(name)
+                self.omitted["mimics, between other joints than hinges and sliders,"].append(name)
                 del mimics[name]
         leaders = {n: {mimic.leader} & mimics.keys() for n, mimic in mimics.items()}
         with self.tree.location.in_errors():  # an error for joints that follow each other
             return {name: mimics[name] for name in TopologicalSorter(leaders).static_order()}
 
     def add(self, element: Joint | AbstractForce, joint: str, what: str) -> None:
-        """Add an element that belongs to a joint of the file, by a name of its own."""
+        # The new name must be none of the file's joints, whose names are kept.
         name = f"{joint} {what}"
         if name in self.tree.joints or name in self.joints or name in self.forces:
             expected = f"no joint {name!r}, which is the name of the {what}"
@@ -129,14 +112,13 @@ class Elements:
             self.joints[name] = element
 
     def scalar(self, name: str) -> HingeOrSlider | None:
-        """Return the ideal joint of a name if it is a hinge or slider."""
         joint = self.ideal.get(name)
         return joint if isinstance(joint, HingeOrSlider) else None
 
 
 def scene_of(
-    tree: LinkTree,
-    loops: tuple[LoopJoint, ...],
+    tree: robots.LinkTree,
+    loops: tuple[robots.LoopJoint, ...],
     play: Mapping[str, Play],
     stops: Mapping[str, Play],
     friction: FrictionLaw | None,
@@ -144,7 +126,7 @@ def scene_of(
 ) -> tuple[Scene, State, Elements]:
     """Return the scene of a robot, its state at rest with all joints at zero, and its elements."""
     location = tree.location
-    hinges = [joint.name for joint in tree.joints.values() if joint.kind in HINGES]
+    hinges = [joint.name for joint in tree.joints.values() if joint.kind in robots.HINGES]
     play = {
         name: _checked(name, settings, "play", hinges, _arguments_of_play(settings), location)
         for name, settings in play.items()
@@ -155,7 +137,7 @@ def scene_of(
         if not tree.massive(tree.carriers[tree.root]):
             remedy = "add a joint that moves"
         location.refuse(f"no link that moves relative to {tree.root!r}", "some", remedy)
-    bodies, elements = bodies_of(tree, carriers), Elements(tree)
+    bodies, elements = robots.bodies_of(tree, carriers), Elements(tree)
     for name, ideal in elements.ideal.items():
         settings, at = play.get(name), location.at(name)
         # A clearance replaces the ideal joint, a backlash is added to it.
@@ -175,25 +157,27 @@ def scene_of(
     _add_couplings(elements)
     _add_resistances(elements, friction)
     _add_stops(elements, stops)
-    centres = {carrier.body: tuple(moved(carrier.pose, carrier.centre)) for carrier in carriers}
+    centres = {
+        carrier.body: tuple(robots.moved(carrier.pose, carrier.centre)) for carrier in carriers
+    }
     with location.in_errors():
         scene = Scene(bodies, elements.joints, elements.forces, gravity)
         return scene, State({name: body_state(at) for name, at in centres.items()}), elements
 
 
-def ideal_joint(joint: RobotJoint, tree: LinkTree) -> AbstractConstraint | None:
+def ideal_joint(joint: robots.RobotJoint, tree: robots.LinkTree) -> AbstractConstraint | None:
     parent, child = tree.carriers[joint.parent], tree.carriers[joint.child]
     location = tree.location.at(joint.name)
     if joint.kind not in TYPES:
         kinds = f"one of the types {listed(TYPES)}"
         location.refuse(joint.kind, kinds, "correct it, or fix the link and add the joint yourself")
-    if parent is child or joint.kind == FLOATING:
+    if parent is child or joint.kind == robots.FLOATING:
         return None
     # The frame of the joint is that of the child link, which begins its carrier.
-    in_parent = moved(tree.poses[joint.parent] @ joint.pose, joint.point)
+    in_parent = robots.moved(tree.poses[joint.parent] @ joint.pose, joint.point)
     points = tree.in_body(parent, in_parent), tree.in_body(child, joint.point)
     # All bodies are parallel at zero, so that the axis has the same components in both.
-    axis = rounded(rounded(child.pose[:3, :3]) @ joint.axis)
+    axis = robots.rounded(robots.rounded(child.pose[:3, :3]) @ joint.axis)
     make, axes = IDEAL[joint.kind]
     with location.in_errors():
         return make(parent.body, child.body, *points, *[axis] * axes)
@@ -214,7 +198,7 @@ def _clearance(hinge: AbstractConstraint, play: Play, location: FileLocation) ->
 
 
 def _backlash(
-    joint: RobotJoint, hinge: AbstractConstraint, settings: Play, location: FileLocation
+    joint: robots.RobotJoint, hinge: AbstractConstraint, settings: Play, location: FileLocation
 ) -> Backlash:
     assert isinstance(hinge, RevoluteJoint)
     options = {key: value for key, value in settings.items() if key != BACKLASH}
@@ -274,13 +258,11 @@ def _checked(
             location.at(name).refuse(argument, f"one of the arguments {listed(allowed)}", remedy)
     # Only texts are converted here. The constructors check all other values.
     reader, at = Reader(()), location.at(name)
-    return {
-        key: reader.value(value, allowed[key], at.at(key)) if isinstance(value, str) else value
-        for key, value in settings.items()
-    }
+    texts = {key: value for key, value in settings.items() if isinstance(value, str)}
+    return {**settings, **{k: reader.value(v, allowed[k], at.at(k)) for k, v in texts.items()}}
 
 
-def _add_loops(elements: Elements, loops: tuple[LoopJoint, ...]) -> None:
+def _add_loops(elements: Elements, loops: tuple[robots.LoopJoint, ...]) -> None:
     tree = elements.tree
     for loop in loops:
         first, second = tree.carriers[loop.first], tree.carriers[loop.second]
@@ -289,12 +271,16 @@ def _add_loops(elements: Elements, loops: tuple[LoopJoint, ...]) -> None:
         frames = tree.poses[loop.first] @ loop.in_first, tree.poses[loop.second] @ loop.in_second
         points = tree.in_body(first, frames[0][:3, 3]), tree.in_body(second, frames[1][:3, 3])
         ends = first.body, second.body, *points
-        if loop.kind == BALL:
+        if loop.kind == robots.BALL:
             joint: Joint = SphericalJoint(*ends)
         else:
             pairs = zip((first, second), frames, strict=True)
-            turns = [rounded(carrier.pose[:3, :3] @ frame[:3, :3]) for carrier, frame in pairs]
-            joint = FixedJoint(*ends, euler_parameters(rounded(turns[0] @ turns[1].T)))
+            turns = [
+                robots.rounded(carrier.pose[:3, :3] @ frame[:3, :3]) for carrier, frame in pairs
+            ]
+            joint = FixedJoint(
+                *ends, robots.euler_parameters(robots.rounded(turns[0] @ turns[1].T))
+            )
         if loop.name in tree.joints or loop.name in elements.joints:
             expected = "a name that no other joint has"
             tree.location.at(loop.name).refuse(loop.name, expected, "rename one of the two")
@@ -323,7 +309,6 @@ def prescribed(joint: HingeOrSlider, position: FunctionOfTime) -> AbstractConstr
 
 
 def _add_resistances(elements: Elements, friction: FrictionLaw | None) -> None:
-    """Add springs, dampers and dry friction of joints."""
     for name, joint in elements.tree.joints.items():
         if (ideal := elements.scalar(name)) is None:
             continue
@@ -338,7 +323,7 @@ def _add_resistances(elements: Elements, friction: FrictionLaw | None) -> None:
 def friction_of(
     joint: HingeOrSlider, law: FrictionLaw, load: PyTree, **options: PyTree
 ) -> JointFriction:
-    """Return the friction of a hinge, N m, or of a slider, N; `options`: of `JointFriction`."""
+    """Return the friction of a hinge, with `load` in N m, or of a slider, N."""
     ends = joint.first, joint.second
     if isinstance(joint, RevoluteJoint):
         return JointFriction(*ends, law, load, joint.axis_first, 1.0, **options)
@@ -349,16 +334,14 @@ def spring_of(
     joint: HingeOrSlider, stiffness: PyTree, damping: PyTree, rest: PyTree
 ) -> AbstractForce:
     """Return the spring and damper of a hinge or slider, relaxed at the position `rest`."""
+    ends = joint.first, joint.second
     if isinstance(joint, RevoluteJoint):
-        return TorsionalSpring(
-            joint.first, joint.second, joint.axis_first, stiffness, damping, rest
-        )
+        return TorsionalSpring(*ends, joint.axis_first, stiffness, damping, rest)
     axis = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
     across = [pack(vector) for vector in transverse_axes(Vector(*axis.tolist()))]
-    along = euler_parameters(np.column_stack([axis, *across]))
+    along = robots.euler_parameters(np.column_stack([axis, *across]))
     return Bushing(
-        joint.first,
-        joint.second,
+        *ends,
         point_first=joint.point_first + rest * axis,
         point_second=joint.point_second,
         stiffness=(stiffness, 0.0, 0.0),
@@ -369,18 +352,12 @@ def spring_of(
 
 
 def _add_stops(elements: Elements, stops: Mapping[str, Play]) -> None:
-    """Add stops at the limits of hinges and sliders, with the user's arguments `stops[joint]`. A
-    stop is an element with clearance whose play is the range of the joint: a `Backlash` of a hinge,
-    a `PinInSlot` with ends of a slider."""
+    """Add stops at the limits of joints, with the user's arguments `stops[joint]`: a `Backlash` or,
+    for a slider, a `PinInSlot` with ends, whose play is the range of the joint."""
     tree = elements.tree
     # Only joints of one degree of freedom with a finite range can have stops.
-    ranges = {
-        name: joint.limits
-        for name, joint in tree.joints.items()
-        if joint.limits is not None
-        and elements.scalar(name) is not None
-        and -math.inf < joint.limits.lower < joint.limits.upper < math.inf
-    }
+    limits_of = {n: j.limits for n, j in tree.joints.items() if j.limits and elements.scalar(n)}
+    ranges = {n: r for n, r in limits_of.items() if -math.inf < r.lower < r.upper < math.inf}
     for name, settings in stops.items():
         joint = elements.scalar(name)
         kind = Backlash if isinstance(joint, RevoluteJoint) else PinInSlot
@@ -405,7 +382,8 @@ def _add_stops(elements: Elements, stops: Mapping[str, Play]) -> None:
 def ends_of_travel(
     joint: PrismaticJoint, room: PyTree, middle: PyTree, settings: Play
 ) -> PinInSlot:
-    """Return the stops of a slider, a distance `room`, m, apart, about the position `middle`."""
+    """Return the two stops of a slider, `room`, m, apart, on both sides of the position `middle`,
+    m."""
     axis = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
     normal, _ = transverse_axes(Vector(*axis.tolist()))
     return PinInSlot(

@@ -1,8 +1,8 @@
 """Robots as trees of links and joints, whatever the format of their files, and their bodies.
 
-A joint gives the frame of its child link relative to the frame of its parent link while the joint
-is at zero, that is, where the file's position is zero. Links that are fixed to each other form one
-body, named after the first of them, the carrier.
+The pose of a joint is that of the child link relative to the parent link while the joint is at
+zero, as the file defines it. A carrier is a group of links that are fixed to each other: a body,
+which has the name of the first of them, or the ground.
 
 The frames of all bodies are parallel to the root link's frame while all joints are at zero. The
 components of a joint's axis are then the same in both bodies, and the angle of a joint, of a
@@ -33,14 +33,13 @@ FLOATING = "floating"
 """Type of joints that leave the child free; the scene has no joint for them."""
 FIXED = "fixed"
 ROUNDING = 0.5e-9
-"""Relative error of moments of inertia that is allowed for rounding, less than `Body` allows."""
+"""Relative rounding error that moments of inertia may have, less than `Body` allows."""
 NEGLIGIBLE = 1e-11
-"""Inertia of a body that has none in the file, over that which hangs on it or the armature of its
-joint. In absolute coordinates, as in `observe`, the acceleration of a rotor is the difference of
-numbers that are larger by the inverse of this value, and `ConstraintEquations.corrected` corrects
-its rounding error."""
+"""Inertia of a body without inertia in the file, as a fraction of what it carries or of its joint's
+armature. Its acceleration in absolute coordinates, as in `observe`, is a difference of numbers that
+are larger by the inverse; `ConstraintEquations.corrected` corrects the rounding error."""
 ZERO = 1e-14
-"""Ratio of a moment or product of inertia to the largest moment below which it counts as zero."""
+"""Fraction of the largest moment of inertia below which moments and products count as zero."""
 
 
 @dataclass(frozen=True)
@@ -94,8 +93,8 @@ class RobotLink(NamedTuple):
 
 
 class Mimic(NamedTuple):
-    """Position of a joint as a polynomial of that of the joint `leader`, with `coefficients`, the
-    constant first; ``None`` for a constant position."""
+    """Position of a joint as a polynomial, `coefficients` with the constant first, of that of the
+    joint `leader`; a constant if `leader` is ``None``."""
 
     leader: str | None
     coefficients: tuple[float, ...]
@@ -128,10 +127,8 @@ class RobotJoint(NamedTuple):
 
 
 class LoopJoint(NamedTuple):
-    """A joint that closes a loop: links by name, and frames (4, 4), m, in each, which coincide.
-
-    `kind`: as of a `RobotJoint`, `FIXED` or "spherical".
-    """
+    """A joint, `FIXED` or `BALL`, that closes a loop: it makes two frames coincide, which are given
+    by poses (4, 4), m, in the two links."""
 
     name: str
     kind: str
@@ -169,11 +166,8 @@ class Actuator:
 
 
 class Content(NamedTuple):
-    """Content of a robot's file: links and joints in its order, and what belongs to them.
-
-    - `omitted`: names of the links and joints with an element that a scene lacks, by the element's
-      title in messages; an empty list for an element of the robot itself.
-    """
+    """Content of a robot's file. `omitted` has what a scene lacks, by title in messages: the names
+    of the links or joints that have it, none if the robot itself has it."""
 
     links: list[RobotLink]
     joints: list[RobotJoint]
@@ -185,7 +179,7 @@ class Content(NamedTuple):
 
 @dataclass(frozen=True)
 class Options:
-    """Choices of the user for the bodies of a robot, see `load_robot`."""
+    """Arguments of `load_robot` about bodies."""
 
     merge_fixed: bool = True
     free_root: bool = False
@@ -196,7 +190,7 @@ class Options:
 
 @dataclass
 class Carrier:
-    """Links that form one body, or belong to the ground.
+    """Links that form one body, or belong to the ground; see the docstring of this module.
 
     - `pose`: (4, 4) m, from the frame of the first link to that of the root at zero.
     - `centre`: (3,) m, the body's centre of mass in the frame of the first link.
@@ -209,23 +203,17 @@ class Carrier:
 
 
 class LinkTree:
-    """A tree of links, with the body to which each link belongs.
+    """A tree of links.
 
     - `root`: the only link that is no joint's child.
-    - `carriers`: the body of each link; links of one body share the object.
+    - `carriers`: the carrier of each link.
     - `poses`: (4, 4) m, from the frame of each link to that of its carrier's first link.
     """
 
-    def __init__(
-        self,
-        links: Iterable[RobotLink],
-        joints: Iterable[RobotJoint],
-        location: FileLocation,
-        options: Options,
-    ):
+    def __init__(self, content: Content, location: FileLocation, options: Options):
         self.location, self.options = location, options
-        self.links = _by_name(links, "link", location)
-        self.joints = _by_name(joints, "joint", location)
+        self.links = _by_name(content.links, "link", location)
+        self.joints = _by_name(content.joints, "joint", location)
         of_child = self._joints_by_child()
         (self.root,) = self.links.keys() - of_child.keys()
         is_free = options.free_root
@@ -237,7 +225,9 @@ class LinkTree:
         for name in parents_first[1:]:  # without the root
             joint = of_child[name]
             carrier, pose = self.carriers[joint.parent], self.poses[joint.parent] @ joint.pose
-            if self._is_part(joint):
+            inertial = self.links[name].inertial
+            has_mass = inertial is not None and inertial.mass > 0.0
+            if joint.kind == FIXED and (options.merge_fixed or not has_mass):
                 carrier.links.append(name)
             else:
                 carrier = Carrier(self._body_name(name), carrier.pose @ pose, [name])
@@ -247,7 +237,7 @@ class LinkTree:
             carrier.centre = self._centre(carrier)
 
     def _joints_by_child(self) -> dict[str, RobotJoint]:
-        """Return the joints by their child links; check that one link only is no child."""
+        """Return the joints by their child links; refuse a file that has not exactly one root."""
         of_child: dict[str, RobotJoint] = {}
         for joint in self.joints.values():
             at = self.location.at(joint.name)
@@ -266,11 +256,6 @@ class LinkTree:
             remedy = "join the others to it" if roots else "open the loop, or add links"
             self.location.refuse(roots, expected, remedy)
         return of_child
-
-    def _is_part(self, joint: RobotJoint) -> bool:
-        inertial = self.links[joint.child].inertial
-        has_mass = inertial is not None and inertial.mass > 0.0
-        return joint.kind == FIXED and (self.options.merge_fixed or not has_mass)
 
     def _body_name(self, link: str) -> str:
         name = f"{GROUND} link" if link == GROUND else link
@@ -291,13 +276,13 @@ class LinkTree:
         return ends + [further for end in ends for further in self.carried(end)]
 
     def massive(self, carrier: Carrier) -> dict[str, Inertial]:
-        """Return the inertias of the links of a carrier that have any, by the links' names."""
+        """Return the inertias of a carrier's links by name, without those that have none."""
         inertials = {name: self.links[name].inertial for name in carrier.links}
         return {name: inertial for name, inertial in inertials.items() if inertial is not None}
 
     def _centre(self, carrier: Carrier) -> np.ndarray:
-        """Return a carrier's centre of mass, m, in the frame of its first link; if the mass is
-        zero, that of the first <inertial>, or else the origin."""
+        """Return a carrier's centre of mass, m, in the frame of its first link; without mass, that
+        of the first <inertial>, or else the origin."""
         inertials = self.massive(carrier)
         centres = [moved(self.poses[name], part.centre) for name, part in inertials.items()]
         masses = np.array([part.mass for part in inertials.values()])
@@ -361,9 +346,8 @@ def bodies_of(tree: LinkTree, carriers: Iterable[Carrier]) -> dict[str, Body]:
 
 
 def _negligible(tree: LinkTree, carrier: Carrier) -> tuple[float, np.ndarray]:
-    """Return the mass and the inertia tensor of a body without mass that carries other bodies, such
-    as one between two joints of a body of MJCF: a small share of those of the bodies that it
-    carries."""
+    """Return the mass and the inertia tensor of a massless body, such as one between two joints of
+    a body of MJCF: a small share of those of the bodies that it carries."""
     (joint,) = [j for j in tree.joints.values() if j.child == carrier.links[0]] or [None]
     inertias = [(part, tree.massive(part)) for part in tree.carried(carrier)]
     masses = [part.mass for _, inertials in inertias for part in inertials.values()]
@@ -400,8 +384,8 @@ def _is_possible(tensor: np.ndarray) -> bool:
 
 
 def _balanced(inertial: Inertial) -> Inertial:
-    """Return the inertia that MuJoCo's `balanceinertia` makes: the principal moments are their mean
-    if no rigid body has them; otherwise it is the same object."""
+    """Return the inertia as changed by MuJoCo's `balanceinertia`: if no rigid body can have its
+    principal moments, they are replaced by their mean; otherwise it is the same object."""
     tensor = inertial.tensor
     if tensor is None or _is_possible(tensor):
         return inertial
@@ -411,22 +395,22 @@ def _balanced(inertial: Inertial) -> Inertial:
 def _require_possible(
     tensor: np.ndarray, carrier: Carrier, names: Collection[str], location: FileLocation
 ) -> None:
-    """Check the inertia of a body so that the message names the links with mass and the options."""
+    """Refuse an inertia that no body can have, with a message that names the links and options."""
     moments = np.linalg.eigvalsh(tensor)
     at = location.at(carrier.links[0])
-    whole = f" of links {', '.join(names)} together" if len(names) > 1 else ""
+    links = f" of links {', '.join(names)} together" if len(names) > 1 else ""
     actual = f"principal moments {', '.join(f'{x:.4g}' for x in moments)} kg m^2"
     if not _is_possible(tensor):
-        expected = f"an inertia{whole} such that no principal moment exceeds the sum of the others"
+        expected = f"an inertia{links} such that no principal moment exceeds the sum of the others"
         remedy = "correct it, or pass balance_inertia=True to replace impossible inertias"
         at.refuse(actual, expected, remedy)
     if not moments[0] > ZERO * moments[-1]:
-        expected = f"an inertia{whole} with positive moments about all axes"
+        expected = f"an inertia{links} with positive moments about all axes"
         at.refuse(actual, expected, "correct it, or pass for example bound_inertia=1e-6, in kg m^2")
 
 
 def warn_of_omitted(file: object, omitted: Mapping[str, list[str]]) -> None:
-    """Warn of what is not carried over: names by title, none for elements of the whole file."""
+    """Warn of what is not carried over, as in `Content.omitted`."""
     parts = [f"{title} of {', '.join(names)}" for title, names in omitted.items() if names]
     parts += sorted(title for title, names in omitted.items() if not names)
     if parts:
@@ -434,7 +418,6 @@ def warn_of_omitted(file: object, omitted: Mapping[str, list[str]]) -> None:
 
 
 def _by_name(elements: Iterable, kind: str, location: FileLocation) -> dict:
-    elements = list(elements)
     for name, number in Counter(element.name for element in elements).items():
         if number > 1:
             location.refuse(name, f"the name of one {kind} only", "rename the others")
@@ -446,7 +429,7 @@ def moved(pose: np.ndarray, point: np.ndarray) -> np.ndarray:
 
 
 def rounded(numbers: np.ndarray) -> np.ndarray:
-    """Restore the exact zeros of a quarter turn, which make the compiled program smaller."""
+    """Restore the exact zeros of a quarter turn, which make compiled programs smaller."""
     return np.round(numbers, 15) + 0.0  # no negative zeros
 
 

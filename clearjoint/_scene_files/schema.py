@@ -1,4 +1,4 @@
-"""Make the JSON Schema of scene files. Each class has a definition, to which others refer."""
+"""JSON Schema of scene files. Each class has a definition, to which others refer."""
 
 from dataclasses import dataclass, field
 from typing import TypeAlias
@@ -40,9 +40,8 @@ def scene_properties(catalogue: "Catalogue") -> Schema:
 
 @dataclass(frozen=True)
 class Catalogue:
-    """Makes the schema of a file. `definitions` collects the schemas to which it refers: that of
-    numbers, under `ROWS`, and those of makers, by their names in files, each added when another
-    schema first refers to it."""
+    """Makes the schema of a file. `definitions`: schemas to which others refer, of makers by their
+    names in files, and of numbers under `ROWS`; each maker's is added when it is first needed."""
 
     classes: Classes
     definitions: Schema = field(
@@ -50,9 +49,9 @@ class Catalogue:
     )
 
     def document(self, title: str, properties: Schema, required: list[str]) -> Schema:
-        whole = _table({SCHEMA: {"type": "string"}, **properties}, required)
+        table = _table({SCHEMA: {"type": "string"}, **properties}, required)
         dialect = "https://json-schema.org/draft/2020-12/schema"
-        return {SCHEMA: dialect, "title": title, **whole, "$defs": self.definitions}
+        return {SCHEMA: dialect, "title": title, **table, "$defs": self.definitions}
 
     def properties(self, make: Maker) -> Schema:
         """Return the schemas of a maker's arguments by name, with their units as descriptions."""
@@ -105,17 +104,14 @@ class Catalogue:
         # The class that a table has if it does not name one. Another argument may allow further
         # classes, so that the definition itself doesn't require the name.
         implied = families[0] if len(families) == 1 and not is_abstract(families[0]) else None
-        references = {make: _reference(aliases[-1]) for make, aliases in names.items()}
+        references = [(make, _reference(aliases[-1])) for make, aliases in names.items()]
         # Editors that follow older drafts ignore what stands beside "$ref", but not beside "allOf".
-        return [
-            reference if make is implied else {"allOf": [reference], "required": [KIND]}
-            for make, reference in references.items()
-        ]
+        return [r if m is implied else {"allOf": [r], "required": [KIND]} for m, r in references]
 
 
 def _table(properties: Schema, required: list[str]) -> Schema:
-    whole: Schema = {"type": "object", "properties": properties, "required": required}
-    return whole | {"additionalProperties": False}
+    table: Schema = {"type": "object", "properties": properties, "required": required}
+    return table | {"additionalProperties": False}
 
 
 def _list_of(item: Schema, length: int | None = None) -> Schema:
@@ -132,8 +128,8 @@ def _any_of(ways: list[Schema]) -> Schema:
 
 
 def _numbers(shapes: tuple[tuple[int, ...], ...]) -> list[Schema]:
-    """Return the schemas of arrays of the given shapes, whose numbers may be texts with units.
-    Without shapes, any are allowed, and true and false too, since a flag has none."""
+    """Return the schemas of arrays of the given shapes, whose numbers may be texts with units;
+    without shapes, of any arrays, and of true and false, since a flag has no shape."""
     if not shapes:
         return [{"type": "boolean"}, _reference(ROWS)]
     schemas = []

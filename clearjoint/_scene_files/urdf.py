@@ -1,4 +1,4 @@
-"""Parse the XML of URDF files. Every message names the file and the element."""
+"""Parse the XML of URDF files."""
 
 import math
 from contextlib import suppress
@@ -24,7 +24,7 @@ TITLES = {
     "visual": "visual shapes",
     "collision": "collision shapes",
 }
-"""Names, in messages, of elements of links and joints that a scene lacks, by their tags."""
+"""Titles in messages of elements that a scene lacks, by their tags."""
 XACRO = "if the file is a xacro file, expand it with `xacro FILE > robot.urdf` and load that"
 
 
@@ -39,8 +39,7 @@ def read_urdf(path: Path) -> Content:
             # Materials belong to the visual shapes.
             omitted |= {} if entry.tag == "material" else {f"<{entry.tag}>": []}
             continue
-        number = len(links) if entry.tag == "link" else len(joints)
-        at = location.at(entry.tag, number)
+        at = location.at(entry.tag, len(links) if entry.tag == "link" else len(joints))
         name = _attribute(entry, "name", at)
         at = location.at(name)
         if entry.tag == "link":

@@ -23,8 +23,8 @@ MODE_NAMES = {
 
 
 class Arrows(NamedTuple):
-    """Arrows of the forces. `scale`: length divided by force, m/N, before long arrows are cut; 1
-    without forces. `note`: text on the scale, for the legend."""
+    """Arrows of forces. `scale`: length divided by force, m/N, before long arrows are cut, 1
+    without forces; `note`: text on the scale, for the legend."""
 
     parts: list[DrawnPart]
     scale: float
@@ -37,10 +37,10 @@ def arrows(
     """Return arrows of the contact forces on the second body of each joint, which end at the
     contact points, and arrows of the loads, which start at the points of application.
 
-    Lengths are proportional to forces, with one exception: if no scale, m/N, is given, and the
-    largest force is more than five times the median of all forces that are not zero, as in an
-    impact during a motion along the wall, lengths are proportional to the square root of forces.
-    Small forces are then visible too.
+    Lengths are proportional to forces. But if no scale, m/N, is given, and the largest force is
+    more than five times the median of all forces that are not zero, as in an impact during a motion
+    along the wall, they are proportional to the square root of forces, so that small ones are
+    visible.
     """
     contact_forces = [] if observation is None else [*_contact_forces(pen, observation).items()]
     all_forces = [force for _, (_, force) in (*contact_forces, *pen.loads)]
@@ -79,8 +79,7 @@ def arrows(
     return Arrows(parts, scale, f"arrows: {length:.2g} m for {newtons(force)}{suffix}")
 
 
-def newtons(force: float) -> str:
-    """Return the text of a force, N, such as "12.3 kN"."""
+def newtons(force: float) -> str:  # such as "12.3 kN"
     from matplotlib.ticker import EngFormatter
 
     return EngFormatter("N")(float(f"{force:.3g}"))
@@ -89,11 +88,9 @@ def newtons(force: float) -> str:
 def _contact_forces(
     pen: SketchingPen, observation: Observation
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return the point, (N, 3) m, at which each contact force acts, and the force on the second
-    body of the joint, (N, 3) N, by names such as "pin V" for the contact "V" of the joint "pin".
-
-    Joints that draw nothing, such as `Backlash`, whose contacts transmit a couple, are left out.
-    """
+    """Return the points, (N, 3) m, at which contact forces act, and the forces on the joints'
+    second bodies, (N, 3) N, by names such as "pin V" for the contact "V" of the joint "pin". Joints
+    that draw nothing, such as `Backlash`, whose contacts transmit a couple, are left out."""
     result = {}
     for joint, family in observation.contacts.items():
         if joint not in pen.drawn:
@@ -121,11 +118,8 @@ def coloured_by_mode(
     parts: list[DrawnPart], observation: Observation
 ) -> tuple[list[DrawnPart], list[MotionMode]]:
     """Give journals and balls the colours of their motion modes; return all parts, and the modes
-    that occur, sorted by number.
-
-    A joint without observed motion modes, such as a ball in a socket, has the mode 1 (contact at
-    one end) if one of its contacts touches, else 0 (free flight).
-    """
+    that occur, sorted. Without observed modes, as for a ball in a socket, the mode is 1 (contact at
+    one end) if a contact touches, else 0 (free flight)."""
     modes = {name: np.asarray(numbers) for name, numbers in observation.modes.items()}
     # Only joints with a journal have observed modes.
     for name, family in observation.contacts.items():

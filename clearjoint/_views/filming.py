@@ -23,15 +23,15 @@ from .page import Legend
 from .proportions import WIDE, Camera, in_perspective
 
 LIGHT = np.array([0.35, 0.55, 0.75])
-"""Direction to the light: components to the right, upwards and to the viewer."""
+"""Direction to the light, with components to the right, upwards and to the viewer."""
 SHADE = 0.45
-"""Brightness of surfaces that face away from the light, as a fraction of full brightness."""
+"""Brightness of surfaces that face away from the light, from 0 to 1."""
 DPI = 100
 """Pixels per inch of an animation; a still picture has twice as many."""
 SAMPLES = 4 * DPI
 """Computed points per inch, of which several are averaged in a pixel."""
 MOST_POINTS = 1_000_000
-"""Largest number of points at once; a triangle may have more."""
+"""Largest number of points computed at once, unless a single triangle has more."""
 FRAMES_PER_SECOND = 25
 
 
@@ -46,8 +46,7 @@ class Film:
         times: np.ndarray | None,
         samples: int = SAMPLES,
     ):
-        self._times = times
-        self._parts = parts
+        self._times, self._parts = times, parts
         self._view, self._target = camera.axes(), camera.target
         self._distance = float(np.linalg.norm(camera.eye - camera.target))
         self.figure = Figure(figsize=(8.0, 4.8), dpi=DPI)
@@ -59,8 +58,7 @@ class Film:
         box = self._axes.get_window_extent()
         self._shape = round(box.height / DPI * samples), round(box.width / DPI * samples)
         self._scale = min(self._shape[0] / high, self._shape[1] / wide) / 2.0  # points per m
-        blank = np.ones((*self._shape, 3))
-        self._image = self._axes.imshow(blank, origin="lower", aspect="auto")
+        self._image = self._axes.imshow(np.ones((*self._shape, 3)), origin="lower", aspect="auto")
         self._time_text = self.figure.text(0.98, 0.02, "", ha="right", va="bottom", fontsize=11)
         patches = [
             Patch(facecolor=c, edgecolor="#777777", label=shown(name)) for c, name in legend.entries
@@ -115,13 +113,12 @@ class Film:
             self._time_text.set_text(_time_text(self._times[k], self._times[-1] - self._times[0]))
 
     def _order(self, part: DrawnPart, k: int) -> tuple[bool, float]:
-        """Return the key by which parts are sorted before they are painted: the transparent ones
-        last, from the farthest to the nearest, over what is behind them."""
+        """Return the key by which parts are sorted to be painted: transparent ones last, from the
+        farthest to the nearest, over what is behind them."""
         centre = part.mesh.moved(part.pose(k)).vertices.mean(axis=0)
         return part.opacity < 1.0, float(centre @ self._view[2])
 
     def save(self, file: Path, frames: Sequence[int]) -> None:
-        """Write an animation of some frames to a GIF or, with ffmpeg, an MP4 file."""
         writer = PillowWriter(FRAMES_PER_SECOND)
         if file.suffix.lower() == ".mp4":
             has_ffmpeg = shutil.which("ffmpeg") is not None
@@ -138,11 +135,9 @@ def _covered(
     corners: Float[np.ndarray, "F 3 2"], values: Float[np.ndarray, "F 3"], width: int, height: int
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Yield the points of a grid that triangles cover, for some triangles at a time: (M,) numbers
-    of the points, row by row; indices of the triangles; and the triangles' values there.
-
-    `corners` are counter-clockwise, in points from the lower left of the grid. Between them, the
-    `values` are interpolated linearly.
-    """
+    of the points, row by row; indices of the triangles; and values there, which are interpolated
+    linearly between those at the `corners`. These are counter-clockwise, in points from the lower
+    left."""
     a, b, c = (corners[:, j] for j in range(3))
     # Point (i, k) of the grid is at x = i + 0.5, y = k + 0.5. A line is the part of a row of points
     # inside a triangle; lines are numbered triangle by triangle.
@@ -166,9 +161,8 @@ def _covered(
     # The values are linear functions of x and y: their slopes, from the differences to corner a.
     (bx, by), (cx, cy) = (b - a).T, (c - a).T
     rise_b, rise_c = values[:, 1] - values[:, 0], values[:, 2] - values[:, 0]
-    slope_x, slope_y = np.array([rise_b * cy - rise_c * by, rise_c * bx - rise_b * cx]) / (
-        bx * cy - cx * by
-    )
+    double_area = bx * cy - cx * by
+    slopes = np.array([rise_b * cy - rise_c * by, rise_c * bx - rise_b * cx]) / double_area
     # Lines are taken in groups of about `MOST_POINTS` points, which limits the memory.
     first, ends = 0, np.cumsum(np.maximum(right - left, 0))
     while first < len(row):
@@ -177,26 +171,25 @@ def _covered(
         line, x = _whole_numbers(left[first:last], right[first:last])
         line += first
         k = triangle[line]
-        value = values[k, 0] + slope_x[k] * (x + 0.5 - a[k, 0]) + slope_y[k] * (y[line] - a[k, 1])
+        slope_x, slope_y = slopes[:, k]
+        value = values[k, 0] + slope_x * (x + 0.5 - a[k, 0]) + slope_y * (y[line] - a[k, 1])
         yield row[line] * width + x, k, value
         first = last
 
 
 def _whole_numbers(starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the whole numbers in the intervals from `starts[k]` to `ends[k]` - 1, one interval
-    after another, and before them, for each number, the index k of its interval.
-
-    For starts [3, 9, 7] and ends [5, 9, 8], the indices are [0, 0, 2] and the numbers [3, 4, 7].
-    """
+    """Return, for each whole number in the intervals from `starts[k]` to `ends[k]` - 1, the index k
+    of its interval, and the number: [0, 0, 2] and [3, 4, 7] for starts [3, 9, 7] and ends [5, 9,
+    8]."""
     counts = np.maximum(ends - starts, 0)
     interval = np.repeat(np.arange(len(counts)), counts)
     before = np.repeat(np.cumsum(counts) - counts, counts)  # numbers of the intervals before
     return interval, starts[interval] + np.arange(len(interval)) - before
 
 
-def _time_text(time: float, whole: float) -> str:
-    """Text of a time, s, whose last digit is at most a hundredth of the run's duration `whole`."""
-    whole = whole or abs(time) or 1.0
-    factor, unit = (1e6, "µs") if whole < 1e-3 else (1e3, "ms") if whole < 1.0 else (1.0, "s")
-    digits = max(0, 2 - int(np.floor(np.log10(whole * factor))))
+def _time_text(time: float, duration: float) -> str:
+    """Text of a time, s, to a hundredth of the run's `duration` or finer."""
+    duration = duration or abs(time) or 1.0
+    factor, unit = (1e6, "µs") if duration < 1e-3 else (1e3, "ms") if duration < 1.0 else (1.0, "s")
+    digits = max(0, 2 - int(np.floor(np.log10(duration * factor))))
     return f"t = {time * factor:.{digits}f} {unit}"

@@ -1,8 +1,7 @@
 """Triangle meshes of simple solids, and the solids of a view.
 
 Cylinders and tubes are about z, and all solids are centred at the origin unless their function says
-otherwise. Functions that make solids by the package trimesh raise `ImportError` if it is not
-installed.
+otherwise. Functions that use the package trimesh raise `ImportError` without it.
 """
 
 import importlib
@@ -23,8 +22,8 @@ ROUND = 32
 
 
 class Mesh(NamedTuple):
-    """Vertices, m, and faces of the surface of a solid: indices of the three vertices of each
-    triangle, counter-clockwise seen from outside."""
+    """Surface of a solid: vertices, m, and for each triangle the indices of its vertices,
+    counter-clockwise seen from outside."""
 
     vertices: Float[np.ndarray, "V 3"]
     faces: Int[np.ndarray, "F 3"]
@@ -43,7 +42,7 @@ class HasTriangles(Protocol):
 
 MeshLike: TypeAlias = str | Path | HasTriangles | tuple[ArrayLike, ArrayLike]
 """A file that trimesh reads (STL, OBJ, PLY, GLB, ...), an object with `vertices` and `faces`, or
-a tuple of two arrays: vertices, (V, 3) m, and faces, (F, 3)."""
+these two arrays: (V, 3) m, and (F, 3)."""
 
 
 def needed(package: str) -> ModuleType:
@@ -51,9 +50,8 @@ def needed(package: str) -> ModuleType:
     try:
         return importlib.import_module(package)
     except ImportError as error:
-        raise ImportError(
-            f"Views need {package}: pip install 'clearjoint[view]', or pip install {package}"
-        ) from error
+        message = f"Views need {package}: pip install 'clearjoint[view]', or pip install {package}"
+        raise ImportError(message) from error
 
 
 def cylinder(radius: float, length: float) -> Mesh:
@@ -73,8 +71,8 @@ def box(sides: Sequence[float]) -> Mesh:
 
 
 def pyramid(height: float, width: float, depth: float) -> Mesh:
-    """Return a pyramid with its tip at the origin and its base, of `width` along x and `depth`
-    along y, at z = `height`."""
+    """Return a pyramid with its tip at the origin and a base of `width` along x and `depth` along y
+    at z = `height`."""
     signs = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
     base = [(0.5 * width * x, 0.5 * depth * y, height) for x, y in signs]
     sides = [(0, 1 + (k + 1) % 4, 1 + k) for k in range(4)]
@@ -89,8 +87,8 @@ def arrow() -> Mesh:
 
 
 def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
-    """Return a helical spring about z with straight ends, from z = 0 to z = 1. In a pose that
-    stretches it to `length` the wire, of radius `wire`, is round."""
+    """Return a helical spring about z with straight ends, from z = 0 to z = 1. Stretched to
+    `length`, its wire of radius `wire` is round."""
     # The middle of the wire: a helix of 14 points in each turn, between straight ends that have 12
     # per cent of the length each.
     inside = np.linspace(0.0, 1.0, 14 * turns + 1)
@@ -113,7 +111,7 @@ def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
 
 def gear(radius: float, teeth: int, width: float) -> Mesh:
     """Return a spur gear about z with the middle of a tooth on the x axis; `radius` of the pitch
-    circle, negative for an internal gear, and `width` along z."""
+    circle, negative for an internal gear; `width` along z."""
     module = 2.0 * abs(radius) / teeth  # m
     pitch = 2.0 * np.pi / teeth  # rad
     # Each tooth has four corners: root, tip, tip, root. Their angles are measured in pitches from
@@ -131,8 +129,8 @@ def gear(radius: float, teeth: int, width: float) -> Mesh:
 
 
 def plate(rim: Float[np.ndarray, "N 2"], width: float) -> Mesh:
-    """Return a plate of thickness `width` along z inside a `rim` of corners in counter-clockwise
-    order, each of which must be visible from the origin."""
+    """Return a plate of thickness `width` along z inside a counter-clockwise `rim`, all of which
+    must be visible from the origin."""
     # Triangles from the rim to the centre.
     count = len(rim)
     first = np.arange(count)
@@ -141,8 +139,8 @@ def plate(rim: Float[np.ndarray, "N 2"], width: float) -> Mesh:
 
 
 def ring(inner: Float[np.ndarray, "N 2"], outer: Float[np.ndarray, "N 2"], width: float) -> Mesh:
-    """Return a ring of thickness `width` about z between two edges. Their corners are in
-    counter-clockwise order; those with the same index are at the same angle."""
+    """Return a ring of thickness `width` about z between two counter-clockwise edges, whose corners
+    with the same index are at the same angle."""
     return _extruded(np.vstack([inner, outer]), _skin(2, len(inner)), width)
 
 
@@ -154,17 +152,16 @@ def _extruded(
 
 
 def outline(distances: Float[np.ndarray, " N"]) -> Float[np.ndarray, "N 2"]:
-    """Return the outline, as corners at the angles 0, 2 pi/N, ..., of the region inside N lines:
-    that of a convex shape if the lines are its tangents. Line k is perpendicular to the direction
-    of corner k, at `distances[k]` from the origin."""
+    """Return corners, at the angles 0, 2 pi/N, ..., of the region inside N lines, such as tangents
+    of a convex shape. Line k is perpendicular to the direction of corner k, at `distances[k]` from
+    the origin."""
     angles = np.arange(len(distances)) * 2.0 * np.pi / len(distances)
     # A ray from the origin in the k-th direction meets the j-th line after the length d / c, where
     # d is the distance of the line from the origin, and c the cosine of the angle between the k-th
     # and the j-th direction. Lines that the ray doesn't meet count as infinitely far away.
     cosines = np.cos(angles[:, None] - angles)
     reached = np.where(cosines > 1e-6, distances / np.maximum(cosines, 1e-6), np.inf)
-    radii = reached.min(axis=1)[:, None]
-    return radii * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    return reached.min(axis=1)[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
 def hull(points: Float[np.ndarray, "N 3"], radius: float) -> Mesh:
@@ -180,7 +177,7 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def as_mesh(argument: str, value: MeshLike) -> Mesh:
-    """Check a mesh that a user passes as the given argument, and return it as a `Mesh`.
+    """Return a user's mesh, passed as `argument`, after checks.
 
     **Raises:** `ValueError` for a missing file, another type, and wrong arrays; the errors of
     trimesh for a file that it can't read.
@@ -208,8 +205,8 @@ def as_mesh(argument: str, value: MeshLike) -> Mesh:
 def frames(
     axes: Float[np.ndarray, "N 3"], start: Float[np.ndarray, "N 3"] | None = None
 ) -> Float[np.ndarray, "N 4 4"]:
-    """Return rotations that map z to each unit vector in `axes`, and x to the direction of the part
-    of `start` perpendicular to it; by default to any perpendicular direction."""
+    """Return rotations that map z to each unit vector in `axes`, and x to the part of `start`
+    perpendicular to it, by default to any perpendicular direction."""
     if start is None:  # the coordinate axis that is farthest from parallel
         start = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
     first = start - axes * np.sum(start * axes, axis=1, keepdims=True)
@@ -269,14 +266,12 @@ CLEAR = 0.3
 class DrawnPart:
     """A solid of a view, with its pose in each frame.
 
-    - `name`: name of its body, joint or force; for the arrow of a contact force, that of the joint
-      and the label of the contact.
+    - `name`: of its body, joint or force; of the joint and the contact for the arrow of a contact
+      force.
     - `mesh`: triangles in the solid's own axes, m.
-    - `poses`: (N, 4, 4), one for each frame, or (1, 4, 4) for a solid at rest. They may also
-      stretch the solid.
+    - `poses`: (N, 4, 4), or (1, 4, 4) for a solid at rest. They may also stretch the solid.
     - `colour`: "#rrggbb". `opacity`: from 0.0, invisible, to 1.0, opaque.
-    - `modes`: (N,) keys of `MODES`, whose colours replace `colour` in each frame; ``None`` for a
-      solid of one colour.
+    - `modes`: (N,) keys of `MODES`, whose colours replace `colour`; ``None`` for a single colour.
     - `is_journal`: whether the solid is the journal or ball of a clearance joint.
     """
 
@@ -298,8 +293,8 @@ class DrawnPart:
 def between(
     starts: Float[np.ndarray, "N 3"], ends: Float[np.ndarray, "N 3"], width: float
 ) -> Float[np.ndarray, "N 4 4"]:
-    """Return the poses in which a solid from z = 0 to z = 1, such as a spring, connects two moving
-    points, and is stretched along x and y by `width`; only one if all are equal."""
+    """Return the poses, only one if all are equal, in which a solid from z = 0 to z = 1, such as a
+    spring, connects two moving points, with `width` times its size along x and y."""
     along = ends - starts
     # A minimum of 1e-12 m, since equal points have no direction.
     length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
@@ -311,7 +306,7 @@ def between(
 
 
 def corners(parts: Sequence[DrawnPart], instants: Sequence[int]) -> Float[np.ndarray, "N 3"]:
-    """Return the corners, m, of boxes around each part in the frames of the numbers `instants`."""
+    """Return the corners, m, of boxes around each part in some frames."""
     result = []
     for part in parts:
         ends = part.mesh.vertices.min(axis=0), part.mesh.vertices.max(axis=0)
@@ -323,5 +318,5 @@ def corners(parts: Sequence[DrawnPart], instants: Sequence[int]) -> Float[np.nda
 
 
 def still(poses: Float[np.ndarray, "N 4 4"]) -> Float[np.ndarray, "M 4 4"]:
-    """Return the poses, or only the first one, (1, 4, 4), if all are equal."""
+    # A single pose, if all are equal.
     return poses[:1] if np.array_equal(poses, np.broadcast_to(poses[:1], poses.shape)) else poses

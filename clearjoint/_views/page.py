@@ -1,12 +1,11 @@
 """A page that shows a mechanism in a browser: one file that needs no network and no server.
 
-It is made by the package k3d. Pages of viser are smaller and are shown sooner, but k3d shows the
-time of the run, writes the file without a web server, and depends on ipywidgets alone.
+It is made by the package k3d. Pages of viser are smaller and shown sooner, but k3d shows the time,
+writes the file without a web server, and depends on ipywidgets alone.
 """
 
 import json
 import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,8 +17,8 @@ from .proportions import FIELD_OF_VIEW, Camera
 
 @dataclass(frozen=True)
 class Legend:
-    """Legend of a view: its title, pairs of a colour "#rrggbb" and its meaning, and lines of text
-    such as scales."""
+    """Legend of a view: `entries` are pairs of a colour "#rrggbb" and its meaning, `notes` lines of
+    text."""
 
     title: str
     entries: tuple[tuple[str, str], ...]
@@ -27,11 +26,7 @@ class Legend:
 
 
 def page(
-    parts: Sequence[DrawnPart],
-    camera: Camera,
-    legend: Legend,
-    times: np.ndarray | None,
-    height: int,
+    parts: list[DrawnPart], camera: Camera, legend: Legend, times: np.ndarray | None, height: int
 ) -> str:
     """Return the HTML text of a page; `height`: of the view in a notebook, pixels."""
     k3d = needed("k3d")

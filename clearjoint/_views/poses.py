@@ -45,10 +45,10 @@ def body_poses(states: State, times: np.ndarray | None = None) -> BodyPoses:
 
 
 def initial_state(scene: Scene) -> tuple[State, bool]:
-    """Return a state at rest to show a scene without a state, and whether it satisfies all joints.
+    """Return a state at rest to show a scene, and whether it satisfies all joints.
 
-    The bodies are placed by following the joints from the ground. If loops stay open, `assemble`
-    closes them. If it can't, the result is the state with open loops, and false.
+    Bodies are placed by following the joints from the ground. If loops stay open, `assemble` closes
+    them; if it can't, they stay open in the result.
     """
     from .._model.arrangement import arranged_state, satisfies_joints  # imports SciPy
 
@@ -67,8 +67,8 @@ def initial_state(scene: Scene) -> tuple[State, bool]:
 
 
 def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
-    """Return the indices of the instants that become frames: at most `most`, about equally spaced
-    in time, with the first and, unless `most` is 1, the last."""
+    """Return indices of the instants that become frames: at most `most`, about equally spaced in
+    time, with the first and, unless `most` is 1, the last."""
     if len(times) <= most:
         return np.arange(len(times))
     wanted = np.linspace(times[0], times[-1], most)
@@ -81,7 +81,7 @@ def require_bodies(
     states: State, bodies: Mapping[str, object], times: np.ndarray | None = None
 ) -> None:
     """Raise a `ValueError` unless `states` has exactly the given bodies and, if `times` are given,
-    one position of each body at each time. A trajectory made by a user may have other shapes."""
+    their positions at each time: a user's trajectory may have other shapes."""
     in_motion, in_scene = sorted(states.bodies), sorted(bodies)
     remedy = "pass a state or a solution of this scene"
     require(in_motion == in_scene, "motion", in_motion, f"of the scene's bodies {in_scene}", remedy)

@@ -1,7 +1,7 @@
-"""Choose the sizes of symbols, the scales of clearances and bearings, and the camera of a view.
+"""Sizes of symbols, scales of clearances and bearings, and the camera of a view.
 
-Bodies are drawn as bars around the points of their joints, and bearings and clearances larger than
-they are, because true clearances are invisible.
+Bodies are drawn as bars around the points of their joints. Bearings and clearances are enlarged,
+because true clearances are invisible.
 """
 
 from collections.abc import Sequence
@@ -19,8 +19,8 @@ from .meshes import FORCE, LOAD, DrawnPart, corners, frame_about
 from .poses import BodyPoses
 
 BORE = 2.4
-"""Drawn radius of a bearing of unknown radius, in radii of the bar by which a body is drawn; by
-default also the least drawn radius of other bearings."""
+"""Drawn radius of a bearing of unknown radius, in radii of a body's bar; by default also the least
+drawn radius of other bearings."""
 
 
 @dataclass(frozen=True)
@@ -29,9 +29,9 @@ class Proportions:
 
     - `size`: diagonal of the box around the mechanism, m.
     - `bar`: radius of the bar by which a body is drawn, m.
-    - `bearing_scale`: drawn size divided by true size of bearings and sockets. The drawn radius of
-      a journal or a ball is that of its bearing or socket less the drawn clearance.
-    - `clearance_scale`: drawn size divided by true size of clearances and eccentricities.
+    - `bearing_scale`, `clearance_scale`: drawn size divided by true size, of bearings and sockets,
+      and of clearances and eccentricities. The drawn radius of a journal or ball is that of its
+      bearing or socket less the drawn clearance.
     - `front`: unit vector to the viewer before the camera is tilted, the main direction of the
       joint axes.
     - `up`: unit vector upwards.
@@ -59,11 +59,11 @@ def proportions(
     clearance_scale: float | None,
 ) -> Proportions:
     """Return the sizes and scales for a view of a scene, by its first frame. `noted` has the points
-    and axes of the scene's elements (markers), and the radii and clearances of its bearings and
-    sockets (bores). Scales that are None are chosen so that bearings and clearances are visible.
+    and axes (markers) of the scene's elements, and the radii and clearances (bores) of its bearings
+    and sockets. Scales that are None are chosen so that bearings and clearances are visible.
 
-    **Raises:** `ValueError` for scales that are not positive, or if a drawn clearance would exceed
-    0.9 times the drawn radius of its bearing.
+    **Raises:** `ValueError` for scales that are not positive, or a drawn clearance above 0.9 times
+    the drawn radius of its bearing.
     """
     size = _size(scene, poses, noted)
     # Bars are thick enough to be seen in a view of the whole mechanism, and thin beside its links.
@@ -88,12 +88,9 @@ def proportions(
 
 
 class BodySolid(NamedTuple):
-    """A homogeneous box or cylinder with the mass and moments of inertia of a body.
-
-    - `axes`: unit vectors along the axes of the solid as columns, in body axes. `sides`: (3,) m.
-    - `round`: whether the solid is a cylinder about the third axis; the first two sides are then
-      its diameter.
-    """
+    """A homogeneous box or cylinder with the mass and moments of inertia of a body: `axes`, unit
+    vectors in body axes as columns; `sides`, (3,) m. A `round` solid is a cylinder about the third
+    axis; its first two sides are its diameter."""
 
     axes: np.ndarray
     sides: np.ndarray
@@ -101,9 +98,9 @@ class BodySolid(NamedTuple):
 
 
 def equivalent_solid(body: Body) -> BodySolid:
-    """Return the homogeneous solid with a body's mass and moments of inertia: a cylinder if exactly
-    one pair of principal moments is equal, to a thousandth, and a box otherwise. For moments that
-    no real solid has, sides whose square would be negative are zero."""
+    """Return a homogeneous solid with a body's mass and moments of inertia: a cylinder if exactly
+    one pair of principal moments is equal, to a thousandth, else a box. For moments that no real
+    solid has, sides whose square would be negative are zero."""
     # `inertia` has either the moments (3,) about the body axes, or is a matrix (3, 3).
     inertia, mass = np.asarray(body.inertia), float(np.asarray(body.mass))
     moments, axes = (inertia, np.eye(3)) if inertia.ndim == 1 else np.linalg.eigh(inertia)
@@ -135,13 +132,12 @@ def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
             solid = equivalent_solid(body)
             ends = solid.axes * (0.5 * solid.sides)
             points += [poses.point(name, sign * end)[0] for end in ends.T for sign in (-1, 1)]
-    box = np.ptp(np.array(points), axis=0)
-    return float(np.linalg.norm(box)) or 1.0
+    return float(np.linalg.norm(np.ptp(np.array(points), axis=0))) or 1.0
 
 
 def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
     """Return the main direction of the joint axes in the first frame, and whether nearly all are
-    parallel; the Z axis and false without joint axes."""
+    parallel; without axes, Z and false."""
     turning = [marker for marker in noted.markers if marker.axis is not None]
     axes = [poses.direction(marker.body, marker.along())[0] for marker in turning]
     if not axes:
@@ -158,9 +154,9 @@ def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
 
 
 def _up(scene: Scene, front: np.ndarray, planar: bool) -> np.ndarray:
-    """Return the upward unit vector: the first suitable one of the direction against gravity, Y, Z
-    and X. For a planar mechanism, directions within 60 degrees of the line of sight, `front`, are
-    not suitable, because they would not point upwards in the picture."""
+    """Return the upward unit vector: against gravity, or else Y, Z or X. In a planar mechanism,
+    directions within 60 degrees of the line of sight, `front`, don't point upwards in the picture.
+    """
     against = np.zeros(3) if scene.gravity is None else -np.asarray(scene.gravity, dtype=float)
     x, y, z = np.eye(3)
     for candidate in (against, y, z):
@@ -181,8 +177,7 @@ def _rounded(number: float) -> float:
 FIELD_OF_VIEW = 30.0
 """Vertical field of view, degrees."""
 WIDE = 1.25
-"""Ratio of width to height of the picture into which `camera` fits the mechanism; wider pictures
-show more at the sides."""
+"""Ratio of width to height of the picture into which `camera` fits the mechanism."""
 
 
 class Camera(NamedTuple):
@@ -201,8 +196,7 @@ class Camera(NamedTuple):
 
 def camera(parts: Sequence[DrawnPart], proportions: Proportions) -> Camera:
     """Return a camera that shows all parts with the mechanism in the middle. Arrows of forces,
-    which are recognised by their colours, do not belong to the mechanism, but are in the picture.
-    """
+    known by their colours, are in the picture, but don't belong to the mechanism."""
     # The parts are evaluated in at most 120 frames, between which a motion hardly leaves the
     # picture. Coordinates below are to the right, upwards and to the viewer, m.
     count = max(len(part.poses) for part in parts)
@@ -231,13 +225,13 @@ def camera(parts: Sequence[DrawnPart], proportions: Proportions) -> Camera:
 def in_perspective(
     corners: Float[np.ndarray, "*N 3"], distance: float
 ) -> Float[np.ndarray, "*N 2"]:
-    """Return the projection, m, of points, m, from a viewer at `distance`, m, to the plane through
-    the target. Coordinates are to the right, upwards and to the viewer, from the target."""
+    """Project points, m, for a viewer at `distance`, m, to the plane through the target.
+    Coordinates are to the right, upwards and to the viewer, from the target."""
     return corners[..., :2] * (distance / (distance - corners[..., 2:]))
 
 
 def _direction(proportions: Proportions) -> np.ndarray:
-    """Return a vector towards the viewer: the part of `front` perpendicular to `up`, if it is long
+    """Return a vector to the viewer: the part of `front` perpendicular to `up`, if it is long
     enough, tilted to the right and upwards."""
     up = proportions.up
     front = proportions.front - up * (proportions.front @ up)

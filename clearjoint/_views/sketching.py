@@ -49,9 +49,8 @@ class DrawnJournal:
     - `ends`: (2, N, 3), centres of the bases V and W. The drawn cylinder protrudes beyond both.
     - `poses`: (N, 4, 4), from axes at the journal's middle, with z along the journal's axis and x
       in the direction of the profile's angle zero.
-    - `radius`: drawn radius of the circle from which the journal deviates.
-    - `profile`: deviation of the true journal from its circle; None for a circle.
-    - `scale`: drawn size of the deviation divided by its true size.
+    - `radius`: of the drawn circle. `profile`: deviation of the true journal from its circle, None
+      for a circle; `scale`: drawn size of this deviation divided by its true size.
     """
 
     ends: Float[np.ndarray, "2 N 3"]
@@ -64,10 +63,8 @@ class DrawnJournal:
         self, position: float, normal: Float[np.ndarray, "N 3"]
     ) -> Float[np.ndarray, "N 3"]:
         """Return the point at which the drawn journal touches the drawn bearing in each frame.
-
-        **Arguments:** `position`: of the contact on the journal's axis, from -1 at base V to 1 at
-        base W; `normal`: unit vectors from the axis to the contact points.
-        """
+        `position`: of the contact on the axis, from -1 at base V to 1 at base W; `normal`: unit
+        vectors from the axis to the contact points."""
         centre = 0.5 * ((1.0 - position) * self.ends[0] + (1.0 + position) * self.ends[1])
         if self.profile is None:
             return centre + self.radius * normal
@@ -83,15 +80,15 @@ class DrawnJournal:
 
 
 NEAR = 1e-3
-"""Points of a body that differ by at most this fraction of the size of the mechanism are equal."""
+"""Distance up to which points of a body count as equal, as a fraction of the mechanism's size."""
 
 
 class SketchingPen(AbstractPen):
     """Pen with which joints and forces draw themselves, and which makes the parts of a view.
 
-    Joints and forces call the methods from `mark` to `gear`, each of which adds solids (`load` only
-    a load) and notes the points of its markers. The method `body` then draws a body as a bar: the
-    convex hull of balls around these points.
+    The methods from `mark` to `gear` add solids (`load` only a load), and note the points of their
+    markers. The method `body` then draws a body as a bar: the convex hull of balls around these
+    points.
 
     - `element`: name of the joint or force that is being drawn.
     - `journals`: drawn journals, by the joint's name; the last one of a joint with several.
@@ -117,11 +114,10 @@ class SketchingPen(AbstractPen):
         self._solid: set[str] = set()
 
     def parts(self) -> list[DrawnPart]:
-        fixed = [
+        return [
             DrawnPart(body, meshes.joined(solids), still(self._poses.poses[body]), colour, opacity)
             for (body, colour, opacity), solids in self._fixed.items()
-        ]
-        return fixed + self._moving
+        ] + self._moving
 
     @override
     def mark(self, marker: Marker) -> None:
@@ -191,8 +187,8 @@ class SketchingPen(AbstractPen):
 
     @override
     def load(self, marker: Marker, force: Triple | Callable[[jax.Array], Triple]) -> None:
-        """Add a load to `loads`, with its force in each frame; in a single state, at time zero. The
-        arrow is made later, when the scale of forces is known."""
+        """Add a load to `loads`, with its force in each frame; in a single state, at time zero. Its
+        arrow is made when the scale of forces is known."""
         points = self._poses.point(marker.body, marker.point)
         if callable(force):
             times = np.zeros(1) if self._poses.times is None else self._poses.times
@@ -215,10 +211,10 @@ class SketchingPen(AbstractPen):
     ) -> None:
         """Draw the bearing as an open cylinder, and the journal in it.
 
-        Clearance and eccentricity are multiplied by `Proportions.clearance_scale`, the radius of
-        the bearing, if known, and the length by `Proportions.bearing_scale`. Deviations from
-        circles are enlarged like the eccentricity, so that the drawn journal touches the drawn wall
-        where the true journal touches the true wall.
+        Clearance, eccentricity and deviations from circles are multiplied by
+        `Proportions.clearance_scale`, length and known radius of the bearing by
+        `Proportions.bearing_scale`. So the drawn journal touches the drawn wall where the true
+        journal touches the true wall.
         """
         wide, scale = float(length) * self._sizes.bearing_scale, self._sizes.clearance_scale
         bore = self._sizes.bore(None if radius is None else float(radius))
@@ -298,9 +294,9 @@ class SketchingPen(AbstractPen):
         surfaces: tuple[float, ...],
         excess: float,
     ) -> None:
-        """Draw plates perpendicular to `normal`, whose sides that face `middle` are at the
-        distances `surfaces` from it, m. At each end, they are longer than the path of `runner` by
-        `excess`, m, and a bar."""
+        """Draw plates perpendicular to `normal`, with sides that face `middle` at the distances
+        `surfaces` from it, m. At each end, they are longer than the path of `runner` by `excess`,
+        m, and a bar."""
         # The columns of `frame`, in body axes, are the direction along the walls, their normal, and
         # a direction as near as possible to the line of sight. If the viewer looks along the
         # normal, the direction along the walls is arbitrary.
@@ -328,8 +324,8 @@ class SketchingPen(AbstractPen):
 
     @override
     def roller(self, centre: Marker, *, radius: Single) -> None:
-        """Draw a cylinder about the direction `Proportions.front` in the first frame, for a planar
-        mechanism perpendicular to the plane of motion."""
+        """Draw a cylinder along `Proportions.front` in the first frame: in a planar mechanism,
+        perpendicular to the plane of motion."""
         axis = self._components(centre.body, self._sizes.front)
         pin = meshes.cylinder(float(radius), 9.0 * self._bar)
         self._fix(centre._replace(axis=axis), pin, METAL)
@@ -350,10 +346,10 @@ class SketchingPen(AbstractPen):
     def body(self, name: str, body: Body) -> None:
         """Draw a body as a bar around the points of its joints and forces.
 
-        A body with at most one such point, or with points that span less than half the longest side
-        of its equivalent solid along every body axis, is drawn as this solid too, and the bar then
-        also reaches the centre of mass. Nothing is drawn for a body with a block, a gear or walls,
-        and at most one point.
+        If it has at most one such point, or points that span less than half the longest side of its
+        equivalent solid along every body axis, this solid is drawn too, and the bar also reaches
+        the centre of mass. A body with a block, a gear or walls, and at most one point, needs no
+        bar.
         """
         points = self._distinct(name)
         # Blocks, gears and walls need no further shape.
@@ -367,9 +363,8 @@ class SketchingPen(AbstractPen):
             self._add(name, meshes.hull(points, self._bar))
 
     def solid(self, name: str, body: Body) -> None:
-        """Draw the homogeneous cylinder or box with a body's mass and moments of inertia, once. It
-        is at least as thick as a bar, and transparent unless its two shorter sides are at most that
-        thick."""
+        """Draw the equivalent solid of a body, once: at least as thick as a bar, and transparent
+        unless its two shorter sides are at most that thick."""
         if name in self._solid:
             return
         self._solid.add(name)
@@ -405,16 +400,15 @@ class SketchingPen(AbstractPen):
         return meshes.outline(radius + self._sizes.clearance_scale * deviation)
 
     def _distinct(self, name: str) -> np.ndarray:
-        """Return the points that the hull of a body must contain, (M, 3) m in body axes, without
-        those that equal an earlier one up to `NEAR`."""
+        """Return the points, (M, 3) m in body axes, that a body's hull must contain; of equal ones,
+        up to `NEAR`, only the first."""
         points = np.reshape(self._corners[name], (-1, 3))
         rounded = np.round(points / (NEAR * self._sizes.size))
         _, firsts = np.unique(rounded, axis=0, return_index=True)
         return points[np.sort(firsts)]
 
     def _add(self, body: str, mesh: Mesh, colour: str = "", opacity: float = 1.0) -> None:
-        key = body, colour or self._colours[body], opacity
-        self._fixed.setdefault(key, []).append(mesh)
+        self._fixed.setdefault((body, colour or self._colours[body], opacity), []).append(mesh)
 
     def _fix(self, marker: Marker, mesh: Mesh, colour: str = "", opacity: float = 1.0) -> None:
         """Fix a solid with its origin at the marker's point and z along the marker's axis."""
@@ -431,8 +425,7 @@ class SketchingPen(AbstractPen):
 
     def _hold(self, *markers: Marker, around: float = 0.0) -> None:
         """Extend the hull of each marker's body to the marker's point or, with a distance `around`,
-        m, such as the outer radius of a bearing, only to this distance from the point. Add the
-        current `element` to `drawn`."""
+        m, such as the outer radius of a bearing, only up to this distance from it."""
         self.drawn.add(self.element)
         for marker in markers:
             point = np.asarray(marker.point, dtype=float)
@@ -463,8 +456,8 @@ class SketchingPen(AbstractPen):
         return self._poses.poses[body][0, :3, :3].T @ direction
 
     def _range(self, base: Marker, runner: Marker, axis: np.ndarray) -> tuple[float, float]:
-        """Return the smallest and the largest coordinate of `runner`, m, along an axis of the body
-        of `base`, from that marker."""
+        """Return the smallest and largest coordinate of `runner`, m, along an axis of the body of
+        `base`, from that marker."""
         offset = self._poses.point(runner.body, runner.point)
         offset = offset - self._poses.point(base.body, base.point)
         along = np.sum(offset * self._poses.direction(base.body, axis), axis=1)
@@ -480,8 +473,8 @@ def sketch(
     centres: bool,
     solids: bool,
 ) -> SketchingPen:
-    """Draw all parts of a scene except arrows, and return the pen. `shapes`: meshes that replace
-    bodies; `centres`, `solids`: whether to add centres of mass and equivalent solids."""
+    """Draw all parts of a scene except arrows. `shapes`: meshes that replace bodies; `centres`,
+    `solids`: whether to add centres of mass and equivalent solids."""
     pen = SketchingPen(poses, proportions, colours(scene.bodies))
     for name, mesh in shapes.items():
         pen.shape(name, mesh)
@@ -503,15 +496,14 @@ def sketch(
 
 
 def colours(bodies: Collection[str]) -> dict[str, str]:
-    """Return the colour "#rrggbb" of each body and of the ground: the colours `BODIES`, then
-    lighter and darker shades of them, and from the 64th body on the first ones again."""
+    """Return the colour "#rrggbb" of each body and of the ground: the colours `BODIES`, then shades
+    of them, and from the 64th body on the first ones again."""
     shades = cycle([_mixed(colour, *mix) for mix in MIXTURES for colour in BODIES])
     return dict(zip(bodies, shades, strict=False)) | {GROUND: GROUND_COLOUR}
 
 
 MIXTURES = (0.0, 0), (0.5, 255), (0.45, 0), (0.25, 255), (0.25, 0), (0.7, 255), (0.65, 0)
-"""Shades of the colours of bodies: the share of white or black that is mixed in, and 255 for white
-or 0 for black."""
+"""Shades of colours: the share of white (255) or black (0) that is mixed in, and which."""
 
 
 def _mixed(colour: str, part: float, brightness: int) -> str:
@@ -526,6 +518,6 @@ def _unit(vector: ArrayLike) -> np.ndarray:
 
 def _transverse_frame(along: np.ndarray, phase: float = 0.0) -> np.ndarray:
     """Return a rotation matrix that maps z to `along`, and x to the direction at the angle `phase`
-    about it, by the convention of joints for profiles and teeth."""
+    about it, from which joints measure the angles of profiles and teeth."""
     first = np.array([*map(float, transverse_axes(Vector(*map(float, along)))[0])])
     return frame_about(along, first * np.cos(phase) + np.cross(along, first) * np.sin(phase))

@@ -38,7 +38,7 @@ class View:
     - `times`: (N,) s, of the N frames; ``None`` for a single state.
     - `legend`: its `title`; its `entries`, pairs of a colour such as "#0072B2" and its meaning; and
       its `notes`.
-    - `clearance_scale`, `bearing_scale`: drawn size divided by true size of clearances and of
+    - `clearance_scale`, `bearing_scale`: drawn size divided by true size of clearances, of
       bearings.
     - `force_scale`: length of an arrow divided by its force, m/N; 1 without forces.
 
@@ -67,9 +67,9 @@ class View:
         return page(self.parts, self._camera, self.legend, self.times, self._height)
 
     def save(self, file: str | Path, *, time: float | None = None) -> Path:
-        """Write the view to a file: ".html" for an interactive page, ".gif" or ".mp4" for an
-        animation of at most 100 frames (MP4 needs ffmpeg), ".png", ".pdf" or ".svg" for a picture.
-        Return its path.
+        """Write the view to a file, and return its path: ".html" for an interactive page; ".gif"
+        or, with ffmpeg, ".mp4" for an animation of at most 100 frames; ".png", ".pdf" or ".svg" for
+        a picture.
 
         **Arguments:** `time`: s; a picture shows the nearest frame, by default the first one.
 
@@ -204,11 +204,10 @@ def view(
             notes.append(f"bearings enlarged {sizes.bearing_scale:g} ×")
     if force_arrows.parts:
         notes.append(force_arrows.note)
-    legend = Legend(title, tuple(entries), (*notes, *_missed(motion, observed)))
     return View(
         parts,
         poses.times,
-        legend,
+        Legend(title, tuple(entries), (*notes, *_missed(motion, observed))),
         clearance_scale=sizes.clearance_scale,
         bearing_scale=sizes.bearing_scale,
         force_scale=force_arrows.scale,
@@ -218,14 +217,10 @@ def view(
 
 
 def _poses(
-    scene: Scene,
-    motion: Viewable | None,
-    observation: Observation | None,
-    forces: bool,
-    frames: int,
+    scene: Scene, motion: Viewable | None, observation: Observation | None, forces: bool, most: int
 ) -> tuple[BodyPoses, Observation | None, list[str]]:
-    """Return the poses of the bodies in at most `frames` frames; the observation at the same times,
-    or None if no forces are shown; and notes for the legend."""
+    """Return the poses of the bodies in at most `most` frames; the observation at their times, None
+    if no forces are shown; and notes for the legend."""
     if motion is None or isinstance(motion, State):
         remedy = "leave it out, or pass the solution that was observed"
         kind, expected = type(observation).__name__, "None for a single state"
@@ -242,10 +237,10 @@ def _poses(
     # unless an observation is given: it belongs to the ends of the steps, so these are shown.
     if observation is None and trajectory is getattr(motion, "steps", None) and len(trajectory) > 1:
         ends = np.asarray(trajectory.times)
-        trajectory = trajectory.between(np.linspace(ends[0], ends[-1], frames))
+        trajectory = trajectory.between(np.linspace(ends[0], ends[-1], most))
     times = np.asarray(trajectory.times)
     require_bodies(trajectory.states, scene.bodies, times)
-    chosen = instants_to_show(times, frames)
+    chosen = instants_to_show(times, most)
     shown = _at(trajectory, chosen)
     if observation is not None:
         observed = np.asarray(observation.times)
@@ -265,12 +260,11 @@ def _at(recorded: T, chosen: np.ndarray) -> T:
 
 
 def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory:
-    """Return the saved states of a run, or the states at its steps if no states were saved."""
+    """Return the saved states of a run or, without any, those at its steps."""
     if isinstance(motion, Trajectory):
         return motion
     remedy = "pass a State, the result of simulate(), or a Trajectory"
-    kinds = Solution | NonsmoothSolution
-    require_type("motion", motion, kinds, "a state or a solution", remedy)
+    require_type("motion", motion, Solution | NonsmoothSolution, "a state or a solution", remedy)
     # The steps of a run with rigid contacts are a number, not states.
     for saved in (motion.saved, motion.steps):
         if isinstance(saved, Trajectory) and len(saved):
@@ -283,8 +277,8 @@ def _trajectory(motion: Solution | NonsmoothSolution | Trajectory) -> Trajectory
 
 
 def _shapes(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) -> dict[str, Mesh]:
-    """Check and return the meshes of bodies. One whose size differs from that of the mechanism by
-    more than a factor of 50, as for a mesh in mm, is refused."""
+    """Check and return the meshes of bodies. The size of each must be that of the mechanism within
+    a factor of 50, which a mesh in mm exceeds."""
     checked = {}
     for name, value in meshes.items():
         bodies = sorted(scene.bodies)
@@ -300,8 +294,8 @@ def _shapes(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) ->
 
 
 def _missed(motion: Viewable | None, observed: Observation | None) -> list[str]:
-    """Return a note, in a list, on the largest force of all impacts if it acts between frames: if
-    it exceeds the largest normal force in all frames by more than a tenth."""
+    """Return a note, in a list, if the largest force of all impacts acts between frames: if it
+    exceeds the forces in all frames by more than a tenth."""
     impacts = motion.impacts if isinstance(motion, Solution) else None
     if observed is None or impacts is None or not len(impacts):
         return []

@@ -41,6 +41,12 @@ These arguments mean the same in all functions:
 - `dataset`: from `sweep` or `open_sweep`. If the sweep has several axes, select one value of each
   axis that is not drawn: ``dataset.sel(restitution=0.9)``.
 - `lane`: data set of one lane, a run of a sweep: ``dataset.isel(clearance=3)``.
+- `fit`, `horizon`: from `cj.identify` and `cj.fit_horizon`.
+- `section`: the directions drawn to the right and upwards, see `eccentricity_vectors`; but in
+  figures of Poincaré sections the name under which the `Section` was passed in `outputs`.
+- `quantity`, `unit`: one of `clearjoint.quantities`, or another scalar function of an `Instant`,
+  and its SI unit if it does not declare one.
+- `trajectory`: the states to take instead of the saved ones, such as `solution.steps`.
 - `axis`: name of the swept parameter to draw over; by default the only axis of the sweep. A zipped
   sweep, whose axes vary together, needs a name.
 
@@ -49,8 +55,9 @@ smallest; for a swept parameter also if its values form a geometric series. Lane
 have not run yet are crosses at the lower edge.
 
 **Raises:** `ValueError` for unknown names, for a joint that lacks the journal or the contacts to
-draw, for a window without drawn times, for an output that is not one number for each drawn value,
-and for axes that are not polar where polar ones are needed.
+draw, for a window without drawn times, for a solution without states, for a quantity without a
+unit, for an output that is not one number for each drawn value, and for axes that are not polar
+where polar ones are needed.
 
 **Examples** in docstrings of this module assume these lines, after those in the docstring of
 `clearjoint`:

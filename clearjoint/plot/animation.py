@@ -16,7 +16,7 @@ from .journal import CrossSection, eccentricity_vectors
 from .style import DARK, GREY, LIGHT
 
 DRAWN_GAP = 0.3
-"""Clearance in the pictures, in radii of the bearing; true ones would hardly be visible."""
+"""Clearance in the pictures, in radii of the bearing; true ones would hardly be seen."""
 NOTE = f"clearance drawn larger, as {DRAWN_GAP:g} of the bearing's radius"
 WALL = 0.14
 """Thickness of the bearing's wall in the pictures, in radii of the bearing."""
@@ -40,14 +40,9 @@ def journal_frames(
     eccentricity are enlarged by the same factor, so that the drawn clearance is 0.3 of the
     bearing's radius. The journal is dark in contact and light in flight.
 
-    **Arguments:**
-
-    - `instants`: (M,) times, s, of which the nearest observed ones are shown.
-    - `section`: the directions to the right and upwards, see `eccentricity_vectors`.
-    - `columns`: number of instants in a row; further instants continue in a new pair of rows.
-    - `figure`: empty figure to draw into; a new one by default.
-
-    **Returns:** the figure.
+    **Arguments:** `instants`: (M,) times, s, of which the nearest observed ones are shown.
+    `columns`: number of instants in a row; further ones continue in a new pair of rows. `figure`:
+    empty figure to draw into; a new one by default.
 
     >>> figure = plot.journal_frames(observed, "shoulder", 0.5e-3, [0.0, 0.01, 0.02])
     """
@@ -89,12 +84,8 @@ def animate_journal(
     """Write a GIF file in which the journal moves in its bearing, base V on the left, base W on the
     right, drawn as by `journal_frames`.
 
-    **Arguments:**
-
-    - `file`: path of the file to write, with the suffix ".gif".
-    - `instants`: (M,) times, s, one for each frame, of which the nearest observed ones are shown.
-    - `section`: the directions to the right and upwards, see `eccentricity_vectors`.
-    - `frames_per_second`: number of frames that the animation shows in a second.
+    **Arguments:** `file`: path of the file, with the suffix ".gif". `instants`: (M,) times, s, one
+    for each frame, of which the nearest observed ones are shown.
 
     >>> plot.animate_journal(observed, "shoulder", 0.5e-3, "journal.gif", np.linspace(0, 0.02, 5))
     """

@@ -1,5 +1,5 @@
-"""Draw fits to measurements, the accuracy of estimated parameters, and the length of record that a
-single run can fit."""
+"""Draw fits to measurements, the accuracy of estimates, and the length of record that a run can
+fit."""
 
 from collections.abc import Iterable
 
@@ -14,26 +14,14 @@ from .._identification.fit import Fit
 from .._information.analysis import Identifiability
 from .._information.error_growth import DISTURBANCE
 from .._information.horizon import FitHorizon
-from .style import (
-    BLUE,
-    DARK,
-    GREY,
-    VERMILLION,
-    ScaledValues,
-    axes_or_new,
-    draw_lines,
-    dress,
-    lines,
-    scaled,
-)
+from . import style
 
 
 def fitted(fit: Fit, series: list[str] | None = None) -> np.ndarray:
     """Draw each measured series over time with the fitted prediction, and below it the residuals,
     divided by the noise. The grey band, from -2 to 2, should contain 95 % of them.
 
-    **Arguments:** `fit`: from `cj.identify`; `series`: names of the measured series to draw, by
-    default all.
+    **Arguments:** `series`: names of the measured series to draw, by default all.
 
     **Returns:** array (2, number of series) of the axes in a new figure, with measurement and
     prediction in the first row, and residuals in the second.
@@ -60,7 +48,7 @@ def fitted(fit: Fit, series: list[str] | None = None) -> np.ndarray:
     axes = pairs[:, : len(names)]
     # All axes share the times, and thus need one unit for series of different lengths.
     samples = np.concatenate([fit.measurements.series[name].times for name in names])
-    times = scaled(xr.DataArray(samples, name="time", attrs={"units": "s"}))
+    times = style.scaled(xr.DataArray(samples, name="time", attrs={"units": "s"}))
     for name, (above, below) in zip(names, axes.T, strict=True):
         _draw(fit, name, times, above, below)
     for empty in pairs[:, len(names) :].flat:
@@ -70,30 +58,26 @@ def fitted(fit: Fit, series: list[str] | None = None) -> np.ndarray:
     return axes
 
 
-def _draw(fit: Fit, name: str, times: ScaledValues, above: Axes, below: Axes) -> None:
+def _draw(fit: Fit, name: str, times: style.ScaledValues, above: Axes, below: Axes) -> None:
     series = fit.measurements.series[name]
     scaled_times = series.times * times.factor
-    data = scaled(xr.DataArray(series.values, name=name, attrs={"units": series.unit}))
-    above.plot(scaled_times, data.values, ".", color=GREY, markersize=3, label="measured")
+    data = style.scaled(xr.DataArray(series.values, name=name, attrs={"units": series.unit}))
+    above.plot(scaled_times, data.values, ".", color=style.GREY, markersize=3, label="measured")
     fit_line = fit.predictions[name] * data.factor
-    above.plot(scaled_times, fit_line, color=VERMILLION, linewidth=1.2, label="fitted")
+    above.plot(scaled_times, fit_line, color=style.VERMILLION, linewidth=1.2, label="fitted")
     above.ticklabel_format(useOffset=False)
-    dress(above, "", data.label)
-    below.plot(scaled_times, fit.residuals[name], ".", color=BLUE, markersize=3)
+    style.dress(above, "", data.label)
+    below.plot(scaled_times, fit.residuals[name], ".", color=style.BLUE, markersize=3)
     below.axhspan(-2.0, 2.0, color="0.92", linewidth=0, zorder=0)
-    below.axhline(0.0, color=DARK, linewidth=0.8)
+    below.axhline(0.0, color=style.DARK, linewidth=0.8)
     below.tick_params(labelbottom=True)
-    dress(below, times.label, "residual / noise")
+    style.dress(below, times.label, "residual / noise")
 
 
 def correlations(fit: Fit, axes: Axes | None = None) -> Axes:
     """Draw the correlation coefficients of the errors of estimated parameters as a matrix of
-    coloured numbers.
-
-    If a coefficient is near -1 or 1, the measurements determine a combination of the two parameters
-    well, but neither of them alone.
-
-    **Arguments:** `fit`: from `cj.identify`.
+    coloured numbers. If one is near -1 or 1, the measurements determine a combination of the two
+    parameters well, but neither of them alone.
 
     >>> axes = plot.correlations(fit)
     """
@@ -102,7 +86,7 @@ def correlations(fit: Fit, axes: Axes | None = None) -> Axes:
     # below the matrix.
     label_width = 0.08 * max(map(len, names), default=0)
     width, height = 1.0 + 1.0 * len(names) + label_width, 0.9 + 0.9 * len(names) + 0.5 * label_width
-    axes = axes_or_new(axes, (width, height))
+    axes = style.axes_or_new(axes, (width, height))
     image = axes.imshow(numbers, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
     for (row, column), number in np.ndenumerate(numbers):
         # Large coefficients have dark colours, on which black is hard to read.
@@ -118,11 +102,10 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
     """Draw how accurately parameters can be estimated from measurements of increasing length.
 
     Each parameter has a line: the lower bound of the standard deviation of its estimate, if all
-    parameters are estimated together. This is the standard deviation of the value on the
-    parameter's scale: for the scale `Log` the relative error, for `Linear` the error in multiples
-    of the scale's `unit`. The line is thin and faint above the dotted line at `report.limits`,
-    where an estimate carries no information. A line begins with the shortest record that determines
-    the parameter at all.
+    parameters are estimated together. It is that of the value on the parameter's scale: for the
+    scale `Log` the relative error, for `Linear` the error in multiples of the scale's `unit`. The
+    line is thin and faint above the dotted line at `report.limits`, where an estimate carries no
+    information, and begins with the shortest record that determines the parameter.
 
     **Arguments:** `report`: from `cj.identifiability`; pass `report.of("probe")` to draw the
     accuracy by the sensor "probe" alone.
@@ -133,21 +116,21 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
     >>> report = cj.identifiability(scene, state, unknown, probe)
     >>> axes = plot.record_length(report)
     """
-    axes = axes_or_new(axes)
+    axes = style.axes_or_new(axes)
     times, deviations = report.times * 1e3, report.over_time()  # ms
-    for k, (name, (colour, style)) in enumerate(zip(report.names, lines(), strict=False)):
+    for k, (name, (colour, dashes)) in enumerate(zip(report.names, style.lines(), strict=False)):
         # Infinite deviations, of parameters that short records don't determine, are gaps.
         finite = np.where(np.isfinite(deviations[:, k]), deviations[:, k], np.nan)
         identifiable = np.where(finite <= report.limits[k], finite, np.nan)
         axes.plot(times, finite, color=colour, linewidth=0.8, alpha=0.4)
         label = shown(report.scales[k].label(name))
-        axes.plot(times, identifiable, color=colour, linestyle=style, linewidth=2, label=label)
+        axes.plot(times, identifiable, color=colour, linestyle=dashes, linewidth=2, label=label)
     for k, limit in enumerate(np.unique(report.limits)):
         label = "not identifiable above" if k == 0 else None
-        axes.axhline(limit, color=GREY, linewidth=0.8, linestyle=":", label=label)
+        axes.axhline(limit, color=style.GREY, linewidth=0.8, linestyle=":", label=label)
     axes.set_yscale("log")
     axes.legend(frameon=False)
-    return dress(axes, "end of the record, ms", "standard deviation")
+    return style.dress(axes, "end of the record, ms", "standard deviation")
 
 
 def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
@@ -158,8 +141,6 @@ def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
     further line is the displacement per m/s of initial velocity. Vertical lines mark the times
     beyond which a fit by a single run may not converge from a wrong guess, or integration errors
     are too large.
-
-    **Arguments:** `horizon`: from `cj.fit_horizon`.
 
     >>> axes = plot.growth(limits)
     """
@@ -172,8 +153,6 @@ def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
     """Draw upper bounds of integration errors over time: of a run's outputs, in units of the
     measurement noise, and of their derivatives by the parameters, relative. Vertical lines are
     those of `growth`.
-
-    **Arguments:** `horizon`: from `cj.fit_horizon`.
 
     >>> axes = plot.integration_error(limits)
     """
@@ -191,13 +170,13 @@ def _over_time(
     title: str | None,
     axes: Axes | None,
 ) -> Axes:
-    axes = axes_or_new(axes)
+    axes = style.axes_or_new(axes)
     times = horizon.times * 1e3  # ms
     # A logarithmic axis has no zero: values of zero, as at the start, are gaps.
-    draw_lines(axes, ((name, times, np.where(y > 0.0, y, np.nan)) for name, y in curves))
+    style.draw_lines(axes, ((name, times, np.where(y > 0.0, y, np.nan)) for name, y in curves))
     limits = {
-        "guesses fail": (horizon.convergence, DARK),
-        "integration fails": (horizon.numerical, GREY),
+        "guesses fail": (horizon.convergence, style.DARK),
+        "integration fails": (horizon.numerical, style.GREY),
     }
     for label, (time, colour) in limits.items():
         if np.isfinite(time):  # a limit that the record does not reach is infinite
@@ -216,4 +195,4 @@ def _over_time(
             )
     axes.set_yscale("log")
     axes.legend(frameon=False, title=title, loc="lower right")
-    return dress(axes, "time, ms", quantity)
+    return style.dress(axes, "time, ms", quantity)

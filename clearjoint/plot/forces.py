@@ -38,10 +38,8 @@ def contact_and_reaction(
     """Draw the normal force of a contact and the magnitude of an ideal joint's reaction over time.
     The legend gives the peaks.
 
-    **Arguments:**
-
-    - `contact`: name of the clearance joint and label of the contact, such as ("shoulder", "V").
-    - `reaction`: name of the ideal joint and name of the body on which its force acts.
+    **Arguments:** `contact`: name of the clearance joint and label of the contact, such as
+    ("shoulder", "V"). `reaction`: name of the ideal joint and of the body on which its force acts.
 
     >>> axes = plot.contact_and_reaction(observed, ("shoulder", "V"), ("elbow", "arm 3"))
     """
@@ -77,11 +75,9 @@ def contact_forces(
     """Draw the normal forces of all contacts of a joint over time. Contacts with equal forces, such
     as both bases in planar motion, share one curve.
 
-    **Arguments:**
-
-    - `logarithmic`: whether the force axis is logarithmic; zero force is then not visible. By
-      default it is if the largest force exceeds six times the median of the peaks of the intervals
-      of contact, or eight times the median over time of the forces in contact.
+    **Arguments:** `logarithmic`: whether the force axis is logarithmic; zero force is then not
+    visible. By default it is if the largest force exceeds six times the median of the peaks of the
+    intervals of contact, or eight times the median over time of the forces in contact.
 
     >>> axes = plot.contact_forces(observed, "shoulder", window=(0.01, 0.0115))
     """
@@ -97,10 +93,9 @@ def joint_forces(
     logarithmic: bool | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw one curve over time for each joint with contacts: the resultant of the normal forces of
-    its contacts, as `quantities.ContactForce`. Joints with equal curves share one.
-
-    **Arguments:** see `contact_forces`.
+    """Draw a curve over time for each joint with contacts: the resultant of the normal forces of
+    its contacts, as `quantities.ContactForce`. Joints with equal curves share one. For
+    `logarithmic`, see `contact_forces`.
 
     >>> axes = plot.joint_forces(observed)
     """
@@ -164,13 +159,10 @@ def hysteresis(
     a contact. The area inside a loop is the energy that the normal force dissipates; the legend
     gives it.
 
-    **Arguments:**
+    **Arguments:** `impacts`: of one contact: ``solution.impacts.of(joint, contact)``. `count`:
+    largest number of impacts to draw.
 
-    - `impacts`: impacts of one contact: ``solution.impacts.of(joint, contact)``.
-    - `count`: largest number of impacts to draw, from the first one on.
-
-    **Raises:** `ValueError` without impacts, and for fewer than three observed instants in a drawn
-    one.
+    **Raises:** `ValueError` without impacts, and for fewer than three observed instants in one.
 
     >>> axes = plot.hysteresis(observed, solution.impacts.of("shoulder", "V"), count=1)
     """
@@ -249,13 +241,13 @@ def contact_phases(observation: Observation, joint: str) -> np.ndarray:
     `ContactPhase`.
 
     An interval of contact with a single compression and restitution is an impact. If the bodies
-    approach again before they separate, or if the interval lasts to the end of the observation, the
-    phase is impact up to the first maximum of the penetration, and following from there on. An
+    approach again before they separate, or if the interval lasts to the end of the observation, it
+    is an impact up to the first maximum of the penetration, and following from there on. An
     interval that begins at the first instant is following as a whole.
 
     **Source:** the three phases are those of P. Flores et al., *Spatial revolute joints with
-    clearances for dynamic analysis of multi-body systems*, 2006. The limit between impact and
-    following is not from there.
+    clearances for dynamic analysis of multi-body systems*, 2006, but not the limit between impact
+    and following.
 
     >>> phases = plot.contact_phases(observed, "shoulder")
     >>> plot.ContactPhase(phases[0]).name  # the journal starts in the middle
@@ -304,14 +296,14 @@ def motion_timeline(
     factor, unit = time_unit(times, window)
     for row, name in enumerate(names):
         phases, durations = contact_phases(observation, name), []
-        for phase, (height, style) in BAR_STYLES.items():
+        for phase, (height, look) in BAR_STYLES.items():
             # An interval lasts until the first instant of the next phase. Its start and its end are
             # moved into the window, s; intervals outside of the window then have no length.
             begins, ends = observed.spans(phases == phase).T
             starts = np.clip(times[begins], first, last)
             lengths = np.clip(times[np.minimum(ends, len(times) - 1)], first, last) - starts
             bars = (factor * np.stack([starts, lengths], axis=1)[lengths > 0.0]).tolist()
-            axes.broken_barh(bars, (row - 0.5 * height, height), label=_phase_name(phase), **style)
+            axes.broken_barh(bars, (row - 0.5 * height, height), label=_phase_name(phase), **look)
             durations.append(lengths.sum())
         total = max(sum(durations), np.finfo(float).tiny)  # zero if no interval is in the window
         text = " / ".join(f"{100.0 * part / total:.0f}" for part in durations) + " %"
@@ -323,7 +315,7 @@ def motion_timeline(
     axes.set_yticks(range(len(names)), [shown(name) for name in names])
     axes.set_xlim(first * factor, last * factor)
     axes.set_ylim(len(names) - 0.5, -0.5)  # the first joint at the top
-    samples = [Patch(label=_phase_name(phase), **style) for phase, (_, style) in BAR_STYLES.items()]
+    samples = [Patch(label=_phase_name(phase), **look) for phase, (_, look) in BAR_STYLES.items()]
     legend_above(axes, 3, handles=samples)
     dress(axes, f"time, {unit}", "")
     axes.grid(False, axis="y")

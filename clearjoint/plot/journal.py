@@ -12,25 +12,14 @@ from .._fields.drawn_text import shown
 from .._fields.types import ArrayLike
 from .._model.clearance_joints.journal_bases import BASES
 from .._simulation.results.observe import Observation
+from . import style
 from .observed import contact, contacts, without_twins
-from .style import (
-    BLUE,
-    DARK,
-    TimeSpan,
-    axes_or_new,
-    draw_lines,
-    dress,
-    fitting_unit,
-    inside,
-    legend_above,
-    time_unit,
-)
 from .sweeps import require_names
 
 CrossSection = Mapping[str, ArrayLike]
 """Two perpendicular unit vectors by their labels, such as {"X": …, "Y": …}: the directions that a
-figure draws to the right and upwards. Each is (3,) in global axes, or (N, 3), one row for each
-observed time, for a bearing that turns."""
+figure draws to the right and upwards. Each is (3,) in global axes, or (N, 3) for each observed
+time, for a bearing that turns."""
 XY: CrossSection = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0)}
 """The cross-section of a bearing at rest whose axis is the global z axis.
 
@@ -44,22 +33,20 @@ def eccentricities(
     joint: str,
     clearance: float | None = None,
     *,
-    window: TimeSpan | None = None,
+    window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the eccentricities of both bases over time, and the clearance as a horizontal line,
-    above which a base touches the wall.
-
-    Bases with the same eccentricity, as in planar motion, share one curve. If the eccentricity
-    never differs from the clearance by more than 5 %, eccentricity minus clearance is drawn
-    instead, so that its changes are visible.
+    above which a base touches the wall. Bases with the same eccentricity, as in planar motion,
+    share one curve. If the eccentricity never differs from the clearance by more than 5 %, their
+    difference is drawn instead, so that its changes are visible.
 
     >>> axes = plot.eccentricities(observed, "shoulder", 0.5e-3)
     """
-    axes = axes_or_new(axes)
+    axes = style.axes_or_new(axes)
     radius = observed_clearance(observation, joint) if clearance is None else clearance
     factor, unit = length_unit(radius)
-    in_window = inside(observation.times, window)
+    in_window = style.inside(observation.times, window)
     bases = {f"base {base}": contact(observation, joint, base) for base in BASES}
     sizes = without_twins({n: np.asarray(c.eccentricity)[in_window] for n, c in bases.items()})
     differences = np.concatenate([size for _, size in sizes]) - radius
@@ -67,18 +54,18 @@ def eccentricities(
     zero, quantity = 0.0, "eccentricity"
     if bool((np.abs(differences) <= 0.05 * radius).all()):  # the journal stays at the wall
         zero, quantity = radius, "eccentricity − clearance"
-        factor, unit = fitting_unit(differences, "m")
-    time_factor, time = time_unit(observation.times[in_window])
+        factor, unit = style.fitting_unit(differences, "m")
+    time_factor, time = style.time_unit(observation.times[in_window])
     times = observation.times[in_window] * time_factor
-    draw_lines(axes, ((label, times, (size - zero) * factor) for label, size in sizes))
+    style.draw_lines(axes, ((label, times, (size - zero) * factor) for label, size in sizes))
     level = (radius - zero) * factor
     # The clearance's line lies behind the curves, whose `zorder` is 2.
     axes.axhline(level, color="black", linewidth=1.0, label="clearance", zorder=1.5)
     axes.set_xlim(times[0], times[-1])
     if zero == 0.0:
         axes.set_ylim(bottom=0.0)
-    legend_above(axes, 3)
-    return dress(axes, f"time, {time}", f"{quantity}, {unit}")
+    style.legend_above(axes, 3)
+    return style.dress(axes, f"time, {time}", f"{quantity}, {unit}")
 
 
 def eccentricity_vectors(
@@ -87,13 +74,11 @@ def eccentricity_vectors(
     """Return the vector from the bearing's axis to the centre of a base, (N, 2) m, at the N
     observed times.
 
-    **Arguments:**
-
-    - `section`: two perpendicular unit vectors across the bearing's axis, by their labels, such as
-      {"X": (1, 0, 0), "Y": (0, 1, 0)}: (3,) each in global axes, or (N, 3) if the bearing turns. By
-      default the x and y axes of the bearing's own frame, which turn with the bearing. With a
-      `section`, the vector has the direction from the bearing's axis to the contact. This differs
-      from the direction to the centre if the bearing or the journal has a profile.
+    **Arguments:** `section`: two perpendicular unit vectors across the bearing's axis, by their
+    labels, such as {"X": (1, 0, 0), "Y": (0, 1, 0)}: (3,) each in global axes, or (N, 3) if the
+    bearing turns. By default the x and y axes of the bearing's own frame, which turn with the
+    bearing. With a `section`, the vector has the direction from the axis to the contact, which
+    differs from that to the centre if the bearing or the journal has a profile.
 
     >>> plot.eccentricity_vectors(observed, "shoulder", "V").shape[1]
     2
@@ -116,28 +101,23 @@ def journal_orbit(
     clearance: float | None = None,
     *,
     section: CrossSection | None = None,
-    window: TimeSpan | None = None,
+    window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the paths of the centres of both bases in the bearing's cross-section, with a circle
-    whose radius is the clearance: a base whose centre is outside the circle touches the wall.
-
-    Bases with the same path share one curve.
-
-    **Arguments:** `section`: the directions to the right and upwards, see `eccentricity_vectors`.
+    whose radius is the clearance: a base whose centre is outside the circle touches the wall. Bases
+    with the same path share one curve.
 
     >>> axes = plot.journal_orbit(observed, "shoulder", 0.5e-3)
     """
-    axes = axes_or_new(axes, (4.8, 5.0))
+    axes = style.axes_or_new(axes, (4.8, 5.0))
     radius = observed_clearance(observation, joint) if clearance is None else clearance
     factor, _ = length_unit(radius)
-    in_window = inside(observation.times, window)
-    paths = {
-        f"base {base}": eccentricity_vectors(observation, joint, base, section)[in_window]
-        for base in BASES
-    }
+    in_window = style.inside(observation.times, window)
+    vectors = {b: eccentricity_vectors(observation, joint, b, section) for b in BASES}
+    paths = {f"base {base}": rows[in_window] for base, rows in vectors.items()}
     curves = [(label, *(path * factor).T) for label, path in without_twins(paths)]
-    draw_lines(axes, curves)
+    style.draw_lines(axes, curves)
     # `axes` may have earlier lines: the new ones are the last. W is thinner, as it may lie on V.
     for line, width in zip(axes.get_lines()[-len(curves) :], (1.6, 0.9), strict=False):
         line.set_linewidth(width)
@@ -151,33 +131,29 @@ def orbit_in_contact(
     clearance: float | None = None,
     *,
     section: CrossSection | None = None,
-    window: TimeSpan | None = None,
+    window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the path of the centre of one base in the bearing's cross-section, dark and thick where
     the base touches the wall.
 
-    **Arguments:** see `journal_orbit`.
-
     >>> axes = plot.orbit_in_contact(observed, "shoulder", "V", 0.5e-3)
     """
-    axes = axes_or_new(axes, (4.8, 5.0))
-    in_window = inside(observation.times, window)
+    axes = style.axes_or_new(axes, (4.8, 5.0))
+    in_window = style.inside(observation.times, window)
     orbit = eccentricity_vectors(observation, joint, base, section)[in_window]
     radius = observed_clearance(observation, joint) if clearance is None else clearance
     orbit = orbit * length_unit(radius)[0]
     touching = contact(observation, joint, base).penetration[in_window] > 0.0
     in_contact = np.where(touching[:, None], orbit, np.nan)  # the line has gaps in flight
-    axes.plot(*orbit.T, color=BLUE, linewidth=0.8, label="in flight")
-    axes.plot(*in_contact.T, color=DARK, linewidth=1.8, label="in contact")
+    axes.plot(*orbit.T, color=style.BLUE, linewidth=0.8, label="in flight")
+    axes.plot(*in_contact.T, color=style.DARK, linewidth=1.8, label="in contact")
     return _dress_orbit(axes, radius, section)
 
 
 def clearance_circle(axes: Axes, clearance: float, *, factor: float = 1e3) -> Axes:
     """Draw a circle around the origin whose radius is the clearance, and give both axes the same
-    scale.
-
-    **Arguments:** `factor`: from m to the unit of the axes, by default that to mm.
+    scale. `factor`: from m to the unit of the axes, by default that to mm.
 
     >>> _, axes = plt.subplots()
     >>> axes = plot.clearance_circle(axes, 0.5e-3)
@@ -207,11 +183,13 @@ def observed_clearance(observation: Observation, joint: str) -> float:
 def _dress_orbit(axes: Axes, clearance: float, section: CrossSection | None) -> Axes:
     factor, unit = length_unit(clearance)
     clearance_circle(axes, clearance, factor=factor)
-    legend_above(axes, 3)
+    style.legend_above(axes, 3)
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
     right, up = map(shown, ("the bearing's x", "the bearing's y") if section is None else section)
-    return dress(axes, f"eccentricity along {right}, {unit}", f"eccentricity along {up}, {unit}")
+    return style.dress(
+        axes, f"eccentricity along {right}, {unit}", f"eccentricity along {up}, {unit}"
+    )
 
 
 def orbit(
@@ -219,16 +197,14 @@ def orbit(
     outputs: tuple[str, str],
     clearance: float,
     *,
-    window: TimeSpan | None = None,
+    window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the path of a journal or of a base in the bearing's cross-section, for one lane of a
     sweep, with a circle whose radius is the clearance. A dot marks the start.
 
-    **Arguments:**
-
-    - `outputs`: names of the two quantities among the outputs of the sweep that are drawn to the
-      right and upwards, both in m, such as `quantities.JournalOffset`.
+    **Arguments:** `outputs`: names of the outputs that are drawn to the right and upwards,
+    quantities in m, such as `quantities.JournalOffset`.
 
     >>> offsets = {a: cj.quantities.JournalOffset("shoulder", a) for a in ("x", "y")}
     >>> save = cj.Saving(np.linspace(0.0, 0.02, 201), states=False)
@@ -239,11 +215,11 @@ def orbit(
     require_names(lane, (*outputs, "saved_time"))
     dims = lane[outputs[0]].dims
     require(len(dims) == 1, "lane", dims, "a single lane", "select one: dataset.isel(...)")
-    axes = axes_or_new(axes, (4.8, 5.0))
-    in_window = inside(lane["saved_time"].values, window)
+    axes = style.axes_or_new(axes, (4.8, 5.0))
+    in_window = style.inside(lane["saved_time"].values, window)
     factor, unit = length_unit(clearance)
     x, y = (lane[name].values[in_window] * factor for name in outputs)
-    axes.plot(x, y, color=BLUE, linewidth=0.8)
+    axes.plot(x, y, color=style.BLUE, linewidth=0.8)
     axes.plot(x[:1], y[:1], "o", color="black", markersize=4)  # the start
     clearance_circle(axes, clearance, factor=factor)
-    return dress(axes, *(f"{shown(name)}, {unit}" for name in outputs))
+    return style.dress(axes, *(f"{shown(name)}, {unit}" for name in outputs))

@@ -10,16 +10,8 @@ from .._fields.checks import require
 from .._fields.drawn_text import shown
 from .._simulation.results.observe import Observation
 from .._simulation.results.solution import Trajectory
+from . import style
 from .observed import named
-from .style import (
-    TimeSpan,
-    axes_or_new,
-    draw_lines,
-    dress,
-    inside,
-    legend_above,
-    limit_to_window,
-)
 
 Curve = tuple[np.ndarray, np.ndarray]
 """Angles in rad or times in s, (N,), and the values at these, (N,) or (N, 3)."""
@@ -30,16 +22,13 @@ def position(
     body: str,
     component: str = "Y",
     *,
-    window: TimeSpan | None = None,
+    window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Draw one global coordinate of a body's centre of mass over time, a curve for each run.
 
-    **Arguments:**
-
-    - `trajectories`: trajectory of each run, such as `solution.saved`, by the curve's label; later
-      curves cover earlier ones.
-    - `component`: "X", "Y" or "Z" of the global frame.
+    **Arguments:** `trajectories`: of each run, such as `solution.saved`, by the curve's label;
+    later curves cover earlier ones. `component`: "X", "Y" or "Z" of the global frame.
 
     >>> axes = plot.position({"with clearance": solution.saved}, "arm 2", "Y")
     """
@@ -56,14 +45,13 @@ def acceleration(
     body: str,
     component: str = "Y",
     *,
-    window: TimeSpan | None = None,
+    window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw one global component of the acceleration of a body's centre of mass over time, a curve
-    for each run.
+    """Draw one global component of the acceleration of a body's centre of mass over time, as
+    `position`.
 
-    **Arguments:** `observations`: of each run, at every accepted step, so that no peak is missed;
-    for the others see `position`.
+    **Arguments:** `observations`: of each run, at every accepted step, so that no peak is missed.
 
     >>> axes = plot.acceleration({"with clearance": observed}, "arm 2", "Y")
     """
@@ -80,26 +68,25 @@ def path(
     body: str,
     plane: tuple[str, str] = ("X", "Y"),
     *,
-    window: TimeSpan | None = None,
+    window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the path of a body's centre of mass, projected on a plane of the global frame, a curve
-    for each run. A dot marks the start; ``axes.legend()`` adds a legend.
+    for each run, as `position`. A dot marks the start; ``axes.legend()`` adds a legend.
 
-    **Arguments:** `trajectories`: see `position`; `plane`: the two global coordinates, "X", "Y" or
-    "Z", that are drawn to the right and upwards.
+    **Arguments:** `plane`: the two coordinates, "X", "Y" or "Z", drawn to the right and upwards.
 
     >>> axes = plot.path({"with clearance": solution.saved}, "arm 3", ("Y", "Z"))
     """
-    axes = axes_or_new(axes, (5.0, 5.0))
+    axes = style.axes_or_new(axes, (5.0, 5.0))
     right, up = map(_number, plane)
     for label, trajectory in trajectories.items():
-        in_window = inside(np.asarray(trajectory.times), window)
+        in_window = style.inside(np.asarray(trajectory.times), window)
         centre = named("body", body, trajectory.states.bodies).position[in_window]
-        draw_lines(axes, [(label, centre[:, right], centre[:, up])], 1.3)
+        style.draw_lines(axes, [(label, centre[:, right], centre[:, up])], 1.3)
         axes.plot(centre[:1, right], centre[:1, up], "o", color="black", markersize=5)
     axes.set_aspect("equal")
-    return dress(axes, f"{plane[0]}, m", f"{plane[1]}, m")
+    return style.dress(axes, f"{plane[0]}, m", f"{plane[1]}, m")
 
 
 def over_angle(
@@ -108,42 +95,39 @@ def over_angle(
     """Draw curves over the angle of a shaft, in degrees, such as forces over the angle of a crank.
     ``axes.legend()`` adds a legend.
 
-    **Arguments:**
-
-    - `curves`: angles (N,) in rad and values (N,), by the curve's label; later curves cover earlier
-      ones.
-    - `quantity`: text of the vertical axis: name and unit of the values.
-    - `shaft`: name of the shaft in the text of the horizontal axis.
+    **Arguments:** `curves`: angles (N,) in rad and values (N,), by the curve's label; later curves
+    cover earlier ones. `quantity`: text of the vertical axis, name and unit of the values; `shaft`:
+    name of the shaft in that of the horizontal axis.
 
     >>> angle = np.linspace(0.0, 2.0 * np.pi, 73)
     >>> axes = plot.over_angle({"ideal": (angle, 100.0 * np.cos(angle))}, "force / N")
     """
-    axes = axes_or_new(axes)
-    draw_lines(axes, ((label, np.degrees(x), y) for label, (x, y) in curves.items()), 1.4)
+    axes = style.axes_or_new(axes)
+    style.draw_lines(axes, ((label, np.degrees(x), y) for label, (x, y) in curves.items()), 1.4)
     if curves:
         ends = np.degrees([(np.min(angles), np.max(angles)) for angles, _ in curves.values()])
         axes.set_xlim(ends.min(), ends.max())
     axes.xaxis.set_major_locator(MultipleLocator(90.0))
-    return dress(axes, f"{shaft} angle, °", quantity)
+    return style.dress(axes, f"{shaft} angle, °", quantity)
 
 
 def _over_time(
     curves: Mapping[str, Curve],
     component: str,
     quantity: str,
-    window: TimeSpan | None,
+    window: style.TimeSpan | None,
     axes: Axes | None,
     width: float,
 ) -> Axes:
     axis = _number(component)
-    axes = axes_or_new(axes)
+    axes = style.axes_or_new(axes)
     drawn = []
     for label, (times, vectors) in curves.items():
-        mask = limit_to_window(axes, np.asarray(times), window)
+        mask = style.limit_to_window(axes, np.asarray(times), window)
         drawn.append((label, np.asarray(times)[mask], vectors[mask, axis]))
-    draw_lines(axes, drawn, width)
-    legend_above(axes, len(curves))
-    return dress(axes, "time, s", f"{component}-{quantity}")
+    style.draw_lines(axes, drawn, width)
+    style.legend_above(axes, len(curves))
+    return style.dress(axes, "time, s", f"{component}-{quantity}")
 
 
 def _number(component: str) -> int:

@@ -29,16 +29,16 @@ def contact(observation: Observation, joint: str, label: str) -> ContactObservat
 
 
 def spans(mask: np.ndarray) -> np.ndarray:
-    """Return the first index, and the index after the last one, of each interval in which a mask
-    (N,) is true, (M, 2)."""
+    """Return indices (M, 2) of the intervals in which a mask (N,) is true: the first one, and that
+    after the last."""
     # The padded mask changes at both ends of each interval, also of one at an end of the mask.
     return np.flatnonzero(np.diff(np.pad(mask, 1).astype(int))).reshape(-1, 2)
 
 
 def without_twins(curves: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarray]]:
     """Return the labels and values of `curves`, with equal ones merged, so that none hides another.
-    Curves count as equal if they differ by less than a line's width; the label of merged ones has
-    all their names, such as "bases V and W"."""
+    Curves are equal if they differ by less than a line's width; the merged label has all their
+    names, such as "bases V and W"."""
     scale = max((np.abs(values).max(initial=0.0) for values in curves.values()), default=0.0)
     distinct: list[tuple[list[str], np.ndarray]] = []
     for label, values in curves.items():

@@ -39,8 +39,8 @@ def contact_rose(
     """Draw in which directions, and how strongly, a journal touches its bearing, as polar bars.
 
     The length of a bar is the impulse or the largest force of the contacts whose direction, see
-    `eccentricity_vectors`, is in its sector. Contacts at points between the bases and at shoulders
-    are left out.
+    `eccentricity_vectors`, is in its sector. Contacts between the bases and at shoulders are left
+    out.
 
     **Arguments:**
 
@@ -49,7 +49,6 @@ def contact_rose(
       in all sectors, they share their bars, which show the sum of the two impulses, or the force of
       one base.
     - `sectors`: number of sectors; the first one begins at 0°, the direction drawn to the right.
-    - `section`: the directions to the right and upwards, see `eccentricity_vectors`.
 
     >>> axes = plot.contact_rose(observed, "shoulder", weight="force")
     """
@@ -116,12 +115,9 @@ def worn_profile(
     """Draw the worn depth of a bearing or a journal over the angle from the x axis of its frame, as
     a curve for each of several numbers of cycles of the motion.
 
-    **Arguments:**
-
-    - `found`: result of `clearjoint.wear`; `joint`: name of the joint.
-    - `part`: "bearing", for the wear of its wall, or "journal".
-    - `curves`: number n of curves. They are at 1/n, 2/n and so on of all cycles; the last one is
-      black.
+    **Arguments:** `found`: result of `clearjoint.wear`. `part`: "bearing", for the wear of its
+    wall, or "journal". `curves`: number n of curves, at 1/n, 2/n and so on of all cycles; the last
+    one is black.
 
     >>> import xarray as xr
     >>> depths = {"bearing_depth": (("joint", "stage", "angle"), np.full((1, 2, 8), 1e-6))}
@@ -196,8 +192,8 @@ def _dressed(
 
 
 def _fitting(values: np.ndarray, unit: str) -> tuple[float, str]:
-    """Return the result of `fitting_unit`, for volumes too: these are in mm³, or in µm³ times a
-    power of ten, since prefixes, which change a volume by nine powers of ten, do not suit them."""
+    """Return the result of `fitting_unit`; but volumes are in mm³, or in µm³ times a power of ten,
+    since a prefix would change them by nine powers of ten."""
     if unit != "m^3":
         return fitting_unit(values, unit)
     largest = values.max(initial=0.0)

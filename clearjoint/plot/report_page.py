@@ -51,8 +51,8 @@ IMPACT_COLUMNS = "joint", "contact", *(title for title, *_ in IMPACT_NUMBERS)
 
 
 def joint_rows(scene: Scene, most: int) -> list[Cells]:
-    """Return the texts of `JOINT_COLUMNS` for each joint with contacts; of more than `most` joints,
-    the last row names those that are left out."""
+    """Return the texts of `JOINT_COLUMNS` for each joint with contacts; if there are more than
+    `most`, the last row names those that are left out."""
     joints = scene.contact_joints()
     rows = [_joint_row(name, joint) for name, joint in joints.items()]
     if len(rows) <= most:
@@ -109,18 +109,12 @@ def run_lines(scene: Scene, solution: Solution) -> list[str]:
     gravity = "no gravity"
     if scene.gravity is not None:
         gravity = f"gravity ({', '.join(f'{g:.4g}' for g in np.asarray(scene.gravity))}) m/s²"
-    elements = [
-        f"{_counted(len(scene.bodies), 'bod', 'y', 'ies')} of {masses:.4g} kg",
-        _counted(len(scene.joints), "joint"),
-        _counted(len(scene.forces), "force"),
-    ]
+    bodies = f"{_counted(len(scene.bodies), 'bod', 'y', 'ies')} of {masses:.4g} kg"
+    elements = _counted(len(scene.joints), "joint"), _counted(len(scene.forces), "force")
     formulation = solution.formulation
-    equations = [
-        *_tolerances(solution),
-        type(formulation.coordinates).__name__,
-        type(formulation.stabilisation).__name__,
-        "with energy ledger" if formulation.ledger else "without energy ledger",
-    ]
+    parts = formulation.coordinates, formulation.stabilisation
+    equations = [*_tolerances(solution), *(type(part).__name__ for part in parts)]
+    ledger = "with energy ledger" if formulation.ledger else "without energy ledger"
     ideal: dict[str, list[str]] = {}
     for name, joint in scene.joints.items():
         if not isinstance(joint, AbstractContactJoint):
@@ -129,10 +123,10 @@ def run_lines(scene: Scene, solution: Solution) -> list[str]:
     steps = f"{int(solution.accepted)} steps accepted of {int(solution.attempts)} tried"
     redundant = ", ".join(solution.redundant_constraints)
     return [
-        f"Scene: {', '.join([*elements, gravity])}",
+        f"Scene: {', '.join([bodies, *elements, gravity])}",
         f"Run: to {float(solution.time):.6g} s; {RESULTS[solution.result]}",
         f"Steps: {steps}; {_impacts(solution.impacts)}",
-        f"Equations: {', '.join(equations)}",
+        f"Equations: {', '.join([*equations, ledger])}",
         *([f"Joints without contacts: {'; '.join(kinds)}"] if kinds else []),
         *([f"Redundant constraints: {redundant}"] if redundant else []),
     ]
@@ -166,8 +160,7 @@ def _impacts(impacts: Impacts | None) -> str:
 
 def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
     """Return the texts of `IMPACT_COLUMNS` for the `most` impacts with the largest peak forces.
-    Simultaneous impacts of a joint, such as at both ends of a journal, share the row of the
-    largest."""
+    Simultaneous ones of a joint, as at both ends of a journal, share the row of the largest."""
     force = impacts.peak_force
     hardest = {max(group, key=lambda k: force[k]): group for group in _simultaneous(impacts)}
     rows = []
@@ -182,8 +175,8 @@ def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
 
 
 def _simultaneous(impacts: Impacts) -> list[list[int]]:
-    """Return groups of indices of impacts of a joint at different contacts, each of which overlaps
-    the first one of its group for more than half of the shorter one's duration."""
+    """Return groups of indices of a joint's impacts at different contacts, each of which overlaps
+    the first of its group for more than half of the shorter duration."""
     groups: list[list[int]] = []
     # In the order of the onsets, simultaneous impacts follow each other, so that an impact can only
     # belong to one of the latest groups. Eight are examined, since impacts of other joints may lie
@@ -228,27 +221,22 @@ def report(
     quantity: Quantity | None = None,
     unit: str | None = None,
 ) -> Figure:
-    """Draw a report of a run on one page: descriptions of scene and run, paths of the journals in
-    their bearings (orbits), contact forces, phases of free flight, impact and lasting contact,
+    """Draw a report of a run on one A4 page: descriptions of scene and run, paths of the journals
+    in their bearings (orbits), contact forces, phases of free flight, impact and lasting contact,
     energies, the spectrum of one quantity, and the largest impacts. Parts that the scene or the
     solution lacks are left out; without journals, the motion of the bodies is drawn.
 
     **Arguments:**
 
     - `solution`: with saved states, best from a run with ``Saving(np.linspace(0, end, count),
-      steps=True, impacts=True)`` and ``Settings(ledger=True)``. Without the accepted steps
-      (``steps=True``), orbits, forces and phases are drawn at the saved times only, which may miss
-      impacts.
+      steps=True, impacts=True)`` and ``Settings(ledger=True)``. Without the accepted steps, orbits,
+      forces and phases are drawn at the saved times only, which may miss impacts.
     - `file`: path of the page, with the suffix ".png" or ".pdf"; not written by default.
     - `title`: by default "Run of" and the names of the bodies.
-    - `quantity`, `unit`: quantity whose spectrum is drawn, and its SI unit if it does not declare
-      one, see `plot.series`. By default it is the component of the last body's velocity, or angular
-      velocity, that changes most.
+    - `quantity`: whose spectrum is drawn, by default the component of the last body's velocity, or
+      angular velocity, that changes most.
 
-    **Returns:** the figure, of size A4.
-
-    **Raises:** `ValueError` for another suffix, for results that are not a `Solution` or have no
-    states, and for a quantity without a unit.
+    **Raises:** `ValueError` for another suffix, and for results that are not a `Solution`.
 
     >>> figure = plot.report(scene, swing, "ball.pdf", title="Ball on a spring")
     """
@@ -288,8 +276,8 @@ def report(
 
 
 class _Part(NamedTuple):
-    """A row of the page. Texts have exactly their `height`, inches; figures share the rest of the
-    page in proportion to theirs."""
+    """A row of the page. Texts have exactly their `height`, inches; figures share the rest in
+    proportion to theirs."""
 
     height: float
     draw: Callable[[SubFigure], None]
@@ -308,8 +296,7 @@ def _parts(scene: Scene, solution: Solution, record: xr.DataArray) -> list[_Part
     parts = [_text_part(lines, "normal", JOINT_COLUMNS, joint_rows(scene, 2 * MOST_ROWS))]
     parts += [_Part(2.6, lambda row: draw_motion(row, scene, path, along))]
     if along.contacts:  # the phases of the motion below the forces have a row for each joint
-        height = 2.4 + 0.2 * len(along.contacts)
-        parts += [_Part(height, lambda row: draw_over_time(row, along))]
+        parts += [_Part(2.4 + 0.2 * len(along.contacts), lambda row: draw_over_time(row, along))]
     parts += [_Part(2.5, lambda row: draw_energies(row, along, record))]
     if solution.impacts:
         rows = impact_rows(solution.impacts, MOST_ROWS)
@@ -335,16 +322,15 @@ def _record(
 
 
 def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[Cells]) -> _Part:
-    """Return a row of the page with lines of text and, unless there are no `rows`, a table below,
-    whose widest columns are made narrower, with broken texts, if the page has too little space."""
+    """Return a row with lines of text and, unless there are no `rows`, a table, whose widest
+    columns are made narrower, with broken texts, if the page has too little space."""
     # Left end, as a fraction of the width; lines from the top; text; and weight of the letters.
     texts = [(0.0, float(k), text, weight) for k, text in enumerate(lines)]
     # The head of the table is 0.4 lines below the text, and its first row 1.3 lines below the head.
     head = line = len(lines) + 0.4
     if rows:
-        cells = zip(titles, *rows, strict=True)
         # Widths of the columns in letters, with two letters between columns.
-        needed = np.array([max(map(len, column)) + 2 for column in cells])
+        needed = np.array([max(map(len, column)) + 2 for column in zip(titles, *rows, strict=True)])
         widest = needed.max()
         while np.minimum(needed, widest).sum() > LETTERS:
             widest -= 1
@@ -390,8 +376,7 @@ def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observ
         _bodies(row.add_subplot(), path)
         return
     peaks = {
-        name: max(np.max(contact.normal_force) for contact in observed.contacts[name].values())
-        for name in journals
+        n: max(np.max(c.normal_force) for c in observed.contacts[n].values()) for n in journals
     }
     hardest = sorted(journals, key=lambda name: -peaks[name])[:2]
     grid = row.add_gridspec(1, len(hardest) + 1)
@@ -412,8 +397,8 @@ def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observ
 
 
 def _bodies(axes: Axes, trajectory: Trajectory) -> None:
-    """Draw the paths of the bodies' centres on the coordinate plane in which they extend farthest.
-    If the bodies do little more than turn, draw their angular velocities over time instead."""
+    """Draw the paths of the bodies' centres on the coordinate plane in which they extend farthest;
+    of bodies that do little more than turn, the angular velocities over time."""
     bodies = trajectory.states.bodies
     paths = {name: np.asarray(body.position) for name, body in bodies.items()}
     spread = np.ptp(np.concatenate(list(paths.values())), axis=0)

@@ -14,8 +14,7 @@ Loop = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 class FittedRobot(Protocol):
-    """The method of `clearjoint.results.RobotFit` that the figure shows. Figures do not import the
-    package of `RobotFit`, so they describe what they need of it."""
+    """What the figure shows of `clearjoint.results.RobotFit`: figures don't import its package."""
 
     def hysteresis(self) -> Mapping[str, Loop]:
         """Return torque over position, by name of the joint."""
@@ -46,11 +45,9 @@ def joint_hysteresis(fit: FittedRobot) -> np.ndarray:
     _, grid = plt.subplots(rows, columns, figsize=size, squeeze=False, layout="constrained")
     axes = grid.ravel()
     for (joint, loop), drawn in zip(loops.items(), axes, strict=False):
-        position, torque, predicted_position, predicted_torque = loop
+        position, torque, *predicted = loop
         drawn.plot(position, torque, ".", color=GREY, markersize=3, label="logged")
-        drawn.plot(
-            predicted_position, predicted_torque, color=BLUE, linewidth=0.8, label="predicted"
-        )
+        drawn.plot(*predicted, color=BLUE, linewidth=0.8, label="predicted")
         dress(drawn, f"position of {joint}, rad or m", "torque, N m or N")
         legend_above(drawn, 2)
     for empty in axes[len(loops) :]:

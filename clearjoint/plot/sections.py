@@ -12,28 +12,16 @@ from matplotlib.ticker import MaxNLocator
 from .._fields.checks import require
 from .._fields.drawn_text import shown
 from .._simulation.results.solution import Crossings
+from . import style
 from .journal import clearance_circle
-from .style import (
-    BLUE,
-    DARK,
-    LIGHT,
-    axes_or_new,
-    dress,
-    fitting_unit,
-    legend_above,
-    scale_axes,
-    scaled,
-    tick_logarithm,
-)
 from .sweeps import is_successful, mark_failed, only_axis, require_names, require_several_values
 
 
 def poincare_map(
     x: np.ndarray, y: np.ndarray, labels: tuple[str, str], *, axes: Axes | None = None
 ) -> Axes:
-    """Draw the points of a Poincaré map: one dot for a motion that repeats from each point to the
-    next, n dots for one that repeats after n points, and a cloud for a chaotic motion. Later points
-    are darker.
+    """Draw the points of a Poincaré map: n dots for a motion that repeats after n points, and a
+    cloud for a chaotic motion. Later points are darker.
 
     **Arguments:** `x`, `y`: (N,) coordinates of the points in the order of time; `labels`: texts of
     the horizontal and the vertical axis, with units.
@@ -46,14 +34,16 @@ def poincare_map(
 def _mapped(
     x: np.ndarray, y: np.ndarray, numbers: np.ndarray, labels: tuple[str, str], axes: Axes | None
 ) -> Axes:
-    axes = axes_or_new(axes, (5.4, 4.8))
-    shades = LinearSegmentedColormap.from_list("later is darker", [LIGHT, BLUE, DARK])
+    axes = style.axes_or_new(axes, (5.4, 4.8))
+    shades = LinearSegmentedColormap.from_list(
+        "later is darker", [style.LIGHT, style.BLUE, style.DARK]
+    )
     look = {"cmap": shades, "s": 14.0, "linewidths": 0.0, "zorder": 3}
     points = axes.scatter(x, y, c=numbers, **look)
     if len(x) > 1:
         bar = axes.figure.colorbar(points, ax=axes, label="number of the crossing")
         bar.ax.yaxis.set_major_locator(MaxNLocator(6, integer=True))
-    return dress(axes, *labels)
+    return style.dress(axes, *labels)
 
 
 def poincare_section(
@@ -105,10 +95,7 @@ def poincare_section_of_lane(
     clearance: float | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw two quantities at the section crossings of one lane of a sweep, see `poincare_section`.
-
-    **Arguments:** `section`: name under which the `Section` was passed in `outputs`; for the others
-    see `poincare_section`.
+    """Draw two quantities at the section crossings of one lane of a sweep, as `poincare_section`.
 
     **Raises:** `ValueError` also for a lane that has not run yet.
 
@@ -128,8 +115,7 @@ def poincare_section_of_lane(
         (channel, lane[name].values[recorded], lane[name].attrs.get("units", "1"))
         for channel, name in zip(channels, names, strict=True)
     ]
-    times = lane[f"{section}_time"].values[recorded]
-    return section_points(times, drawn, after, clearance, axes)
+    return section_points(lane[f"{section}_time"].values[recorded], drawn, after, clearance, axes)
 
 
 def section_points(
@@ -139,15 +125,14 @@ def section_points(
     clearance: float | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw two `channels`, each given by its name, values (N,) and SI unit, of section crossings at
-    `times` (N,), s. For the other arguments, see `poincare_section`."""
+    """Draw two `channels`, each a name, values (N,) and an SI unit, of section crossings at `times`
+    (N,), s, as `poincare_section`."""
     times, units = np.asarray(times), [unit for *_, unit in channels]
     is_drawn = np.full(len(times), True) if after is None else times >= after
     last = f"at most that of the last crossing, {times.max(initial=0.0):.6g} s"
     require(bool(is_drawn.any()) or after is None, "after", after, last, "give an earlier time")
     is_drawable = clearance is None or set(units) == {"m"}
-    expected = f"None for channels in {units}"
-    require(is_drawable, "clearance", clearance, expected, "leave it out")
+    require(is_drawable, "clearance", clearance, f"None for channels in {units}", "leave it out")
     rows = [np.asarray(values)[is_drawn] for _, values, _ in channels]
     sizes = [np.abs(row[np.isfinite(row)]).max(initial=0.0) for row in rows]
     # Channels of the same unit and a similar size get the same prefix and the same scale, as both
@@ -158,7 +143,7 @@ def section_points(
     same = similar or clearance is not None
     columns = []
     for (channel, _, unit), row, size in zip(channels, rows, sizes, strict=True):
-        factor, text = fitting_unit(np.array([largest if same else size]), unit)
+        factor, text = style.fitting_unit(np.array([largest if same else size]), unit)
         suffix = "" if text == "1" else f", {text}"
         columns.append((row * factor, f"{shown(channel.replace('_', ' '))}{suffix}", factor))
     (x, x_label, factor), (y, y_label, _) = columns
@@ -190,8 +175,8 @@ def bifurcation(
 
     **Arguments:**
 
-    - `section`: name under which the `Section` was passed in `outputs`; `channel`: the one to draw.
-      An output named "section_channel", sampled once a period, may replace a section.
+    - `channel`: the one of the section to draw. An output named "section_channel", sampled once a
+      period, may replace a section.
     - `number`: whether colours show the numbers of the crossings, from 1 on; this helps for a
       motion that decays, whose crossings depend on the time.
 
@@ -201,22 +186,22 @@ def bifurcation(
     variable = f"{section}_{channel}"
     require_names(dataset, (variable, axis))
     require_several_values(dataset, (axis,))
-    axes = axes_or_new(axes)
+    axes = style.axes_or_new(axes)
     succeeded = is_successful(dataset)
     # The last dimension is that along the crossings, or the samples, of a lane.
     recorded = dataset[variable].where(succeeded).transpose(*dataset[axis].dims, ...)
-    x, y = scaled(dataset[axis]), scaled(recorded.rename(channel))
+    x, y = style.scaled(dataset[axis]), style.scaled(recorded.rename(channel))
     positions, numbers = np.meshgrid(x.values, 1 + np.arange(y.values.shape[1]), indexing="ij")
     draw = partial(axes.scatter, positions, y.values, s=3, linewidths=0)
     if not number:
-        draw(color=DARK)
+        draw(color=style.DARK)
     else:
         # In a motion that decays, the first crossings differ most, so they get most of the colours.
         dots = draw(c=numbers, cmap="turbo_r", norm=LogNorm())
         bar = axes.figure.colorbar(dots, ax=axes, label="number of the crossing")
-        tick_logarithm(bar.ax.yaxis, numbers)
-    scale_axes(axes, x.values, y.values)
+        style.tick_logarithm(bar.ax.yaxis, numbers)
+    style.scale_axes(axes, x.values, y.values)
     mark_failed(axes, x.values, succeeded.values)
     if not succeeded.all():
-        legend_above(axes)
-    return dress(axes, x.label, y.label)
+        style.legend_above(axes)
+    return style.dress(axes, x.label, y.label)

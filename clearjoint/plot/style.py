@@ -53,16 +53,13 @@ def next_colour(axes: Axes) -> str:
 
 def axes_or_new(axes: Axes | None, size: tuple[float, float] = (6.4, 4.0)) -> Axes:
     """Return `axes`, or if it is None those of a new figure of width and height `size`, inches."""
-    if axes is not None:
-        return axes
-    return plt.subplots(figsize=size, layout="constrained")[1]
+    return plt.subplots(figsize=size, layout="constrained")[1] if axes is None else axes
 
 
 def polar_or_new(axes: Axes | None) -> PolarAxes:
     """Give polar axes, by default new ones, grid lines at every 45°, and return them."""
     if axes is None:
-        figure = plt.figure(figsize=(4.8, 5.0), layout="constrained")
-        axes = figure.add_subplot(projection="polar")
+        axes = plt.figure(figsize=(4.8, 5.0), layout="constrained").add_subplot(projection="polar")
     remedy = 'make them by subplots(subplot_kw={"projection": "polar"})'
     require_type("axes", axes, PolarAxes, "polar axes", remedy)
     assert isinstance(axes, PolarAxes)
@@ -101,7 +98,7 @@ def legend_above(
     handlelength: float | None = None,
     height: float = 1.0,
 ) -> None:
-    """Add a legend without a frame above the axes, for the given `handles`, by default all labelled
+    """Add a legend without a frame above the axes, for the `handles`, by default all labelled
     curves. `height`: of its lower edge, in heights of the axes."""
     if not any(child.get_label() == ROOM for child in axes.child_axes):
         # Titles are placed above child axes. Empty ones, as large as the legend, keep the title
@@ -154,7 +151,7 @@ def limit_to_window(
 ) -> np.ndarray:
     """Limit an axis that shows times in s multiplied by `factor` to a window, s, if one is given.
     Return the mask (N,) of the `times` to draw: those in the window and the nearest one on either
-    side, so that curves reach the window's edges."""
+    side, so that curves reach its edges."""
     if window is None:
         return np.full(np.shape(times), True)
     overlaps = max(window[0], times[0]) <= min(window[1], times[-1])
@@ -174,11 +171,10 @@ def inside(
     remedy: str = "widen it, or observe at more instants",
 ) -> np.ndarray:
     """Return a mask (N,) of the values in a window, of which there must be some. The last three
-    arguments are for the error message."""
+    arguments are for the error."""
     first, last = (-np.inf, np.inf) if window is None else window
     mask = (values >= first) & (values <= last)
-    expected = f"an interval with {contents}"
-    require(window is None or mask.any(), argument, window, expected, remedy)
+    require(window is None or mask.any(), argument, window, f"an interval with {contents}", remedy)
     return mask
 
 
@@ -201,8 +197,8 @@ class ScaledValues(NamedTuple):
 
 def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
     """Convert data to the unit with the prefix that brings the largest magnitude between 1 and
-    1000, and make the label of their axis. If the axis already has the label `present` of other
-    data, such as "force, kN", its unit is taken instead."""
+    1000, and make the label of their axis; but if the axis has the label `present`, such as "force,
+    kN", keep its unit."""
     values = np.asarray(data.values, dtype=float)
     exponent, unit = _prefixed(values, data.attrs.get("units", "1"))
     name = shown(str(data.name).replace("_", " "))
@@ -227,7 +223,7 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
 
 def legend_label(dataset: xr.Dataset, variable: str, axis: str) -> str:
     """Return the legend's text for an output of a sweep, such as "peak force, clearance 0.2 mm",
-    with each coordinate of which a single value is selected. `axis`: name of the drawn axis."""
+    with all selected values; `axis`: name of the drawn axis."""
     texts = [shown(variable.replace("_", " "))]
     for name, coordinate in dataset.coords.items():
         if coordinate.ndim > 0 or name == axis:  # no single value is selected
@@ -243,15 +239,12 @@ def legend_label(dataset: xr.Dataset, variable: str, axis: str) -> str:
 
 
 def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
-    """Return the factor from the SI unit `unit` to the unit in which to draw `values`, and the text
-    of the latter: with the prefix that brings the largest magnitude between 1 and 1000.
-
-    Prefixes are from n to M, but metres, seconds and radians get neither k nor M. Forces are in N
-    if all are below 10 kN, else in kN. Units that are not in `PREFIXED` get no prefix.
-    """
+    """Return the factor from the SI unit `unit` to that in which to draw `values`, and its text:
+    with the prefix that brings the largest magnitude between 1 and 1000. Metres, seconds and
+    radians get neither k nor M. Forces are in N if all are below 10 kN, else in kN. Units that are
+    not in `PREFIXED` get no prefix."""
     if unit == "N":
-        largest = np.nanmax(np.abs(values), initial=0.0)
-        return (1e-3, "kN") if largest >= 1e4 else (1.0, "N")
+        return (1e-3, "kN") if np.nanmax(np.abs(values), initial=0.0) >= 1e4 else (1.0, "N")
     exponent, text = _prefixed(np.asarray(values, dtype=float), unit)
     return 10.0**-exponent, text
 
@@ -303,9 +296,8 @@ def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
 
 
 def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray, swept: str = "x") -> None:
-    """Make an axis logarithmic if that suits the drawn values, and linear if one of them is zero or
-    negative; else it keeps its scale, perhaps that of earlier curves. `swept`: letters of the axes
-    that show swept parameters."""
+    """Make an axis logarithmic if that suits the drawn values, linear if one of them is zero or
+    negative; else it keeps its scale. `swept`: letters of the axes with swept parameters."""
     for letter, axis, values in (("x", axes.xaxis, x), ("y", axes.yaxis, y)):
         if suits_logarithm(values, letter in swept):
             axes.set(**{f"{letter}scale": "log"})
@@ -315,8 +307,8 @@ def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray, swept: str = "x") -> No
 
 
 def tick_logarithm(axis: Axis, values: np.ndarray) -> None:
-    """Set the ticks of a logarithmic axis for positive values: at equal differences up to a ratio
-    of 5, at 1, 2 and 5 times powers of ten below 500, else as matplotlib does."""
+    """Set the ticks of a logarithmic axis for positive values: equal differences up to a ratio of
+    5; 1, 2 and 5 times powers of ten below 500; else as matplotlib does."""
     finite = values[np.isfinite(values)]
     if finite.max() < 500.0 * finite.min():
         few = finite.max() <= 5.0 * finite.min()

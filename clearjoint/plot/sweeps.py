@@ -7,19 +7,7 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.patches import Patch
 
 from .._fields.checks import require
-from .style import (
-    VERMILLION,
-    axes_or_new,
-    dress,
-    inside,
-    legend_above,
-    legend_label,
-    next_colour,
-    scale_axes,
-    scaled,
-    suits_logarithm,
-    tick_logarithm,
-)
+from . import style
 
 
 def is_successful(dataset: xr.Dataset) -> xr.DataArray:
@@ -55,7 +43,7 @@ def only_axis(dataset: xr.Dataset, axis: str | None) -> str:
 
 
 def mark_failed(
-    axes: Axes, positions: np.ndarray, successful: np.ndarray, colour: str = VERMILLION
+    axes: Axes, positions: np.ndarray, successful: np.ndarray, colour: str = style.VERMILLION
 ) -> None:
     """Draw crosses for lanes, at `positions` (L,), that failed or have not run yet."""
     missing = positions[~successful]
@@ -100,22 +88,21 @@ def against(
 
     **Arguments:**
 
-    - `median`: number of neighbouring lanes over which a running median is drawn as a line. It
+    - `median`: number of neighbouring lanes over which a running median is drawn as a line, which
       shows the trend in the scatter of chaotic motion. No line by default.
     - `label`: text of the legend; by default the name of the output and the selected values.
     - `colour`: colour of the points; by default one that the axes do not have yet.
-    - `axes`: such as those of an earlier call; values are then converted to the units in their
-      labels.
+    - `axes`: such as those of an earlier call, to whose units values are converted.
 
     >>> drawn = plot.against(found, "speed")
     """
     axis = only_axis(dataset, axis)
-    axes = axes_or_new(axes)
-    colour = next_colour(axes) if colour is None else colour
-    label = legend_label(dataset, variable, axis) if label is None else label
+    axes = style.axes_or_new(axes)
+    colour = style.next_colour(axes) if colour is None else colour
+    label = style.legend_label(dataset, variable, axis) if label is None else label
     # Axes of an earlier call already have labels, with the units to which values are converted.
-    x = scaled(dataset[axis], axes.get_xlabel())
-    y = scaled(of_lanes(dataset, variable, (axis,)), axes.get_ylabel())
+    x = style.scaled(dataset[axis], axes.get_xlabel())
+    y = style.scaled(of_lanes(dataset, variable, (axis,)), axes.get_ylabel())
     axes.plot(
         x.values,
         y.values,
@@ -129,24 +116,22 @@ def against(
     if median is not None:
         line = running_median(x.values, y.values, median)
         axes.plot(*line, color=colour, linewidth=2, label=f"median of {median} neighbours")
-    scale_axes(axes, x.values, y.values)
+    style.scale_axes(axes, x.values, y.values)
     mark_failed(axes, x.values, is_successful(dataset).values, colour)
     labels = axes.get_legend_handles_labels()[1]
     # Two labels of more than 40 characters are too wide for the figure side by side.
     if len(labels) > 1:
-        legend_above(axes, 1 if max(map(len, map(str, labels))) > 40 else 2)
-    return dress(axes, x.label, y.label)
+        style.legend_above(axes, 1 if max(map(len, map(str, labels))) > 40 else 2)
+    return style.dress(axes, x.label, y.label)
 
 
 def running_median(
     positions: np.ndarray, values: np.ndarray, width: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return running medians of values over positions: each group of `width` successive points
-    gives the median of its positions and the median of its values.
+    """Return running medians of values over positions, (n - width + 1,) each: each group of `width`
+    successive points gives the median of its positions and of its values.
 
     **Arguments:** `positions`, `values`: (N,); the n points whose value is finite are used.
-
-    **Returns:** medians of the positions and of the values, (n - width + 1,) each.
 
     >>> values = np.array([1.0, 9.0, 2.0, 3.0, 4.0])
     >>> positions, medians = plot.running_median(np.arange(5.0), values, 3)
@@ -182,23 +167,23 @@ def parameter_map(
     >>> found = cj.sweep(scene, state, 0.5, both, outputs, progress=False)
     >>> drawn = plot.parameter_map(found, "speed", "stiffness", "mass")
     """
-    values, label, _ = scaled(of_lanes(dataset, variable, (y, x)))
-    axes = axes_or_new(axes)
-    x_data, y_data = scaled(dataset[x]), scaled(dataset[y])
-    norm = LogNorm() if suits_logarithm(values) else Normalize()
+    values, label, _ = style.scaled(of_lanes(dataset, variable, (y, x)))
+    axes = style.axes_or_new(axes)
+    x_data, y_data = style.scaled(dataset[x]), style.scaled(dataset[y])
+    norm = LogNorm() if style.suits_logarithm(values) else Normalize()
     mesh = axes.pcolormesh(x_data.values, y_data.values, values, norm=norm, shading="nearest")
-    scale_axes(axes, x_data.values, y_data.values, swept="xy")
+    style.scale_axes(axes, x_data.values, y_data.values, swept="xy")
     bar = axes.figure.colorbar(mesh, ax=axes, label=label)
-    if suits_logarithm(values):
-        tick_logarithm(bar.ax.yaxis, values)
+    if style.suits_logarithm(values):
+        style.tick_logarithm(bar.ax.yaxis, values)
     # Cells without a number are transparent: the background is seen there.
     axes.patch.set(**MISSING)
     missing = int((values != values).sum())  # NaN differs from itself
     if missing:
         patch = Patch(label=f"failed or pending: {missing}")
         patch.set(**MISSING)
-        legend_above(axes, handles=[patch])
-    dress(axes, x_data.label, y_data.label)
+        style.legend_above(axes, handles=[patch])
+    style.dress(axes, x_data.label, y_data.label)
     axes.grid(False)  # the grid of `dress` would be seen through the cells without a number
     return axes
 
@@ -217,24 +202,20 @@ def convergence(
     and the power law C a^p that fits the logarithms of the positive outputs best, by least squares.
     The legend gives the rate p.
 
-    **Arguments:**
+    **Arguments:** `within`: smallest and largest parameter of the lanes that are fitted, in the
+    unit of the data set; by default all lanes are fitted. `label`: text of the legend before the
+    rate. `colour`, `axes`: see `against`.
 
-    - `within`: smallest and largest parameter of the lanes that are fitted, in the unit of the data
-      set; by default all lanes are fitted.
-    - `label`: text of the legend before the rate; by default the legend has only the rate.
-    - `colour`, `axes`: see `against`.
-
-    **Raises:** `ValueError` for fewer than two lanes to fit whose parameter and output are
-    positive.
+    **Raises:** `ValueError` for fewer than two lanes to fit with positive parameter and output.
 
     >>> drawn = plot.convergence(found, "speed")
     """
     axis = only_axis(dataset, axis)
-    axes = axes_or_new(axes)
-    colour = next_colour(axes) if colour is None else colour
-    x = scaled(dataset[axis], axes.get_xlabel())
-    y = scaled(of_lanes(dataset, variable, (axis,)), axes.get_ylabel())
-    used = inside(dataset[axis].values, within, "within", "swept values", "widen it")
+    axes = style.axes_or_new(axes)
+    colour = style.next_colour(axes) if colour is None else colour
+    x = style.scaled(dataset[axis], axes.get_xlabel())
+    y = style.scaled(of_lanes(dataset, variable, (axis,)), axes.get_ylabel())
+    used = style.inside(dataset[axis].values, within, "within", "swept values", "widen it")
     rate, factor = _power_law(x.values[used], y.values[used])
     # Adding zero makes the "-0.00" of a small negative rate "0.00".
     text = f"rate {round(rate, 2) + 0.0:.2f}"
@@ -245,7 +226,7 @@ def convergence(
     axes.set(xscale="log", yscale="log")
     mark_failed(axes, x.values, is_successful(dataset).values, colour)
     axes.legend(frameon=False)
-    return dress(axes, x.label, y.label)
+    return style.dress(axes, x.label, y.label)
 
 
 def power_law_exponent(
@@ -255,15 +236,13 @@ def power_law_exponent(
     *,
     within: tuple[float, float] | None = None,
 ) -> float:
-    """Return the exponent p of the power law that `convergence` draws.
-
-    **Arguments:**, **Raises:** see `convergence`.
+    """Return the exponent p of the power law that `convergence` draws, for the same arguments.
 
     >>> print(f"{plot.power_law_exponent(found, 'speed'):.3f}")  # 0.1 m times sqrt(k/m)
     0.500
     """
     axis = only_axis(dataset, axis)
-    used = inside(dataset[axis].values, within, "within", "swept values", "widen it")
+    used = style.inside(dataset[axis].values, within, "within", "swept values", "widen it")
     values = of_lanes(dataset, variable, (axis,)).values
     return _power_law(dataset[axis].values[used], values[used])[0]
 

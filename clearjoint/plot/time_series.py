@@ -14,19 +14,7 @@ from .._model.scene import Scene
 from .._simulation.results.observe import Observation, values_along
 from .._simulation.results.solution import Solution, Trajectory
 from ..quantities.base import AbstractQuantity, Quantity
-from .style import (
-    BLUE,
-    DARK,
-    TimeSpan,
-    axes_or_new,
-    draw_lines,
-    dress,
-    fitting_unit,
-    inside,
-    legend_above,
-    scaled,
-    time_axis,
-)
+from . import style
 
 
 def series(
@@ -39,14 +27,6 @@ def series(
 ) -> xr.DataArray:
     """Return the values (N,) of a quantity at the saved states of a solution, as an array with the
     coordinate "time", s; its unit is in ``attrs["units"]``.
-
-    **Arguments:**
-
-    - `quantity`: one of `clearjoint.quantities`, or another scalar function of an `Instant`.
-    - `unit`: SI unit of the values, for a quantity that does not declare its unit.
-    - `trajectory`: the states to take instead of the saved ones, such as `solution.steps`.
-
-    **Raises:** `ValueError` for a solution without states, and for a quantity without a unit.
 
     >>> positions = plot.series(scene, swing, x)
     >>> np.allclose(positions, 0.1 * np.cos(10.0 * positions["time"]), atol=1e-6)
@@ -70,8 +50,6 @@ def rate_series(
     No differences of values are taken: the derivative follows from the velocities of each state,
     and from the accelerations that the equations of motion give for it. Entry speeds of contacts
     and deflections of bristles, on which a force may depend, count as constant.
-
-    **Arguments:**, **Raises:** see `series`.
 
     >>> rates = plot.rate_series(scene, swing, x)
     >>> np.allclose(rates, -np.sin(10.0 * rates["time"]), atol=1e-5)
@@ -134,16 +112,12 @@ def phase_portrait(
     *,
     unit: str | None = None,
     trajectory: Trajectory | None = None,
-    window: TimeSpan | None = None,
+    window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the time derivative of a quantity over the quantity itself: a closed curve for a
     periodic motion. A dot marks the start, a square the end. Angles continue beyond a full turn.
-
-    **Arguments:** `quantity`: function of positions, such as an angle or a penetration; for the
-    others see `plot.series`.
-
-    **Raises:** see `plot.series`.
+    The quantity must be a function of positions, such as an angle or a penetration.
 
     >>> axes = plot.phase_portrait(scene, swing, x)
     """
@@ -152,16 +126,16 @@ def phase_portrait(
     period = getattr(quantity, "period", None)  # after which an angle begins again
     if period is not None:
         values = values.copy(data=np.unwrap(values.values, period=period))
-    axes = axes_or_new(axes, (5.6, 4.4))
-    in_window = inside(values["time"].values, window)
-    x, y = scaled(values[in_window]), scaled(rates[in_window])
-    axes.plot(x.values, y.values, color=BLUE, linewidth=0.9)
+    axes = style.axes_or_new(axes, (5.6, 4.4))
+    in_window = style.inside(values["time"].values, window)
+    x, y = style.scaled(values[in_window]), style.scaled(rates[in_window])
+    axes.plot(x.values, y.values, color=style.BLUE, linewidth=0.9)
     for row, marker, label in ((0, "o", "start"), (-1, "s", "end")):
         if len(x.values):
-            look = {"color": DARK, "markersize": 5, "linestyle": "", "zorder": 3}
+            look = {"color": style.DARK, "markersize": 5, "linestyle": "", "zorder": 3}
             axes.plot(x.values[[row]], y.values[[row]], marker, label=label, **look)
-    legend_above(axes, 2)
-    return dress(axes, x.label, y.label)
+    style.legend_above(axes, 2)
+    return style.dress(axes, x.label, y.label)
 
 
 FEWEST = 4
@@ -169,10 +143,8 @@ FEWEST = 4
 
 
 def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArray:
-    """Return the one-sided amplitude spectrum of values over time, less their mean.
-
-    A harmonic of amplitude A, whose frequency is one of those of the spectrum, has the value A
-    there.
+    """Return the one-sided amplitude spectrum of values over time, less their mean. A harmonic of
+    amplitude A, whose frequency is one of those of the spectrum, has the value A there.
 
     **Arguments:**
 
@@ -199,9 +171,8 @@ def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArra
     intervals = np.diff(times)
     shown = f"intervals from {intervals.min():.3g} to {intervals.max():.3g} s"
     remedy = "save states at equal intervals: Saving(np.linspace(0, end, count))"
-    require(
-        suits_spectrum(intervals), "record", shown, "sampled at equal intervals of time", remedy
-    )
+    expected = "sampled at equal intervals of time"
+    require(suits_spectrum(intervals), "record", shown, expected, remedy)
     values, rate = np.asarray(record.values, float), 1.0 / float(intervals.mean())
     frequency, power = signal.periodogram(
         values, rate, taper, detrend="constant", scaling="spectrum"
@@ -238,34 +209,27 @@ def spectrum(
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the amplitude spectrum of a quantity at the saved states of a solution, on a logarithmic
-    scale.
-
-    Vibrations above half the sampling rate, such as those of an impact, appear at wrong frequencies
-    below it (aliasing).
-
-    **Arguments:**, **Raises:** see `plot.series` and `plot.amplitude_spectrum`.
+    scale, see `amplitude_spectrum`. Vibrations above half the sampling rate, such as those of an
+    impact, appear at wrong frequencies below it (aliasing).
 
     >>> axes = plot.spectrum(scene, swing, rate)
     """
-    record = series(scene, solution, quantity, unit=unit)
-    return spectrum_of(record, taper=taper, axes=axes)
+    return spectrum_of(series(scene, solution, quantity, unit=unit), taper=taper, axes=axes)
 
 
 def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None = None) -> Axes:
-    """Draw the amplitude spectrum of values over time, such as measured ones. The scale begins at
-    1e-8 of the largest amplitude or above. A title names the taper and the distance of the
-    frequencies.
-
-    **Arguments:**, **Raises:** see `plot.amplitude_spectrum`.
+    """Draw the amplitude spectrum of values over time, such as measured ones, see
+    `amplitude_spectrum`. The scale begins at 1e-8 of the largest amplitude or above. A title names
+    the taper and the distance of the frequencies.
 
     >>> axes = plot.spectrum_of(plot.series(scene, swing, x), taper="boxcar")
     """
     amplitudes = amplitude_spectrum(record, taper)
-    axes = axes_or_new(axes)
-    y = scaled(amplitudes)
+    axes = style.axes_or_new(axes)
+    y = style.scaled(amplitudes)
     frequencies = amplitudes["frequency"].values
-    factor, unit = fitting_unit(frequencies, "Hz")
-    axes.plot(frequencies * factor, y.values, color=BLUE, linewidth=0.9)
+    factor, unit = style.fitting_unit(frequencies, "Hz")
+    axes.plot(frequencies * factor, y.values, color=style.BLUE, linewidth=0.9)
     times = record["time"].values
     half_rate = 0.5 * (len(times) - 1) / float(times[-1] - times[0])  # the Nyquist frequency, Hz
     # Rounding keeps a tick at the end, which rounding errors could put outside of the axis.
@@ -277,7 +241,7 @@ def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None 
         axes.set_ylim(max(0.5 * y.values.min(), 1e-8 * largest), 2.0 * largest)
     title = f"window: {taper}; lines {float(frequencies[0]):.3g} Hz apart"
     axes.set_title(title, fontsize="small", loc="right")
-    return dress(axes, f"frequency, {unit}", f"amplitude of {y.label}")
+    return style.dress(axes, f"frequency, {unit}", f"amplitude of {y.label}")
 
 
 POTENTIAL = "potential, 0 at the start"
@@ -292,7 +256,10 @@ ENERGIES = {
 
 
 def energy_ledger(
-    observation: Observation, *, window: TimeSpan | None = None, axes: np.ndarray | None = None
+    observation: Observation,
+    *,
+    window: style.TimeSpan | None = None,
+    axes: np.ndarray | None = None,
 ) -> np.ndarray:
     """Draw the energies of a run over time, and below them the error of their balance, the drift.
 
@@ -323,17 +290,17 @@ def energy_ledger(
     }
     if POTENTIAL in changes:  # only its changes matter, and its zero is arbitrary
         changes[POTENTIAL] = changes[POTENTIAL] - changes[POTENTIAL][0]
-    mask, times, time_label = time_axis(above, observation.times, window)
+    mask, times, time_label = style.time_axis(above, observation.times, window)
     curves = {name: values[mask] for name, values in changes.items()}
-    factor, unit = fitting_unit(np.concatenate(list(curves.values())), "J")
-    draw_lines(above, ((name, times, y * factor) for name, y in curves.items()), 1.8)
+    factor, unit = style.fitting_unit(np.concatenate(list(curves.values())), "J")
+    style.draw_lines(above, ((name, times, y * factor) for name, y in curves.items()), 1.8)
     above.margins(x=0.0)
-    legend_above(above, min(len(curves), 3), handlelength=3.0)
-    dress(above, "", f"energy, {unit}")
-    time_axis(below, observation.times, window)
+    style.legend_above(above, min(len(curves), 3), handlelength=3.0)
+    style.dress(above, "", f"energy, {unit}")
+    style.time_axis(below, observation.times, window)
     drift = np.asarray(observation.ledger_residual())[mask]
-    factor, unit = fitting_unit(drift, "J")
-    below.plot(times, drift * factor, color=DARK, linewidth=1.0)
+    factor, unit = style.fitting_unit(drift, "J")
+    below.plot(times, drift * factor, color=style.DARK, linewidth=1.0)
     below.margins(x=0.0)
     # Only a run with an energy ledger has these energies.
     has_ledger = not energies.keys().isdisjoint({*ENERGIES["dissipated"], "supplied"})
@@ -344,5 +311,5 @@ def energy_ledger(
         text = f"at most {share:.1g} of the largest change above"
         below.set_title(text, fontsize="small", loc="right")
     label = "drift" if has_ledger else "mechanical,\nsince start"
-    dress(below, time_label, f"{label}, {unit}")
+    style.dress(below, time_label, f"{label}, {unit}")
     return axes

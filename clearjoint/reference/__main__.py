@@ -20,9 +20,8 @@ try:
 
     from .docstrings import SITE, with_links
 except ImportError as error:
-    raise ImportError(
-        'The documentation needs more packages: pip install "clearjoint[reference]"'
-    ) from error
+    message = 'The documentation needs more packages: pip install "clearjoint[reference]"'
+    raise ImportError(message) from error
 
 ROOT = Path(clearjoint.__file__).parents[1]
 LINK = re.compile(r"(?<=\]\()([^)#\s]+)")  # the target of a link of Markdown

@@ -49,14 +49,14 @@ def public_path(name: str, module: str = "") -> str | None:
     # The longest beginning of the name that is public; the rest is an attribute or a method.
     for last in range(len(parts), 0, -1):
         head = ".".join(parts[:last])
-        found = [path for path in PATHS if path.endswith(f".{head}")]
-        own = [path for path in found if path == f"clearjoint.{head}"]
-        if own and (name.startswith(".") or head not in PLAIN_WORDS):
-            return own[0]
+        paths = [path for path in PATHS if path.endswith(f".{head}")]
+        top_level = [path for path in paths if path == f"clearjoint.{head}"]
+        if top_level and (name.startswith(".") or head not in PLAIN_WORDS):
+            return top_level[0]
         # A name of a submodule must be unique. A single word in lower case, such as "position",
         # mostly isn't meant as one.
-        if len(found) == 1 and not own and head not in PLAIN_WORDS:
-            return found[0] if last > 1 or "_" in head or not head.islower() else None
+        if len(paths) == 1 and not top_level and head not in PLAIN_WORDS:
+            return paths[0] if last > 1 or "_" in head or not head.islower() else None
     return None
 
 
@@ -67,8 +67,7 @@ def with_links(text: str, module: str = "") -> str:
         path = public_path(match[1], module)
         return f"[{match[0]}][{path}]" if path else match[0]
 
-    parts = FENCED.split(text)
-    return "".join(p if FENCED.match(p) else CODE.sub(linked, p) for p in parts)
+    return "".join(p if FENCED.match(p) else CODE.sub(linked, p) for p in FENCED.split(text))
 
 
 def _walk(parent: griffe.Module | griffe.Class) -> Iterator[griffe.Object]:

@@ -26,7 +26,7 @@ RATES = (-1.0, -1e-3, 0.0, 1e-6, 1e-3, 1.0)
 ENTRY_SPEEDS = (1e-9, 1e-4, 0.1, 10.0)
 """Entry speeds at which laws are tested, m/s."""
 EDGE = 1e-9
-"""A jump of the force is at the onset if its depth differs from that of the onset by at most this
+"""A jump counts as one at the onset if its depth differs from that of the onset by at most this
 fraction of the onset offset or, if the offset is below 1e-9 m, of 1e-9 m."""
 SMOOTH = (
     (1.3e-6, 2e-3, 0.11),
@@ -36,14 +36,14 @@ SMOOTH = (
     (7e-6, -3e-3, 10.0),
     (1e-5, 1e-3, 1e-4),
 )
-"""Points at which usual laws are smooth: penetration, m, penetration rate, m/s, and entry speed,
-m/s. There, derivatives are compared with finite differences."""
+"""Points at which usual laws are smooth: penetration, m, its rate, m/s, and entry speed, m/s.
+There, derivatives are compared with finite differences."""
 STEP = 1e-6
-"""Step of central differences, relative to the number that is changed. The relative error of a
-difference is about 1e-10: the step squared, plus the rounding error divided by the step."""
+"""Relative step of central differences, whose error is about 1e-10: the step squared, plus the
+rounding error divided by the step."""
 TOLERANCE = 1e-5
-"""Largest accepted error of a derivative by a factor of a number, relative to the derivative plus a
-thousandth of the force, and far above the errors of finite differences."""
+"""Largest error of a derivative by a factor of a number, relative to the derivative plus a
+thousandth of the force; far above the errors of finite differences."""
 SINGLE = 9
 """Number of points at which a function is also evaluated singly, which is slow."""
 
@@ -98,15 +98,10 @@ def check_law(
     - the derivatives of the force by penetration, rate, entry speed and each parameter of the law
       are finite, and agree with finite differences at some points where usual laws are smooth;
     - the force jumps only at the onset and at separation, where integration steps end. The law must
-      declare such a jump (`AbstractContactLaw.force_jumps`), and the check warns of it;
-    - the force is the elastic force if the entry speed is unknown;
-    - `jax.vmap` gives the same result as a single evaluation.
+      declare such a jump (`AbstractContactLaw.force_jumps`), of which a `UserWarning` tells;
+    - the force is the elastic force if the entry speed is unknown.
 
     Stiffnesses may depend on the radius of the bearing and on the radial clearance.
-
-    **Raises:** `AssertionError` that states the first problem.
-
-    **Warns:** `UserWarning` for a declared jump at the onset or at separation.
 
     >>> testing.check_law(cj.laws.HuntCrossley(0.8, 1e9))
     """
@@ -191,7 +186,6 @@ def _check_differences(forces: Callable[..., Points], law: AbstractContactLaw) -
 
 
 def _check_jumps(forces: Callable[..., Points], law: AbstractContactLaw) -> None:
-    """Check that the force jumps only where contact begins or ends, and only if declared."""
     # Jumps are searched between successive depths, at all rates and entry speeds.
     left, rate, entry = _grid(DEPTHS[:-1], RATES, ENTRY_SPEEDS)
     right = _grid(DEPTHS[1:], RATES, ENTRY_SPEEDS)[0]
@@ -241,13 +235,9 @@ def _grid(*rows: tuple[float, ...]) -> list[Points]:
 def check_friction(friction: AbstractFriction) -> None:
     """Check that a friction law without bristles is consistent.
 
-    The check evaluates the law for slips up to 1 m/s. It demands that
-
-    - the friction opposes the slip, is zero without slip, and doesn't jump;
-    - the derivatives by the slip and by the parameters of the law are finite, even without slip;
-    - `jax.vmap` gives the same result as a single evaluation.
-
-    **Raises:** `AssertionError` that states the first problem.
+    The check evaluates the law for slips up to 1 m/s. It demands that the friction opposes the
+    slip, is zero without slip, and doesn't jump; and that the derivatives by the slip and by the
+    parameters of the law are finite, even without slip.
 
     >>> testing.check_friction(cj.frictions.RegularisedCoulomb(0.1))
     """
@@ -276,15 +266,11 @@ def check_bristles(friction: AbstractBristleFriction) -> None:
     the law for deflections up to ten times the full one, and slips up to 1 m/s. It demands that
 
     - the full deflection is positive;
-    - the deflection is constant without slip, and a deflection of ten times the full deflection
-      shrinks in sliding;
+    - the deflection is constant without slip, and ten times the full deflection shrinks in sliding;
     - the friction is zero if deflection and slip are zero, and doesn't drive steady sliding;
     - the stored energy is zero without deflection and never negative;
     - the derivatives by the deflection, the slip and the parameters of the law are finite, even
-      without slip;
-    - `jax.vmap` gives the same result as a single evaluation.
-
-    **Raises:** `AssertionError` that states the first problem.
+      without slip.
 
     >>> testing.check_bristles(cj.frictions.LuGre(breakaway=0.2, kinetic=0.1, stribeck_speed=0.01))
     """
@@ -314,9 +300,8 @@ def check_bristles(friction: AbstractBristleFriction) -> None:
     none = Vector(0.0, 0.0, 0.0)
     at_rest = friction.ratio(none, none, none)
     ensure(jnp.asarray(list(at_rest)) == 0.0, "There is friction without deflection and slip.")
-    stored = jnp.stack(
-        [jnp.asarray(friction.stored_energy(Vector(0.0, z, 0.0))) for z in ratios * full]
-    )
+    energies = [friction.stored_energy(Vector(0.0, z, 0.0)) for z in ratios * full]
+    stored = jnp.stack([jnp.asarray(energy) for energy in energies])
     message = "stored_energy() is negative, or not zero without deflection."
     ensure((stored[0] == 0.0) & (stored >= 0.0), message)
     sliding = jax.vmap(friction.sliding_ratio)(speeds) * jnp.ones_like(speeds)
@@ -336,14 +321,9 @@ def check_constraint(
     is the Jacobian times the velocities and spins plus the time rate, and that the bias is the time
     derivative of this sum at constant velocities and spins.
 
-    **Arguments:**
-
-    - `motions`: motion of each body of the joint at time 0, from `moving`, by the body's name;
-      include "ground" if the joint has it. Translating and rotating bodies make the strictest test.
-    - `tolerance`: largest accepted difference of rates, relative to one plus the size of the rate.
-      The bias may differ by ten times as much, because its rounding errors are larger.
-
-    **Raises:** `AssertionError` that states the first problem.
+    **Arguments:** `motions`: at time 0. `tolerance`: largest accepted difference of rates, relative
+    to one plus the size of the rate. The bias may differ by ten times as much, because its rounding
+    errors are larger.
 
     >>> motions = {
     ...     "ground": testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0)),

@@ -22,15 +22,15 @@ from .continuity import at_rest
 TOLERANCE = 1e-9
 """Largest accepted error of an exact relation, relative to one plus the size of its terms."""
 STEP = 1e-6
-"""Step of finite differences, relative to the largest magnitude of the numbers in the field of the
-changed parameter, or to 1 if these numbers are all zero."""
+"""Step of finite differences, relative to the largest number in the field of the changed parameter,
+or to 1 if all are zero."""
 TOLERANCE_OF_DIFFERENCES = 1e-5
 """Largest accepted relative error of derivatives, far above the errors of finite differences."""
 PENETRATION, ENTRY_SPEED = 1e-6, 0.1
 """Depth beyond the onset, m, and entry speed, m/s, of a tested contact."""
 ROTATIONS = 4
-"""Number of Newton steps by which a body is rotated to a given penetration of a contact; the last
-error is far below `PENETRATION`."""
+"""Newton steps by which a body is rotated to a given penetration; the error is then far below
+`PENETRATION`."""
 
 Rows: TypeAlias = dict[str, jax.Array]
 """Numbers of each contact, as an array in the order of `_rows`, by the contact's label."""
@@ -56,8 +56,7 @@ def check_contact_joint(
     - contacts with friction have a slip, which is the tangential velocity of the surfaces;
     - friction is perpendicular to the normal and, without bristles, opposes sliding;
     - derivatives by motions and parameters are finite, and the derivative of the penetration by
-      each parameter of the joint agrees with finite differences;
-    - `jax.vmap` gives the same result as a single evaluation.
+      each parameter of the joint agrees with finite differences.
 
     The joint is tested at the given motions; at the onset of each contact's force, and a micrometre
     deeper; with the joint's attachment points on both bodies (those of its method `attachments`)
@@ -65,15 +64,9 @@ def check_contact_joint(
     or rotated to those of a contact that transmits a couple; if it is the ground, the first body is
     moved instead.
 
-    **Arguments:**
-
-    - `motions`: motion of each body of the joint, from `moving`, by the body's name; the ground may
-      be omitted. Translating and rotating bodies, less than a centimetre from contact, make the
-      strictest test.
-    - `together`: whether the attachment points on both bodies can coincide, so that the joint is
-      tested there too; ``False`` for the centres of gears.
-
-    **Raises:** `AssertionError` that states the first problem, and its contact.
+    **Arguments:** `motions`: with bodies less than a centimetre from contact; the ground may be
+    omitted. `together`: whether the attachment points on both bodies can coincide, so that the
+    joint is tested there too; ``False`` for the centres of gears.
 
     >>> law = cj.laws.LankaraniNikravesh(0.9, cj.mechanisms.STEEL)
     >>> ball = cj.BallInSocket("ground", "arm", socket_radius=10e-3, clearance=1e-3, law=law)
@@ -97,13 +90,11 @@ def check_contact_joint(
     @jax.jit
     @jax.vmap
     def evaluate(point: jax.Array, change: jax.Array) -> tuple[ByLabel[Condition], Rows, Rows]:
-        """Return the failures of the contacts at a point, their numbers, and the derivatives of
-        these in the direction `change`."""
+        # Failures of the contacts at a point, their numbers, and the derivatives of these.
         contacts, rates = jax.jvp(
             lambda point: _contacts(*joint_and_motions(point)), (point,), (change,)
         )
-        failures = _failures(*joint_and_motions(point), contacts, rates)
-        return failures, _rows(contacts), _rows(rates)
+        return _failures(*joint_and_motions(point), contacts, rates), _rows(contacts), _rows(rates)
 
     # A point is a vector of all parameters and motions. All evaluations share one compiled call:
     # derivatives along the motion, along all numbers at once, and along each parameter with the
@@ -182,20 +173,19 @@ def _positions(joint: AbstractContactJoint, motions: Motions, together: bool) ->
         apart = motions[second].point(points[second]) - motions[first].point(points[first])
         moving.append(_shifted(joint, motions, -apart))
     positions = moving + list(map(at_rest, moving))
-    return [jax.tree.map(lambda leaf: jnp.asarray(leaf, float), each) for each in positions]
+    return [jax.tree.map(lambda leaf: jnp.asarray(leaf, float), position) for position in positions]
 
 
 def _shifted(joint: AbstractContactJoint, motions: Motions, shift: Vector) -> Motions:
     """Motions with the second body, or the first instead of the ground, shifted in global axes."""
     first, second = joint.pair()
     name, shift = (first, -shift) if second == GROUND else (second, shift)
-    moved = replace(motions[name], position=motions[name].position + shift)
-    return {**motions, name: moved}
+    return {**motions, name: replace(motions[name], position=motions[name].position + shift)}
 
 
 def _rotated(joint: AbstractContactJoint, motions: Motions, label: str, depth: Scalar) -> Motions:
-    """Motions with the second body, or the first instead of the ground, rotated to the penetration
-    `depth` of a contact that transmits a couple."""
+    """Motions with the second body, or the first instead of the ground, rotated until a contact
+    that transmits a couple has the penetration `depth`."""
     first, second = joint.pair()
     name, k = (first, 0) if second == GROUND else (second, 1)
     for _ in range(ROTATIONS):
@@ -211,10 +201,8 @@ def _rotated(joint: AbstractContactJoint, motions: Motions, label: str, depth: S
 
 
 def _contacts(joint: AbstractContactJoint, motions: Motions) -> Contacts:
-    """The contacts of a joint with their forces and energies, all as arrays.
-
-    Forces are those at the entry speed `ENTRY_SPEED`; bristles have half of their full deflection.
-    """
+    """The contacts of a joint with forces at the entry speed `ENTRY_SPEED` and energies, all as
+    arrays; bristles have half of their full deflection."""
     joint = unpack(joint)
     contacts, bristles = joint.contacts(motions), {}
     for label, bristle_law in joint.bristle_laws().items():
@@ -248,10 +236,9 @@ def _failures(
         failed = {
             "its normal is not a unit vector": ~flies_centred & _differ(size, 1.0),
             "its `rate` is not the time derivative of its penetration": _differ(rate, gap.rate),
-            "the rate of its stored energy is not the power of the elastic force": _differ(
-                power, expected_power
-            ),
         }
+        message = "the rate of its stored energy is not the power of the elastic force"
+        failed[message] = _differ(power, expected_power)
         if contact.turning is None:
             failed |= _force_failures(loaded, first, second, rates[label][0].contact.gap.factor)
         else:
@@ -260,12 +247,9 @@ def _failures(
             on_first, on_second = contact.turning
             remainder = first.direction(on_first) + second.direction(on_second)
             power = on_first.dot(first.spin) + on_second.dot(second.spin)
-            failed |= {
-                "the couples on both bodies are not equal and opposite": _is_nonzero(remainder),
-                "the power of the couples does not agree with the rate of the penetration": (
-                    _differ(power, gap.rate)
-                ),
-            }
+            failed["the couples on both bodies are not equal and opposite"] = _is_nonzero(remainder)
+            message = "the power of the couples does not agree with the rate of the penetration"
+            failed[message] = _differ(power, gap.rate)
         if loaded.friction is not None and contact.slip is not None:
             across = second.velocity_at(contact.arm_second) - first.velocity_at(contact.arm_first)
             sliding = across - normal * across.dot(normal)
@@ -292,8 +276,8 @@ def _beside(side: SideForce, first: Motion, second: Motion) -> Vector:
 def _force_failures(
     loaded: LoadedContact, first: Motion, second: Motion, factor: Slope | None
 ) -> dict[str, jax.Array]:
-    """Whether each condition on normal force and friction of one contact without couples fails.
-    `factor` is the time derivative of `contact.gap.factor`; ``None`` if that is."""
+    """Whether each condition on normal force and friction of one contact without couples fails;
+    `factor`: time derivative of `contact.gap.factor`, ``None`` if that is."""
     contact, friction, force = loaded.contact, loaded.friction, loaded.normal_force
     # Friction acts at the contact points. For a contact without friction, the joint may give other
     # points on the normal force's line of action.
@@ -305,41 +289,31 @@ def _force_failures(
     rate, side = velocity.dot(contact.normal), contact.side
     if side is not None:
         rate = rate + side.slope.dot(_beside(side, first, second))
-    failures = {
-        "the forces on both bodies leave a moment: they do not act on one line": (
-            _is_nonzero(apart.cross(contact.normal))
-        ),
-        "the power of the normal force does not agree with the rate of the penetration": (
-            _differ(rate, contact.gap.rate)
-        ),
-    }
+    message = "the forces on both bodies leave a moment: they do not act on one line"
+    failures = {message: _is_nonzero(apart.cross(contact.normal))}
+    message = "the power of the normal force does not agree with the rate of the penetration"
+    failures[message] = _differ(rate, contact.gap.rate)
     if side is not None:
         between = second.point(side.arm_second) - first.point(side.arm_first)
-        failures["the forces beside the normal force do not act at one point"] = _is_nonzero(
-            between
-        )
+        message = "the forces beside the normal force do not act at one point"
+        failures[message] = _is_nonzero(between)
         if contact.gap.factor is not None and factor is not None:
-            failures["the rate of its factor is not the time derivative of the factor"] = _differ(
-                factor.value, contact.gap.factor.rate
-            )
+            message = "the rate of its factor is not the time derivative of the factor"
+            failures[message] = _differ(factor.value, contact.gap.factor.rate)
     if friction is not None:
-        failures |= {
-            # The energy ledger would omit the power of the friction.
-            "it has friction, but its slip is None": jnp.asarray(contact.slip is None),
-            "friction on both bodies leaves a moment: it does not act at one point": (
-                _is_nonzero(apart.cross(friction), force)
-            ),
-            "friction has a component along the normal": (
-                _differ(friction.dot(contact.normal), 0.0, TOLERANCE * (1.0 + force))
-            ),
-        }
+        # The energy ledger would omit the power of the friction.
+        failures["it has friction, but its slip is None"] = jnp.asarray(contact.slip is None)
+        message = "friction on both bodies leaves a moment: it does not act at one point"
+        failures[message] = _is_nonzero(apart.cross(friction), force)
+        along = friction.dot(contact.normal)
+        message = "friction has a component along the normal"
+        failures[message] = _differ(along, 0.0, TOLERANCE * (1.0 + force))
     return failures
 
 
 def _changes_of_parameters(parameters: AbstractContactJoint, point: jax.Array) -> jax.Array:
-    """Return a matrix with a row for each parameter of the joint: a change of `point` in this
-    number alone, by the largest magnitude of the numbers in its field, or by 1 if they are all
-    zero."""
+    """Return a row for each parameter of the joint: a change of `point` in this number alone, by
+    the largest magnitude of the numbers in its field, or by 1 if all are zero."""
     leaves = jax.tree.leaves(parameters)
     sizes = jnp.concatenate([jnp.full(leaf.size, jnp.max(jnp.abs(leaf))) for leaf in leaves])
     sizes = jnp.where(sizes > 0.0, sizes, 1.0)
@@ -347,9 +321,9 @@ def _changes_of_parameters(parameters: AbstractContactJoint, point: jax.Array) -
 
 
 def _rows(contacts: Contacts) -> Rows:
-    """Numbers (15,) of each contact: penetration, normal force and elastic force; then, with three
-    components each, friction and normal in global axes, and the vectors from the bodies' centres of
-    mass to the contact point in body axes."""
+    """Numbers (15,) of each contact: penetration, normal force and elastic force; then vectors:
+    friction and normal in global axes, and the arms from the bodies' centres of mass to the contact
+    point in body axes."""
     rows = {}
     for label, (loaded, _) in contacts.items():
         friction = ZERO if loaded.friction is None else loaded.friction

@@ -15,19 +15,18 @@ from .._model.bodies import Motion
 PIECES = 64
 """Number of pieces into which each interval is divided."""
 HALVINGS = 100
-"""Number of bisections of each piece. The last ends are adjacent floats or, near zero, closer
-together than 1e-30 times the width of the piece."""
+"""Number of bisections of each piece. The last ends are adjacent floats or, near zero, closer than
+1e-30 of the piece's width."""
 ROUNDING = 1e-9
 """A change of the function below this fraction of its values counts as rounding error."""
 STAYS = 0.5
-"""The change that remains after all bisections is a jump if it exceeds this fraction of the change
-after half of them. For a continuous function, even one with an infinite slope, such as a square
-root, the change decreases in the second half."""
+"""A change that remains after all bisections is a jump if it exceeds this fraction of the change
+after half of them. That of a continuous function, even of a square root, decreases further."""
 
 
 class Jumps(NamedTuple):
-    """The largest jump of a function in each of N intervals. `sizes`: value right of the jump minus
-    value left of it, zero without a jump; `positions`: meaningless without a jump."""
+    """The largest jump of a function in each of N intervals: `sizes`, the value on the right minus
+    that on the left, zero without a jump; and `positions`."""
 
     sizes: Float[jax.Array, " N"]
     positions: Float[jax.Array, " N"]
@@ -47,11 +46,11 @@ def jumps(
     left: Float[jax.Array, " N"],
     right: Float[jax.Array, " N"],
 ) -> Jumps:
-    """Return the largest jump of a function in each of N intervals, and its position.
+    """Return the largest jump of a function in each of N intervals.
 
     Each interval is divided into pieces. Each piece is bisected until its ends are practically
-    adjacent floats; of its two halves, the one with the larger change of the function is kept. A
-    jump that is smaller than the continuous change of the function within a piece may be missed.
+    adjacent floats; the half with the larger change of the function is kept. A jump that is smaller
+    than the continuous change of the function within a piece may be missed.
     """
     # All arrays have one row for each piece and one column for each interval.
     ends = jnp.linspace(left, right, PIECES + 1)
@@ -65,11 +64,10 @@ def jumps(
         middle = 0.5 * (piece.left + piece.right)
         value = values(middle)
         is_left = jnp.abs(value - piece.value_left) >= jnp.abs(piece.value_right - value)
-        halves = (
-            _Piece(piece.left, middle, piece.value_left, value),
-            _Piece(middle, piece.right, value, piece.value_right),
-        )
-        return jax.tree.map(lambda *pair: jnp.where(is_left, *pair), *halves), halfway
+        left_half = _Piece(piece.left, middle, piece.value_left, value)
+        right_half = _Piece(middle, piece.right, value, piece.value_right)
+        kept = jax.tree.map(lambda *pair: jnp.where(is_left, *pair), left_half, right_half)
+        return kept, halfway
 
     zeros = jnp.zeros_like(start.value_left)
     (_, positions, low, high), halfway = jax.lax.fori_loop(0, HALVINGS, bisect, (start, zeros))
@@ -117,10 +115,7 @@ def moved(motions: Mapping[str, Motion], time: float) -> dict[str, Motion]:
 
 def at_rest(motions: Mapping[str, Motion]) -> dict[str, Motion]:
     """Return motions with zero velocities and spins."""
-    return {
-        name: replace(motion, velocity=motion.velocity * 0.0, spin=motion.spin * 0.0)
-        for name, motion in motions.items()
-    }
+    return {n: replace(m, velocity=m.velocity * 0.0, spin=m.spin * 0.0) for n, m in motions.items()}
 
 
 def _exponential(angle: Vector) -> EulerParameters:

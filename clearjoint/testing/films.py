@@ -19,16 +19,15 @@ SPEEDS = (0.0, 1e-6, 1.0, 300.0)
 ANGLES = tuple(np.arange(12) * np.pi / 6.0)
 """Tested angles between the offset and its rate, rad."""
 SMOOTH = ((0.4, 0.0, 3.0, -7.0), (0.7, 0.0, -2.0, 5.0))
-"""States at which films are smooth: x and y of the offset, x and y of its rate, 1/s. There,
-derivatives are compared with finite differences."""
+"""States at which films are smooth: offset, x and y, and its rate, x and y, 1/s. There, derivatives
+are compared with finite differences."""
 STEP = 1e-6
 """Step of central differences, relative to the number that is changed."""
 TOLERANCE = 1e-5
-"""Largest accepted error of the derivatives of the force by one number, relative to the larger of
-their magnitudes, and far above the errors of finite differences."""
+"""Largest error of the derivatives of the force by one number, relative to the larger of their
+magnitudes; far above the errors of finite differences."""
 Force = Callable[[AbstractFilm, jax.Array], jax.Array]
-"""Force on the journal, x and y, from a film and a state (4,): x and y of the offset and of its
-rate."""
+"""Force on the journal, x and y, from a film and a state (4,), the offset and its rate."""
 
 
 def check_film(
@@ -50,10 +49,7 @@ def check_film(
       rate agree with finite differences;
     - the force turns with offset and rate if these are turned about the axis, and its component
       along the offset doesn't jump when only the direction of the rate changes;
-    - the drag torque is finite and doesn't drive the journal's spin relative to the bearing;
-    - `jax.vmap` gives the same result as a single evaluation.
-
-    **Raises:** `AssertionError` that states the first problem.
+    - the drag torque is finite and doesn't drive the journal's spin relative to the bearing.
 
     >>> testing.check_film(cj.films.CaponeFilm(0.02))
     """
@@ -107,10 +103,8 @@ def _complaints_of_force(force: Force, film: AbstractFilm) -> Iterator[str]:
 
 
 def _states() -> jax.Array:
-    """All combinations of `RATIOS`, `SPEEDS` and `ANGLES`.
-
-    They are turned by 0.3 rad, so that offsets are not along x, where some mistakes are invisible.
-    """
+    """All combinations of `RATIOS`, `SPEEDS` and `ANGLES`, turned by 0.3 rad: offsets along x would
+    hide some mistakes."""
     ratio, speed, angle = (a.ravel() for a in np.meshgrid(RATIOS, SPEEDS, ANGLES, indexing="ij"))
     columns = ratio, np.zeros_like(ratio), speed * np.cos(angle), speed * np.sin(angle)
     return _rotated(jnp.asarray(np.stack(columns, axis=1)), 0.3)
@@ -119,8 +113,7 @@ def _states() -> jax.Array:
 def _rotated(rows: jax.Array, angle: float = 1.1) -> jax.Array:
     """Rows of one or two plane vectors, turned by an angle, rad; the default is arbitrary."""
     c, s = np.cos(angle), np.sin(angle)
-    pairs = rows.reshape(len(rows), -1, 2)
-    return (pairs @ jnp.asarray([[c, s], [-s, c]])).reshape(rows.shape)
+    return (rows.reshape(len(rows), -1, 2) @ jnp.asarray([[c, s], [-s, c]])).reshape(rows.shape)
 
 
 def _complaints_of_drag(film: AbstractFilm, *sizes: float) -> Iterator[str]:

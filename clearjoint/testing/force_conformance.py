@@ -14,8 +14,7 @@ from .conformance import ensure
 from .continuity import at_rest, moved
 
 STEP = 1e-5
-"""Step, s, of the central differences of the stored energy, with errors well below the default
-tolerance of `check_force`."""
+"""Step, s, of central differences of the stored energy; errors are well below the tolerance."""
 Wrenches = dict[str, Wrench]
 """Force, N in global axes, and moment, N m in body axes, on each body, by the body's name."""
 
@@ -34,21 +33,16 @@ def check_force(
       the ground, on which simulations need no wrench;
     - the power by which the element changes the scene's total energy (`supplied_power`) is the
       power of its forces on the bodies plus the rate of its stored energy;
-    - derivatives by motions and parameters are finite, even at rest;
-    - `jax.vmap` gives the same result as a single evaluation.
+    - derivatives by motions and parameters are finite, even at rest.
 
     **Arguments:**
 
-    - `motions`: motion of each body of the element, from `moving`, by the body's name; include
-      "ground" if the element has it. Translating and rotating bodies make the strictest test.
     - `time`: time of evaluation. It must not be a breakpoint of the element, at which the force
       jumps or has a kink.
     - `tolerance`: largest accepted error of the balances: of forces, relative to the largest force;
       of moments, to the largest moment about the global origin or, if larger, to the largest force
       times the largest distance of a body from this origin; of energy, to 1 W plus the magnitudes
       of the power of the wrenches and of `supplied_power`.
-
-    **Raises:** `AssertionError` that states the first problem.
 
     >>> motions = {
     ...     "ground": testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0)),
@@ -143,5 +137,4 @@ def _check_lanes(force: AbstractForce, motions: Mapping[str, Motion], time: floa
     expected = jax.tree.map(lambda *leaves: jnp.stack(leaves), *single)
     # Compiled code may round differently: 1e-9 is far above rounding errors.
     same = jax.tree.map(lambda a, b: jnp.allclose(a, b, rtol=1e-9, atol=1e-9), together, expected)
-    message = "The force under vmap differs from a single evaluation."
-    ensure(all(jax.tree.leaves(same)), message)
+    ensure(all(jax.tree.leaves(same)), "The force under vmap differs from a single evaluation.")

@@ -6,14 +6,14 @@ from .._native.machine_code import Code
 
 
 def native_seconds() -> dict[str, float]:
-    """Return the processor time that making the native programs of this process has taken, by
+    """Return the processor time, s, that making the native programs of this process has taken, by
     stage.
 
     The stages are "tracing" by JAX, "lowering" of the jaxpr to operations on numbers, "writing" of
-    these as LLVM code, and "compiling" of this code, or reading its machine code from disk.
-    "optimising" is added for programs that have run so long that LLVM has compiled them again.
-    Programs that have been deleted do not count. A program that was loaded as a whole from disk
-    counts with the times that its stages took when it was made.
+    these as LLVM code, and "compiling" of this code, or reading its machine code from disk;
+    "optimising" is for programs that have run so long that LLVM has compiled them again. Deleted
+    programs do not count. A program that was loaded as a whole from disk counts with the times that
+    its stages took when it was made.
 
     >>> sorted(testing.native_seconds())
     ['compiling', 'lowering', 'optimising', 'tracing', 'writing']
@@ -37,4 +37,4 @@ def optimise_programs() -> None:
 
 def _programs() -> list[Code]:
     # There is no list of all programs, but the garbage collector knows all objects.
-    return [each for each in gc.get_objects() if isinstance(each, Code)]
+    return [program for program in gc.get_objects() if isinstance(program, Code)]

@@ -132,6 +132,9 @@ def test_errors_have_location_and_remedy(read, old, new, message):
 
 
 def test_a_file_in_another_encoding_is_named(tmp_path):
+    (tmp_path / "pin.toml").write_bytes(b"\xef\xbb\xbfa = \xff")  # after a byte order mark
+    with pytest.raises(ValueError, match="found 'byte 0xff at position 7'"):
+        cj.load(tmp_path / "pin.toml")
     (tmp_path / "pin.toml").write_text(PIN, encoding="utf-16")
     with pytest.raises(ValueError, match=r"pin.toml: found 'byte 0xff .*expected UTF-8 text"):
         cj.load(tmp_path / "pin.toml")
