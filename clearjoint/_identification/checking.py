@@ -336,9 +336,7 @@ def _drawn_around(
 
 
 def _local_searches(
-    starts: Float[np.ndarray, "m p"],
-    minima: Sequence[RunMisfit],
-    runs: _CountedRuns,
+    starts: Float[np.ndarray, "m p"], minima: Sequence[RunMisfit], runs: _CountedRuns
 ) -> list[RunMisfit]:
     """Search for minima from up to `DESCENTS` of the starts that are far from each other and from
     the known `minima`: always from the first of them, from each other one if it is affordable."""

@@ -44,15 +44,7 @@ from .._simulation.step.settings import Settings, check_span, settings_or
 from .axes import Axis, Lanes, lanes_of, variable_leaves
 from .computing import compute_missing
 from .executors import AbstractSubmitter
-from .outputs import (
-    PENDING,
-    RESULT,
-    Coordinate,
-    Layout,
-    Variable,
-    sampled_channels,
-    variable_name,
-)
+from .outputs import PENDING, RESULT, Coordinate, Layout, Variable, sampled_channels, variable_name
 from .store.program import identity_of, programs
 from .store.store import SweepMemory, SweepStore
 from .work import CONTACT, Work

@@ -34,15 +34,7 @@ from .chunks import (
     read_chunk,
     write_chunk,
 )
-from .metadata import (
-    ADDED,
-    Contents,
-    contents_of,
-    create,
-    extend,
-    remove_abandoned,
-    write_grid,
-)
+from .metadata import ADDED, Contents, contents_of, create, extend, remove_abandoned, write_grid
 from .program import RUN, Identity, matching_lanes
 
 if TYPE_CHECKING:
