@@ -56,11 +56,10 @@ from .._simulation.step.settings import (
 from ..quantities.base import Quantity
 
 APART = 1e-7
-"""Time, s, from a delayed time to either end of the central difference that gives the rate of a
-delayed output: short compared with the duration of a contact, long compared with the rounding of
-times."""
+"""Half the interval, s, of the central difference that gives the rate of a delayed output: short
+compared with the duration of a contact, long compared with the rounding of times."""
 NO_RECORDERS = requested_by(None, None).recorders()
-"""As in `sensitivities` without recorded outputs, so that a fit after it compiles nothing anew."""
+"""Those of `sensitivities` without recorded outputs, whose compiled programs a fit then shares."""
 UNREACHED = 1e6
 """Residual of a sample that the run did not reach: an optimiser rejects the step."""
 
@@ -74,8 +73,8 @@ class Experiment(eqx.Module):
     - `times`: the sample times, s. The last one is repeated until their number is 64, 512, 4096 and
       so on, so that records of similar length share a program.
     - `sensors`: errors of the sensors, such as a delay, that are parameters.
-    - `free`, `whole`: indices of the parameters that are not `held`, if one is, and
-      coordinates (p,) with those of held ones.
+    - `free`, `whole`: indices of the parameters that are not `held`, and coordinates (p,) of which
+      those of held ones are used; ``None`` if none is held.
     """
 
     scheme: Scheme
@@ -91,7 +90,7 @@ class Experiment(eqx.Module):
     whole: np.ndarray | None = None
 
     def with_held(self, coordinates: ArrayLike) -> np.ndarray:
-        """Return coordinates (..., p) of all parameters for those of the free ones."""
+        """Return coordinates (..., p) of all parameters from those of the free ones."""
         of_free = np.asarray(coordinates)
         if self.free is None or self.whole is None:
             return of_free
@@ -102,11 +101,10 @@ class Experiment(eqx.Module):
     def run(self, coordinates: ArrayLike, end_time: Scalar) -> Sampled:
         """Run the scene at coordinates of the free parameters, and return readings of the sensors.
 
-        `end_time` is the time of the last sample to compare, s; readings at later times are
-        meaningless. An output with a delay is evaluated at `times` minus the delay, but not before
-        the start of the run. With negative delays, the run ends later than `end_time`. If the run
-        fails early, readings that it misses are meaningless and `reached` is false there; with
-        delays, they are NaN and `reached` is true everywhere.
+        Readings later than `end_time`, s, are meaningless. An output with a delay is evaluated at
+        `times` minus the delay, but not before the start of the run; with a negative delay, the run
+        ends later than `end_time`. If the run fails, readings that it misses are meaningless and
+        `reached` is false there; with delays, they are NaN and `reached` is true everywhere.
         """
         at, end_time = on_device(self.with_held(coordinates)), on_device(end_time)
         delayed = _instants(self, at, end_time) if self.sensors.delays else None
@@ -144,13 +142,10 @@ def _instants(
 ) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
     """Compute the times at which to sample a run with D delays, and the end of the run.
 
-    **Returns:**
-
-    - ((1 + 3 D) T,) all times, rising.
-    - (1 + 3 D, T) indices in these: a row for the times without delay, then for each delay three
-      rows, for the delayed times and for times `APART` earlier and later.
-    - (D, T) whether each delayed time is at or after the start.
-    - the end of the run.
+    **Returns:** all times, rising, ((1 + 3 D) T,); indices of these times, (1 + 3 D, T), in a row
+    for the times without delay and, for each delay, in three rows for the delayed times and those
+    `APART` earlier and later; whether each delayed time is at or after the start, (D, T); the end
+    of the run.
     """
     delays = [runs.sensors.value(number, coordinates) for number, _ in runs.sensors.delays]
     # A series with a negative delay is compared with the motion after its last sample.
@@ -180,8 +175,8 @@ def _delayed(
     inside: jax.Array,
     sampled: Sampled,
 ) -> Sampled:
-    """Return a copy of a run with outputs and derivatives at the T sample times, each output
-    delayed by its own delay. `rising`, `indices` and `inside` are the results of `_instants`.
+    """Return a copy of a run, `sampled` at the times of `_instants`, with each output at the T
+    sample times minus its own delay. `rising`, `indices` and `inside` are results of `_instants`.
     Outputs are NaN at times that the run did not reach, and `reached` is true throughout."""
     delay_of = {name: k for k, (_, names) in enumerate(runs.sensors.delays) for name in names}
     values, derivatives = {}, {}
@@ -279,9 +274,9 @@ class Samples(eqx.Module):
         return Samples(self.values, np.where(inside, self.weights, 0.0), self.periods)
 
     def residuals(self, predicted: jax.Array | np.ndarray) -> Float[jax.Array, "S T"]:
-        """Return (prediction - value) / noise; for a periodic quantity, the nearest multiple of the
-        period is subtracted first. A residual is zero where there is no sample, and `UNREACHED`
-        where the prediction is NaN."""
+        """Return (prediction - value) / noise, where the nearest multiple of the period of a
+        periodic quantity is subtracted from the difference. A residual is zero where there is no
+        sample, and `UNREACHED` where the prediction is NaN."""
         difference = predicted - self.values
         # Of all values that differ by whole periods, the nearest counts.
         rows = [
@@ -309,8 +304,8 @@ class RunMisfit:
     """Residuals and their Jacobian from one run, for S series at T times, M = S T.
 
     - `residuals`: (M,) series after series, zero where a series has no sample; `UNREACHED` at
-      samples that the run misses, where the `jacobian` is zero. In a window of a growing record
-      that is not the last one, a prior adds p more.
+      samples that the run misses, where the `jacobian` is zero. In growing windows before the last,
+      those of a prior, (p,), follow.
     - `predicted`: (S, T) values of the outputs, SI; meaningless at times that the run misses.
     """
 
