@@ -20,8 +20,8 @@ Row = jax.Array | np.ndarray
 
 
 class SensorErrors(eqx.Module):
-    """Those parameters of a run that are errors of sensors, each with its index among the
-    parameters, and the scales of all parameters."""
+    """The parameters of a run that are errors of sensors, each with its index among all parameters,
+    and the scales of all parameters."""
 
     errors: tuple[tuple[int, AbstractSeriesVariation], ...] = eqx.field(static=True, default=())
     scales: tuple[AbstractScale, ...] = eqx.field(static=True, default=())
@@ -37,13 +37,14 @@ class SensorErrors(eqx.Module):
         return len(self.delays) < len(self.errors)
 
     def value(self, number: int, coordinates: jax.Array) -> jax.Array:
-        """Return the value, (...), of the error with the index `number` at coordinates (..., p)."""
+        """Return the value, (...), of the parameter with the index `number` at coordinates (...,
+        p)."""
         # A user-defined scale need not accept arrays.
         return jnp.vectorize(self.scales[number].value)(coordinates[..., number])
 
     def reading(self, name: str, quantity: Row, elapsed: Row, coordinates: Row) -> jax.Array:
-        """Return the reading of a sensor, (T,), with all errors except a delay; `elapsed` are the
-        times since the start of the run, s."""
+        """Return the reading of a sensor, (T,), with all errors except a delay, from the quantity,
+        (T,), the times `elapsed` since the start of the run, (T,) s, and the coordinates, (p,)."""
         exact, since_start = jnp.asarray(quantity), jnp.asarray(elapsed)
         reading = exact
         for number, error in self.errors:
@@ -65,8 +66,7 @@ def with_sensor_errors(
     coordinates: Row,
 ) -> tuple[dict[str, jax.Array], dict[str, jax.Array]]:
     """Return the readings of all sensors, (T,) each, and their derivatives by the coordinates,
-    (T, p), from the quantities, (T,) `values`, and their `derivatives`; `elapsed`, (T,) s, is the
-    time since the start of the run."""
+    (T, p) each, from the quantities, `values`, and their `derivatives`."""
     readings, slopes = jax.tree.map(jnp.asarray, (dict(values), dict(derivatives)))
     # Without duplicates, since a sensor may have several errors.
     with_errors = dict.fromkeys(name for _, error in sensors.errors for name in error.series)
@@ -94,8 +94,7 @@ def readings_of_runs(
     elapsed: Float[jax.Array | np.ndarray, " T"],
     coordinates: Float[jax.Array | np.ndarray, "n p"],
 ) -> dict[str, jax.Array]:
-    """Return the readings of all sensors in n runs, (n, T) each, from the quantities `values`, the
-    times since the start, s, and the coordinates of each run."""
+    """Return the readings of all sensors in n runs, (n, T) each, from the quantities, `values`."""
 
     def of_run(values: Mapping[str, Row], coordinates: Row) -> dict[str, jax.Array]:
         return {n: sensors.reading(n, row, elapsed, coordinates) for n, row in values.items()}
@@ -106,11 +105,8 @@ def readings_of_runs(
 def sensor_errors(
     parameters: Mapping[str, Parameter], outputs: Mapping[str, object]
 ) -> SensorErrors:
-    """Return those parameters of a run with given `outputs` that are errors of sensors.
-
-    **Raises:** `ValueError` for the error of an unknown output, and for two errors of the same kind
-    for one output.
-    """
+    """Return those parameters of a run with given `outputs` that are errors of sensors; raise a
+    `ValueError` for an unknown output, and for two errors of the same kind for one output."""
     errors, taken = [], set()
     for number, (label, parameter) in enumerate(parameters.items()):
         error = parameter.variation
@@ -148,9 +144,8 @@ def units_of(
         error = parameter.variation
         if isinstance(error, AbstractSeriesVariation):
             units_of_value = {error.unit_of(series[of]): None for of in error.series}
-            expected = "an error of series with the same unit"
+            expected, argument = "an error of series with the same unit", f"parameters[{name!r}]"
             remedy = f"pass a {error.noun} for each unit"
-            argument = f"parameters[{name!r}]"
             require(len(units_of_value) == 1, argument, [*units_of_value], expected, remedy)
             units[name] = next(iter(units_of_value))
         else:
