@@ -18,15 +18,9 @@ from .._information.horizon import FitHorizon
 from .._measurements.series import Measurements
 from .._model.bodies import State
 from .._model.scene import Scene
+from .._parametrisation import variations
 from .._parametrisation.parameter import Bounded, Parameter, step_limits, values_at
-from .._parametrisation.variations import (
-    AbstractSeriesVariation,
-    SeriesBias,
-    SeriesDelay,
-    SeriesDrift,
-    SeriesGain,
-    StateNumber,
-)
+from .._parametrisation.variations import AbstractSeriesVariation, SeriesDelay, StateNumber
 from .._result_codes import RESULTS
 from . import checking
 from . import goodness_of_fit as statistics
@@ -62,6 +56,8 @@ LEAST_FREEDOM = 0.25
 """Smallest share of a correlated series' samples that count as degrees of freedom."""
 UNCORRELATED = 1e-3
 """p-value of the test of whiteness below which residuals count as correlated."""
+Kind = type[AbstractSeriesVariation]
+"""Kind of an error of sensors, such as `SeriesBias`."""
 
 
 @dataclass(frozen=True)
@@ -612,10 +608,8 @@ def _remedies(fit: Fit, scatter: float) -> Iterator[str]:
 
 
 def _explanation(
-    residuals: Float[np.ndarray, " M"],
-    part: slice,
-    effects: Mapping[type[AbstractSeriesVariation], Float[np.ndarray, " M"]],
-) -> tuple[float, dict[type[AbstractSeriesVariation], float], float]:
+    residuals: Float[np.ndarray, " M"], part: slice, effects: Mapping[Kind, Float[np.ndarray, " M"]]
+) -> tuple[float, dict[Kind, float], float]:
     """Find a few errors of a sensor that together explain most of the misfit of its series.
 
     Kinds of errors are added one by one, each time the one that makes the residuals smallest, until
@@ -627,10 +621,10 @@ def _explanation(
     error from `neutral`; and the share of the series' chi squared that they explain. All are zero
     or empty if even all kinds together explain less than `MOST`.
     """
-    chosen: list[type[AbstractSeriesVariation]] = []
+    chosen: list[Kind] = []
     before = float(np.sum(residuals[part] ** 2))
 
-    def fitted(kinds: Sequence[type[AbstractSeriesVariation]]) -> tuple[np.ndarray, np.ndarray]:
+    def fitted(kinds: Sequence[Kind]) -> tuple[np.ndarray, np.ndarray]:
         """Return the errors of these kinds by least squares, and the remaining residuals."""
         columns = np.stack([effects[kind] for kind in kinds], axis=1)
         sizes = np.linalg.norm(columns, axis=0)
@@ -649,17 +643,14 @@ def _explanation(
     return 0.0, {}, 0.0
 
 
-def _effects_of_errors(
-    fit: Fit, name: str
-) -> dict[type[AbstractSeriesVariation], Float[np.ndarray, " N"]]:
+def _effects_of_errors(fit: Fit, name: str) -> dict[Kind, Float[np.ndarray, " N"]]:
     """Derivatives of the residuals of a series by each kind of error of its sensor, for an ideal
     sensor."""
     series = fit.measurements[name]
     quantity, times = fit.predictions[name], np.asarray(series.times)
     instants = [*zip(quantity.tolist(), (times - fit.start_time).tolist(), strict=True)]
-    effects: dict[type[AbstractSeriesVariation], np.ndarray] = {}
-    effects[SeriesDelay] = -np.gradient(quantity, times)
-    for kind in (SeriesBias, SeriesGain, SeriesDrift):
+    effects: dict[Kind, np.ndarray] = {SeriesDelay: -np.gradient(quantity, times)}
+    for kind in (variations.SeriesBias, variations.SeriesGain, variations.SeriesDrift):
         fault = kind((name,))
         # The reading is linear in the error: its derivative is the effect of one unit.
         unit_error = kind.neutral + 1.0
@@ -675,8 +666,8 @@ def _sensor_faults(fit: Fit) -> Iterator[str]:
     # Orthonormal basis of the changes of residuals that the fit's parameters can make. The small
     # number avoids a division by the zero norm of a parameter without effect.
     basis = np.linalg.qr(jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300))[0]
-    variations = [parameter.variation for parameter in fit.parameters.values()]
-    errors = [error for error in variations if isinstance(error, AbstractSeriesVariation)]
+    of_parameters = [parameter.variation for parameter in fit.parameters.values()]
+    errors = [error for error in of_parameters if isinstance(error, AbstractSeriesVariation)]
     estimated = {(type(error), series) for error in errors for series in error.series}
     # The best explanation so far: its decrease of chi squared, series, errors and share.
     most, name, values, explained = 0.0, "", {}, 0.0

@@ -30,6 +30,7 @@ from .levenberg_marquardt import (
     best_search,
     search_with_damping,
 )
+from .points import Point
 from .residuals import RunMisfit, run_misfit
 from .screening.screening import LOOSER, Screening, search_screened
 from .starts import Guess, Starts, start_coordinates
@@ -356,10 +357,7 @@ def warn_of(fits: Sequence[Fit]) -> None:
 
 
 def _with_prior(
-    misfit: Callable[[np.ndarray], RunMisfit],
-    centre: np.ndarray,
-    deviations: np.ndarray,
-    at: np.ndarray,
+    misfit: Callable[[np.ndarray], RunMisfit], centre: Point, deviations: Point, at: Point
 ) -> RunMisfit:
     """Return the misfit at the point `at`, with the residuals (at - centre)/deviations of a normal
     prior appended, which are zero where a deviation is infinite."""

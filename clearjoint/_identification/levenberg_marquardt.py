@@ -233,14 +233,10 @@ def search_with_damping(
             y, arrays, done, length = _advance(y, arrays, model, limits, end_at)
             accepted = int(arrays.num_steps_since_acceptance) == 0
             best = latest if accepted else best
+            # The step size of optimistix is the inverse of the damping.
+            number, trust = len(iterations), float(arrays.search_state.step_size)
             iteration = Iteration(
-                len(iterations),
-                accepted,
-                latest.chi_squared,
-                latest.coordinates,
-                float(length),
-                # The step size of optimistix is the inverse of the damping.
-                float(arrays.search_state.step_size),
+                number, accepted, latest.chi_squared, latest.coordinates, float(length), trust
             )
             iterations.append(iteration)
             on_iteration(iteration)

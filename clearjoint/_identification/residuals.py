@@ -233,16 +233,11 @@ def experiment(
     sensors = sensor_errors(parameters, outputs)
     # The zeros are placeholders for coordinates that `Experiment.run` receives.
     family = parametrised(scene, state, in_scene(parameters), np.zeros(len(parameters)))
+    first_step = on_device(settings.length_of_first_step(start_time, end_time))
+    samples_at, start = on_device(padded(rising, end_time)), on_device(start_time)
+    max_steps, names = on_device(settings.max_steps, int), tuple(outputs)
     runs = Experiment(
-        scheme,
-        family,
-        dict(outputs),
-        on_device(padded(rising, end_time)),
-        on_device(start_time),
-        on_device(settings.length_of_first_step(start_time, end_time)),
-        on_device(settings.max_steps, int),
-        tuple(outputs),
-        sensors,
+        scheme, family, dict(outputs), samples_at, start, first_step, max_steps, names, sensors
     )
     numbers = {name: k for k, name in enumerate(parameters)}
     free = [numbers[name] for name in free_parameters(parameters)]

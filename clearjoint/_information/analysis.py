@@ -362,12 +362,9 @@ def identifiability_from(
     # In order of time, the samples of a shorter record are the first rows.
     sample_times = np.concatenate(times)
     order = np.argsort(sample_times, kind="stable")
+    of_sensors, all_rows = np.array(names)[order], np.concatenate(rows)[order]
+    scales = tuple(parameter.scale for parameter in parameters.values())
+    accuracy = ACCURACY_OF_DERIVATIVES * settings.rtol
     return Identifiability(
-        tuple(parameters),
-        tuple(parameter.scale for parameter in parameters.values()),
-        coordinates,
-        np.array(names)[order],
-        sample_times[order],
-        np.concatenate(rows)[order],
-        ACCURACY_OF_DERIVATIVES * settings.rtol,
+        tuple(parameters), scales, coordinates, of_sensors, sample_times[order], all_rows, accuracy
     )

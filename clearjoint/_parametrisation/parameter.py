@@ -17,20 +17,9 @@ from .._fields.checks import require, require_positive, require_shape, require_t
 from .._math.vectors import Scalar, library
 from .._model.bodies import State
 from .._model.scene import Scene
+from . import variations
 from .paths import NumberPath, value_at
-from .variations import (
-    AbstractNumber,
-    AbstractSeriesVariation,
-    AbstractVariation,
-    Change,
-    MadeByFunction,
-    SceneNumber,
-    SeriesBias,
-    SeriesDelay,
-    SeriesDrift,
-    SeriesGain,
-    StateNumber,
-)
+from .variations import AbstractSeriesVariation, AbstractVariation, Change, SceneNumber
 
 
 @dataclass(frozen=True)
@@ -267,7 +256,7 @@ class Parameter:
     ) -> "Parameter":
         """Return a parameter that is a number of the initial state, selected by a path such as
         ``lambda state: state.bodies["arm"].spin[2]``. Arguments and errors: as for `Parameter`."""
-        return Parameter(StateNumber(path, unit), scale, value=value)
+        return Parameter(variations.StateNumber(path, unit), scale, value=value)
 
     @staticmethod
     def change(
@@ -278,7 +267,7 @@ class Parameter:
         ``make(scene, state, value)`` returns the changed pair (scene, state). The first guess, in
         `unit`, is required, because the scene has no such number.
         """
-        return Parameter(MadeByFunction(make, unit), scale, value=value)
+        return Parameter(variations.MadeByFunction(make, unit), scale, value=value)
 
     @staticmethod
     def delay(*series: str, value: float = 0.0, scale: AbstractScale | None = None) -> "Parameter":
@@ -297,7 +286,7 @@ class Parameter:
         >>> delay.value
         0.0
         """
-        return _of_sensors(SeriesDelay, series, value, scale)
+        return _of_sensors(variations.SeriesDelay, series, value, scale)
 
     @staticmethod
     def bias(*series: str, value: float = 0.0, scale: AbstractScale | None = None) -> "Parameter":
@@ -314,7 +303,7 @@ class Parameter:
         >>> bias.value
         0.01
         """
-        return _of_sensors(SeriesBias, series, value, scale)
+        return _of_sensors(variations.SeriesBias, series, value, scale)
 
     @staticmethod
     def gain(*series: str, value: float = 1.0, scale: AbstractScale | None = None) -> "Parameter":
@@ -328,7 +317,7 @@ class Parameter:
         >>> cj.Parameter.gain("torque", scale=cj.Bounded(0.8, 1.2)).value
         1.0
         """
-        return _of_sensors(SeriesGain, series, value, scale)
+        return _of_sensors(variations.SeriesGain, series, value, scale)
 
     @staticmethod
     def drift(*series: str, value: float = 0.0, scale: AbstractScale | None = None) -> "Parameter":
@@ -339,7 +328,7 @@ class Parameter:
         >>> cj.Parameter.drift("encoder").value
         0.0
         """
-        return _of_sensors(SeriesDrift, series, value, scale)
+        return _of_sensors(variations.SeriesDrift, series, value, scale)
 
     def coordinate_in(self, scene: Scene, state: State) -> float:
         """Return the coordinate of `value` or, if it is ``None``, of the (first tied) number in the
@@ -351,7 +340,7 @@ class Parameter:
         """
         value, variation = self.value, self.variation
         if value is None:
-            if not isinstance(variation, AbstractNumber):
+            if not isinstance(variation, variations.AbstractNumber):
                 kind = type(variation).__name__
                 raise ValueError(
                     f"Argument `value` must be a number for a {kind}, of which the scene has no "

@@ -22,6 +22,10 @@ from .parameter import AbstractScale, Parameter
 from .variations import Change, NumberSetter, changed, changed_in_steps
 
 Coordinates = jax.Array | np.ndarray
+Trees = tuple[PyTree, ...]
+SceneFunction = Callable[..., tuple[PyTree, PyTree]]
+"""Function of a scene and of further arguments that returns a value, which is differentiated, and
+an auxiliary result."""
 
 
 class AbstractSceneFamily(eqx.Module):
@@ -56,15 +60,12 @@ class AbstractSceneFamily(eqx.Module):
 
     @abc.abstractmethod
     def with_derivatives(
-        self,
-        function: Callable[..., tuple[PyTree, PyTree]],
-        primals: tuple[PyTree, ...],
-        tangents: tuple[PyTree, ...],
+        self, function: SceneFunction, primals: Trees, tangents: Trees
     ) -> tuple[PyTree, PyTree, PyTree]:
-        """Compute a function of the scene and its derivatives along the directions.
+        """Compute ``function(scene, *primals)`` and the derivatives of its value along the
+        directions.
 
-        ``function(scene, *primals)`` returns a value, which is differentiated, and an auxiliary
-        result. The scene is that of the method `scene`. `primals` are earlier results of a run, and
+        The scene is that of the method `scene`. `primals` are earlier results of a run, and
         `tangents` their derivatives. In all derivatives, arrays have a first axis for tangents.
 
         **Returns:** the value, the auxiliary result, and the value's derivatives.
@@ -170,15 +171,12 @@ class ParametrisedScene(AbstractSceneFamily):
 
     @override
     def with_derivatives(
-        self,
-        function: Callable[..., tuple[PyTree, PyTree]],
-        primals: tuple[PyTree, ...],
-        tangents: tuple[PyTree, ...],
+        self, function: SceneFunction, primals: Trees, tangents: Trees
     ) -> tuple[PyTree, PyTree, PyTree]:
         def at(values: Coordinates, *rest: PyTree) -> tuple[PyTree, PyTree]:
             return function(self.scene(values), *rest)
 
-        def along(seed: Coordinates, tangents: tuple[PyTree, ...]) -> PyTree:
+        def along(seed: Coordinates, tangents: Trees) -> PyTree:
             return jax.jvp(at, (self.values, *primals), (seed, *tangents), has_aux=True)
 
         tell_tangents(self.tangents)
@@ -234,10 +232,7 @@ class DirectedScene(AbstractSceneFamily):
 
     @override
     def with_derivatives(
-        self,
-        function: Callable[..., tuple[PyTree, PyTree]],
-        primals: tuple[PyTree, ...],
-        tangents: tuple[PyTree, ...],
+        self, function: SceneFunction, primals: Trees, tangents: Trees
     ) -> tuple[PyTree, PyTree, PyTree]:
         def at(values: PyTree, *rest: PyTree) -> tuple[PyTree, PyTree]:
             return function(self.scene(values), *rest)

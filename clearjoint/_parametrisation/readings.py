@@ -17,6 +17,7 @@ from .variations import AbstractSeriesVariation, MadeByFunction, SeriesDelay, un
 
 Row = jax.Array | np.ndarray
 """Numbers of one output at several times, (T,), or coordinates, (p,)."""
+Rows = Mapping[str, Row]
 
 
 class SensorErrors(eqx.Module):
@@ -59,11 +60,7 @@ NO_ERRORS = SensorErrors()
 
 @Compiled
 def with_sensor_errors(
-    sensors: SensorErrors,
-    values: Mapping[str, Row],
-    derivatives: Mapping[str, Row],
-    elapsed: Row,
-    coordinates: Row,
+    sensors: SensorErrors, values: Rows, derivatives: Rows, elapsed: Row, coordinates: Row
 ) -> tuple[dict[str, jax.Array], dict[str, jax.Array]]:
     """Return the readings of all sensors, (T,) each, and their derivatives by the coordinates,
     (T, p) each, from the quantities, `values`, and their `derivatives`."""
@@ -96,7 +93,7 @@ def readings_of_runs(
 ) -> dict[str, jax.Array]:
     """Return the readings of all sensors in n runs, (n, T) each, from the quantities, `values`."""
 
-    def of_run(values: Mapping[str, Row], coordinates: Row) -> dict[str, jax.Array]:
+    def of_run(values: Rows, coordinates: Row) -> dict[str, jax.Array]:
         return {n: sensors.reading(n, row, elapsed, coordinates) for n, row in values.items()}
 
     return jax.vmap(of_run)(values, coordinates)

@@ -120,7 +120,6 @@ class MadeByFunction(AbstractVariation):
 
     @override
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
-        del scene, state, example
         return self.make
 
 
@@ -185,7 +184,6 @@ class SeriesDelay(AbstractSeriesVariation):
 
     @override
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
-        del value, quantity, elapsed
         return 0.0
 
     @override
@@ -244,7 +242,6 @@ class SeriesDrift(AbstractSeriesVariation):
 
 
 def unchanged(scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-    del value
     return scene, state
 
 

@@ -57,6 +57,11 @@ weight of this distribution."""
 TOGETHER = 256
 """Number of points whose densities are computed at once."""
 
+Weights = Float[np.ndarray, " n"]
+"""A weight of each of n points, or its logarithm."""
+OnStep = Callable[[float], None]
+"""Function that is called after each step along the record and each round of importance sampling,
+with the number of sample times in the likelihood."""
 Curves = Callable[[Points, int], Float[np.ndarray, "n T"]]
 """Function that runs points (n, p) over the first T sample times, and returns chi squared over the
 first 0 to T times, (n, T + 1), infinite from the first sample on that a run misses."""
@@ -125,13 +130,9 @@ class ImpossiblePriorError(ArithmeticError):
 
 
 def draw(
-    target: Target,
-    number: int,
-    generator: Generator,
-    on_step: Callable[[float], None] = lambda count: None,
+    target: Target, number: int, generator: Generator, on_step: OnStep = lambda count: None
 ) -> Drawn:
-    """Draw `number` points from the posterior. `on_step` is called after each step along the record
-    or round of importance sampling, with the number of sample times in the likelihood.
+    """Draw `number` points from the posterior.
 
     **Raises:** `ImpossiblePriorError`; `FloatingPointError` if, in a step or round, the likelihood
     is zero at each point; `numpy.linalg.LinAlgError` if so few distinct points have a weight that
@@ -184,11 +185,7 @@ def from_prior(target: Target, number: int, generator: Generator) -> tuple[Point
 
 
 def drawn_from(
-    target: Target,
-    points: Points,
-    number: int,
-    generator: Generator,
-    on_step: Callable[[float], None],
+    target: Target, points: Points, number: int, generator: Generator, on_step: OnStep
 ) -> Drawn:
     """Draw `number` points from the posterior, by steps along the record from `points` of the
     prior, and then by importance sampling.
@@ -232,8 +229,8 @@ def drawn_from(
 
 
 def along_record(
-    target: Target, points: Points, generator: Generator, on_step: Callable[[float], None]
-) -> tuple[Points, Float[np.ndarray, " n"], int]:
+    target: Target, points: Points, generator: Generator, on_step: OnStep
+) -> tuple[Points, Weights, int]:
     """Return weighted points near the posterior of the whole record, their weights of sum 1, and
     the number of steps along the record."""
     # Number of times over which the points have been run, and number of times in the likelihood.
@@ -291,7 +288,7 @@ def next_count(curves: Float[np.ndarray, "n T"], reached: float) -> float:
     return max(longest, float(np.nextafter(reached, np.inf)))
 
 
-def normalised(logarithms: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], float]:
+def normalised(logarithms: Weights) -> tuple[Weights, float]:
     """Return weights of sum 1 in proportion to exp(logarithms), and log(mean(exp(logarithms))).
 
     **Raises:** `FloatingPointError` if all logarithms are -inf or NaN, or one is +inf.
@@ -304,23 +301,21 @@ def normalised(logarithms: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, "
     return weights / weights.sum(), float(largest + np.log(weights.mean()))
 
 
-def effective_number(points: Points, weights: Float[np.ndarray, " n"]) -> float:
+def effective_number(points: Points, weights: Weights) -> float:
     """Return the effective number of weighted points, 1 / (sum of their squared weights), where
     equal points count as one, with the sum of their weights."""
     return 1.0 / float((_distinct(points, weights)[1] ** 2).sum())
 
 
 def _distinct(
-    points: Points, weights: Float[np.ndarray, " n"]
+    points: Points, weights: Weights
 ) -> tuple[Float[np.ndarray, "m p"], Float[np.ndarray, " m"]]:
     distinct, numbers = np.unique(points, axis=0, return_inverse=True)
     # Some versions of NumPy return the inverse of `unique` as a column, hence `ravel`.
     return distinct, np.bincount(numbers.ravel(), weights, len(distinct))
 
 
-def resampled(
-    weights: Float[np.ndarray, " n"], generator: Generator, count: int | None = None
-) -> np.ndarray:
+def resampled(weights: Weights, generator: Generator, count: int | None = None) -> np.ndarray:
     """Return the rising indices of `count` points, by default n, drawn by systematic resampling."""
     count = len(weights) if count is None else count
     # The sum of the weights may be less than 1 by rounding, hence the minimum.
@@ -329,11 +324,7 @@ def resampled(
 
 
 def mutated(
-    target: Target,
-    cloud: Cloud,
-    weights: Float[np.ndarray, " n"],
-    reached: float,
-    generator: Generator,
+    target: Target, cloud: Cloud, weights: Weights, reached: float, generator: Generator
 ) -> Cloud:
     """Resample a weighted cloud and move its points, by the rule of Metropolis and Hastings, for
     the likelihood of the first `reached` sample times, see `chi_squared_over`.
@@ -385,10 +376,10 @@ class Mixture:
 
     centres: Points
     roots: Float[np.ndarray, "n p p"]
-    weights: Float[np.ndarray, " n"]
+    weights: Weights
 
     @staticmethod
-    def around(points: Points, weights: Float[np.ndarray, " n"], wider: float = 1.0) -> "Mixture":
+    def around(points: Points, weights: Weights, wider: float = 1.0) -> "Mixture":
         """Return a mixture that follows a cloud of n weighted points.
 
         There is one distribution around each point, with the weight of the point and the covariance

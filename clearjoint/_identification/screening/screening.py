@@ -118,11 +118,7 @@ class Screened:
 
 
 def screen(
-    screening: Screening,
-    lanes: Comparison,
-    centre: Point,
-    number: int,
-    progress: bool,
+    screening: Screening, lanes: Comparison, centre: Point, number: int, progress: bool
 ) -> Screened:
     """Make one pass of a `Screening`: find starts of a fit by runs without derivatives, `lanes`, in
     the box around the guess `centre`. Each `number` of a pass, from 0, gives other random numbers;
