@@ -110,13 +110,9 @@ class Fit(AbstractTabular):
             "correlation": Labelled((*along, "with"), self.correlation),
         }
         labels = estimate_labels(self.units) | {"with": Labelled(("with",), texts([*self.units]))}
-        notes = {
-            "ending": self.ending.value,
-            "chi_squared": self.chi_squared,
-            "degrees_of_freedom": self.degrees_of_freedom,
-            "p_value": self.p_value,
-            "warnings": " ".join(self.warnings) or "none",
-        }
+        names = "chi_squared", "degrees_of_freedom", "p_value"
+        notes = {"ending": self.ending.value, **{name: getattr(self, name) for name in names}}
+        notes["warnings"] = " ".join(self.warnings) or "none"
         return labelled_dataset("fit", variables, labels, tuple(notes.items()))
 
     @property
@@ -588,14 +584,11 @@ def _remedies(fit: Fit, scatter: float) -> Iterator[str]:
     else:
         # Searches that end in one minimum differ in chi squared by less than a hundredth.
         ends = [search.best.chi_squared for search in fit.searches]
+        single = "all in one minimum. The model probably lacks an effect."
+        several = "in several minima. Use more starts, or a wider spread."
         yield (
             f"The {len(ends)} searches ended at chi squared from {min(ends):.3g} to "
-            f"{max(ends):.3g}: "
-            + (
-                "all in one minimum. The model probably lacks an effect."
-                if max(ends) < 1.01 * min(ends)
-                else "in several minima. Use more starts, or a wider spread."
-            )
+            f"{max(ends):.3g}: {single if max(ends) < 1.01 * min(ends) else several}"
         )
     if fit.ending is Ending.EXHAUSTED:
         number = fit.best.evaluations

@@ -25,6 +25,7 @@ from .._math.vectors import Scalar
 from .._measurements.series import Measurements
 from .._model.bodies import State
 from .._model.scene import Scene
+from .._parametrisation import readings as sensor_readings
 from .._parametrisation.parameter import (
     PASS_PARAMETERS,
     Parameter,
@@ -33,13 +34,7 @@ from .._parametrisation.parameter import (
     free_parameters,
 )
 from .._parametrisation.parametrised_scene import ParametrisedScene, parametrised
-from .._parametrisation.readings import (
-    NO_ERRORS,
-    SensorErrors,
-    in_scene,
-    sensor_errors,
-    with_sensor_errors,
-)
+from .._parametrisation.readings import NO_ERRORS, SensorErrors, in_scene, sensor_errors
 from .._result_codes import RESULTS
 from .._simulation.run.outputs import EXAMPLE, RECORDED, requested_by
 from .._simulation.run.run_checks import derivative_scheme
@@ -125,7 +120,7 @@ class Experiment(eqx.Module):
             run = _delayed(self, at, *delayed[:3], run)
         if self.sensors.of_values:
             elapsed = self.times - self.start_time
-            readings, slopes = with_sensor_errors(
+            readings, slopes = sensor_readings.with_sensor_errors(
                 self.sensors, run.values, run.derivatives, elapsed, at
             )
             run = replace(run, values=readings, derivatives=slopes)

@@ -269,9 +269,8 @@ class Identifiability:
         return "\n".join([head, "", *self._bounds(), "", *self._combination_lines()])
 
     def _bounds(self) -> list[str]:
-        rows: list[tuple[str, ...]] = [
-            ("parameter", "value", "together", "", "alone", *(f"r({n})" for n in self.names))
-        ]
+        head = "parameter", "value", "together", "", "alone", *(f"r({n})" for n in self.names)
+        rows: list[tuple[str, ...]] = [head]
         together, alone = self.value_deviations, self.slopes * self.deviations_alone
         for k, (name, is_identifiable) in enumerate(self.identifiable.items()):
             value = self.values[k]

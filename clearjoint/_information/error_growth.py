@@ -73,11 +73,8 @@ def points(scene: Scene) -> dict[str, Quantity]:
 
 def penetrations(scene: Scene) -> dict[str, Quantity]:
     """Return the penetrations of all contacts, m, as quantities by name."""
-    return {
-        f"penetration of {joint}: {contact}": Penetration(joint, contact)
-        for joint, laws in scene.laws().items()
-        for contact in laws
-    }
+    contacts = [(joint, contact) for joint, laws in scene.laws().items() for contact in laws]
+    return {f"penetration of {j}: {contact}": Penetration(j, contact) for j, contact in contacts}
 
 
 def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) -> np.ndarray:

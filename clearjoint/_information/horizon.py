@@ -30,16 +30,9 @@ from .._simulation.run.sensitivities import Sensitivities, sensitivities
 from .._simulation.step import presets
 from .._simulation.step.settings import Settings, settings_or
 from ..quantities.base import Quantity
+from . import analysis
 from . import error_growth as growth
-from .analysis import (
-    Identifiability,
-    Sensor,
-    Sensors,
-    as_sensors,
-    identifiability_from,
-    outputs_of,
-    times_of,
-)
+from .analysis import Identifiability, Sensor, Sensors, outputs_of
 
 LOOSER = 10.0
 """Tolerance of a second run, over that of the main run, whose error the difference of the two
@@ -219,8 +212,9 @@ def fit_horizon(
         remedy = "give the possible error of the guess"
         require_positive(f"uncertainty[{name!r}]", size, remedy)
     spread = np.array([float(uncertainty[name]) for name in parameters])
-    by_name, truth = as_sensors(sensors, scene), coordinates_of(scene, state, parameters)
-    times, points, contacts = times_of(by_name), growth.points(scene), growth.penetrations(scene)
+    by_name, truth = analysis.as_sensors(sensors, scene), coordinates_of(scene, state, parameters)
+    times = analysis.times_of(by_name)
+    points, contacts = growth.points(scene), growth.penetrations(scene)
     outputs, end_time = outputs_of(by_name) | points | contacts, float(times[-1])
     disturbance = {growth.DISTURBANCE: growth.disturbance(scene)}
     # These names are used beside the user's.
@@ -255,7 +249,7 @@ def fit_horizon(
     guesses = [_wrong_guess(near_truth, true_run, truth, d, weights) for d in offsets(spread)]
     rate = growth.rate(times, sizes[:, -1], onset if np.isfinite(onset) else start_time)
     numerical = _first(times, (errors[0] > 1.0) | (errors[1] > DERIVATIVE_ERROR))
-    information = identifiability_from(true_run, dict(parameters), truth, by_name, tight)
+    information = analysis.identifiability_from(true_run, parameters, truth, by_name, tight)
     return FitHorizon(times, sizes, rate, *errors, numerical, tuple(guesses), information)
 
 

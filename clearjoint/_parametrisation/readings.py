@@ -1,6 +1,7 @@
 """Readings of sensors with errors, such as a bias, as functions of the errors' parameters."""
 
 from collections.abc import Mapping
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -74,11 +75,8 @@ def with_sensor_errors(
 
         # A reading depends on the quantity at the same time only, so that one product with ones
         # gives the diagonal of its Jacobian.
-        readings[name], factor = jax.jvp(
-            lambda quantity: reading(quantity, coordinates),
-            (values[name],),
-            (jnp.ones_like(values[name]),),
-        )
+        at = partial(reading, coordinates=coordinates)
+        readings[name], factor = jax.jvp(at, (values[name],), (jnp.ones_like(values[name]),))
         own = jax.jacfwd(reading, argnums=1)(values[name], coordinates)
         slopes[name] = factor[:, None] * derivatives[name] + own
     return readings, slopes

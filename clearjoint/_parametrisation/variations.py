@@ -133,21 +133,23 @@ class AbstractSeriesVariation(AbstractVariation):
     - `series`: names of the series, or of the outputs or sensors of a prediction.
     - `neutral`: value of an ideal sensor.
     - `noun`: name of the kind of error, and of the method of `Parameter` that makes one.
+    - `unit`: of the value, with "{}" in place of the unit of the series.
     - `users`: names of the functions that accept such an error, for error messages.
     """
 
     series: tuple[str, ...]
     neutral: ClassVar[float] = 0.0
     noun: ClassVar[str]
+    unit: ClassVar[str]
 
     @abc.abstractmethod
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
         """Return what the error adds to the reading of the sensor, in the quantity's unit;
         `elapsed` is the time since the start of the run, s."""
 
-    @abc.abstractmethod
     def unit_of(self, unit: str) -> str:
         """Return the unit of the value for series in the given unit."""
+        return self.unit.format(unit)
 
     @property
     @override
@@ -180,6 +182,7 @@ class SeriesDelay(AbstractSeriesVariation):
     """Delay, s, of the time stamps of measured series."""
 
     noun: ClassVar[str] = "delay"
+    unit: ClassVar[str] = "s"
     users: ClassVar[str] = "cj.identify, cj.identify_many, cj.minimise and cj.posterior"
 
     @override
@@ -187,12 +190,8 @@ class SeriesDelay(AbstractSeriesVariation):
         return 0.0
 
     @override
-    def unit_of(self, unit: str) -> str:
-        return "s"
-
-    @override
     def unit_in(self, scene: Scene, state: State) -> str:
-        return "s"
+        return self.unit
 
 
 @dataclass(frozen=True)
@@ -200,14 +199,11 @@ class SeriesBias(AbstractSeriesVariation):
     """Bias of sensors: a constant that is added to the quantity, in its unit."""
 
     noun: ClassVar[str] = "bias"
+    unit: ClassVar[str] = "{}"
 
     @override
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
         return value
-
-    @override
-    def unit_of(self, unit: str) -> str:
-        return unit
 
 
 @dataclass(frozen=True)
@@ -216,14 +212,11 @@ class SeriesGain(AbstractSeriesVariation):
 
     neutral: ClassVar[float] = 1.0
     noun: ClassVar[str] = "gain"
+    unit: ClassVar[str] = "1"
 
     @override
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
         return (value - 1.0) * quantity
-
-    @override
-    def unit_of(self, unit: str) -> str:
-        return "1"
 
 
 @dataclass(frozen=True)
@@ -231,14 +224,11 @@ class SeriesDrift(AbstractSeriesVariation):
     """Drift of sensors: constant rate at which their bias changes, zero at the start of the run."""
 
     noun: ClassVar[str] = "drift"
+    unit: ClassVar[str] = "{}/s"
 
     @override
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
         return value * elapsed
-
-    @override
-    def unit_of(self, unit: str) -> str:
-        return f"{unit}/s"
 
 
 def unchanged(scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:

@@ -198,13 +198,11 @@ class RobotFit(AbstractTabular):
                 own, value = series.keys() & delay.series, fit.estimates[name]
                 instants |= {n: np.maximum(instants[n] - value, start) for n in own}
         times = np.unique(np.concatenate([*instants.values()]))
+        settings, end = settings_or(settings, presets.identification), float(times[-1])
+        outputs = {name: s.channel for name, s in series.items()}
+        save = Saving(times)
         run = simulate(
-            *(scene, state, float(times[-1])),
-            settings_or(settings, presets.identification),
-            Saving(times),
-            outputs={name: s.channel for name, s in series.items()},
-            start_time=start,
-            progress=False,
+            scene, state, end, settings, save, outputs=outputs, start_time=start, progress=False
         )
         predicted = {}
         for name, s in series.items():
@@ -220,14 +218,11 @@ class RobotFit(AbstractTabular):
         drives a joint, its torque or its position, is predicted as logged."""
         loops, measured = {}, self.fit.measurements.series
         for joint in self.driven_by:
-            if joint not in self.log.torques:
+            side = joint if joint in self.log.angles else f"{joint} motor"
+            if joint not in self.log.torques or side not in self.log.angles:
                 continue
-            torques, motor = self.log.torques[joint], f"{joint} motor"
-            side = joint if joint in self.log.angles else motor
-            if side not in self.log.angles:
-                continue
-            angles, position = self.log.angles[side], f"{side} position"
-            torque, by_name = f"{joint} torque", self.predictions
+            torques, angles = self.log.torques[joint], self.log.angles[side]
+            torque, position, by_name = f"{joint} torque", f"{side} position", self.predictions
             times = np.asarray(measured[position if position in measured else torque].times)
             logged = (
                 np.interp(times, angles.times, np.unwrap(angles.values)),
@@ -331,12 +326,8 @@ def fit_robot(
     scene, state, measured = problem.scene, problem.state, problem.measurements
     starts = {name: p.scale.value(p.coordinate_in(scene, state)) for name, p in free.items()}
     starts = values = {name: float(value) for name, value in starts.items()}
-    options: dict[str, PyTree] = {
-        "max_iterations": max_iterations,
-        "check_runs": check_runs,
-        "progress": progress,
-        "start_time": log.start,
-    }
+    options: dict[str, PyTree] = {"start_time": log.start, "progress": progress}
+    options |= {"max_iterations": max_iterations, "check_runs": check_runs}
     fit, undetermined, fixed = None, {}, {}
     for _ in range(ROUNDS):
         present = {n: Parameter(p.variation, p.scale, value=values[n]) for n, p in free.items()}
@@ -478,13 +469,9 @@ def _undetermined(
     flanks = cache(partial(_touched, problem, parameters))
     while names:
         columns = [report.names.index(name) for name in names]
-        part = replace(
-            report,
-            names=tuple(names),
-            scales=tuple(report.scales[k] for k in columns),
-            coordinates=report.coordinates[columns],
-            rows=report.rows[:, columns],
-        )
+        scales, rows = tuple(report.scales[k] for k in columns), report.rows[:, columns]
+        at = report.coordinates[columns]
+        part = replace(report, names=tuple(names), scales=scales, coordinates=at, rows=rows)
         ratios = part.deviations / part.limits
         if (ratios <= 1.0).all():
             break

@@ -304,12 +304,8 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
     # the log from the start on.
     following = {motor_of(robot, joint) for joint, mode in driven_by.items() if mode == "angle"}
     q = {name: float(spline.values[1]) for name, spline in positions.items()}
-    qd = {
-        name: 0.0
-        if name not in following and _begins_at_rest(log.angles[name])
-        else float(spline.rates[1])
-        for name, spline in positions.items()
-    }
+    at_rest = {n for n in log.angles if n not in following and _begins_at_rest(log.angles[n])}
+    qd = {n: 0.0 if n in at_rest else float(spline.rates[1]) for n, spline in positions.items()}
     for name in log.angles:
         # A link turns with its logged motor, as a motor does with its link.
         link = _other_side(robot, log, name)
@@ -319,15 +315,10 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
         # The start of another is known as accurately as a single sample, so that it is a parameter.
         if name not in following:
             parameters |= _of_start(robot, log, name, q, qd)
-    return RobotProblem(
-        driven,
-        log,
-        driven_by,
-        state=robot.state(q, qd),
-        parameters={f"{joint} {kind}": p for (joint, kind), p in parameters.items()},
-        subjects={f"{joint} {kind}": (joint, kind) for joint, kind in parameters},
-        measurements=_measured(robot, log, driven_by, following),
-    )
+    subjects = {f"{joint} {kind}": (joint, kind) for joint, kind in parameters}
+    by_name = dict(zip(subjects, parameters.values(), strict=True))
+    state, measured = robot.state(q, qd), _measured(robot, log, driven_by, following)
+    return RobotProblem(driven, log, driven_by, state, by_name, subjects, measured)
 
 
 def _require_joints(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) -> None:

@@ -255,19 +255,15 @@ def ensemble(
     points = [grid.ravel() for grid in grids]
     count = len(points[0]) if points else 1
     # The draws of a point are successive lanes; all points share the draws' directions.
-    repeated = {
-        name: Axis(axis.variation, np.repeat(column, draws))
-        for (name, axis), column in zip(axes.items(), points, strict=True)
-    }
+    pairs = zip(axes.items(), points, strict=True)
+    repeated = {n: Axis(axis.variation, np.repeat(column, draws)) for (n, axis), column in pairs}
     along = np.tile(directions(scene, draws, seed), (count, 1))
     start_time = options.get("start_time", 0.0)
     lanes = disturbed_axes(scene, state, repeated, disturbance, along, start_time, draws)
     results = sweep(scene, state, end_time, lanes, outputs, settings, zipped=True, **options)
     shape = tuple(len(axis.values) for axis in axes.values())
-    labels = {
-        name: (name, axis.values, {"units": axis.unit_in(scene, state)})
-        for name, axis in axes.items()
-    }
+    units = {name: {"units": axis.unit_in(scene, state)} for name, axis in axes.items()}
+    labels = {name: (name, axis.values, units[name]) for name, axis in axes.items()}
     notes = {"draws": draws, "disturbance": f"{disturbance:g} m/s", "seed": seed}
     quantities = requested_by(outputs, options.get("save")).quantities
     statistics = _statistics(results, labels, (*shape, draws), levels, quantities)

@@ -164,8 +164,5 @@ def _indices(groups: np.ndarray, confidence: float) -> dict[str, np.ndarray]:
     error = np.sqrt(freedom * without_one.var(axis=0))
     half = stdtrit(freedom, 0.5 * (1.0 + confidence)) * error
     parts = {"": value, "_low": value - half, "_high": value + half}
-    return {
-        f"{order}{suffix}": numbers[k]
-        for k, order in enumerate(ORDERS)
-        for suffix, numbers in parts.items()
-    }
+    pairs = [*enumerate(ORDERS)]
+    return {f"{order}{end}": both[k] for k, order in pairs for end, both in parts.items()}
