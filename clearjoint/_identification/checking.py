@@ -39,7 +39,8 @@ share of the test points or more."""
 WIDENINGS = (1.0, 2.0, 4.0)
 """Factors on the standard errors of normal distributions from which points are drawn."""
 KEPT = 32
-"""Each round draws among the points with the lowest chi squared so far, at least so many."""
+"""Smallest number of points, those with the lowest chi squared, among which a round draws new
+ones."""
 WORTH = 3.0
 """Largest rise of chi squared over the lowest, in multiples of `RISE`, at which a point counts as
 low: new points are drawn among the low ones."""
@@ -394,9 +395,8 @@ class LikelihoodCheck:
         return self.test.passed
 
     def widening(self, best: RunMisfit) -> float:
-        """Return the largest factor, 1 or more, between the distances from `best` of an interval's
-        end by the exploration and of that by the covariance of `best`, the larger over the
-        smaller."""
+        """Return how much the intervals by the exploration differ from those by the covariance of
+        `best`: the largest ratio, 1 or more, of the distances of their ends from `best`."""
         assert self.exploration is not None
         half = np.sqrt(RISE * np.diag(best.covariance))
         low, high = self.exploration.intervals()

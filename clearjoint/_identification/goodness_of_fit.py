@@ -192,7 +192,7 @@ def distinct(
     return chosen
 
 
-def _apart(one: RunMisfit, other: RunMisfit) -> bool:
-    """Whether `other` is outside the 95 % interval of at least one parameter around `one`."""
-    half = DEVIATIONS * np.sqrt(np.diag(one.covariance))
-    return bool(np.any(np.abs(other.coordinates - one.coordinates) > half))
+def _apart(lower: RunMisfit, other: RunMisfit) -> bool:
+    """Whether `other` is outside the 95 % interval of at least one parameter around `lower`."""
+    half = DEVIATIONS * np.sqrt(np.diag(lower.covariance))
+    return bool(np.any(np.abs(other.coordinates - lower.coordinates) > half))

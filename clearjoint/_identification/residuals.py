@@ -183,6 +183,7 @@ def _delayed(
             continue
         k = delay_of[name]
         number = runs.sensors.delays[k][0]
+        # The three rows of delay k, (T,) each; row 0 is that of the times without delay.
         at, before, after = indices[1 + 3 * k : 4 + 3 * k]
         # The derivative with respect to the delay is minus the rate of the output, from a central
         # difference. Before the start the state is constant, so the rate is zero.

@@ -252,7 +252,8 @@ def _logged(
         )
     allowed = units if spec.of is None else (spec.of,)
     si = allowed[0]
-    # The unit of a slider is the second one; an error names the first.
+    # The column's dimension tells whether its joint is a hinge, with the first unit, or a slider,
+    # with the last one. If it fits neither, the error below names the first.
     with suppress(ValueError):
         to_si(unit, allowed[-1])
         si = allowed[-1]

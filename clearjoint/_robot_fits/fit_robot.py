@@ -184,13 +184,14 @@ class RobotFit(AbstractTabular):
         series, start, fit = problem.measurements.series, log.start, self.fit
         sensors = sensor_errors(fit.parameters, fit.measurements.series)
         reading = partial(sensors.reading, coordinates=fit.coordinates)
-        # The first reading of a position is that of a sensor with errors, which are linear.
+        # The first reading of a position has the sensor's errors: it is linear in the position.
         starts = {n: (p, float(p.value or 0.0)) for n, p in problem.parameters.items()}
         for name, (parameter, value) in starts.items():
             side, kind = problem.subjects[name]
             if kind == POSITION:
-                zero, one = reading(f"{side} position", np.array([0.0, 1.0]), np.zeros(2)).tolist()
-                starts[name] = parameter, (value - zero) / (one - zero)
+                exact, start_times = np.array([0.0, 1.0]), np.zeros(2)
+                bias, read = reading(f"{side} position", exact, start_times).tolist()
+                starts[name] = parameter, (value - bias) / (read - bias)
         scene, state = changed(problem.scene, problem.state, starts)
         instants = {name: np.asarray(s.times) for name, s in series.items()}
         for name, parameter in fit.parameters.items():

@@ -300,8 +300,8 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
             else:
                 parameter = _parameter(driven, joint, kind, start, units[kind])
             parameters[joint, kind] = parameter
-    # The second time of each table is the first of its column. Where a joint is driven it follows
-    # the log from the start on.
+    # A spline has a knot before the log, so that its second knot is the first time of the log. A
+    # joint that is driven by its position follows the log from the start on.
     following = {motor_of(robot, joint) for joint, mode in driven_by.items() if mode == "angle"}
     q = {name: float(spline.values[1]) for name, spline in positions.items()}
     at_rest = {n for n in log.angles if n not in following and _begins_at_rest(log.angles[n])}
@@ -571,10 +571,10 @@ def _of_gear(robot: Robot, joint: str, kind: str, start: float | None) -> Parame
     if kind == "restitution":
         require(hasattr(law, kind), argument, kind, expected, "leave it out")
         return Parameter(lambda s: s.joints[name].law.restitution, Bounded(0.0, 1.0), value=start)
-    given = getattr(getattr(law, kind, None), kind, None)
-    require(given is not None, argument, kind, expected, "leave it out")
+    stiffness = getattr(getattr(law, kind, None), kind, None)
+    require(stiffness is not None, argument, kind, expected, "leave it out")
     if start is None:
-        start = float(as_number(given) * np.asarray(backlash.radius) ** 2)
+        start = float(as_number(stiffness) * np.asarray(backlash.radius) ** 2)
     return Parameter.change(FlankStiffness(name), start, Log(), "N m/rad")
 
 

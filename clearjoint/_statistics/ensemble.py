@@ -298,13 +298,13 @@ def scalar_outputs(
     """Return, by name, the values, NaN in failed lanes, and the unit of each output of a zipped
     sweep that has one number in each lane, or is among `quantities`."""
     failed = failed_runs(results)
-    found = {}
+    by_name = {}
     for name, variable in results.data_vars.items():
         if name in quantities or (variable.dims == ("lane",) and name not in NOT_OUTPUTS):
             # Transposed, because `failed` is along the first dimension and sample times follow it.
             values = np.where(failed, np.nan, variable.values.astype(float).T).T
-            found[str(name)] = values, variable.attrs.get("units", "1")
-    return found
+            by_name[str(name)] = values, variable.attrs.get("units", "1")
+    return by_name
 
 
 def _statistics(

@@ -66,13 +66,9 @@ def _with_fields(
     assert isinstance(namespace, dict)
     declared = {name: eqx.field(static=static, default=None) for name, static in statics.items()}
     annotations = dict.fromkeys(statics, object)
-    placeholder = {"__init__": _placeholder} if initialises else {}
+    placeholder = {"__init__": lambda self: None} if initialises else {}
     namespace = {**namespace, **placeholder, "__annotations__": annotations, **declared}
     return make(constructor, name, bases, namespace, *rest)
-
-
-def _placeholder(self: object) -> None:
-    pass
 
 
 ChunkFunction = Callable[[int], LaneArrays]

@@ -120,7 +120,14 @@ class Chunks:
         **Raises:** `RuntimeError` if this process would run other code than the process that made
         the sweep.
         """
-        self._require_same_code()
+        expected = self.work.common.programs
+        if self.trace is not None and expected not in _confirmed_programs:
+            if tuple(self.trace().items()) != expected:
+                raise RuntimeError(
+                    "This worker would run other code than the process that made the sweep, for "
+                    "example because a file was edited in the meantime: restart both."
+                )
+            _confirmed_programs.add(expected)
         parts: list[tuple[np.ndarray, LaneArrays]] = []
         self.work.run(self.lanes[chunk], lambda *part: parts.append(part))
         # Lanes end in any order; here their results are sorted into the order of the chunk.
@@ -128,17 +135,6 @@ class Chunks:
         rising = np.argsort(lanes)
         order = rising[np.searchsorted(lanes[rising], self.lanes[chunk])]
         return {name: values[order] for name, values in results.items()}
-
-    def _require_same_code(self) -> None:
-        expected = self.work.common.programs
-        if self.trace is None or expected in _confirmed_programs:
-            return
-        if tuple(self.trace().items()) != expected:
-            raise RuntimeError(
-                "This worker would run other code than the process that made the sweep, for "
-                "example because a file was edited in the meantime: restart both."
-            )
-        _confirmed_programs.add(expected)
 
 
 _confirmed_programs: set[tuple[tuple[str, str], ...]] = set()

@@ -47,7 +47,11 @@ def modes(points: Points, chi_squared: Float[np.ndarray, " n"]) -> Int[np.ndarra
     # Resampling has made copies of points, which would take the places of neighbours.
     distinct, first, copies = np.unique(points, axis=0, return_index=True, return_inverse=True)
     values, number = chi_squared[first], len(distinct)
-    distances = _scaled_distances(distinct)
+    # Along principal axes, modes far apart would count as near: their distance is most of the
+    # points' deviation along the axis from one to the other.
+    deviations = distinct.std(axis=0)
+    scaled = distinct / np.where(deviations > 0.0, deviations, 1.0)
+    distances = np.linalg.norm(scaled[:, None] - scaled, axis=2)
     # The nearest point is the point itself, hence the 1. With more parameters, neighbours must lie
     # in more directions.
     near = np.argsort(distances, axis=1, kind="stable")[:, : max(NEAREST, 4 * points.shape[1]) + 1]
@@ -83,14 +87,6 @@ def modes(points: Points, chi_squared: Float[np.ndarray, " n"]) -> Int[np.ndarra
     rank = np.empty(len(groups), int)
     rank[np.argsort(-sizes, kind="stable")] = np.arange(len(groups))
     return rank[numbers.ravel()]
-
-
-def _scaled_distances(points: Points) -> Float[np.ndarray, "n n"]:
-    # Along principal axes, modes far apart would count as near: their distance is most of the
-    # points' deviation along the axis from one to the other.
-    sizes = points.std(axis=0)
-    scaled = points / np.where(sizes > 0.0, sizes, 1.0)
-    return np.linalg.norm(scaled[:, None] - scaled, axis=2)
 
 
 FEWEST = 32
