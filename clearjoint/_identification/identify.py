@@ -115,8 +115,8 @@ def identify(
     - `horizon`: result of `clearjoint.fit_horizon`, for a warning if the record is too long for a
       fit by a single run.
     - `check_runs`: after a search that neither failed nor reached `max_iterations`, about twenty
-      runs for each parameter test whether chi squared rises up to four standard errors around the
-      estimates as the covariance predicts; 0 leaves the test out. If it fails, chi squared has
+      runs for each parameter test whether chi squared rises as the covariance predicts, up to four
+      standard errors from the estimates; 0 leaves the test out. If it fails, chi squared has
       several minima close together or is not quadratic: runs without derivatives and local searches
       explore it, and the fit moves to the lowest minimum. `check_runs`, 50 or more, such as 400, is
       the number of runs in the first of up to six rounds; by default the exploration costs about as

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 TableOfTime = TypeVar("TableOfTime", bound=PiecewiseLinear | PiecewiseConstant)
 Missing = Literal["refuse", "drop"]
 PASS_CHANNEL = "pass cj.Channel(quantity, noise=...)"
-_FIRST_LINE: dict[str, Any] = dict.fromkeys(("header", "usecols", "dtype", "converters"))
+_FIRST_LINE: dict[str, PyTree] = dict.fromkeys(("header", "usecols", "dtype", "converters"))
 _FIRST_LINE |= {"nrows": 1, "index_col": False, "parse_dates": False, "skipfooter": 0}
 """Options by which `pandas.read_csv` reads the header alone, as a row of texts."""
 
