@@ -187,7 +187,8 @@ def columns_of(
     source: "str | Path | pd.DataFrame", options: dict[str, Any]
 ) -> Callable[[str, str], TableColumn]:
     """Read a CSV or Parquet file, unless `source` is a table already. Return the function
-    ``column(name, argument)``, which finds a column by its name; errors call that `argument`."""
+    ``column(name, argument)``, which finds a column by its name. Errors about the name mention
+    `argument`, that of the user's call."""
     import pandas as pd
 
     file, names_in_file = "the table", []

@@ -67,7 +67,7 @@ def parts_of(
 def _selected(
     scene: Scene, state: State, path: Callable[[Scene], PyTree], argument: str
 ) -> tuple[PyTree, Change]:
-    """Return the numbers that a path selects, and their setter; errors call it `argument`."""
+    """Return the numbers that a path selects, and their setter. Errors mention the `argument`."""
     # The path runs on a tree whose leaves are their own locations. If it raises an error, it runs
     # again in `value_at`, which raises the error with a remedy.
     element = None

@@ -93,6 +93,7 @@ class RobotFit(AbstractTabular):
 
     - `fit`: the `Fit` of the parameters that the log determines.
     - `robot`: the robot with the estimates.
+    - `log`, `driven_by`: those of the fit.
     - `undetermined`: for each parameter that the log doesn't determine, a sentence that says why.
     - `held`: value and unit at which each of these was held: its start, or for a position or speed
       at the start of the log its last estimate.

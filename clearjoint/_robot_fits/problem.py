@@ -225,8 +225,8 @@ class StartInPlay(AbstractStart):
 
 @dataclass(frozen=True)
 class GearLoss:
-    """Function that sets the loss of a gear, the friction's load over the torque or force that
-    presses it; forces of flanks act on a `radius`, m."""
+    """Function that sets the loss of a gear: the load of its friction over the torque or force that
+    presses it, with a `radius`, m, if that is the force of flanks."""
 
     friction: str
     radius: float
@@ -468,8 +468,7 @@ RESISTANCES = "friction", "damping", "link friction"
 def _guess(
     log: RobotLog, positions: Mapping[str, Spline], motor: str, joint: str, kind: str
 ) -> float | None:
-    """Return the value from which the fit of a friction or damping that the robot lacks starts;
-    ``None`` without torques."""
+    """Return the start of a friction or damping that the robot lacks; ``None`` without torques."""
     if joint not in log.torques:
         return None
     torque = SHARE * float(np.abs(log.torques[joint].values).max())
