@@ -1,4 +1,4 @@
-"""Outputs of a sweep, and the shapes and labels of its results, which are known before it runs."""
+"""Outputs of a sweep, and the shapes and labels of its results, both known before it runs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,9 +1,9 @@
 """Files of a store's Zarr arrays, one for each chunk of lanes and each array.
 
 A file ends with a checksum of its content and of its path in the store, by which a damaged file, or
-one that was moved to the place of another, is detected. Files are encoded, written and read here as
-by Zarr, which hands each file to several threads: under the load of a sweep, that took 4 ms a file,
-and a chunk has a file for each variable.
+one that was moved to the place of another, is detected. Files have Zarr's format, but are encoded,
+written and read here, because Zarr hands each file to several threads: under the load of a sweep,
+that took 4 ms a file, and a chunk has a file for each variable.
 """
 
 import os
@@ -68,7 +68,8 @@ def _key(array: "zarr.Array", chunk: int) -> str:
 
 
 def compressors() -> "tuple[BytesBytesCodec, ...]":
-    """Return the compressors that `read_chunk` and `write_chunk` assume: once Zarr's default."""
+    """Return the compressors of `read_chunk` and `write_chunk`: Zarr's default ones when the first
+    stores were written."""
     from zarr.codecs import ZstdCodec
 
     return (ZstdCodec(level=0, checksum=False),)

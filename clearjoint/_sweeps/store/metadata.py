@@ -83,9 +83,9 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
     """Write results as the grid of the store at a path, in place of an earlier grid.
 
     If the arrays differ in names, shapes or attributes from those of the earlier grid, that grid is
-    removed first, and a program finds none until the new one is complete. Otherwise, files with
-    other content are replaced one by one, with the result codes last, so that a lane whose code
-    says that it is done has all its numbers.
+    removed first, and programs find none until the new one is complete. Otherwise, files with other
+    content are replaced one by one, with the result codes last, so that a lane whose code says that
+    it is done has all its numbers.
     """
     with unfinished(path) as new:
         write_dataset(new, results)

@@ -129,8 +129,8 @@ def _lost(stored: Contents, wanted: Layout, matches: np.ndarray) -> Iterator[str
 
 
 def _programs(stored: Contents, wanted: Contents, without_run: bool) -> Iterator[str]:
-    """A line for each traced program that has different digests in the two sweeps, `without_run`
-    none for the program of the run itself."""
+    """A line for each traced program that has different digests in the two sweeps; with
+    `without_run`, none for the program of the run itself."""
     new = wanted.identity.programs
     for name, program in stored.identity.programs.items():
         if program != new.get(name, program) and not (without_run and name == RUN):
