@@ -105,8 +105,8 @@ class Linear(AbstractScale):
 
     @override
     def uninformative_std(self, coordinate: float) -> float:
-        """Return max(1, abs(coordinate)), which is a standard deviation of the value of its
-        magnitude, but at least of `unit`."""
+        """Return max(1, abs(coordinate)), at which the standard deviation of the value is the
+        larger one of its magnitude and `unit`."""
         return max(1.0, abs(float(coordinate)))
 
     @override
