@@ -2,7 +2,7 @@
 posterior distributions, and reports. `minimise` needs no measurements: it minimises a function of a
 motion.
 
-Everywhere in this room, the coordinate of a parameter is its value on its scale, such as the
-logarithm of the value, a point is the coordinates of all p parameters, and residuals are in
-standard deviations of the noise.
+In all modules here, the coordinate of a parameter is its value on its scale, such as the logarithm
+of the value, a point is the coordinates of all p parameters, and residuals are in standard
+deviations of the noise.
 """

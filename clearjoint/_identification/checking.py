@@ -1,4 +1,4 @@
-"""Checks of a fit's covariance by runs around it, and intervals where the covariance fails.
+"""Checks of a fit's covariance by runs around the estimates, and intervals where it fails.
 
 After many impacts chi squared may be rough on the scale of the standard errors: the search
 converges in one of several minima close together, and the covariance describes only that minimum.
@@ -12,6 +12,7 @@ from functools import cached_property, partial
 
 import numpy as np
 from jaxtyping import Bool, Float
+from numpy.random import Generator
 
 from .._information.fisher_information import covariance
 from .._parametrisation.parameter import step_limits
@@ -20,7 +21,7 @@ from . import goodness_of_fit as statistics
 from .comparison import Comparison
 from .goodness_of_fit import RISE
 from .levenberg_marquardt import Ending, Iteration, Search, WindowSearch, search_with_damping
-from .points import drawn_among, far_apart
+from .points import Box, Covariance, Point, Points, drawn_among, far_apart
 from .posterior.posterior import ImpossiblePointsError, TooManyRunsError, drawn_posterior
 from .posterior.result import Posterior
 from .residuals import RunMisfit, run_misfit
@@ -38,9 +39,11 @@ share of the test points or more."""
 WIDENINGS = (1.0, 2.0, 4.0)
 """Factors on the standard errors of normal distributions from which points are drawn."""
 KEPT = 32
-"""Smallest number of points with the lowest chi squared from which the next round draws."""
+"""Smallest number of points, those with the lowest chi squared, among which a round draws new
+ones."""
 WORTH = 3.0
-"""Rise of chi squared over the lowest, in multiples of `RISE`, that is worth exploring."""
+"""Largest rise of chi squared over the lowest, in multiples of `RISE`, at which a point counts as
+low: new points are drawn among the low ones."""
 DESCENTS = 6
 """Largest number of local searches in a round."""
 ROUNDS = 6
@@ -49,17 +52,14 @@ SETTLED = 0.05
 """Growth of the intervals in a round, relative to their width, below which they are final."""
 
 
-def displacements(
-    covariance: Float[np.ndarray, "p p"],
-    limits: Float[np.ndarray, " p"],
-    generator: np.random.Generator,
-) -> Float[np.ndarray, "n p"]:
+def displacements(covariance: Covariance, limits: Point, generator: Generator) -> Points:
     """Return displacements from a minimum of chi squared, at which runs test its quadratic model.
 
     Six displacements for each parameter change it by ±1, ±2 and ±4 standard errors, and the other
     parameters so that the model predicts the smallest chi squared for that change. If p > 1, six
     more lie along each eigenvector of the correlation matrix. The rest are random: normally
-    distributed with the covariance, every second one twice as long. `within` shortens them.
+    distributed with the covariance, every second one twice as long. All are shortened so that no
+    component exceeds its entry of `limits`.
     """
     errors, root = np.sqrt(np.diag(covariance)), _root(covariance)
     # Column k is the covariance with parameter k over its standard error: along it the other
@@ -73,9 +73,7 @@ def displacements(
     return within(np.concatenate([along, normal]), limits)
 
 
-def within(
-    offsets: Float[np.ndarray, "n p"], limits: Float[np.ndarray, " p"]
-) -> Float[np.ndarray, "m p"]:
+def within(offsets: Points, limits: Point) -> Float[np.ndarray, "m p"]:
     """Shorten each offset, keeping its direction, until no component exceeds its limit in
     magnitude; leave out offsets of zero length."""
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -84,9 +82,9 @@ def within(
     return shortened[np.abs(shortened).max(axis=1) > 0.0]
 
 
-def _root(covariance: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
-    """Return R with R R^T = `covariance`, which may be singular. Its columns are displacements by
-    one standard error along the eigenvectors of the correlation matrix."""
+def _root(covariance: Covariance) -> Float[np.ndarray, "p p"]:
+    """Return R with R R^T = `covariance`, which may be singular. The columns of R are displacements
+    by one standard error along the eigenvectors of the correlation matrix."""
     errors = np.sqrt(np.diag(covariance))
     variances, vectors = np.linalg.eigh(covariance / np.outer(errors, errors))
     return errors[:, None] * vectors * np.sqrt(np.maximum(variances, 0.0))
@@ -130,9 +128,10 @@ def tested(
 ) -> QuadraticTest:
     """Compare runs at n points around a minimum with the quadratic model, for S series at T times.
 
-    `residuals` and `jacobian` are those at the minimum, and `moved` the residuals at the points,
-    which have the `offsets` from it. Only the points marked in `near` determine the horizon: where
-    a scale, such as a logarithm, is not nearly linear, points disagree at any time.
+    `residuals` and `jacobian` are those at the minimum, and `moved` the residuals at the points, at
+    the given `offsets` from the minimum. Only the points marked in `near` determine the horizon: at
+    far ones the model fails from the first sample on if a scale, such as a logarithm, is not
+    nearly linear between them and the minimum.
     """
     linear = np.einsum("stp,np->nst", jacobian, offsets)
     predicted = np.cumsum((linear**2).sum(axis=1), axis=1)
@@ -152,13 +151,14 @@ def tested(
 class Exploration:
     """Result of `explore`: points around a minimum, and minima found from the lowest points.
 
-    - `points`, `chi_squared`: the first is the minimum at which the fit's own search ended.
+    - `points`, `chi_squared`: first the minimum at which the fit's own search ended, then all
+      points drawn.
     - `minima`: the run at this minimum, then the ends of the local searches.
     - `settled`: whether noise explains the lowest chi squared, and the last round widened every
       interval by less than a twentieth and found no new minimum that affects the intervals.
     """
 
-    points: Float[np.ndarray, "n p"]
+    points: Points
     chi_squared: Float[np.ndarray, " n"]
     minima: tuple[RunMisfit, ...]
     settled: bool
@@ -168,7 +168,7 @@ class Exploration:
         """Smallest chi squared of all points and minima."""
         return min(float(self.chi_squared.min()), *(minimum.chi_squared for minimum in self.minima))
 
-    def intervals(self) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
+    def intervals(self) -> Box:
         """Return the ends of the 95 % intervals, which contain all points whose chi squared is at
         most `RISE` above the lowest, and the `interval_ends` of the minima."""
         allowed = self.points[self.chi_squared <= self.lowest + RISE]
@@ -179,8 +179,8 @@ class Exploration:
 def interval_ends(minima: Sequence[RunMisfit], lowest: float) -> Float[np.ndarray, "k p"]:
     """Return the ends of the 95 % intervals around minima: two rows for each, lower and upper ends.
 
-    An interval contains the values for which chi squared, minimised over the other parameters by
-    the minimum's covariance, is at most `RISE` above `lowest`, the smallest known chi squared.
+    An interval contains the coordinates at which chi squared, minimised over the other parameters
+    by the minimum's covariance, is at most `RISE` above `lowest`, the smallest known chi squared.
     Minima whose own chi squared is higher are left out.
     """
     ends = []
@@ -200,11 +200,8 @@ NEAR, NEAREST = 0.03, 1e-3
 
 @dataclass
 class _CountedRuns:
-    """Makes the runs of `explore`, and counts them against a limit.
-
-    `most` is the limit, in runs without derivatives. A run with derivatives with respect to p
-    parameters counts as 1 + p of them. Further runs are `affordable` below the limit.
-    """
+    """Makes the runs of `explore`, and counts them up to the limit `most`, in runs without
+    derivatives. A run with derivatives by p parameters counts as 1 + p of them."""
 
     compared: Comparison
     most: float
@@ -213,17 +210,15 @@ class _CountedRuns:
     points: int = 0
     searches: list[Search] = field(default_factory=list)
 
-    def chi_squared(self, points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, " n"]:
+    def chi_squared(self, points: Points) -> Float[np.ndarray, " n"]:
         self.points += len(points)
         values = self.compared.chi_squared(points, self.compared.count)[:, -1]
         self.bar.update(len(points))
         return values
 
-    def descend(
-        self, start: Float[np.ndarray, " p"], near: float = NEAR, steps: int = STEPS_DOWN
-    ) -> RunMisfit:
-        """Return the minimum that a local search from `start` reaches in at most `steps` runs with
-        derivatives, or until its next step is below `near` standard errors."""
+    def descend(self, start: Point, near: float = NEAR, steps: int = STEPS_DOWN) -> RunMisfit:
+        """Return the best run of a local search from `start`, which ends when its next step is
+        below `near` standard errors, or after `steps` runs with derivatives."""
         end = float(self.compared.times[-1])
         misfit = partial(run_misfit, self.compared.runs, self.compared.data, end)
         max_changes = step_limits(self.compared.parameters)
@@ -244,7 +239,6 @@ class _CountedRuns:
 
     def left(self) -> float:
         """Return the number of further runs without derivatives within the limit."""
-        # One with derivatives by p parameters costs about as much as 1 + p without.
         each = 1 + len(self.compared.parameters)
         return self.most - self.points - each * self.searched
 
@@ -255,27 +249,34 @@ class _CountedRuns:
 def explore(
     runs: _CountedRuns,
     minimum: RunMisfit,
-    covariances: Sequence[Float[np.ndarray, "p p"]],
-    limits: Float[np.ndarray, " p"],
+    covariances: Sequence[Covariance],
+    limits: Point,
     number: int,
     likely: float,
-    generator: np.random.Generator,
+    generator: Generator,
 ) -> Exploration:
     """Explore the neighbourhood of a fit's `minimum` for all points with a similar chi squared.
 
-    The first round draws `number` points from normal distributions with the given covariances, of
-    which the first is that of the minimum, with once, twice and four times their standard errors.
-    Each further round draws half as many points among those with the lowest chi squared so far. It
-    draws as many again around the lowest minimum if the round before found a much lower one, or if
-    the lowest chi squared is above `likely`, the largest that noise explains. In every round, local
-    searches start from some of the lowest points that are far from each other and from the known
-    minima. The exploration ends when it has settled, after `ROUNDS` rounds, or when further runs
-    are not affordable. In each coordinate, points are at most `limits` away from the minimum around
-    which they are drawn.
+    The first round draws `number` points around the minimum, from normal distributions with the
+    given covariances, the first of which is that of the minimum, and with once, twice and four
+    times their standard errors. Each further round draws half as many points among those with the
+    lowest chi squared so far. If the round before found a much lower minimum, or if the lowest chi
+    squared is above `likely`, the largest that noise explains, it draws as many again around the
+    lowest minimum. Points drawn around a minimum are at most `limits` away from it in each
+    coordinate. In every round, local searches start from low points that are far from each other
+    and from the known minima. The exploration ends when it has settled (see `Exploration`), after
+    `ROUNDS` rounds, or when no further runs are affordable.
     """
     p = len(minimum.coordinates)
     bounds = minimum.coordinates - limits, minimum.coordinates + limits
-    drawn_around = partial(_drawn_around, limits=limits, generator=generator)
+
+    def drawn_around(centre: Point, covariances: Sequence[Covariance], count: int) -> Points:
+        # The points take the covariances and factors in turn.
+        roots = [w * _root(matrix) for matrix in covariances for w in WIDENINGS]
+        normal = generator.standard_normal((count, p))
+        offsets = np.stack([roots[k % len(roots)] @ row for k, row in enumerate(normal)])
+        return centre + within(offsets, limits)
+
     new_points = drawn_around(minimum.coordinates, covariances, number)
     points, values = minimum.coordinates[None], np.array([minimum.chi_squared])
     minima, best, previous_intervals = [minimum], minimum, None
@@ -321,27 +322,11 @@ def explore(
     return replace(explored, settled=False)
 
 
-def _drawn_around(
-    centre: Float[np.ndarray, " p"],
-    covariances: Sequence[Float[np.ndarray, "p p"]],
-    count: int,
-    limits: Float[np.ndarray, " p"],
-    generator: np.random.Generator,
-) -> Float[np.ndarray, "n p"]:
-    # The points take the covariances and factors in turn.
-    roots = [w * _root(matrix) for matrix in covariances for w in WIDENINGS]
-    normal = generator.standard_normal((count, len(centre)))
-    offsets = np.stack([roots[k % len(roots)] @ row for k, row in enumerate(normal)])
-    return centre + within(offsets, limits)
-
-
 def _local_searches(
-    starts: Float[np.ndarray, "m p"],
-    minima: Sequence[RunMisfit],
-    runs: _CountedRuns,
+    starts: Points, minima: Sequence[RunMisfit], runs: _CountedRuns
 ) -> list[RunMisfit]:
-    """Search for minima from up to `DESCENTS` of the starts that are far from each other and from
-    the known `minima`: always from the first of them, from each other one if it is affordable."""
+    """Search for minima from up to `DESCENTS` of the starts, which are far from each other and not
+    `inside` the known `minima`; all but the first search are made only while affordable."""
     # Searches from points in known minima would only find these minima again.
     candidates = [x for x in starts if not any(inside(minimum, x) for minimum in minima)]
     # `far_apart` measures distances in standard deviations of the points, so it needs two or more.
@@ -354,9 +339,9 @@ def _local_searches(
     return ends
 
 
-def inside(minimum: RunMisfit, point: Float[np.ndarray, " p"]) -> bool:
-    """Return whether a point is within one standard error of a minimum, in which a search from
-    there would probably end: whether d^T C^-1 d < 1 for the offset d and the covariance C."""
+def inside(minimum: RunMisfit, point: Point) -> bool:
+    """Return whether d^T C^-1 d < 1 for a point's offset d from a minimum with the covariance C: a
+    search from this point would probably end in the minimum."""
     offset = point - minimum.coordinates
     errors = np.sqrt(np.diag(minimum.covariance))
     # In units of the standard errors, C is the correlation matrix. It may be singular, and the
@@ -371,7 +356,7 @@ POINTS, MOST_RUNS = 1.25, 75
 """Number of points of the small posterior, and number of runs above which it is given up, in
 multiples of the number of points in the first round of the exploration."""
 LEAST_NUMBER, MOST_NUMBER = 50, 400
-"""Limits of the number of points in the first round of an exploration of bounded cost."""
+"""Limits of the number of points in the first round, if the user gives no number."""
 LEAST_RUNS = 20
 """A posterior is begun only if at least this many runs for each of its points are affordable."""
 MARGIN = 4.0
@@ -384,16 +369,15 @@ class LikelihoodCheck:
     """Result of `check`: runs around the estimates of a fit's own search.
 
     - `test`: comparison of chi squared at points around the estimates with the covariance.
-    - `exploration`, `posterior`: ``None`` if the test passed. There is no posterior either if noise
-      doesn't explain chi squared, if too many runs would be needed, or if its points don't
-      represent it.
+    - `exploration`, `posterior`: ``None`` if the test passed. The posterior is also ``None`` if
+      noise doesn't explain chi squared, if it would need too many runs, or if it has `warnings`.
     - `searches`: the local searches of the exploration. If one of them has lowered chi squared by
-      more than `FLOOR`, a more accurate search from there is the last.
+      more than `FLOOR`, the last is a more accurate search from its end.
     - `runs`: number of runs, except those of the posterior.
     - `seconds`: computing time, including that of the posterior.
     - `difference`: chi squared at the estimates in a run without derivatives, less that in the run
-      with derivatives. Above 1, the rise at a distance of one standard error, integration errors
-      are too large.
+      with derivatives. Integration errors are too large if its magnitude exceeds 1, the rise of chi
+      squared at a distance of one standard error.
     - `bounded`: whether the cost was limited to about that of the fit and the test.
     """
 
@@ -411,8 +395,8 @@ class LikelihoodCheck:
         return self.test.passed
 
     def widening(self, best: RunMisfit) -> float:
-        """Return the largest factor, 1 or more, by which an end of an interval of the exploration
-        is farther from `best`, or nearer to it, than the end by the covariance at `best`."""
+        """Return how much the intervals by the exploration differ from those by the covariance of
+        `best`: the largest ratio, 1 or more, of the distances of their ends from `best`."""
         assert self.exploration is not None
         half = np.sqrt(RISE * np.diag(best.covariance))
         low, high = self.exploration.intervals()
@@ -442,9 +426,9 @@ def check(
 
     If the test fails, explore chi squared and, if noise explains the lowest one, compute a small
     posterior. `number` is the number of points in the first round of the exploration, to which the
-    size of the posterior is proportional. If it is ``None``, exploration and posterior together
-    cost about as much as the test and the fit, which took `cost` runs with derivatives.
-    `on_iteration` is called after each run of a local search, and `show` turns a bar on.
+    size of the posterior is proportional. With ``None``, exploration and posterior together cost
+    about as much as the test and the fit, which took `cost` runs with derivatives. `on_iteration`
+    is called after each run of a local search; `show` tells whether to show a progress bar.
     """
     started = time.perf_counter()
     bar = ProgressBar(desc="check of the covariance", unit=" runs", leave=False, disable=not show)
@@ -497,9 +481,9 @@ def check(
         )
 
 
-def _extent(explored: Exploration, lowest: RunMisfit) -> Float[np.ndarray, " p"]:
-    """Return how far explored points with a low chi squared are from the lowest minimum in each
-    coordinate, or two standard errors if that is more."""
+def _extent(explored: Exploration, lowest: RunMisfit) -> Point:
+    """Return how far low points are from the lowest minimum in each coordinate, at least two
+    standard errors."""
     low = explored.chi_squared <= explored.lowest + WORTH * RISE
     offsets = np.abs(explored.points[low] - lowest.coordinates)
     least = 2.0 * np.sqrt(np.diag(lowest.covariance))
@@ -507,16 +491,11 @@ def _extent(explored: Exploration, lowest: RunMisfit) -> Float[np.ndarray, " p"]
 
 
 def _small_posterior(
-    compared: Comparison,
-    box: tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]],
-    number: int,
-    lowest: float,
-    most_runs: int,
-    bar: ProgressBar,
+    compared: Comparison, box: Box, number: int, lowest: float, most_runs: int, bar: ProgressBar
 ) -> Posterior | None:
-    """Return the posterior for a uniform prior in a box; ``None`` if its few points don't represent
-    it, if it needs more than `most_runs`, or if no points could be drawn. `lowest` is the smallest
-    known chi squared, and the number of points is proportional to `number`."""
+    """Return the posterior, with `POINTS` times `number` points, for a uniform prior in a box;
+    ``None`` if it has `warnings`, if its points miss the smallest known chi squared, `lowest`, if
+    it needs more than `most_runs`, or if no points could be drawn."""
     before = bar.n
 
     def on_step(time: float, runs: int) -> None:
@@ -530,19 +509,14 @@ def _small_posterior(
     except (TooManyRunsError, ImpossiblePointsError):
         return None  # The fit keeps its other intervals.
     # Warnings say that the box cuts the posterior off, that the data hardly determine a parameter,
-    # or that few runs have a weight. Points that do not come near the lowest minimum have missed
-    # it.
+    # or that few runs have a weight.
     nearest = posterior.coordinates[posterior.log_likelihood.argmax()]
     rise = float(compared.chi_squared(nearest[None], compared.count)[0, -1]) - lowest
     return None if posterior.warnings or rise > RISE else posterior
 
 
 def _quadratic_test(
-    best: RunMisfit,
-    compared: Comparison,
-    limits: Float[np.ndarray, " p"],
-    generator: np.random.Generator,
-    bar: ProgressBar,
+    best: RunMisfit, compared: Comparison, limits: Point, generator: Generator, bar: ProgressBar
 ) -> QuadraticTest:
     offsets = displacements(best.covariance, limits, generator)
     data, times, moved = compared.data, compared.times, []
@@ -559,15 +533,10 @@ def _quadratic_test(
     return tested(residuals, jacobian, offsets, np.array(moved), times, near)
 
 
-def _largest_offsets(
-    best: RunMisfit, max_changes: Float[np.ndarray, " p"]
-) -> Float[np.ndarray, " p"]:
-    """Return the largest distance of explored points from the estimates.
-
-    It is twice the largest change in one step of a fit. Where that is infinite, it is the larger of
-    two numbers: the coordinate's magnitude, and `FARTHEST` times the standard error that the
-    parameter would have if all others were known.
-    """
+def _largest_offsets(best: RunMisfit, max_changes: Point) -> Point:
+    """Return the largest distance of explored points from the estimates in each coordinate: twice
+    the largest change in one step of a fit or, if that is infinite, the larger one of the
+    coordinate's magnitude and `FARTHEST` standard errors for all other parameters known."""
     norms = np.linalg.norm(best.jacobian, axis=0)
     # With all other parameters known, the standard error is the inverse of the column's norm.
     far_alone = np.where(norms > 0.0, FARTHEST / np.where(norms > 0.0, norms, 1.0), 0.0)
@@ -575,11 +544,9 @@ def _largest_offsets(
     return np.where(np.isfinite(max_changes), 2.0 * max_changes, far)
 
 
-def _early_covariances(
-    best: RunMisfit, compared: Comparison, horizon: float
-) -> list[Float[np.ndarray, "p p"]]:
-    """Return the covariances of fits to the record up to `horizon`, s, and up to half way between
-    its start and `horizon`; none if `horizon` is infinite."""
+def _early_covariances(best: RunMisfit, compared: Comparison, horizon: float) -> list[Covariance]:
+    """Return the covariances of fits to the record up to `horizon`, s, and to the first half of
+    this part; none if `horizon` is infinite."""
     if not math.isfinite(horizon):
         return []
     start, rows = float(compared.runs.start_time), best.jacobian

@@ -1,9 +1,5 @@
-"""Curves of chi squared over the record, for many values of the parameters, without derivatives.
-
-The runs are computed side by side (`clearjoint._simulation.lanes.scheduler`) and cost a small
-fraction of runs with derivatives. A length of the record is given as a number of its sample times:
-chi squared over the first k times is that of all samples up to the k-th time.
-"""
+"""Curves of chi squared over the record, for many values of the parameters, by runs without
+derivatives that are computed side by side (`clearjoint._simulation.lanes.scheduler`)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -26,10 +22,11 @@ from .._parametrisation.readings import readings_of_runs, units_of
 from .._simulation.lanes.lane import SAVED, Common, Plan, Task
 from .._simulation.lanes.scheduler import Batch, Ended
 from .._simulation.step.settings import Settings
+from .points import Points
 from .residuals import UNREACHED, Experiment, Samples, experiment, samples
 
 TOGETHER = 64
-"""Number of runs whose samples are compared with the data in one call."""
+"""Number of runs whose samples are compared with the data in one call of a compiled program."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +34,7 @@ class Comparison:
     """An experiment, and the samples with which its runs are compared, for fits, screenings,
     posteriors and the test of a fit's covariance.
 
-    - `data`: the samples, at T times followed by padding, like the times of `runs`.
+    - `data`: the samples, at the times of `runs`: T sample times, followed by padding.
     - `parameters`, `units`: the free parameters, and the unit of each one's value, by name.
     """
 
@@ -46,8 +43,8 @@ class Comparison:
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     _batches: list[Batch] = field(default_factory=list, repr=False, compare=False)
-    """The latest batch of lanes, whose compiled programs the next one reuses, also with other
-    measurements; empty at first. A list, because the class is frozen."""
+    """The latest batch of lanes, if any, whose compiled programs the next one reuses, also with
+    other measurements. A list, because the class is frozen."""
 
     def of(self, measurements: Measurements) -> "Comparison":
         """Return the comparison with other measurements of the same channels and times."""
@@ -64,16 +61,15 @@ class Comparison:
         return int(np.flatnonzero(self.data.weights.any(axis=0))[-1]) + 1
 
     def time(self, count: float) -> float:
-        """Return the last of the first `count` sample times, s, where a fraction is rounded up; for
-        0, the start of the run."""
+        """Return the last of the first `count` sample times, s, with `count` rounded up; for 0, the
+        start of the run."""
         times = int(np.ceil(count))
         return float(self.times[times - 1]) if times else float(self.runs.start_time)
 
     def chi_squared(
-        self, coordinates: Float[np.ndarray, "n p"], count: int, smoothing: int = 1
+        self, coordinates: Points, count: int, smoothing: int = 1
     ) -> Float[np.ndarray, "n {count}+1"]:
-        """Return chi squared of n runs over the first `count` sample times: column k is that of the
-        first k times.
+        """Return chi squared of n runs: in column k, that of all samples up to the k-th time.
 
         Samples that a run does not reach have the residual `UNREACHED`, to which larger ones are
         reduced. Each residual is replaced by the mean of `smoothing` residuals up to its time;
@@ -135,12 +131,12 @@ class Comparison:
         return Task(varied, states, ends, first_steps, instants)
 
     def _instants(self, coordinates: np.ndarray, count: int) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Return the rising times (n, K) at which n runs are recorded, padded with infinity, and
-        for each series the indices of its samples' times among them: (n, count), or (1, count) if
-        all runs have the same.
+        """Return the rising times (n, K) at which n runs are recorded, padded with infinity. Return
+        for each series at which of these times its first `count` samples are compared: indices
+        (n, count), or (1, count) if they are the same in all runs.
 
-        A series with a delay is compared at its sample times minus the delay, which differ from run
-        to run; times before the start of the runs are replaced by the start.
+        A series with a delay is compared at its sample times minus the delay of the run; times
+        before the start of the run are replaced by the start.
         """
         runs, lanes, undelayed = self.runs, len(coordinates), self.times[:count]
         if not runs.sensors.delays:
@@ -196,11 +192,9 @@ def comparison(
     require(bool(start_time <= times[0]), "start_time", start_time, expected, remedy)
     outputs = {name: s.channel for name, s in series.items()}
     runs = experiment(scene, state, parameters, outputs, times, start_time, settings)
-    data = samples(measurements, len(runs.times))
-    series_units = {name: s.unit for name, s in series.items()}
     free = free_parameters(parameters)
-    units = units_of(free, scene, state, series_units)
-    return Comparison(runs, data, free, units)
+    units = units_of(free, scene, state, {name: s.unit for name, s in series.items()})
+    return Comparison(runs, samples(measurements, len(runs.times)), free, units)
 
 
 @Compiled
@@ -214,8 +208,8 @@ def _scenes_and_states(
 
 @Compiled
 def _cumulated(data: Samples, predicted: np.ndarray, smoothing: int) -> jax.Array:
-    """Return chi squared of n runs up to each of T times, (n, T), from predictions (n, S, T), NaN
-    at samples that a run does not reach."""
+    """Return chi squared of n runs up to each of T times, (n, T), from predictions (n, S, T), which
+    are NaN where a run does not reach the time."""
     # Clipped, so that no residual is larger than that of a sample that a run did not reach.
     residuals = jnp.clip(jax.vmap(data.residuals)(predicted), -UNREACHED, UNREACHED)
     if smoothing > 1:

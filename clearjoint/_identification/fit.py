@@ -18,15 +18,9 @@ from .._information.horizon import FitHorizon
 from .._measurements.series import Measurements
 from .._model.bodies import State
 from .._model.scene import Scene
+from .._parametrisation import variations
 from .._parametrisation.parameter import Bounded, Parameter, step_limits, values_at
-from .._parametrisation.variations import (
-    AbstractSeriesVariation,
-    SeriesBias,
-    SeriesDelay,
-    SeriesDrift,
-    SeriesGain,
-    StateNumber,
-)
+from .._parametrisation.variations import AbstractSeriesVariation, SeriesDelay, StateNumber
 from .._result_codes import RESULTS
 from . import checking
 from . import goodness_of_fit as statistics
@@ -40,15 +34,15 @@ if TYPE_CHECKING:
     import xarray as xr
 
 AT_BOUND = 1e-3
-"""Distance from a bound of a `Bounded` scale, relative to its range, that counts as at it."""
+"""Distance from a bound of a `Bounded` scale, over its range, that counts as at the bound."""
 ALIKE = 1.3
 """Ratio of the half widths of two intervals up to which the report says that they agree."""
 SHOWN = 3
 """Largest number of other minima that the warnings describe."""
 FAR = 2.0
-"""Ratio of residuals to stated noise above which they count as far above the noise."""
+"""Root mean square of residuals above which they count as far above the noise."""
 GOOD = 1.5
-"""Ratio of residuals to stated noise up to which a series counts as well fitted."""
+"""Root mean square of residuals up to which a series counts as well fitted."""
 PIECES = 20
 """Number of equal pieces of the record in which large residuals are searched; also the smallest
 number of samples that are examined for errors of a sensor or for outliers."""
@@ -57,11 +51,13 @@ DOUBLINGS = 5
 MOST = 0.5
 """Share of chi squared above which one cause counts as the main cause."""
 OUTLIER_SHARE = 0.02
-"""Share of the samples that may be outliers: the largest residuals are summed over this share."""
-MOST_LOST = 0.25
-"""Smallest share of a series of correlated samples that a fit leaves as degrees of freedom."""
+"""Share of the samples with the largest residuals, which are examined as outliers."""
+LEAST_FREEDOM = 0.25
+"""Smallest share of a correlated series' samples that count as degrees of freedom."""
 UNCORRELATED = 1e-3
-"""p-value of the test of whiteness below which residuals are not white."""
+"""p-value of the test of whiteness below which residuals count as correlated."""
+Kind = type[AbstractSeriesVariation]
+"""Kind of an error of sensors, such as `SeriesBias`."""
 
 
 @dataclass(frozen=True)
@@ -69,14 +65,14 @@ class Fit(AbstractTabular):
     """Result of a fit: estimates, their uncertainty, and tests of the residuals.
 
     - `scene`, `state`: scene and initial state with the estimated values.
-    - `parameters`: the p parameters by name, in the order of arrays (p,), with the `units` of their
-      values.
+    - `parameters`, `units`: the p parameters, and the unit of each one's value, by name, in the
+      order of arrays (p,).
     - `searches`: the result of the search from each start.
     - `best`: the search with the smallest chi squared, among `searches` and ``check.searches``.
     - `screened`: the result of each pass of a `Screening`.
     - `horizon`: the `FitHorizon` given to `identify`, or ``None``.
     - `check`: the test of the covariance by runs around the estimates, or ``None`` if not made.
-    - `start_time`: start of the fitted run.
+    - `start_time`: start of the fitted run, s.
 
     Chi squared is the sum of the squared residuals, which are in standard deviations of the noise.
     A coordinate is a parameter's value on its scale, such as the logarithm of the value.
@@ -101,12 +97,10 @@ class Fit(AbstractTabular):
 
     @override
     def to_xarray(self) -> "xr.Dataset":
-        """Return the estimates along the dimension "parameter".
-
-        Variables are `estimate`, `standard_error` and the bounds of the 95 % `interval`
-        ("parameter", "bound") in the `unit` of each parameter, and the `correlation` ("parameter",
-        "with"). Attributes are `ending`, `chi_squared`, `degrees_of_freedom`, `p_value` and
-        `warnings`.
+        """Return the `estimate` and `standard_error` along "parameter" and the bounds of the 95 %
+        `interval` along ("parameter", "bound"), in the `unit` of each parameter, and the
+        `correlation` along ("parameter", "with"). Attributes are `ending`, `chi_squared`,
+        `degrees_of_freedom`, `p_value` and `warnings`.
         """
         along = ("parameter",)
         variables = {
@@ -116,13 +110,9 @@ class Fit(AbstractTabular):
             "correlation": Labelled((*along, "with"), self.correlation),
         }
         labels = estimate_labels(self.units) | {"with": Labelled(("with",), texts([*self.units]))}
-        notes = {
-            "ending": self.ending.value,
-            "chi_squared": self.chi_squared,
-            "degrees_of_freedom": self.degrees_of_freedom,
-            "p_value": self.p_value,
-            "warnings": " ".join(self.warnings) or "none",
-        }
+        names = "chi_squared", "degrees_of_freedom", "p_value"
+        notes = {"ending": self.ending.value, **{name: getattr(self, name) for name in names}}
+        notes["warnings"] = " ".join(self.warnings) or "none"
         return labelled_dataset("fit", variables, labels, tuple(notes.items()))
 
     @property
@@ -142,9 +132,8 @@ class Fit(AbstractTabular):
 
     @property
     def correlated(self) -> list[str]:
-        """Names of the series in which residuals of neighbouring samples are correlated: the
-        p-value of their `whiteness` is below 0.001. Empty if the best run failed, because then
-        `residuals` has meaningless rows."""
+        """Names of the series whose residuals are correlated, with a `whiteness` below 0.001. Empty
+        if the best run failed, because then `residuals` has meaningless rows."""
         reached = self.best.best.result == RESULTS.successful
         return [name for name, p in self.whiteness.items() if reached and p < UNCORRELATED]
 
@@ -153,10 +142,10 @@ class Fit(AbstractTabular):
         """Factor, 1 or more, by which the correlation of residuals widens the standard error of
         each coordinate, (p,).
 
-        It is 1 if no series is in `correlated`. Otherwise the errors of the estimates follow from
-        the Jacobian J and the covariance R of the residuals, (J^T J)^-1 J^T R J (J^T J)^-1. The
-        noise of a series with correlated residuals has the autocovariances of an autoregressive
-        process that is fitted to them; that of other series is as stated.
+        It is 1 if no series is `correlated`. Otherwise the covariance of the coordinates follows
+        from the Jacobian J and the covariance R of the residuals: (J^T J)^-1 J^T R J (J^T J)^-1. In
+        R, a series with correlated residuals has the autocovariances of an autoregressive process
+        that is fitted to them; other series have the stated noise.
         """
         if not self.correlated:
             return np.ones(len(self.parameters))
@@ -172,7 +161,7 @@ class Fit(AbstractTabular):
             # estimated, by about that of `lost` samples. Without correlation, this is the number of
             # parameters, divided among the series.
             lost = float(np.trace(stated @ of_series)) / noise.variance
-            middle += of_series * count / max(count - lost, MOST_LOST * count)
+            middle += of_series * count / max(count - lost, LEAST_FREEDOM * count)
         errors = np.sqrt(np.diag(stated))
         actual = np.sqrt(np.maximum(np.diag(stated @ middle @ stated), 0.0))
         return np.maximum(actual / errors, 1.0)
@@ -183,9 +172,9 @@ class Fit(AbstractTabular):
 
     @property
     def _interval_widening(self) -> Float[np.ndarray, " p"]:
-        """Factor by which each interval is widened: `widening`, times a factor of Student's
-        distribution, because the variance of correlated noise is estimated from few independent
-        samples; 1 where `widening` is 1."""
+        """Factor by which each interval is widened: 1 where `widening` is 1, otherwise `widening`
+        times a factor of Student's distribution, because the variance of correlated noise is
+        estimated from few independent samples."""
         noises = self._correlated_noise.values()
         fewest = min((noise.effective for noise in noises), default=math.inf)
         factor = statistics.student_factor(fewest) if math.isfinite(fewest) else 1.0
@@ -193,14 +182,14 @@ class Fit(AbstractTabular):
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "p p"]:
-        """Covariance of the coordinates, (p, p), for the stated noise, with standard errors
-        multiplied by the `widening`."""
+        """Covariance of the coordinates, (p, p): that for the stated noise, with standard errors
+        multiplied by `widening`."""
         return self.best.best.covariance * np.outer(self.widening, self.widening)
 
     @cached_property
     def value_covariance(self) -> Float[np.ndarray, "p p"]:
-        """Covariance of the values, (p, p), in products of `units`: that of the coordinates times
-        the slopes of the scales at the estimates."""
+        """Covariance of the values, (p, p), in products of `units`, by the slopes of the scales at
+        the estimates."""
         pairs = zip(self.parameters.values(), self.coordinates, strict=True)
         slopes = [float(parameter.scale.slope(u)) for parameter, u in pairs]
         return self.covariance * np.outer(slopes, slopes)
@@ -217,6 +206,11 @@ class Fit(AbstractTabular):
         return dict(zip(self.parameters, deviations.tolist(), strict=True))
 
     @property
+    def _is_gone(self) -> np.ndarray:
+        """Which estimates are so uncertain that those on a `Log` scale have no effect, (p,)."""
+        return np.diag(self.covariance) > 1.0
+
+    @property
     def intervals(self) -> dict[str, tuple[float, float]]:
         """95 % confidence interval (low, high) of each value by name, in `units`.
 
@@ -225,15 +219,14 @@ class Fit(AbstractTabular):
         1. the `posterior`: its central intervals, which need not contain the estimates;
         2. the points that `check` has explored, if it has found that chi squared is not quadratic:
            all values at points whose chi squared is at most 3.84 above the lowest;
-        3. the covariance: the estimate plus and minus 1.96 standard errors of the coordinate or, if
-           that is uncertain by more than 1, of the value (`AbstractScale.interval`): a friction
-           that the data show to be zero has the interval from zero to the largest one that they
-           allow.
+        3. the covariance: the estimate plus and minus 1.96 standard errors of the coordinate. That
+           of a friction that may be zero is from zero to the largest one that the data allow
+           (`AbstractScale.interval`).
 
-        If other minima, outside the posterior's box, have a chi squared at most 3.84 above that of
-        the fit, the intervals are extended to contain those by the covariances there. If residuals
-        are `correlated`, each of them is widened about its middle, in coordinates, by `widening`
-        times a factor of Student's distribution.
+        They are extended to contain the intervals by the covariances at other minima, outside the
+        posterior's box, whose chi squared is at most 3.84 above that of the fit. If residuals are
+        `correlated`, each of them is widened about its middle, in coordinates, by `widening` times
+        a factor of Student's distribution.
         """
         minima, posterior = [self.best.best, *self._other_minima], self.posterior
         # Minima in the posterior's box are part of the posterior.
@@ -245,13 +238,12 @@ class Fit(AbstractTabular):
         # The end to which an estimate without effect has gone, or to which those of other minima
         # have, if the best one shows an effect.
         rose = self.coordinates > self.searches[0].start
-        is_gone = np.sqrt(np.diag(self.covariance)) > 1.0
         parts = []  # (low, high) of all values
         if minima:
             ends = checking.interval_ends(minima, self.chi_squared)
             for low, high in zip(ends[::2], ends[1::2], strict=True):
                 middle, half = 0.5 * (low + high), 0.5 * (high - low) * widening
-                rising = np.where(is_gone, rose, middle > self.coordinates)
+                rising = np.where(self._is_gone, rose, middle > self.coordinates)
                 rows = zip(scales, middle, half, rising, strict=True)
                 parts.append([scale.interval(*row) for scale, *row in rows])
         explored = None
@@ -271,8 +263,8 @@ class Fit(AbstractTabular):
 
     @property
     def posterior(self) -> Posterior | None:
-        """Posterior, with few points, from which the `intervals` come if chi squared is not
-        quadratic; ``None`` if `check` has computed none."""
+        """Posterior, with few points, that `check` has computed because chi squared is not
+        quadratic; ``None`` if it has computed none."""
         return None if self.check is None else self.check.posterior
 
     @property
@@ -280,27 +272,23 @@ class Fit(AbstractTabular):
         """Values of the parameters, by name, at each other minimum that fits the data about as
         well, the smallest chi squared first.
 
-        By its chi squared each of them is in the joint 95 % confidence region of the best minimum.
-        By the covariances it is outside the 95 % interval of at least one parameter around the best
-        minimum, and around every minimum before it in the list.
+        The chi squared of such a minimum is within the joint 95 % confidence region of the best
+        minimum. It is outside the 95 % interval, by the covariance, of at least one parameter
+        around the best minimum and around every minimum before it in the list.
         """
         minima = statistics.competing_minima(self.best.best, self._other_minima)
         return [values_at(self.parameters, minimum.coordinates) for minimum in minima]
 
     @cached_property
     def predictions(self) -> dict[str, np.ndarray]:
-        """Predicted values of each series by name at its sample times, (N,), SI.
-
-        They are meaningless at times that the fitted run does not reach (`Ending.FAILED`).
-        """
+        """Predicted values of each series by name at its sample times, (N,), SI; meaningless at
+        times that the fitted run does not reach (`Ending.FAILED`)."""
         return self._at_samples(self.best.best.predicted.ravel())
 
     @cached_property
     def residuals(self) -> dict[str, np.ndarray]:
-        """Residuals of each series by name, (N,): (prediction - value) / noise.
-
-        They are 1e6 at times that the fitted run does not reach, and enter `chi_squared` so.
-        """
+        """Residuals of each series by name, (N,): (prediction - value) / noise, or 1e6 at times
+        that the fitted run does not reach, also in `chi_squared`."""
         return self._at_samples(self.best.best.residuals)
 
     @cached_property
@@ -308,15 +296,15 @@ class Fit(AbstractTabular):
         return self._at_samples(self.best.best.jacobian)
 
     def _at_samples(self, rows: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the rows (N, ...) at the sample times of each series, from rows (S T, ...) at all
-        T times of a run, series after series."""
+        """Return the rows (N, ...) at the N sample times of each series, from rows (S T, ...):
+        those at all T times of a run for each of S series, one series after the other."""
         times, series = self.measurements.times(), self.measurements.series
         parts = zip(series.items(), np.split(rows, len(series)), strict=True)
         return {name: part[np.searchsorted(times, s.times)] for (name, s), part in parts}
 
     @property
     def rms(self) -> dict[str, float]:
-        """Root mean square of each series' residuals by name; 1 is expected by the stated noise."""
+        """Root mean square of each series' residuals by name, about 1 for noise as stated."""
         return {name: _rms(row) for name, row in self.residuals.items()}
 
     @property
@@ -360,11 +348,9 @@ class Fit(AbstractTabular):
 
     @cached_property
     def advice(self) -> list[str]:
-        """Sentences on remedies, in the order in which to try them.
-
-        The list is empty unless residuals are more than twice the stated noise (the square root of
-        chi squared per degree of freedom is above 2), or the best run fails.
-        """
+        """Sentences on remedies, in the order in which to try them; empty unless the best run
+        fails, or residuals are more than twice the stated noise (the square root of chi squared per
+        degree of freedom is above 2)."""
         # Without degrees of freedom, residuals say nothing about the model.
         scatter = self._scatter if self.degrees_of_freedom > 0 else 0.0
         fits_well = not scatter > FAR and self.ending is not Ending.FAILED
@@ -382,8 +368,7 @@ class Fit(AbstractTabular):
             *first,
             estimates_table(self.estimates, self.standard_errors, self.intervals, self.units),
             f"chi squared {self.chi_squared:.6g} with {self.degrees_of_freedom} degrees of "
-            "freedom, "
-            f"p = {self.p_value:.2g}",
+            f"freedom, p = {self.p_value:.2g}",
             _series_table(self),
         ]
         if len(self.parameters) > 1:
@@ -400,8 +385,8 @@ class Fit(AbstractTabular):
         return "\n\n".join(part for part in parts if part)
 
     def _test_report(self) -> str:
-        """Sentences on `check`: whether chi squared rises as the covariance predicts, and if not,
-        where the intervals come from."""
+        """Sentences on `check`, which must be made: whether chi squared rises as the covariance
+        predicts and, if not, where the intervals come from."""
         assert self.check is not None
         check, test, explored = self.check, self.check.test, self.check.exploration
         cost = f"{check.runs} runs around the estimates, {duration(check.seconds)}"
@@ -493,15 +478,13 @@ class Fit(AbstractTabular):
         cause = "the noise is coloured, or the model or a sensor lacks an effect"
         # The advice, if there is any, contains this sentence already.
         faults = [] if self.advice else [*_sensor_faults(self)]
-        yield " ".join(
-            [
-                f"Residuals are not white in {series}: {cause}. Standard errors and intervals "
-                f"allow for the correlation of neighbouring samples, and are up to {largest:.3g} "
-                "times as large as for independent noise of the stated size. They don't allow for "
-                "an error of the estimates due to a missing effect.",
-                *faults,
-            ]
+        text = (
+            f"Residuals are not white in {series}: {cause}. Standard errors and intervals allow "
+            f"for the correlation of neighbouring samples, and are up to {largest:.3g} times as "
+            "large as for independent noise of the stated size. They don't allow for an error of "
+            "the estimates due to a missing effect."
         )
+        yield " ".join([text, *faults])
 
     def _problems(self) -> Iterator[str]:
         if self.ending is not Ending.CONVERGED:
@@ -520,13 +503,14 @@ class Fit(AbstractTabular):
             )
         if len(others) > SHOWN:
             yield f"{len(others) - SHOWN} more minima are in Fit.rivals."
-        for name, (low, high) in self.intervals.items():
+        intervals, is_gone = self.intervals.items(), self._is_gone
+        for (name, (low, high)), without_effect in zip(intervals, is_gone, strict=True):
             scale, value = self.parameters[name].scale, self.estimates[name]
             if isinstance(scale, Bounded):
                 for bound in (scale.low, scale.high):
                     if abs(value - bound) < AT_BOUND * (scale.high - scale.low):
                         yield f"{name} is at its bound {bound:g}."
-            elif low == 0.0 or math.isinf(high):
+            elif without_effect and (low == 0.0 or math.isinf(high)):
                 yield f"{name} is {limit_text(low, high, self.units[name])}"
 
     @property
@@ -538,12 +522,9 @@ class Fit(AbstractTabular):
         return [s.best for s in searches if s is not self.best and s.ending in in_minimum]
 
     def _uncertain_directions(self) -> Iterator[str]:
-        """A warning for each combination of parameters that the data hardly determine.
-
-        They hardly determine it if a change along the combination by one standard deviation changes
-        any coordinate by more than the scale's `max_step`, or by more than its own size if
-        `max_step` is infinite.
-        """
+        """A warning for each combination of parameters that the data hardly determine: a change
+        along it by one standard deviation changes a coordinate by more than the scale's `max_step`
+        or, if that is infinite, by more than the coordinate's magnitude."""
         limits = step_limits(self.parameters)
         # A coordinate near zero is thus reported too, even if its error is small in its unit. A
         # fixed size would never report parameters whose usual values are small, such as clearances.
@@ -591,7 +572,7 @@ def _series_table(fit: Fit) -> str:
 
 
 def _searches_table(fit: Fit) -> str:
-    """A table with a row for the search from each start, and a star at the fit's best one."""
+    # A star marks the fit's best search.
     rows = [["start", "chi squared", "runs", "ended"]]
     for number, search in enumerate(fit.searches):
         mark = " *" if search is fit.best else ""
@@ -606,8 +587,8 @@ def _searches_table(fit: Fit) -> str:
 
 
 def _remedies(fit: Fit, scatter: float) -> Iterator[str]:
-    """Sentences on remedies for a poor fit, the cheapest and most likely first; `scatter` is
-    `Fit._scatter`, or 0 without degrees of freedom."""
+    """Sentences on remedies for a poor fit, the cheapest and most likely first; `scatter` is the
+    size of the residuals in multiples of the stated noise, 0 without degrees of freedom."""
     # A missing effect would leave a trace in the residuals, which would then be correlated.
     if all(statistics.whiteness(row) > UNCORRELATED for row in fit.residuals.values()):
         yield (
@@ -637,14 +618,11 @@ def _remedies(fit: Fit, scatter: float) -> Iterator[str]:
     else:
         # Searches that end in one minimum differ in chi squared by less than a hundredth.
         ends = [search.best.chi_squared for search in fit.searches]
+        single = "all in one minimum. The model probably lacks an effect."
+        several = "in several minima. Use more starts, or a wider spread."
         yield (
             f"The {len(ends)} searches ended at chi squared from {min(ends):.3g} to "
-            f"{max(ends):.3g}: "
-            + (
-                "all in one minimum. The model probably lacks an effect."
-                if max(ends) < 1.01 * min(ends)
-                else "in several minima. Use more starts, or a wider spread."
-            )
+            f"{max(ends):.3g}: {single if max(ends) < 1.01 * min(ends) else several}"
         )
     if fit.ending is Ending.EXHAUSTED:
         number = fit.best.evaluations
@@ -657,25 +635,23 @@ def _remedies(fit: Fit, scatter: float) -> Iterator[str]:
 
 
 def _explanation(
-    residuals: Float[np.ndarray, " M"],
-    part: slice,
-    effects: Mapping[type[AbstractSeriesVariation], Float[np.ndarray, " M"]],
-) -> tuple[float, dict[type[AbstractSeriesVariation], float], float]:
+    residuals: Float[np.ndarray, " M"], part: slice, effects: Mapping[Kind, Float[np.ndarray, " M"]]
+) -> tuple[float, dict[Kind, float], float]:
     """Find a few errors of a sensor that together explain most of the misfit of its series.
 
-    Errors are added one by one, each time the one with which the residuals become smallest, until
-    the errors together explain the share `MOST` of the series' chi squared. `residuals` are those
-    of all series, `part` the rows of the sensor's series, and `effects` the derivatives of
-    `residuals` by each kind of error.
+    Kinds of errors are added one by one, each time the one that makes the residuals smallest, until
+    together they explain the share `MOST` of the series' chi squared. `residuals` are those of all
+    series, `part` the rows of the sensor's series, and `effects` the derivatives of `residuals` by
+    each kind of error.
 
-    **Returns:** the decrease of the chi squared of all series; the deviations of the errors from
-    `neutral`, by kind; and the share of the series' chi squared that they explain. All are zero or
-    empty if even all errors together explain less than `MOST`.
+    **Returns:** the decrease of the chi squared of all series; the deviation of each chosen kind of
+    error from `neutral`; and the share of the series' chi squared that they explain. All are zero
+    or empty if even all kinds together explain less than `MOST`.
     """
-    chosen: list[type[AbstractSeriesVariation]] = []
+    chosen: list[Kind] = []
     before = float(np.sum(residuals[part] ** 2))
 
-    def fitted(kinds: Sequence[type[AbstractSeriesVariation]]) -> tuple[np.ndarray, np.ndarray]:
+    def fitted(kinds: Sequence[Kind]) -> tuple[np.ndarray, np.ndarray]:
         """Return the errors of these kinds by least squares, and the remaining residuals."""
         columns = np.stack([effects[kind] for kind in kinds], axis=1)
         sizes = np.linalg.norm(columns, axis=0)
@@ -683,12 +659,9 @@ def _explanation(
         values = -np.linalg.lstsq(columns / sizes, residuals, rcond=smallest)[0] / sizes
         return values, residuals + columns @ values
 
-    def chi_squared_with(kind: type[AbstractSeriesVariation]) -> float:
-        return float(np.sum(fitted([*chosen, kind])[1] ** 2))
-
     while len(chosen) < len(effects):
         rest = [kind for kind in effects if kind not in chosen]
-        chosen.append(min(rest, key=chi_squared_with))
+        chosen.append(min(rest, key=lambda kind: float(np.sum(fitted([*chosen, kind])[1] ** 2))))
         values, left = fitted(chosen)
         explained = 1.0 - float(np.sum(left[part] ** 2)) / before
         if explained > MOST:
@@ -697,17 +670,14 @@ def _explanation(
     return 0.0, {}, 0.0
 
 
-def _effects_of_errors(
-    fit: Fit, name: str
-) -> dict[type[AbstractSeriesVariation], Float[np.ndarray, " N"]]:
-    """Derivatives of the residuals of a series by each kind of error that its sensor may have, at
-    an ideal sensor."""
+def _effects_of_errors(fit: Fit, name: str) -> dict[Kind, Float[np.ndarray, " N"]]:
+    """Derivatives of the residuals of a series by each kind of error of its sensor, for an ideal
+    sensor."""
     series = fit.measurements[name]
     quantity, times = fit.predictions[name], np.asarray(series.times)
     instants = [*zip(quantity.tolist(), (times - fit.start_time).tolist(), strict=True)]
-    effects: dict[type[AbstractSeriesVariation], np.ndarray] = {}
-    effects[SeriesDelay] = -np.gradient(quantity, times)
-    for kind in (SeriesBias, SeriesGain, SeriesDrift):
+    effects: dict[Kind, np.ndarray] = {SeriesDelay: -np.gradient(quantity, times)}
+    for kind in (variations.SeriesBias, variations.SeriesGain, variations.SeriesDrift):
         fault = kind((name,))
         # The reading is linear in the error: its derivative is the effect of one unit.
         unit_error = kind.neutral + 1.0
@@ -716,13 +686,16 @@ def _effects_of_errors(
 
 
 def _sensor_faults(fit: Fit) -> Iterator[str]:
-    """A sentence on the series, if there is one, whose misfit a few errors of its sensor explain
-    for the most part; of several, the one whose errors lower the chi squared of all the most."""
+    """A sentence on a series most of whose misfit a few errors of its sensor explain, if there is
+    one; of several, on that whose errors lower the chi squared of all series the most."""
     residuals = np.concatenate([*fit.residuals.values()])
     jacobian = np.concatenate([*fit._jacobians.values()])
     # Orthonormal basis of the changes of residuals that the fit's parameters can make. The small
     # number avoids a division by the zero norm of a parameter without effect.
     basis = np.linalg.qr(jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300))[0]
+    of_parameters = [parameter.variation for parameter in fit.parameters.values()]
+    errors = [error for error in of_parameters if isinstance(error, AbstractSeriesVariation)]
+    estimated = {(type(error), series) for error in errors for series in error.series}
     # The best explanation so far: its decrease of chi squared, series, errors and share.
     most, name, values, explained = 0.0, "", {}, 0.0
     end = 0
@@ -740,7 +713,7 @@ def _sensor_faults(fit: Fit) -> Iterator[str]:
             # This part is left out of the error's effect, or the error would seem smaller than it
             # is, and its effect to be in other series too.
             column -= basis @ (basis.T @ column)
-            if not _is_estimated(fit, kind, series) and np.linalg.norm(column) > 0.0:
+            if (kind, series) not in estimated and np.linalg.norm(column) > 0.0:
                 effects[kind] = column
         fault = _explanation(residuals, part, effects)
         if fault[0] > most:
@@ -762,11 +735,6 @@ def _sensor_faults(fit: Fit) -> Iterator[str]:
     )
 
 
-def _is_estimated(fit: Fit, kind: type[AbstractSeriesVariation], series: str) -> bool:
-    variations = (parameter.variation for parameter in fit.parameters.values())
-    return any(type(each) is kind and series in each.series for each in variations)
-
-
 def _outliers(fit: Fit) -> Iterator[str]:
     """A sentence if the largest residuals contribute most of chi squared."""
     rows = np.concatenate(list(fit.residuals.values())) ** 2
@@ -783,8 +751,7 @@ def _outliers(fit: Fit) -> Iterator[str]:
 
 
 def _shorter_records(fit: Fit) -> Iterator[str]:
-    """Advice to fit a shorter record or growing windows of the record, or to compute the longest
-    record that a single run can fit."""
+    """Sentences on fits of a shorter record or of growing windows, and on `fit_horizon`."""
     all_series, horizon = fit.measurements.series, fit.horizon
     times = np.concatenate([np.asarray(s.times) for s in all_series.values()])
     rows = np.concatenate([fit.residuals[name] for name in all_series])
@@ -834,5 +801,4 @@ def _shorter_records(fit: Fit) -> Iterator[str]:
 
 
 def _rms(row: Float[np.ndarray, " N"]) -> float:
-    """Root mean square of a row, 0 for an empty one."""
     return math.sqrt(float(np.mean(row**2))) if len(row) else 0.0

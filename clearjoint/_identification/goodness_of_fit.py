@@ -43,9 +43,9 @@ def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
 
     They are the principal axes of the estimates' errors in scaled coordinates: the unit of each
     coordinate is the standard error that its parameter would have if all others were known. The
-    axes are sorted by the error in these units, the largest first. Each `Direction.deviation` has
-    another unit, so the deviations need not decrease. With M < p residuals there are only M
-    directions. A direction without effect on the residuals gets a very large but finite deviation.
+    axes are sorted by the error in these units, the largest first; `Direction.deviation` is not in
+    these units and need not decrease. With M < p residuals there are only M directions. A direction
+    without effect on the residuals gets a very large but finite deviation.
     """
     norms, sizes, axes = floored(jacobian)
     changes = []
@@ -65,19 +65,17 @@ def chi_squared_p(chi_squared: float, degrees_of_freedom: int) -> float:
 
 
 def likely_chi_squared(degrees_of_freedom: int) -> float:
-    """Return the largest chi squared that noise alone explains, by a probability of `UNLIKELY`;
-    infinite without degrees of freedom."""
+    """Return the chi squared that noise alone exceeds with the probability `UNLIKELY`; infinite
+    without degrees of freedom."""
     from scipy.special import chdtri
 
     return float(chdtri(degrees_of_freedom, UNLIKELY)) if degrees_of_freedom > 0 else math.inf
 
 
 def whiteness(residuals: Float[np.ndarray, " M"]) -> float:
-    """Return the p-value of the Ljung-Box test for whiteness of residuals.
-
-    It is NaN for M < 20, and if all residuals are zero. The test uses the autocorrelations at the
-    first 10 lags: G. Ljung and G. Box, *On a measure of lack of fit in time series models* (1978).
-    """
+    """Return the p-value of the test for whiteness of residuals by G. Ljung and G. Box, *On a
+    measure of lack of fit in time series models* (1978), with the autocorrelations at the first 10
+    lags; NaN for M < 20, and if all residuals are zero."""
     from scipy.special import chdtrc
 
     count = len(residuals)
@@ -115,11 +113,10 @@ class CorrelatedNoise:
 
 
 def correlated_noise(residuals: Float[np.ndarray, " M"]) -> CorrelatedNoise:
-    """Return the noise of which residuals (M,), not all zero, are a sample.
+    """Return an autoregressive process, fitted by Burg's method to residuals that are not all zero.
 
-    It is an autoregressive process, fitted by Burg's method. Its order minimises Akaike's corrected
-    criterion (C. Hurvich and C. Tsai, *Regression and time series model selection in small
-    samples*, 1989).
+    Its order minimises Akaike's corrected criterion (C. Hurvich and C. Tsai, *Regression and time
+    series model selection in small samples*, 1989).
     """
     count = len(residuals)
     # Errors of predicting each sample from those before it, and from those after it.
@@ -156,20 +153,18 @@ def correlated_noise(residuals: Float[np.ndarray, " M"]) -> CorrelatedNoise:
 
 
 def student_factor(effective: float) -> float:
-    """Return how many times as wide 95 % intervals are by Student's distribution as by the normal
-    one. Its degrees of freedom are the `effective` number of independent samples from which the
-    variance is estimated, but at least `FEWEST_FREEDOM`."""
+    """Return the width of 95 % intervals by Student's distribution over that by the normal one. The
+    degrees of freedom are the `effective` number of independent samples from which the variance is
+    estimated, but at least `FEWEST_FREEDOM`."""
     from scipy.special import stdtrit
 
     return float(stdtrit(max(effective, FEWEST_FREEDOM), 0.5 + 0.5 * CONFIDENCE)) / DEVIATIONS
 
 
 def normality(residuals: Float[np.ndarray, " M"]) -> float:
-    """Return the p-value of a test for normality of residuals.
-
-    It is NaN for M < 20, and if all residuals are equal. The test uses skewness and kurtosis: R.
-    D'Agostino and E. Pearson, *Tests for departure from normality* (1973).
-    """
+    """Return the p-value of the test for normality, by skewness and kurtosis, of R. D'Agostino and
+    E. Pearson, *Tests for departure from normality* (1973); NaN for M < 20, and if all residuals
+    are equal."""
     from scipy.stats import normaltest
 
     if len(residuals) < 2 * LAGS or np.ptp(residuals) == 0.0:
@@ -188,8 +183,8 @@ def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMi
 def distinct(
     minima: Iterable[RunMisfit], limit: float, apart: Callable[[RunMisfit, RunMisfit], bool]
 ) -> list[RunMisfit]:
-    """Return the minima with a chi squared up to `limit`, the lowest first, that are `apart` from
-    all before."""
+    """Return the minima with a chi squared up to `limit`, the lowest first, each `apart` from all
+    lower ones returned."""
     chosen: list[RunMisfit] = []
     for minimum in sorted(minima, key=lambda minimum: minimum.chi_squared):
         if minimum.chi_squared <= limit and all(apart(lower, minimum) for lower in chosen):
@@ -197,7 +192,7 @@ def distinct(
     return chosen
 
 
-def _apart(one: RunMisfit, other: RunMisfit) -> bool:
-    """Whether `other` is outside the 95 % interval of at least one parameter around `one`."""
-    half = DEVIATIONS * np.sqrt(np.diag(one.covariance))
-    return bool(np.any(np.abs(other.coordinates - one.coordinates) > half))
+def _apart(lower: RunMisfit, other: RunMisfit) -> bool:
+    """Whether `other` is outside the 95 % interval of at least one parameter around `lower`."""
+    half = DEVIATIONS * np.sqrt(np.diag(lower.covariance))
+    return bool(np.any(np.abs(other.coordinates - lower.coordinates) > half))

@@ -30,6 +30,7 @@ from .levenberg_marquardt import (
     best_search,
     search_with_damping,
 )
+from .points import Point
 from .residuals import RunMisfit, run_misfit
 from .screening.screening import LOOSER, Screening, search_screened
 from .starts import Guess, Starts, start_coordinates
@@ -37,18 +38,16 @@ from .starts import Guess, Starts, start_coordinates
 OnIteration = Callable[[Iteration], None]
 """Function of the user that is called after each run of a search."""
 OnFitIteration = Callable[[int, Iteration], None]
-"""Function of the number of samples in the present window and of an `Iteration`, called after each
-run of a search."""
+"""Function that is called after each run of a search, with the number of samples in its window."""
 WINDOW_TOLERANCE = 0.1
-"""Smallest `tolerance` of the fits of all windows but the last one: they only start the next
-window."""
+"""Smallest `tolerance` of the searches in all windows but the last, which only start the next."""
 
 
 class FitInterrupted(KeyboardInterrupt):
     """Interruption of a fit by Ctrl-C (SIGINT).
 
-    `fits` has the finished fits and, if `partly` is true, at the end the best result so far of the
-    interrupted fit.
+    `fits` has the finished fits, then, if `partly` is true, the interrupted one with its best
+    result so far.
 
     >>> cj.FitInterrupted([]).fits
     []
@@ -101,11 +100,11 @@ def identify(
       guess finds starts by many runs without derivatives, for data with impacts, where derivatives
       don't lead to the solution. The fit is the best of all searches; `Fit.rivals` has other minima
       that fit the data about as well.
-    - `grow`: rising ends of windows of the record that are fitted before the whole record, each
+    - `grow`: rising ends of windows of the record, s, that are fitted before the whole record, each
       from the result of the one before. After some impacts small errors of parameters have grown so
-      much that a fit of the whole record from a distant start fails. A window holds each parameter
-      near its start, with its scale's `max_step` as standard deviation, so that parameters that it
-      doesn't determine stay in range. For example, a record of 187 ms of
+      much that a fit of the whole record from a distant start fails. Each window has a normal prior
+      around its start, with the scale's `max_step` as standard deviation, so that parameters that
+      it doesn't determine stay in range. For example, a record of 187 ms of
       `clearjoint.mechanisms.double_pendulum`, five times as long as a single run can fit from a
       distant guess (`clearjoint.fit_horizon`), takes 140 runs with windows.
     - `settings`: by default `clearjoint.presets.identification`. `max_steps` limits the cost of
@@ -115,21 +114,19 @@ def identify(
       which a search ends.
     - `horizon`: result of `clearjoint.fit_horizon`, for a warning if the record is too long for a
       fit by a single run.
-    - `check_runs`: 0 leaves out the test of the covariance, which compares chi squared up to four
-      standard errors around the estimates with its prediction, by about twenty runs for each
-      parameter. If they differ, chi squared has several minima close together or is not quadratic;
-      runs without derivatives and local searches then explore it, and the fit moves to the lowest
-      minimum. `check_runs`, 50 or more, such as 400, is the number of runs in the first of up to
-      six rounds; by default the exploration costs about as much as the searches and the test. With
-      `check_runs`, or after a long search, the intervals are those of a posterior around the lowest
-      minimum, by at most 75 times `check_runs` runs. No test is made if the best search failed or
-      reached `max_iterations`.
+    - `check_runs`: after a search that neither failed nor reached `max_iterations`, about twenty
+      runs for each parameter test whether chi squared rises as the covariance predicts, up to four
+      standard errors from the estimates; 0 leaves the test out. If it fails, chi squared has
+      several minima close together or is not quadratic: runs without derivatives and local searches
+      explore it, and the fit moves to the lowest minimum. `check_runs`, 50 or more, such as 400, is
+      the number of runs in the first of up to six rounds; by default the exploration costs about as
+      much as the searches and the test. With `check_runs`, or after a long search, the intervals
+      are those of a posterior around the lowest minimum, by at most 75 times `check_runs` runs.
     - `progress`: whether to show a line with the iterations, or a function that is called with each
       `Iteration`.
 
-    **Raises:** `ValueError` for unsupported arguments. `FitInterrupted`, a `KeyboardInterrupt` with
-    the best fit so far, on Ctrl-C. A search that fails raises no error: see `Fit.ending` and
-    `Fit.warnings`.
+    **Raises:** `ValueError` for unsupported arguments; `FitInterrupted`, with the best fit so far,
+    on Ctrl-C. A search that fails raises no error: see `Fit.ending` and `Fit.warnings`.
 
     **Warns:** `PoorFitWarning`, with the remedies of `Fit.advice`, if the residuals are far above
     the noise or the best run does not reach the last sample; another `PoorFitWarning` if the test
@@ -177,13 +174,11 @@ def identify_many(
 ) -> list[Fit]:
     """Estimate parameters from each of several sets of measurements, such as draws of the noise.
 
-    All sets have the same channels and times; the other arguments are those of `identify` and apply
-    to every set.
+    All sets have the same channels and times; the other arguments are those of `identify`.
 
     **Raises:** as `identify`, and `ValueError` for no sets or sets of different channels or times.
 
-    **Warns:** as `identify`; of several poor fits, a warning shows the first and tells their
-    number.
+    **Warns:** as `identify`; of several poor fits, a warning shows the first and their number.
 
     >>> data = cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)
     >>> draws = [data.with_noise(np.random.default_rng(seed)) for seed in range(2)]
@@ -227,7 +222,7 @@ class _Problem:
     """What the fits of `identify_many` have in common; `fit` fits one set of measurements.
 
     - `coarse`: `compared`, with the looser tolerances of a screening.
-    - `rows`: (S, p) coordinates from which searches start, or that a screening surrounds.
+    - `rows`: (S, p) points from which searches start, or around which a screening draws.
     - `ends`: ends of the growing windows and of the record, s.
     """
 
@@ -244,8 +239,8 @@ class _Problem:
     def fit(
         self, measurements: Measurements, on_iteration: OnFitIteration, show: bool
     ) -> tuple[Fit | None, bool]:
-        """Fit one set of measurements. Return the fit, ``None`` if there was no result yet, and
-        whether the user interrupted it."""
+        """Fit one set of measurements. Return the fit, and whether the user interrupted it, in
+        which case it is ``None`` if no run had ended."""
         compared, parameters = self.compared.of(measurements), self.compared.parameters
         searches: list[Search] = []
         screened, checked, stopped = (), None, False
@@ -301,12 +296,9 @@ class _Problem:
     def _search(
         self, compared: Comparison, start: np.ndarray, on_iteration: OnFitIteration
     ) -> Search:
-        """Search from coordinates, window by window, each from the result of the one before.
-
-        After Ctrl-C, the search has `Ending.INTERRUPTED` and the best run so far.
-
-        **Raises:** `KeyboardInterrupt` if Ctrl-C comes before the first run has ended.
-        """
+        """Search from a point, window by window, each from the result of the one before. After
+        Ctrl-C, the search has `Ending.INTERRUPTED` and the best run so far; a `KeyboardInterrupt`
+        is raised only if the first run has not ended."""
         max_changes, runs = step_limits(compared.parameters), compared.runs
         windows, at = [], start
         best: RunMisfit | None = None
@@ -365,13 +357,10 @@ def warn_of(fits: Sequence[Fit]) -> None:
 
 
 def _with_prior(
-    misfit: Callable[[np.ndarray], RunMisfit],
-    centre: np.ndarray,
-    deviations: np.ndarray,
-    at: np.ndarray,
+    misfit: Callable[[np.ndarray], RunMisfit], centre: Point, deviations: Point, at: Point
 ) -> RunMisfit:
-    """Return the misfit at coordinates `at` with the residuals (at - centre)/deviations of a normal
-    prior appended, zero where a deviation is infinite."""
+    """Return the misfit at the point `at`, with the residuals (at - centre)/deviations of a normal
+    prior appended, which are zero where a deviation is infinite."""
     plain = misfit(at)
     residuals = np.append(plain.residuals, (at - centre) / deviations)
     jacobian = np.vstack([plain.jacobian, np.diag(1.0 / deviations)])

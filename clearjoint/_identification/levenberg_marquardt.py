@@ -1,10 +1,10 @@
 """Levenberg-Marquardt search by optimistix, one step at a time.
 
-A step is compiled once for each number of parameters, separately from the runs. Other than in
+A step is compiled once for each number of parameters, separately from the runs. In contrast to
 `optimistix.LevenbergMarquardt`, coordinates are scaled by the column norms of the first Jacobian,
-the damping decreases if the linear model was good, not only if it was almost exact, no coordinate
-changes by more than the `max_step` of its scale in a step, and a step that increases chi squared is
-never accepted.
+the damping decreases after a good, not only after an almost exact, prediction by the linear model,
+no coordinate changes by more than the `max_step` of its scale in a step, and a step that increases
+chi squared is never accepted.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -29,17 +29,17 @@ SHORT = 1e-3
 """A search ends if every component of the next step, in scaled coordinates, whose unit is about a
 standard deviation of an estimate, is smaller in magnitude than this fraction of the tolerance."""
 NEARLY = 0.1
-"""Gauss-Newton step in standard deviations. A search that finds no better point counts as converged
-below this step, because integration errors prevent a higher accuracy."""
+"""Gauss-Newton step, in standard deviations, below which a search that finds no better point counts
+as converged, because integration errors prevent a higher accuracy."""
 ROUGH, SLOW = 2.0, 5
-"""A search also ends if, at Gauss-Newton steps of less than `ROUGH` standard deviations, as many
-iterations as `SLOW` have together lowered chi squared by less than `NEARLY` squared. Where chi
-squared has kinks, as at plays of light links, whose flanks touch or don't, a search otherwise goes
-on until its limit of iterations, without a change of the estimates that matters."""
+"""A search also ends if the last `SLOW` iterations have together lowered chi squared by less than
+`NEARLY` squared, at Gauss-Newton steps of less than `ROUGH` standard deviations. Where chi squared
+has kinks, as at plays of light links, whose flanks touch or don't, a search would otherwise go on
+until its limit of iterations, without a change of the estimates that matters."""
 UNDETERMINED = 1e-12
-"""Two limits: the data don't determine a direction whose singular value of the Jacobian is less
-than this share of the largest; and a coordinate whose column's norm is less than this share of the
-largest norm is scaled by the largest instead of its own."""
+"""The data don't determine a direction whose singular value of the Jacobian, over the largest, is
+below this. A coordinate whose column of the Jacobian has a norm, over the largest, below this is
+scaled by the largest norm."""
 
 
 class Ending(Enum):
@@ -70,8 +70,7 @@ class Iteration:
     - `coordinates`: (p,) values of the parameters in this run on their scales, such as logarithms.
     - `decrement`: length of the Gauss-Newton step from the best run so far, in standard deviations
       of the estimates.
-    - `trust`: trust in the linear model, the inverse of the Levenberg-Marquardt damping of the next
-      step.
+    - `trust`: inverse of the Levenberg-Marquardt damping of the next step.
 
     >>> step = cj.results.Iteration(3, True, 101.2, np.zeros(2), decrement=0.1, trust=1.0)
     >>> step.accepted
@@ -88,8 +87,8 @@ class Iteration:
 
 @dataclass(frozen=True)
 class WindowSearch:
-    """Result of a search that uses only the samples up to a time. `iterations` is empty if the user
-    interrupted the first run."""
+    """Result of a search that uses the samples up to `end_time`, s. `iterations` is empty if the
+    user interrupted the first run."""
 
     end_time: float
     iterations: tuple[Iteration, ...]
@@ -100,7 +99,7 @@ class WindowSearch:
 class Search:
     """Result of the search from one start.
 
-    - `windows`: the successive searches over growing windows of the record.
+    - `windows`: the successive searches in growing windows, the last in the whole record.
     - `best`: the run of the last accepted step or, after an interruption, a run over the whole
       record at the best coordinates.
     """
@@ -125,11 +124,9 @@ def best_search(searches: Iterable[Search]) -> Search:
 
 
 class _ClippedDescent(optx.DampedNewtonDescent):
-    """Descent in which each component of a step is clipped to `limits`, (p,) scaled coordinates.
-
-    Without limits, a parameter that the data hardly determine would run away while the other
-    parameters are still far from their estimates.
-    """
+    """Descent in which each component of a step is clipped to `limits`, (p,) scaled coordinates, so
+    that a parameter that the data hardly determine doesn't run away while the other parameters are
+    still far from their estimates."""
 
     limits: jax.Array = eqx.field(kw_only=True)
 
@@ -140,23 +137,19 @@ class _ClippedDescent(optx.DampedNewtonDescent):
 
 
 class _TrustRegion(optx.ClassicalTrustRegion):
-    """Trust region that accepts no step that increases chi squared.
-
-    Because a clipped step has another direction, the linear model may predict an increase for it.
-    optimistix would then accept a step with up to 1 % of this increase.
-    """
+    """Trust region that accepts no step that increases chi squared."""
 
     @override
     def predict_reduction(self, y_diff: jax.Array, f_info: PyTree) -> jax.Array:
+        # Because a clipped step has another direction, the linear model may predict an increase for
+        # it, and optimistix would then accept a step with up to 1 % of this increase.
         return jnp.minimum(super().predict_reduction(y_diff, f_info), 0.0)
 
 
 def decrement(residuals: jax.Array, jacobian: jax.Array) -> jax.Array:
-    """Return the length of the Gauss-Newton step in standard deviations of the estimates.
-
-    It tells how far a point is from the minimum, and is the norm of the projection of the residuals
-    on the columns of the Jacobian. Directions that the data don't determine are left out.
-    """
+    """Return the length of the Gauss-Newton step in standard deviations of the estimates: the norm
+    of the projection of the residuals on the columns of the Jacobian. Directions that the data
+    don't determine are left out."""
     axes, sizes, _ = jnp.linalg.svd(jacobian, full_matrices=False)
     return jnp.linalg.norm(jnp.where(sizes > UNDETERMINED * sizes[0], residuals @ axes, 0.0))
 
@@ -175,12 +168,12 @@ def _residuals(y: jax.Array, model: _Model) -> tuple[jax.Array, None]:
 def _advance(
     y: jax.Array, arrays: PyTree, model: _Model, limits: jax.Array, tolerance: jax.Array
 ) -> tuple[jax.Array, PyTree, jax.Array, jax.Array]:
-    """Compute one step of the search, in scaled coordinates. `y` is the best point so far, `model`
-    the linear model at the latest point, and `arrays` those of the solver's state, ``None`` for the
-    first step.
+    """Compute one step of the search, in scaled coordinates. `y` is the best point before the
+    latest one, `model` the linear model at the latest one, and `arrays` those of the solver's
+    state, ``None`` for the first step.
 
-    **Returns:** the best point, including the latest; the new arrays, of which `y_eval` is the next
-    point to evaluate; whether the search ends; and the `decrement` at the best point.
+    **Returns:** the best point, which may be the latest; the new arrays, of which `y_eval` is the
+    next point to evaluate; whether the search ends; and the `decrement` at the best point.
     """
     # The damping decreases if chi squared has decreased by at least 0.7 times what the linear model
     # predicts. With optimistix' own cutoff of 0.99, it would decrease only after an almost exact
@@ -225,7 +218,7 @@ def search_with_damping(
     estimates. No coordinate changes by more than its limit in a step. A `KeyboardInterrupt` ends
     the search; during the first evaluation it is not caught, because there is no result yet.
 
-    **Returns:** the best evaluation, all iterations, and the reason why the search ended. This is
+    **Returns:** the best evaluation, all iterations, and the reason why the search ended, which is
     never `Ending.FAILED`: the caller must check whether the best run reaches the last sample.
     """
     iterations: list[Iteration] = []
@@ -247,14 +240,10 @@ def search_with_damping(
             y, arrays, done, length = _advance(y, arrays, model, limits, end_at)
             accepted = int(arrays.num_steps_since_acceptance) == 0
             best = latest if accepted else best
+            # The step size of optimistix is the inverse of the damping.
+            number, trust = len(iterations), float(arrays.search_state.step_size)
             iteration = Iteration(
-                len(iterations),
-                accepted,
-                latest.chi_squared,
-                latest.coordinates,
-                float(length),
-                # The step size of optimistix is the inverse of the damping.
-                float(arrays.search_state.step_size),
+                number, accepted, latest.chi_squared, latest.coordinates, float(length), trust
             )
             iterations.append(iteration)
             on_iteration(iteration)
@@ -279,12 +268,10 @@ def _is_slow(iterations: Sequence[Iteration], lowest: Sequence[float]) -> bool:
 
 
 def _triangular(misfit: RunMisfit, scales: np.ndarray) -> tuple[jax.Array, jax.Array]:
-    """Return p + 1 residuals and their Jacobian, in scaled coordinates, that have the same sum of
-    squares as the M residuals at all coordinates.
-
-    A QR decomposition gives them: it rotates the rows. So one compiled program serves data of any
-    size. Fewer than p + 1 rows are followed by zeros.
-    """
+    """Return p + 1 residuals and their Jacobian, in scaled coordinates, with the same sum of
+    squares as the linear model of the M residuals, so that one compiled program serves data of any
+    size."""
+    # A QR decomposition rotates the rows. Fewer than p + 1 rows are followed by zeros.
     table = np.column_stack([misfit.jacobian / scales, misfit.residuals])
     rows = np.zeros((table.shape[1], table.shape[1]))
     triangle = np.linalg.qr(table, mode="r")

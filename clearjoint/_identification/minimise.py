@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 Objective = Callable[[dict[str, jax.Array]], jax.Array]
 """Function of outputs by name, (N,) or numbers of reductions, that returns what to minimise."""
 Coordinates = dict[str, PyTree]
-"""For each parameter by name: the coordinate of a `Parameter` on its scale, or the values of a path
-in the form of `Predictor.values`."""
+"""By name, the coordinate of each `Parameter` on its scale, and the values of each path in the form
+of `Predictor.values`."""
 HALVINGS = 12
 """Largest number of trials of a line search, each with half the step of the one before."""
 
@@ -45,8 +45,8 @@ class Minimum:
     - `estimates`: value of each parameter by name, SI: a number, or arrays in the form of
       `Predictor.values`.
     - `coordinates`: (p,) all these numbers, those of `Parameter`s on their scales.
-    - `history`: (iterations,) objective before each iteration; shorter if a run failed or its
-      objective was not finite, which ends the search.
+    - `objective`: that of this run.
+    - `history`: (iterations,) objective before each iteration; shorter if the search ended early.
     - `result`: `RESULTS` code of the last run.
 
     >>> def lowest(outputs):
@@ -79,9 +79,9 @@ def minimise(
 ) -> Minimum:
     """Find parameters that minimise a function of a motion's outputs, by gradients.
 
-    The gradients are those of the exact motion: in forward mode, as by `sensitivities`, for up to
-    16 `Parameter`s without reductions and `end_time`; otherwise in reverse mode, as by `predictor`.
-    For sums of squares by few parameters use `identify`, which needs far fewer runs.
+    The gradients are exact derivatives of the motion: in forward mode, as by `sensitivities`, for
+    up to 16 `Parameter`s, without reductions and `end_time`; otherwise in reverse mode, as by
+    `predictor`. For sums of squares by few parameters use `identify`, which needs far fewer runs.
 
     **Arguments:**
 
@@ -156,18 +156,6 @@ def _descended(
     import optax
 
     optimiser = optax.with_extra_args_support(optimiser)
-
-    def advance(
-        value: float, gradient: Coordinates, optimiser_state: PyTree, at: Coordinates
-    ) -> tuple[PyTree, PyTree]:
-        # The line search of L-BFGS needs these; other optimisers ignore them.
-        further = {"value": value, "grad": gradient, "value_fn": search.value}
-        # Python repeats the loop of a line search. Inside of a program of XLA, which has one thread
-        # for each core, a run that needs XLA too would wait for ever on a machine with one core.
-        with jax.disable_jit():
-            step, optimiser_state = optimiser.update(gradient, optimiser_state, at, **further)
-            return optax.apply_updates(at, step), optimiser_state
-
     at = search.start()
     optimiser_state = optimiser.init(at)
     history: list[float] = []
@@ -184,7 +172,13 @@ def _descended(
             break
         history.append(float(value))
         best = at if float(value) <= min(history) else best
-        moved, optimiser_state = advance(value, gradient, optimiser_state, at)
+        # The line search of L-BFGS needs these; other optimisers ignore them.
+        further = {"value": value, "grad": gradient, "value_fn": search.value}
+        # Python repeats the loop of a line search. Inside of a program of XLA, which has one thread
+        # for each core, a run that needs XLA too would wait for ever on a machine with one core.
+        with jax.disable_jit():
+            step, optimiser_state = optimiser.update(gradient, optimiser_state, at, **further)
+            moved: PyTree = optax.apply_updates(at, step)
         # Without a change, all further iterations would repeat this one.
         if np.array_equal(ravel_pytree(moved)[0], ravel_pytree(at)[0]):
             break

@@ -1,29 +1,32 @@
 """Points and their curves of chi squared, for screenings, explorations and posteriors.
 
 A curve of chi squared is cumulative over the record: column k is chi squared of all samples up to
-the k-th of the T sample times. The level set of several points contains each point whose chi
-squared exceeds the smallest by no more than a given excess. It shrinks as more of the record is
-used.
+the k-th of the T sample times, and column 0 is zero.
 """
 
 from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float, Int
+from numpy.random import Generator
 
+Point = Float[np.ndarray, " p"]
+"""Coordinates of all p parameters, or another number for each of them."""
+Points = Float[np.ndarray, "n p"]
+Box = tuple[Point, Point]
+"""Lower and upper ends of the coordinates."""
+Covariance = Float[np.ndarray, "p p"]
+"""Covariance of the coordinates."""
 NEIGHBOURS = 2
-"""Number of neighbours of a point, relative to p + 1, whose covariance is used to draw new points
-around it. A covariance of p parameters needs at least p + 1 points; more make it less random."""
+"""Number of nearest points, over p + 1, whose covariance serves to draw new points around a point.
+A covariance of p coordinates needs at least p + 1 points; more make it less random."""
 SPLIT = 1e-12
-"""Smallest variance of points along a principal axis, relative to the variances of the coordinates.
-Distances along an axis are divided by the square root of the variance."""
+"""Smallest variance of points along a principal axis, over the variances of the coordinates, so
+that its square root can divide distances."""
 
 
 def filled(
-    low: Float[np.ndarray, " p"],
-    high: Float[np.ndarray, " p"],
-    number: int,
-    generator: np.random.Generator,
+    low: Point, high: Point, number: int, generator: Generator
 ) -> Float[np.ndarray, "{number} p"]:
     """Return a Latin hypercube of points in the box from `low` to `high`."""
     from scipy.stats import qmc
@@ -32,11 +35,10 @@ def filled(
 
 
 def chi_squared_over(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, " n"]:
-    """Return chi squared over the first `count` times, from curves (see this module).
+    """Return chi squared over the first `count` times, from the curves of n points.
 
     If `count` is not a whole number, its fraction multiplies the rise of chi squared at the next
-    time. The result is infinite for a run that misses a sample at one of these times, including the
-    next one.
+    time. The result is infinite for a run that misses a sample at one of the times used.
     """
     full = min(int(count), curves.shape[1] - 1)
     part = count - full
@@ -48,21 +50,18 @@ def chi_squared_over(curves: Float[np.ndarray, "n T"], count: float) -> Float[np
 
 
 def last_where(holds: Callable[[float], bool], low: float, high: float) -> float:
-    """Return the last number at which a condition holds that holds at `low`, but not at `high`.
-
-    The interval is bisected until no number is between its ends: a step of a posterior may be as
-    short as 1e-30, because the logarithm of a prior that is 1e15 times narrower than the box varies
-    by 1e30 over the box.
-    """
+    """Return by bisection the last float at which a condition holds that holds at `low`, but not at
+    `high`."""
+    # Until no float is between the ends: a step of a posterior may be as short as 1e-30, because
+    # the logarithm of a prior that is 1e15 times narrower than the box varies by 1e30 over the box.
     while low < (middle := 0.5 * (low + high)) < high:
         low, high = (middle, high) if holds(middle) else (low, middle)
     return low
 
 
 def reached(curves: np.ndarray, keep: int, excess: float) -> float:
-    """Return over how many sample times at least `keep` points have a chi squared that exceeds the
-    smallest by no more than `excess`. The number may be a fraction, see `chi_squared_over`; it is
-    at most the number of times in `curves`."""
+    """Return the largest number of sample times over which at least `keep` points have a chi
+    squared at most `excess` above the smallest. It may have a fraction, see `chi_squared_over`."""
 
     def gap(values: np.ndarray) -> np.ndarray:
         # Excess of the `keep`-th smallest value over the smallest.
@@ -71,17 +70,16 @@ def reached(curves: np.ndarray, keep: int, excess: float) -> float:
     beyond = np.flatnonzero(gap(curves) > excess)
     if not beyond.size:
         return float(curves.shape[1] - 1)
-    first = float(beyond[0])
-    return last_where(
-        lambda count: bool(gap(chi_squared_over(curves, count)) <= excess), first - 1.0, first
-    )
+
+    def fits(count: float) -> bool:
+        return bool(gap(chi_squared_over(curves, count)) <= excess)
+
+    return last_where(fits, float(beyond[0]) - 1.0, float(beyond[0]))
 
 
-def far_apart(points: Float[np.ndarray, "n p"], number: int) -> Int[np.ndarray, " k"]:
-    """Return indices of at most `number` points that are far apart, beginning with the first.
-
-    The next point is always the one whose distance from the nearest point chosen before is largest.
-    """
+def far_apart(points: Points, number: int) -> Int[np.ndarray, " k"]:
+    """Return indices of at most `number` points that are far apart: the first point, and then
+    always the one that is farthest from all points chosen before."""
     distances = _principal_distances(points)
     chosen = [0]
     while len(chosen) < min(number, len(points)):
@@ -90,12 +88,9 @@ def far_apart(points: Float[np.ndarray, "n p"], number: int) -> Int[np.ndarray, 
 
 
 def drawn_among(
-    points: Float[np.ndarray, "n p"],
-    number: int,
-    bounds: tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]],
-    generator: np.random.Generator,
+    points: Points, number: int, bounds: Box, generator: Generator
 ) -> Float[np.ndarray, "new p"]:
-    """Draw new points in the region that two or more points fill.
+    """Draw `number` new points in the region that two or more points fill.
 
     Each is drawn from a normal distribution around one of the points, with the covariance of the
     points nearest to it, so that new points follow a curved or disconnected region. Points outside
@@ -115,8 +110,8 @@ def drawn_among(
     return np.clip(reflected, low, high)
 
 
-def _principal_distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n n"]:
-    """Distances in units of the points' standard deviation along each principal axis."""
+def _principal_distances(points: Points) -> Float[np.ndarray, "n n"]:
+    """Distances between points, in units of their standard deviation along each principal axis."""
     sizes = points.std(axis=0)
     scaled = points / np.where(sizes > 0.0, sizes, 1.0)
     variances, axes = np.linalg.eigh(np.atleast_2d(np.cov(scaled.T)))

@@ -25,6 +25,7 @@ from .._math.vectors import Scalar
 from .._measurements.series import Measurements
 from .._model.bodies import State
 from .._model.scene import Scene
+from .._parametrisation import readings as sensor_readings
 from .._parametrisation.parameter import (
     PASS_PARAMETERS,
     Parameter,
@@ -33,13 +34,7 @@ from .._parametrisation.parameter import (
     free_parameters,
 )
 from .._parametrisation.parametrised_scene import ParametrisedScene, parametrised
-from .._parametrisation.readings import (
-    NO_ERRORS,
-    SensorErrors,
-    in_scene,
-    sensor_errors,
-    with_sensor_errors,
-)
+from .._parametrisation.readings import NO_ERRORS, SensorErrors, in_scene, sensor_errors
 from .._result_codes import RESULTS
 from .._simulation.run.outputs import EXAMPLE, RECORDED, requested_by
 from .._simulation.run.run_checks import derivative_scheme
@@ -56,11 +51,10 @@ from .._simulation.step.settings import (
 from ..quantities.base import Quantity
 
 APART = 1e-7
-"""Time, s, from a delayed time to either end of the central difference that gives the rate of a
-delayed output: short compared with the duration of a contact, long compared with the rounding of
-times."""
+"""Half the interval, s, of the central difference that gives the rate of a delayed output: short
+compared with the duration of a contact, long compared with the rounding of times."""
 NO_RECORDERS = requested_by(None, None).recorders()
-"""As in `sensitivities` without recorded outputs, so that a fit after it compiles nothing anew."""
+"""Those of `sensitivities` without recorded outputs, whose compiled programs a fit then shares."""
 UNREACHED = 1e6
 """Residual of a sample that the run did not reach: an optimiser rejects the step."""
 
@@ -74,8 +68,8 @@ class Experiment(eqx.Module):
     - `times`: the sample times, s. The last one is repeated until their number is 64, 512, 4096 and
       so on, so that records of similar length share a program.
     - `sensors`: errors of the sensors, such as a delay, that are parameters.
-    - `free`, `whole`: indices of the parameters that are not `held`, if one is, and
-      coordinates (p,) with those of held ones.
+    - `free`, `whole`: indices of the parameters that are not `held`, and coordinates (p,) of which
+      those of held ones are used; ``None`` if none is held.
     """
 
     scheme: Scheme
@@ -91,7 +85,7 @@ class Experiment(eqx.Module):
     whole: np.ndarray | None = None
 
     def with_held(self, coordinates: ArrayLike) -> np.ndarray:
-        """Return coordinates (..., p) of all parameters for those of the free ones."""
+        """Return coordinates (..., p) of all parameters from those of the free ones."""
         of_free = np.asarray(coordinates)
         if self.free is None or self.whole is None:
             return of_free
@@ -102,11 +96,10 @@ class Experiment(eqx.Module):
     def run(self, coordinates: ArrayLike, end_time: Scalar) -> Sampled:
         """Run the scene at coordinates of the free parameters, and return readings of the sensors.
 
-        `end_time` is the time of the last sample to compare, s; readings at later times are
-        meaningless. An output with a delay is evaluated at `times` minus the delay, but not before
-        the start of the run. With negative delays, the run ends later than `end_time`. If the run
-        fails early, readings that it misses are meaningless and `reached` is false there; with
-        delays, they are NaN and `reached` is true everywhere.
+        Readings later than `end_time`, s, are meaningless. An output with a delay is evaluated at
+        `times` minus the delay, but not before the start of the run; with a negative delay, the run
+        ends later than `end_time`. If the run fails, readings that it misses are meaningless and
+        `reached` is false there; with delays, they are NaN and `reached` is true everywhere.
         """
         at, end_time = on_device(self.with_held(coordinates)), on_device(end_time)
         delayed = _instants(self, at, end_time) if self.sensors.delays else None
@@ -127,7 +120,7 @@ class Experiment(eqx.Module):
             run = _delayed(self, at, *delayed[:3], run)
         if self.sensors.of_values:
             elapsed = self.times - self.start_time
-            readings, slopes = with_sensor_errors(
+            readings, slopes = sensor_readings.with_sensor_errors(
                 self.sensors, run.values, run.derivatives, elapsed, at
             )
             run = replace(run, values=readings, derivatives=slopes)
@@ -144,13 +137,10 @@ def _instants(
 ) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
     """Compute the times at which to sample a run with D delays, and the end of the run.
 
-    **Returns:**
-
-    - ((1 + 3 D) T,) all times, rising.
-    - (1 + 3 D, T) indices in these: a row for the times without delay, then for each delay three
-      rows, for the delayed times and for times `APART` earlier and later.
-    - (D, T) whether each delayed time is at or after the start.
-    - the end of the run.
+    **Returns:** all times, rising, ((1 + 3 D) T,); indices of these times, (1 + 3 D, T), in a row
+    for the times without delay and, for each delay, in three rows for the delayed times and those
+    `APART` earlier and later; whether each delayed time is at or after the start, (D, T); the end
+    of the run.
     """
     delays = [runs.sensors.value(number, coordinates) for number, _ in runs.sensors.delays]
     # A series with a negative delay is compared with the motion after its last sample.
@@ -180,8 +170,8 @@ def _delayed(
     inside: jax.Array,
     sampled: Sampled,
 ) -> Sampled:
-    """Return a copy of a run with outputs and derivatives at the T sample times, each output
-    delayed by its own delay. `rising`, `indices` and `inside` are the results of `_instants`.
+    """Return a copy of a run, `sampled` at the times of `_instants`, with each output at the T
+    sample times minus its own delay. `rising`, `indices` and `inside` are results of `_instants`.
     Outputs are NaN at times that the run did not reach, and `reached` is true throughout."""
     delay_of = {name: k for k, (_, names) in enumerate(runs.sensors.delays) for name in names}
     values, derivatives = {}, {}
@@ -193,6 +183,7 @@ def _delayed(
             continue
         k = delay_of[name]
         number = runs.sensors.delays[k][0]
+        # The three rows of delay k, (T,) each; row 0 is that of the times without delay.
         at, before, after = indices[1 + 3 * k : 4 + 3 * k]
         # The derivative with respect to the delay is minus the rate of the output, from a central
         # difference. Before the start the state is constant, so the rate is zero.
@@ -238,16 +229,11 @@ def experiment(
     sensors = sensor_errors(parameters, outputs)
     # The zeros are placeholders for coordinates that `Experiment.run` receives.
     family = parametrised(scene, state, in_scene(parameters), np.zeros(len(parameters)))
+    first_step = on_device(settings.length_of_first_step(start_time, end_time))
+    samples_at, start = on_device(padded(rising, end_time)), on_device(start_time)
+    max_steps, names = on_device(settings.max_steps, int), tuple(outputs)
     runs = Experiment(
-        scheme,
-        family,
-        dict(outputs),
-        on_device(padded(rising, end_time)),
-        on_device(start_time),
-        on_device(settings.length_of_first_step(start_time, end_time)),
-        on_device(settings.max_steps, int),
-        tuple(outputs),
-        sensors,
+        scheme, family, dict(outputs), samples_at, start, first_step, max_steps, names, sensors
     )
     numbers = {name: k for k, name in enumerate(parameters)}
     free = [numbers[name] for name in free_parameters(parameters)]
@@ -279,9 +265,9 @@ class Samples(eqx.Module):
         return Samples(self.values, np.where(inside, self.weights, 0.0), self.periods)
 
     def residuals(self, predicted: jax.Array | np.ndarray) -> Float[jax.Array, "S T"]:
-        """Return (prediction - value) / noise; for a periodic quantity, the nearest multiple of the
-        period is subtracted first. A residual is zero where there is no sample, and `UNREACHED`
-        where the prediction is NaN."""
+        """Return (prediction - value) / noise, where the nearest multiple of the period of a
+        periodic quantity is subtracted from the difference. A residual is zero where there is no
+        sample, and `UNREACHED` where the prediction is NaN."""
         difference = predicted - self.values
         # Of all values that differ by whole periods, the nearest counts.
         rows = [
@@ -309,8 +295,8 @@ class RunMisfit:
     """Residuals and their Jacobian from one run, for S series at T times, M = S T.
 
     - `residuals`: (M,) series after series, zero where a series has no sample; `UNREACHED` at
-      samples that the run misses, where the `jacobian` is zero. In a window of a growing record
-      that is not the last one, a prior adds p more.
+      samples that the run misses, where the `jacobian` is zero. In growing windows before the last,
+      those of a prior, (p,), follow.
     - `predicted`: (S, T) values of the outputs, SI; meaningless at times that the run misses.
     """
 

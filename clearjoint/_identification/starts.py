@@ -19,17 +19,18 @@ from .._model.bodies import State
 from .._model.scene import Scene
 from .._parametrisation.parameter import Parameter
 from .._parametrisation.variations import AbstractSeriesVariation
+from .points import Point
 
 Guess = Mapping[str, float]
-"""Value of each guessed parameter by its name, in SI units."""
+"""Values of some parameters by name, SI."""
 
 
 @dataclass(frozen=True)
 class Starts:
     """Guess and random starts around it, for a fit that searches from several starts.
 
-    Starts are uniformly distributed in a box around the guess, in the coordinates of the
-    parameters: their values on their scales.
+    They are uniformly distributed in a box around the guess, in the coordinates of the parameters:
+    their values on their scales.
 
     **Arguments:**
 
@@ -56,19 +57,15 @@ class Starts:
             argument = f"spread[{name!r}]" if name else "spread"
             require_positive(argument, spread, "give a distance in coordinates", zero=True)
 
-    def around(
-        self, first: Float[np.ndarray, " p"], names: Sequence[str]
-    ) -> Float[np.ndarray, "{self.number} p"]:
-        """Return the coordinates of all starts; the first row is `first`."""
+    def around(self, first: Point, names: Sequence[str]) -> Float[np.ndarray, "{self.number} p"]:
+        """Return all starts; the first row is `first`."""
         offsets = np.random.default_rng(self.seed).uniform(-1.0, 1.0, (self.number, len(first)))
         offsets[0] = 0.0
         return first + half_widths(self.spread, names) * offsets
 
 
-def half_widths(
-    spread: float | Mapping[str, float], names: Sequence[str]
-) -> Float[np.ndarray, " p"]:
-    """Return half the width of the box in which random points are drawn, for each parameter."""
+def half_widths(spread: float | Mapping[str, float], names: Sequence[str]) -> Point:
+    """Return half the width of the box around a guess in each coordinate."""
     if not isinstance(spread, Mapping):
         return np.full(len(names), float(spread))
     _require_known("spread", spread, names)
@@ -82,7 +79,7 @@ def start_coordinates(
     guess: Guess | Sequence[Guess] | None,
     starts: Starts | None,
 ) -> Float[np.ndarray, "S p"]:
-    """Return the coordinates of all starts: the guesses in their order, then the random starts."""
+    """Return all starts: the guesses in their order, then the random starts."""
     names = tuple(parameters)
     several = isinstance(guess, Sequence)
     guesses: list[Guess] = list(guess) if several else [{} if guess is None else guess]

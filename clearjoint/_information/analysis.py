@@ -30,7 +30,7 @@ class Sensor:
 
     - `channels`: a measured quantity, or a list or tuple of them. A quantity is a scalar function
       of an `Instant`, the motion at one time, such as those of `clearjoint.quantities`.
-    - `times`: (N,) strictly rising times.
+    - `times`: (N,) strictly rising times, s.
     - `noise`: standard deviation of the samples' independent noise, in the channels' SI unit: a
       number, or (N,).
 
@@ -89,8 +89,8 @@ def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
 
 
 def outputs_of(sensors: Mapping[str, Sensor]) -> dict[str, Quantity]:
-    """Return the channels of all sensors by the name of the sensor, with a number from zero on if
-    it has several, as in "probe 0". A fit has the same names, and so the same compiled program."""
+    """Return the channels of all sensors by the name of the sensor, followed by a number from 0 on
+    if it has several: "probe 0". By equal names, a fit shares the compiled program."""
     outputs: dict[str, Quantity] = {}
     for name, sensor in sensors.items():
         for k, channel in enumerate(sensor.channels):
@@ -105,8 +105,8 @@ def times_of(sensors: Mapping[str, Sensor]) -> Float[np.ndarray, " N"]:
 
 
 ACCURACY_OF_DERIVATIVES = 1e3
-"""Approximate ratio of the relative error of a sensitivity to `rtol`: for the double pendulum it is
-4e2 at `rtol` 1e-9 and 2e3 at 1e-11."""
+"""Approximate relative error of a sensitivity, over `rtol`: for the double pendulum it is 4e2 at
+`rtol` 1e-9 and 2e3 at 1e-11."""
 
 
 @dataclass(frozen=True)
@@ -118,9 +118,9 @@ class Identifiability:
     of these deviations. `of` selects sensors, and `until` shortens the record. A coordinate is a
     parameter's value on its scale, such as the logarithm of the value.
 
-    - `names`, `scales`, `coordinates`: those of the parameters. All arrays have their order.
-    - `sensors`, `sample_times`: (M,) name of the sensor and time of each sample, in order of time,
-      for the M samples of all channels.
+    - `names`, `scales`, `coordinates`: those of the parameters, in the order of all arrays.
+    - `sensors`, `sample_times`: (M,) name of the sensor and time, s, of each of the M samples of
+      all channels, in order of time.
     - `rows`: (M, p), derivatives of each sample by the coordinates, divided by its noise.
     - `accuracy`: relative error of the derivatives. Combinations of parameters with a smaller
       relative effect count as undetermined.
@@ -161,7 +161,7 @@ class Identifiability:
 
     @property
     def times(self) -> Float[np.ndarray, " N"]:
-        """Times at which any sensor has a sample, (N,), rising, each once."""
+        """Times at which any sensor has a sample, (N,) s, rising, each once."""
         return np.unique(self.sample_times)
 
     @property
@@ -176,11 +176,9 @@ class Identifiability:
 
     @property
     def deviations(self) -> Float[np.ndarray, " p"]:
-        """Standard deviations of the coordinates, (p,), if all parameters are estimated together.
-
-        On a `Log` scale, the standard deviation of a coordinate is the relative error of the value.
-        It is infinite for a parameter that the data don't determine.
-        """
+        """Standard deviations of the coordinates, (p,), if all parameters are estimated together;
+        infinite for a parameter that the data don't determine. On a `Log` scale, they are relative
+        errors of the values."""
         return information.deviations_together(self.root, self.accuracy)
 
     @property
@@ -216,10 +214,7 @@ class Identifiability:
     @property
     def limits(self) -> Float[np.ndarray, " p"]:
         """Standard deviation of each coordinate, (p,), above which an estimate carries no
-        information.
-
-        It is `AbstractScale.uninformative_std`: on a `Log` scale 1, a factor of e in the value.
-        """
+        information: on a `Log` scale 1, a factor of e in the value."""
         pairs = zip(self.scales, self.coordinates, strict=True)
         return np.array([scale.uninformative_std(float(u)) for scale, u in pairs])
 
@@ -236,12 +231,9 @@ class Identifiability:
 
     @property
     def condition(self) -> float:
-        """Condition number of `rows` with their columns scaled to unit length.
-
-        A large number means that the data hardly determine some combination of the parameters. The
-        number is infinite, or very large because of rounding, if a parameter has no effect on the
-        data; it is NaN if no parameter has an effect.
-        """
+        """Condition number of `rows` with their columns scaled to unit length; large if the data
+        hardly determine some combination of the parameters. It is infinite, or very large by
+        rounding, if a parameter has no effect on the data, and NaN if none has."""
         return float(information.condition(self.root))
 
     @property
@@ -256,7 +248,7 @@ class Identifiability:
         return information.combinations(self.root, self.accuracy)
 
     def over_time(self) -> np.ndarray:
-        """Return standard deviations of the coordinates, (N, p), for records up to each of
+        """Return standard deviations of the coordinates, (N, p), for the record up to each of
         `times`."""
         # The root of the rows so far, together with the new rows, has the same information as all
         # these rows, so that each row enters only one decomposition.
@@ -277,9 +269,8 @@ class Identifiability:
         return "\n".join([head, "", *self._bounds(), "", *self._combination_lines()])
 
     def _bounds(self) -> list[str]:
-        rows: list[tuple[str, ...]] = [
-            ("parameter", "value", "together", "", "alone", *(f"r({n})" for n in self.names))
-        ]
+        head = "parameter", "value", "together", "", "alone", *(f"r({n})" for n in self.names)
+        rows: list[tuple[str, ...]] = [head]
         together, alone = self.value_deviations, self.slopes * self.deviations_alone
         for k, (name, is_identifiable) in enumerate(self.identifiable.items()):
             value = self.values[k]
@@ -323,10 +314,10 @@ def identifiability(
 
     **Arguments:**
 
-    - `parameters`: parameters by name. The run is computed at their values, which are those of
-      `scene` and `state` unless a `Parameter` has a `value` of its own.
-    - `sensors`: sensors (`Sensor`) by name, each with its times; or measured `Series` by name, or
-      `Measurements`, whose values are not used.
+    - `parameters`: parameters by name. The run is computed at their values, by default the numbers
+      in `scene` and `state`.
+    - `sensors`: `Sensor`s by name; or measured `Series` by name, or `Measurements`, whose values
+      are not used.
     - `settings`: by default `clearjoint.presets.derivatives`.
 
     **Raises:** `ValueError` for unsupported arguments, such as settings with a `controller` instead
@@ -356,8 +347,8 @@ def identifiability_from(
     sensors: Mapping[str, Sensor],
     settings: Settings,
 ) -> Identifiability:
-    """Return the `Identifiability` of p parameters from a run with the sensors' outputs at the
-    times of all sensors, whose first p derivatives are by the parameters' coordinates."""
+    """Return the `Identifiability` of p parameters from a run with the outputs of all sensors at
+    the times of all sensors, whose first p derivatives are those by the parameters."""
     p, names, times, rows = len(coordinates), [], [], []
     for name, sensor in sensors.items():
         at = np.searchsorted(run.times, sensor.times)
@@ -370,12 +361,9 @@ def identifiability_from(
     # In order of time, the samples of a shorter record are the first rows.
     sample_times = np.concatenate(times)
     order = np.argsort(sample_times, kind="stable")
+    of_sensors, all_rows = np.array(names)[order], np.concatenate(rows)[order]
+    scales = tuple(parameter.scale for parameter in parameters.values())
+    accuracy = ACCURACY_OF_DERIVATIVES * settings.rtol
     return Identifiability(
-        tuple(parameters),
-        tuple(parameter.scale for parameter in parameters.values()),
-        coordinates,
-        np.array(names)[order],
-        sample_times[order],
-        np.concatenate(rows)[order],
-        ACCURACY_OF_DERIVATIVES * settings.rtol,
+        tuple(parameters), scales, coordinates, of_sensors, sample_times[order], all_rows, accuracy
     )

@@ -2,9 +2,10 @@
 
 A difference is the derivative of the motion by a parameter, such as a perturbation of the initial
 velocity. Its size is the root mean square displacement of four points of each body: the centre of
-mass, and a point on each body axis at the radius of gyration.
+mass, and a point on each body axis at the distance of the radius of gyration.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -25,18 +26,16 @@ from ..quantities.joints import Penetration
 DISTURBANCE = "initial velocity"
 """Name of the parameter that perturbs the initial state."""
 DIRECTION = (0.53, 0.62, 0.58)
-"""Direction of the perturbing velocity: a unit vector (to three digits) with a component along
-every axis, so that it perturbs motions in all directions."""
+"""Direction of the perturbing velocity, of about unit length, with a component along every axis."""
 
 
 @dataclass(frozen=True)
 class _Push:
     """Function that adds a perturbation of a given size, m/s, to the initial velocities.
 
-    Every body gets the same additional velocity, of this size, and an additional spin that moves
-    points at its radius of gyration with the same speed. Components of the perturbation that ideal
-    joints forbid are dropped, but joints that close a loop are not taken into account. `radii`:
-    name and radius of gyration, m, of each body.
+    Every body gets an additional velocity of this size, and an additional spin that moves points at
+    its radius of gyration, m, with the same speed. Components of the perturbation that ideal joints
+    forbid are dropped; joints that close a loop are not taken into account.
     """
 
     radii: tuple[tuple[str, float], ...]
@@ -54,18 +53,15 @@ class _Push:
 
 
 def disturbance(scene: Scene) -> Parameter:
-    """Return the size of a perturbation of the initial velocities, m/s, as a parameter.
-
-    Its value is zero; derivatives by it show how small differences grow. The perturbation may
-    violate the constraints of drivers and of joints that close a loop. The stabilisation of these
-    constraints then reduces the perturbation during the run.
-    """
+    """Return the size of a perturbation of the initial velocities, m/s, as a parameter of the value
+    zero, by which derivatives show how small differences grow. If the perturbation violates the
+    constraints of drivers or of joints that close a loop, their stabilisation reduces it in the
+    run."""
     return Parameter.change(_Push(tuple(radii_of_gyration(scene).items())), 0.0, unit="m/s")
 
 
 def points(scene: Scene) -> dict[str, Quantity]:
-    """Return the global coordinates, m, of the four points of each body (see the module) as
-    quantities by name."""
+    """Return the global coordinates, m, of the four points of each body as quantities by name."""
     quantities: dict[str, Quantity] = {}
     for body, radius in radii_of_gyration(scene).items():
         for k, point in enumerate([(0.0, 0.0, 0.0), *np.diag([radius] * 3).tolist()]):
@@ -77,16 +73,13 @@ def points(scene: Scene) -> dict[str, Quantity]:
 
 def penetrations(scene: Scene) -> dict[str, Quantity]:
     """Return the penetrations of all contacts, m, as quantities by name."""
-    return {
-        f"penetration of {joint}: {contact}": Penetration(joint, contact)
-        for joint, laws in scene.laws().items()
-        for contact in laws
-    }
+    contacts = [(joint, contact) for joint, laws in scene.laws().items() for contact in laws]
+    return {f"penetration of {j}: {contact}": Penetration(j, contact) for j, contact in contacts}
 
 
 def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) -> np.ndarray:
     """Return the root mean square displacement, (T, p), per unit of each of p parameters, from the
-    `derivatives`, (T, p) by name, of the quantities `names` from `points`."""
+    derivatives, (T, p) by name, of the quantities of `points`."""
     # The mean is over coordinates; three of them make a point, hence the factor 3.
     squares = [derivatives[name] ** 2 for name in names]
     return np.sqrt(3.0 * np.mean(squares, axis=0))
@@ -94,13 +87,11 @@ def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) 
 
 def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
     """Return the rate of exponential growth of displacements from the time `since` on, 1/s: the
-    slope of a straight line that is fitted to their logarithms.
-
-    It is NaN for fewer than two positive displacements.
-    """
+    slope of a straight line that is fitted to their logarithms; NaN for fewer than two positive
+    displacements."""
     used = (times >= since) & (size > 0.0)
     if used.sum() < 2:
-        return float("nan")
+        return math.nan
     return float(np.polyfit(times[used], np.log(size[used]), 1)[0])
 
 

@@ -5,7 +5,7 @@ deviations of their noise. The inverse of F bounds the covariance of every unbia
 and Rao), and it is the covariance of least squares for small noise. Computing F would lose half of
 the digits, and with them combinations that the data hardly determine. Most functions here therefore
 take a root R (r, p) with R^T R = F, such as J itself or the result (p, p) of `root_of`, or a stack
-of roots. `accuracy` is the relative error of the derivatives.
+of roots, (..., r, p). `accuracy` is the relative error of the derivatives.
 """
 
 from collections.abc import Sequence
@@ -15,13 +15,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 SMALL_WEIGHT, SMALL_SHARE = 0.02, 0.1
-"""The description of a combination omits parameters whose absolute weight is less than
-`SMALL_WEIGHT` times the largest one, unless the combination contributes more than `SMALL_SHARE` of
-their variance."""
+"""The description of a combination omits parameters whose weight has less than `SMALL_WEIGHT` times
+the largest magnitude, unless the combination causes more than `SMALL_SHARE` of their variance."""
 LEAST_SINGULAR_VALUE = 1e-12
-"""Smallest singular value of derivatives relative to the largest, with columns scaled to unit
-length. Smaller ones are raised to this value, so that the variance of an undetermined combination
-of parameters stays finite."""
+"""Smallest singular value of derivatives over the largest, with columns scaled to unit length, to
+which smaller ones are raised, so that the variance of an undetermined combination is finite."""
 
 
 def root_of(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
@@ -38,8 +36,8 @@ def deviations_together(
 
     A combination of parameters is undetermined if its singular value is at most `accuracy` times
     the largest one, with the columns of the root scaled to unit length. The bound is infinite for a
-    parameter whose component in the right singular vector of such a combination has a magnitude
-    above the square root of `accuracy`.
+    parameter whose component in the right singular vector of an undetermined combination has a
+    magnitude above the square root of `accuracy`.
     """
     return np.linalg.norm(_parts_together(roots, accuracy), axis=-2)
 
@@ -57,8 +55,8 @@ def correlation_together(
 def _parts_together(
     roots: Float[np.ndarray, "*T r p"], accuracy: float
 ) -> Float[np.ndarray, "*T k p"]:
-    """Contributions of the k singular directions to the p bounds of `deviations_together`: a bound
-    is the norm of the k contributions to it."""
+    """Contributions of the k singular directions to the p bounds of `deviations_together`, each of
+    which is the norm of its k contributions."""
     # Columns of unit length make the test independent of the units of the parameters.
     lengths, values, directions = _equilibrated(roots)
     negligible = _negligible(values, accuracy)[..., None]
@@ -76,8 +74,8 @@ def rank(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> np.ndarray:
 
 
 def condition(roots: Float[np.ndarray, "*T r p"]) -> np.ndarray:
-    """Return the condition number of the derivatives J with columns of unit length; infinite or,
-    by rounding, very large for a singular J, and NaN if J is zero."""
+    """Return the condition number of J with columns of unit length; infinite or, by rounding, very
+    large for a singular J, and NaN if J is zero."""
     values = _equilibrated(roots)[1]
     with np.errstate(divide="ignore", invalid="ignore"):
         return values[..., 0] / values[..., -1]
@@ -93,11 +91,11 @@ def covariance(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
 def floored(
     rows: Float[np.ndarray, "N p"],
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " k"], Float[np.ndarray, "k p"]]:
-    """Return the column norms, singular values and directions of `_equilibrated`, none of them too
-    small as a divisor.
+    """Return the column norms, singular values and directions of `_equilibrated`, with norms and
+    singular values that can be divisors.
 
-    Singular values are raised to at least `LEAST_SINGULAR_VALUE` times the largest, or times 1 if
-    that is larger. A norm of zero is replaced by such a multiple of the largest norm or of 1.
+    Singular values are raised to at least `LEAST_SINGULAR_VALUE` times the larger of 1 and the
+    largest of them. A norm of zero becomes that share of the larger of 1 and the largest norm.
     """
     lengths, values, directions = _equilibrated(rows)
     values = np.maximum(values, LEAST_SINGULAR_VALUE * max(values[0], 1.0))
@@ -117,11 +115,10 @@ def correlation(covariances: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p
 class Combination:
     """A weighted sum of the parameters' coordinates.
 
-    - `weights`: scaled so that the largest absolute value is 1.
+    - `weights`: scaled so that the largest magnitude is 1.
     - `standard_deviation`: infinite if the data don't determine the sum.
-    - `shares`: share of each parameter's variance that the uncertainty of this sum causes. If the
-      data don't determine the sum, they are NaN or infinite; otherwise, a parameter of infinite
-      variance has the share zero.
+    - `shares`: share of each parameter's variance that the uncertainty of this sum causes: NaN or
+      infinite if the data don't determine the sum, otherwise zero for an infinite variance.
     """
 
     weights: Float[np.ndarray, " p"]
@@ -129,10 +126,8 @@ class Combination:
     shares: Float[np.ndarray, " p"]
 
     def described(self, names: Sequence[str]) -> str:
-        """Return the sum, such as "log K + 2 log c", without negligible terms.
-
-        All signs are reversed if the weight of largest absolute value is negative.
-        """
+        """Return the sum as text, such as "log K + 2 log c", without negligible terms, and with all
+        signs reversed if the weight of the largest magnitude is negative."""
         order = np.argsort(-np.abs(self.weights), kind="stable")
         signed = self.weights * np.sign(self.weights[order[0]])
         text = ""
@@ -147,11 +142,8 @@ class Combination:
 
 
 def combinations(root: Float[np.ndarray, "p p"], accuracy: float) -> tuple[Combination, ...]:
-    """Return p combinations of the coordinates with independent estimates, the most accurate first.
-
-    They are the eigenvectors of the information. The data determine the last ones least, or not at
-    all.
-    """
+    """Return p combinations of the coordinates with independent estimates, the most accurate first:
+    the eigenvectors of the information."""
     # The columns are not scaled here, because combinations are in the parameters' coordinates. A
     # small singular value means missing information only if scaled columns are deficient too.
     _, values, directions = np.linalg.svd(root)
@@ -171,8 +163,8 @@ def combinations(root: Float[np.ndarray, "p p"], accuracy: float) -> tuple[Combi
 def _equilibrated(
     roots: Float[np.ndarray, "*T r p"],
 ) -> tuple[Float[np.ndarray, "*T p"], Float[np.ndarray, "*T k"], Float[np.ndarray, "*T k p"]]:
-    """Norms of the columns of roots; then, of the roots with their columns scaled to unit length,
-    the singular values, the largest first, and right singular vectors."""
+    """Norms of the columns of roots and, of the roots with columns scaled to unit length, the
+    singular values, the largest first, and right singular vectors."""
     lengths = np.linalg.norm(roots, axis=-2)
     scaled = roots / np.where(lengths > 0.0, lengths, 1.0)[..., None, :]
     _, values, directions = np.linalg.svd(scaled, full_matrices=False)

@@ -4,12 +4,11 @@ Small differences grow from impact to impact. From some length of the record on,
 guess has another sequence of impacts than the data, and the fit may end in wrong parameters; and
 integration errors grow until the computed run differs from the true motion.
 
-The first limit is found by a test of whether a fit can descend from a wrong guess to the truth,
-along the straight line between them in the parameters' coordinates. If the misfit rises somewhere
-along this line towards the truth, a local minimum or a ridge may stop the fit. The slope of the
-misfit is r^T J d, with the residuals r and their derivatives J at a point of the line, and the
-direction d from the truth to the guess. It is a sum over samples, so its cumulative sums are the
-slopes for records of every length.
+The first limit is found by tests of whether the misfit falls all the way from a wrong guess to the
+truth, along the straight line between them in the parameters' coordinates: if not, a local minimum
+or a ridge may stop the fit. The slope of the misfit is r^T J d, with the residuals r and their
+derivatives J at a point of the line, and the direction d from the truth to the guess. It is a sum
+over samples, so its cumulative sums are the slopes for records of every length.
 """
 
 import itertools
@@ -31,32 +30,24 @@ from .._simulation.run.sensitivities import Sensitivities, sensitivities
 from .._simulation.step import presets
 from .._simulation.step.settings import Settings, settings_or
 from ..quantities.base import Quantity
+from . import analysis
 from . import error_growth as growth
-from .analysis import (
-    Identifiability,
-    Sensor,
-    Sensors,
-    as_sensors,
-    identifiability_from,
-    outputs_of,
-    times_of,
-)
+from .analysis import Identifiability, Sensor, Sensors, outputs_of
 
 LOOSER = 10.0
-"""Ratio of the tolerance of a second run to that of the main run, whose error the difference
-estimates; of a tighter one, rounding might dominate."""
+"""Tolerance of a second run, over that of the main run, whose error the difference of the two
+estimates. With a tighter second run, rounding might dominate."""
 PATH_POINTS = 4
-"""Number of points between the truth and a wrong guess, including the guess, at which the slope of
-the misfit is computed."""
+"""Number of points on the line from the truth to a wrong guess, including the guess, at which the
+slope of the misfit is computed."""
 DERIVATIVE_ERROR = 0.1
 """Relative error of derivatives above which they count as useless for a fit."""
 ALL_CORNERS = 3
 """Largest number of parameters for which guesses with all parameters wrong are tested in every
 combination of signs, up to eight; for more parameters, eight random combinations are tested."""
 FLAT = 1e-6
-"""Cosine of the angle between the residuals and their derivatives along a path, below which the
-misfit counts as constant. Without effect, it is not exactly zero, because of rounding and
-integration errors."""
+"""Cosine of the angle between the residuals and their derivatives along the line, below which the
+misfit counts as constant. By rounding and integration errors, it is not exactly zero then."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +55,9 @@ class WrongGuess:
     """A wrong guess, and the records for which a fit from it may not find the truth.
 
     - `offsets`: coordinates of the guess minus those of the truth.
-    - `blocked`: for each record, from the start to one of the T times of samples, whether the
-      misfit rises somewhere on the path to the truth.
-    - `since`: end of the shortest blocked record; infinite if none is blocked.
+    - `blocked`: for the record up to each of the T sample times, whether the misfit rises somewhere
+      on the line from the guess to the truth.
+    - `since`: end of the shortest blocked record, s; infinite if none is blocked.
     """
 
     offsets: Float[np.ndarray, " p"]
@@ -81,21 +72,20 @@ class FitHorizon:
     Such a fit compares all samples with one run from the initial state. A coordinate is a
     parameter's value on its scale, such as the logarithm of the value.
 
-    - `times`: (T,) times of the samples.
+    - `times`: (T,) s, times of the samples.
     - `growth`: (T, p + 1) m, root mean square displacement of points of the bodies per unit of each
-      parameter's coordinate. The last column is for a perturbation of the initial velocity, per
-      m/s.
+      parameter's coordinate and, in the last column, per m/s of a perturbation of the initial
+      velocity.
     - `rate`: 1/s, rate of exponential growth of this last column since the first contact, or since
       the start if there is no contact; NaN for fewer than two positive displacements since then.
     - `error`: (T,) bound of the integration error in units of the noise, the largest of all
-      outputs. It is the difference from a run with ten times the tolerance, whose error is larger.
+      outputs: the difference from a run with ten times the tolerance, whose error is larger.
     - `derivative_error`: (T,) bound of the relative error of the derivatives over the record up to
       each time, the largest of all parameters.
-    - `numerical`: first time at which `error` exceeds 1 or `derivative_error` exceeds 0.1.
+    - `numerical`: first time at which `error` exceeds 1 or `derivative_error` exceeds 0.1, s.
     - `guesses`: the wrong guesses that were tested, each with the records for which a fit from it
       may fail.
-    - `information`: smallest standard deviations of the parameters that the data allow, also for
-      shorter records.
+    - `information`: the `Identifiability` of the parameters, also for shorter records.
 
     `numerical`, `convergence` and `single_shot` are infinite if their limit is not reached within
     the record.
@@ -118,20 +108,18 @@ class FitHorizon:
 
     @property
     def convergence(self) -> float:
-        """End of the shortest record for which a fit from one of the guesses may fail."""
+        """End of the shortest record for which a fit from one of the guesses may fail, s."""
         return min(guess.since for guess in self.guesses)
 
     @property
     def single_shot(self) -> float:
-        """Time at which a record becomes too long for a fit by a single run, the smaller one of
-        `numerical` and `convergence`."""
+        """End of the shortest record that is too long for a fit by a single run, s: the smaller one
+        of `numerical` and `convergence`."""
         return min(self.numerical, self.convergence)
 
     def warn_if_beyond(self, time: float) -> None:
-        """Warn, with a `UserWarning`, if a record's last sample is at `single_shot` or later.
-
-        The warning names each limit that the record reaches, and suggests `grow` of `identify`.
-        """
+        """Warn, with a `UserWarning` that names the limits reached and suggests `grow` of
+        `identify`, if a record's last sample, at `time`, s, is at `single_shot` or later."""
         if time >= self.single_shot:
             reasons = []
             if time >= self.convergence:
@@ -196,10 +184,9 @@ def fit_horizon(
     The parameters' values are taken as the truth. Two runs with these values, one of them with ten
     times the tolerance, estimate the integration error. For each of several wrong guesses, four
     more runs, at the guess and at points between it and the truth, test whether the misfit falls
-    all the way. If one of these runs fails, the misfit of records that end after the failure counts
-    as rising. There are two guesses for each parameter, too large and too small. With two
-    parameters there are four more with both of them wrong, and with more parameters eight with all
-    of them wrong.
+    all the way to the truth. If one of them fails, records that end after the failure count as too
+    long. There are two guesses for each parameter, too large and too small, and for several
+    parameters guesses with all of them wrong: four for two parameters, eight for more.
 
     **Arguments:**
 
@@ -208,10 +195,10 @@ def fit_horizon(
     - `uncertainty`: largest error of a first guess, positive, by name of each parameter, in the
       coordinate of its scale: log(5) for a factor of five on a `Log` scale.
 
-    **Raises:** `ValueError` for arguments that `identifiability` refuses, for an `uncertainty` that
-    is not one positive number for each parameter, and for a parameter or sensor with a name that
-    this function uses itself, such as "initial velocity"; `SimulationError` if one of the two runs
-    with the parameters' values fails.
+    **Raises:** `ValueError` as `identifiability`, for an `uncertainty` that is not one positive
+    number for each parameter, and for a parameter or sensor with a name that this function uses
+    itself, such as "initial velocity"; `SimulationError` if a run with the parameters' values
+    fails.
 
     >>> sensors, errors = {"probe": cj.Sensor(x, times, noise=1e-4)}, {"stiffness": np.log(1.5)}
     >>> free = {"stiffness": stiffness}
@@ -225,8 +212,9 @@ def fit_horizon(
         remedy = "give the possible error of the guess"
         require_positive(f"uncertainty[{name!r}]", size, remedy)
     spread = np.array([float(uncertainty[name]) for name in parameters])
-    by_name, truth = as_sensors(sensors, scene), coordinates_of(scene, state, parameters)
-    times, points, contacts = times_of(by_name), growth.points(scene), growth.penetrations(scene)
+    by_name, truth = analysis.as_sensors(sensors, scene), coordinates_of(scene, state, parameters)
+    times = analysis.times_of(by_name)
+    points, contacts = growth.points(scene), growth.penetrations(scene)
     outputs, end_time = outputs_of(by_name) | points | contacts, float(times[-1])
     disturbance = {growth.DISTURBANCE: growth.disturbance(scene)}
     # These names are used beside the user's.
@@ -261,12 +249,12 @@ def fit_horizon(
     guesses = [_wrong_guess(near_truth, true_run, truth, d, weights) for d in offsets(spread)]
     rate = growth.rate(times, sizes[:, -1], onset if np.isfinite(onset) else start_time)
     numerical = _first(times, (errors[0] > 1.0) | (errors[1] > DERIVATIVE_ERROR))
-    information = identifiability_from(true_run, dict(parameters), truth, by_name, tight)
+    information = analysis.identifiability_from(true_run, parameters, truth, by_name, tight)
     return FitHorizon(times, sizes, rate, *errors, numerical, tuple(guesses), information)
 
 
 def _weights(sensors: Mapping[str, Sensor], times: np.ndarray) -> dict[str, np.ndarray]:
-    """Weights of outputs: the inverse of the noise at the times of samples, and zero at others."""
+    """Weights, (T,) by output: the inverse of the noise at times of samples, zero at others."""
     weights: dict[str, np.ndarray] = {}
     for name, sensor in sensors.items():
         weight = np.zeros(len(times))
@@ -291,9 +279,8 @@ def _near(
 def _errors(
     run: Sensitivities, loose: Sensitivities, weights: Mapping[str, np.ndarray], p: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds of the errors of a run's values, and of its derivatives by the p parameters. The error
-    of the values is in units of the noise, the largest of all outputs. The error of derivatives is
-    relative to their norm over the record so far, the largest of all parameters."""
+    """Bounds, (T,) each, of the errors of a run's values and of its derivatives by the p
+    parameters: those of `FitHorizon`, from the difference to a run with a looser tolerance."""
     values = [np.abs(run.outputs[n] - loose.outputs[n]) * w for n, w in weights.items()]
     # Errors of derivatives are compared with the derivatives of the whole record so far, because a
     # fit uses their sum over all samples.
@@ -309,12 +296,9 @@ def _errors(
 
 
 def offsets(uncertainty: Float[np.ndarray, " p"]) -> Iterator[Float[np.ndarray, " p"]]:
-    """Yield the offset of each wrong guess from the truth.
-
-    Each parameter is wrong alone, in both directions. Then several parameters are all wrong
-    together: in every combination of signs, or in eight random ones for more than `ALL_CORNERS`
-    parameters.
-    """
+    """Yield the offset of each wrong guess from the truth: with each parameter wrong alone, in both
+    directions, then with all wrong together, in every combination of signs, or in eight random ones
+    for more than `ALL_CORNERS` parameters."""
     p = len(uncertainty)
     for k in range(p):
         for sign in (1.0, -1.0):
@@ -334,8 +318,8 @@ def _wrong_guess(
     offset: np.ndarray,
     weights: Mapping[str, np.ndarray],
 ) -> WrongGuess:
-    """Test for which records the misfit falls all the way from a wrong guess to the truth. `run_at`
-    computes the run at given coordinates; `offset` is the guess minus `truth`."""
+    """Test for which records the misfit falls all the way from the guess, `truth` + `offset`, to
+    the truth. `run_at` computes the run at given coordinates."""
     times = true_run.times
     true_values, blocked = _weighted(true_run.outputs, weights), np.zeros(len(times), bool)
     # A record is blocked if the misfit rises at any of the points between the truth and the guess.
@@ -351,7 +335,7 @@ def _wrong_guess(
 def _weighted(
     rows: Mapping[str, np.ndarray], weights: Mapping[str, np.ndarray]
 ) -> Float[np.ndarray, "S n"]:
-    """Values or derivatives of S outputs, in units of their noise, as far as the run got."""
+    """Values or derivatives of S outputs over their noise, at the n times that the run reached."""
     return np.stack([rows[name] * weight[: len(rows[name])] for name, weight in weights.items()])
 
 
@@ -360,13 +344,13 @@ def blocked_records(
     values: Float[np.ndarray, "S n"],
     slopes: Float[np.ndarray, "S n"],
 ) -> Bool[np.ndarray, " T"]:
-    """Return for which records the misfit rises towards the truth at a point of a path.
+    """Return for which records the misfit rises towards the truth at a point of the line.
 
     `truth` and `values` are the outputs at the truth and at the point, and `slopes` the derivatives
     at the point along the direction from truth to guess, all divided by the noise. If the run at
     the point failed after n of T times, longer records are blocked. A misfit below the noise blocks
-    no fit. Neither does one that is constant along the path: before the first impact, the run
-    doesn't depend on the clearance, but in a longer record it does.
+    no fit. Neither does a constant one: before the first impact, the run doesn't depend on the
+    clearance, but in a longer record it does.
     """
     n = values.shape[1]
     residuals = values - truth[:, :n]

@@ -25,17 +25,9 @@ if TYPE_CHECKING:
 TableOfTime = TypeVar("TableOfTime", bound=PiecewiseLinear | PiecewiseConstant)
 Missing = Literal["refuse", "drop"]
 PASS_CHANNEL = "pass cj.Channel(quantity, noise=...)"
-_FIRST_LINE = {
-    "header": None,
-    "nrows": 1,
-    "index_col": False,
-    "usecols": None,
-    "dtype": None,
-    "converters": None,
-    "parse_dates": False,
-    "skipfooter": 0,
-}
-"""Options with which `pandas.read_csv` reads the header alone, as a row of texts."""
+_FIRST_LINE: dict[str, PyTree] = dict.fromkeys(("header", "usecols", "dtype", "converters"))
+_FIRST_LINE |= {"nrows": 1, "index_col": False, "parse_dates": False, "skipfooter": 0}
+"""Options by which `pandas.read_csv` reads the header alone, as a row of texts."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +37,9 @@ class Channel:
     - `quantity`: a scalar function of an `Instant` (the scene with its motion at one time), such as
       those of `clearjoint.quantities`.
     - `noise`: standard deviation of the samples in the column's unit: a number, or one for each
-      row. ``None`` takes the `noise` argument of the reader.
-    - `unit`: unit of the column, any that pint knows. It may be omitted if the table has the unit.
-      If both have one, the spelling must be the same.
+      row. For ``None``, the reader's argument `noise` applies.
+    - `unit`: unit of the column, any that pint knows. It may be left out if the table has one; if
+      both have one, the spelling must be the same.
 
     >>> cj.Channel(cj.quantities.JournalOffset("pin", "x"), noise=2.0, unit="um").unit
     'um'
@@ -80,7 +72,7 @@ class TableColumn:
         return np.asarray(pd.to_numeric(self.values, errors="coerce"), dtype=float)
 
     def samples(self, missing: Missing) -> tuple[np.ndarray, np.ndarray]:
-        """Return the values that are finite numbers, and which of all values these are."""
+        """Return the values that are finite numbers, and whether each value is one."""
         choices = ("refuse", "drop")
         require(missing in choices, "missing", missing, f"one of {choices}", "name one of them")
         numbers = self.numbers()
@@ -114,23 +106,23 @@ def read_csv(
 
     **Arguments:**
 
-    - `path`: path of the file, which may be compressed.
+    - `path`: of the file, which may be compressed.
     - `channels`: `Channel` by name of the column. A header may contain the unit: "probe x [mm]" is
       the column "probe x".
     - `time`, `time_unit`: name of the column of times, and its unit if the header has none.
     - `noise`: standard deviation of the samples for channels without their own, in the unit of each
       column: a number, or one for each row.
     - `missing`: "drop" omits samples that are not finite numbers; "refuse" raises an error.
-    - `options`: options of `pandas.read_csv`, such as `sep`, `decimal`, `comment` or `skiprows`.
+    - `options`: of `pandas.read_csv`, such as `sep`, `decimal`, `comment` or `skiprows`.
 
     **Returns:** `Measurements` whose series have the names of the columns.
 
     **Raises:** `ValueError` for a file that pandas cannot read, or whose rows have more fields than
-    its header; for a missing or repeated column; for a column without a unit, with an unknown unit
-    or one of another dimension, or with another unit than its channel; for samples that are not
-    finite numbers, unless they are dropped, and for dates and truth values; for a column without
-    samples; for times that are not finite or don't rise strictly; and for noise that is missing,
-    not positive or of another length. `OSError` for a file that does not exist.
+    its header; for a column that is missing, repeated or without samples; for a unit that is
+    missing, unknown, of another dimension or not that of the channel; for dates, truth values and,
+    unless dropped, samples that are not finite numbers; for times that are not finite or don't rise
+    strictly; and for noise that is missing, not positive or of another length. `OSError` for a file
+    that does not exist.
 
     >>> import pandas as pd
     >>> table = pd.DataFrame({"t [ms]": [0, 1], "probe x [um]": [1.0, 2.0]})
@@ -164,9 +156,9 @@ def function_from_csv(
 
     **Arguments:**
 
-    - `column`: name of the column of values. A header may contain its unit, "torque [N cm]".
-    - `unit`: SI unit of the function, to which values are converted; also the unit of a column
-      whose header has none.
+    - `column`: name of the column of values, whose header may contain the unit: "torque [N cm]".
+    - `unit`: SI unit of the function, to which values are converted; also that of a column whose
+      header has none.
     - `kind`: `PiecewiseLinear`, or `PiecewiseConstant` for switched values.
     - `path`, `time`, `time_unit`, `options`: as in `read_csv`.
 
@@ -194,9 +186,9 @@ def function_from_csv(
 def columns_of(
     source: "str | Path | pd.DataFrame", options: dict[str, Any]
 ) -> Callable[[str, str], TableColumn]:
-    """Read a CSV or Parquet file, unless `source` is a table already, and return the function
-    ``column(name, argument)``, which finds a column by its name. `argument` is the user's argument
-    that errors about the name mention."""
+    """Read a CSV or Parquet file, unless `source` is a table already. Return the function
+    ``column(name, argument)``, which finds a column by its name. Errors about the name mention
+    `argument`, that of the user's call."""
     import pandas as pd
 
     file, names_in_file = "the table", []
@@ -236,9 +228,9 @@ def from_xarray(
 ) -> Measurements:
     """Return measurements from the variables of an xarray dataset.
 
-    Each variable has one dimension, whose coordinate contains the times, in s or in the unit of the
-    coordinate's attribute "units". A variable's attribute "units" is the unit of its values. The
-    arguments are as in `read_csv`.
+    Each variable has one dimension, whose coordinate contains the times, in s or in the unit of its
+    attribute "units". A variable's attribute "units" is the unit of its values. Arguments are as in
+    `read_csv`.
 
     **Raises:** `ValueError` as `read_csv`, and for a variable with more or less than one dimension
     or without a coordinate of times.
@@ -302,8 +294,7 @@ def _read(path: str | Path, options: dict[str, Any]) -> "pd.DataFrame":
 
 
 def _read_parquet(path: str | Path, options: dict[str, PyTree]) -> "pd.DataFrame":
-    """Read a Parquet file. A column "state" of lists of equal lengths becomes the columns
-    "state.0", "state.1" and so on."""
+    """Read a Parquet file; a column "state" of lists becomes the columns "state.0", "state.1", …"""
     import pandas as pd
 
     try:
@@ -340,7 +331,7 @@ def require_listed(argument: str, name: str, listed: list[str], kind: str) -> No
 
 
 def times_in(column: TableColumn, unit: str) -> np.ndarray:
-    """Return the times in a column, converted to s; `unit` is their unit if the table has none."""
+    """Return the times in a column, converted to s, from `unit` if the table has none."""
     times = column.numbers()
     column.require_each(np.isfinite(times), "a finite number", "complete the times")
     rising = np.append(True, np.diff(times) > 0.0)

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 TURN = 2.0 * math.pi
 ANGLES, TORQUES = ("rad", "m"), ("N m", "N")
-"""SI units of positions, and of torques and forces, of hinges and of sliders."""
+"""SI units, for hinges and for sliders, of positions, and of torques and forces."""
 GAP = 10.0
-"""Time between two samples, over the median of all such times, above which it is a gap."""
+"""Time between two samples, over the median of these times, above which it is a gap."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,8 @@ class LogColumn:
     - `unit`: of the column, unless the header or `column` has one.
     - `noise`: standard deviation of the samples in the column's unit. `fit_robot` needs it for what
       it compares with the log, not for what drives the joints.
-    - `zero`: number at the joint's zero, in the column's unit.
-    - `factor`: of the values; negative for a sensor that counts in the other direction.
+    - `zero`: number in the column at the joint's zero, in the column's unit.
+    - `factor`: negative for a sensor that counts in the other direction than the joint.
 
     **Raises:** `ValueError` for `noise` that is not positive, and for a `factor` of zero.
 
@@ -71,11 +71,9 @@ class LogColumn:
         noise: float | None = None,
         reverse: bool = False,
     ) -> "LogColumn":
-        """Return a column of encoder counts.
-
-        **Arguments:** `counts`: per revolution of the joint, with any gear between. `zero`: counts
-        at the joint's zero. `noise`: counts, by default the error of rounding, 0.289. `reverse`:
-        whether counts fall with the joint's angle.
+        """Return a column of encoder counts: `counts` per revolution of the joint, with any gear
+        between, `zero` counts at the joint's zero, and `noise`, counts, by default the error of
+        rounding, 0.289. With `reverse`, counts fall as the joint's angle rises.
 
         >>> print(f"{cj.LogColumn.encoder('raw', counts=4096).noise:.3f}")
         0.289
@@ -93,11 +91,9 @@ class LogColumn:
         zero: float = 0.0,
         noise: float | None = None,
     ) -> "LogColumn":
-        """Return a column of motor currents.
-
-        **Arguments:** `torque_constant`: N m/A at the motor. `ratio`: revolutions of the motor for
-        one of the joint, negative if they have opposite directions. `zero`, `noise`: in the unit of
-        the column, A by default.
+        """Return a column of motor currents, with the `torque_constant`, N m/A, of the motor, which
+        makes `ratio` revolutions for one of the joint, negative in the opposite direction. `zero`
+        and `noise` are in the unit of the column, by default A.
 
         >>> cj.LogColumn.current("i3 [mA]", torque_constant=0.05, ratio=100.0).factor  # N m/A
         5.0
@@ -107,8 +103,8 @@ class LogColumn:
 
 
 class Logged(NamedTuple):
-    """Samples of a joint's position or torque: times (N,), s, values (N,) in the SI unit `unit`,
-    which is ``None`` if a joint of any kind may have it, and their `noise`, if known.
+    """Samples of a joint's position or torque: times (N,), s, and values (N,) and their noise, if
+    known, in the SI unit `unit`; ``None`` stands for that of the joint, a hinge or a slider.
 
     >>> cj.results.Logged(np.array([0.0, 0.1]), np.array([0.0, 0.3]), noise=None, unit="rad").unit
     'rad'
@@ -128,8 +124,8 @@ NONE: Columns = {}
 class RobotLog:
     """Positions and torques of a robot's joints over time, by the name of the joint.
 
-    - `angles`: positions, rad or m. `torques`: N m or N. `goals`: positions to which servos move.
-      Each has `times` (N,), s from the first row of the log on, `values` (N,), and `noise`.
+    - `angles`: positions, rad or m. `torques`: N m or N. `goals`: positions to which servos move,
+      rad or m. Times are in s from the first row of the log on.
 
     >>> import pandas as pd
     >>> table = pd.DataFrame({"t": [5.0, 5.1, 5.2], "raw": [2048, 2049, 2051]})
@@ -161,8 +157,8 @@ class RobotLog:
 
         - `source`: path of a CSV file, or of a Parquet file (".parquet", which needs pyarrow), or a
           `pandas.DataFrame`. For a CSV file without header, pass ``header=None`` and numbers of
-          columns. In a Parquet file, the numbers of a column of lists, such as "state", have the
-          names "state.0", "state.1" and so on.
+          columns. In a Parquet file, a column "state" of lists becomes the columns "state.0",
+          "state.1" and so on.
         - `time`: column of the times, in s unless its name has a unit, as in "t [ms]", or of dates
           in the form of ISO 8601.
         - `angles`, `torques`, `goals`: columns by the name of the joint, each a `LogColumn`, or the
@@ -193,11 +189,8 @@ class RobotLog:
                 logged[joint] = samples
             return logged
 
-        return RobotLog(
-            read("angles", angles, ANGLES),
-            read("torques", torques, TORQUES),
-            read("goals", goals, ANGLES),
-        )
+        positions = read("angles", angles, ANGLES)
+        return RobotLog(positions, read("torques", torques, TORQUES), read("goals", goals, ANGLES))
 
     @property
     def end(self) -> float:
@@ -213,10 +206,8 @@ class RobotLog:
         return [s for part in (self.angles, self.torques, self.goals) for s in part.values()]
 
     def between(self, start: float, end: float) -> "RobotLog":
-        """Return the samples with start <= time <= end, s; times are not shifted.
-
-        **Raises:** `ValueError` if a column has fewer than two samples between these times.
-        """
+        """Return the samples with start <= time <= end, s, at unchanged times; raise a `ValueError`
+        for fewer than two samples of a column."""
 
         def cut(part: dict[str, Logged]) -> dict[str, Logged]:
             shorter = {}
@@ -233,7 +224,7 @@ class RobotLog:
 
 
 def _since_first(column: TableColumn, unit: str | None) -> Float[np.ndarray, " N"]:
-    """Return the times in a column, s, from the first one on."""
+    """Return the times in a column since the first one, s."""
     import pandas as pd
 
     if not pd.api.types.is_numeric_dtype(column.values):
@@ -261,7 +252,8 @@ def _logged(
         )
     allowed = units if spec.of is None else (spec.of,)
     si = allowed[0]
-    # The unit of a slider is the second one; an error names the first.
+    # The column's dimension tells whether its joint is a hinge, with the first unit, or a slider,
+    # with the last one. If it fits neither, the error below names the first.
     with suppress(ValueError):
         to_si(unit, allowed[-1])
         si = allowed[-1]

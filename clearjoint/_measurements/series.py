@@ -23,12 +23,13 @@ from ..quantities.base import Quantity, check_quantity, require_quantity
 
 if TYPE_CHECKING:
     import pint
+    import xarray as xr
 
 LONGEST = 100
 """Largest number of characters in a unit."""
 LARGEST_POWER = 1000
-"""Largest product of all exponents in a unit, each of which counts as at least 1, without its
-denominator; pint would compute integers that exhaust the memory."""
+"""Largest product of all exponents in a unit, with 1 for smaller ones and without denominators:
+pint computes integers, which would exhaust the memory."""
 POWER = re.compile(r"\*\*\(?[+-]?(\d{1,2}(?:\.\d*)?)(?:/\d{1,2})?(?!\d)\)?")
 """A power with at most two digits before the decimal point or in a fraction: "**2", "**(-1/2)"."""
 # The remedy in error messages about a unit.
@@ -37,8 +38,8 @@ SPELLING = 'write for example "mm", "deg", "N m", "m/s^2", "g_0" or "1"'
 
 def to_si(unit: str, si: str | None) -> tuple[float, str]:
     """Return the factor that converts values from a unit, any that pint knows, to the SI unit `si`,
-    and that SI unit; by default the combination of SI base units with the same dimension. Units of
-    other dimensions, levels in dB, Hz for angular speeds and very long units are refused."""
+    and this SI unit. For ``None`` it is the combination of SI base units of the same dimension.
+    Units of other dimensions, levels in dB, Hz for angular speeds and long units are refused."""
     import pint  # Importing it takes a quarter of a second, so it is imported only when needed.
 
     registry = pint.get_application_registry()
@@ -64,8 +65,8 @@ def to_si(unit: str, si: str | None) -> tuple[float, str]:
 _OF_A_PARSER = NotImplementedError, RecursionError, SyntaxError, tokenize.TokenError
 _OF_NUMBERS = ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError
 _UNREADABLE = *_OF_A_PARSER, *_OF_NUMBERS
-"""Errors that pint raises for texts that are no units; its own are subclasses. Others, such as an
-error by which a signal handler ends a program, are not about the unit."""
+"""Errors that pint raises for texts that are no units; its own classes are subclasses. Any other
+error, such as one by which a signal handler ends a program, is not about the unit."""
 
 
 def _pint_unit(
@@ -96,10 +97,6 @@ def _pint_unit(
     return parsed
 
 
-if TYPE_CHECKING:
-    import xarray as xr
-
-
 class Series(AbstractReadable):
     """Samples of one measured quantity, converted to SI.
 
@@ -111,9 +108,9 @@ class Series(AbstractReadable):
     - `times`: (N,) s, strictly rising.
     - `values`: (N,) in `unit`.
     - `noise`: standard deviation of the samples in `unit`: a number, or (N,).
-    - `unit`: unit of `values` and `noise`, any that pint knows; by default the unit of the channel.
-      It is required for a channel without an attribute `unit`, such as a plain function. The values
-      of such a channel must be in the SI unit to which `unit` is converted.
+    - `unit`: unit of `values` and `noise`, any that pint knows; by default that of the channel. For
+      a channel without an attribute `unit`, such as a plain function, it is required, and the
+      function must return values in the SI unit to which it is converted.
     - `name`: name of the series in error messages.
 
     The attributes `values` and `noise` (N,) are in SI, and `unit` is the SI unit.
@@ -193,13 +190,9 @@ class Series(AbstractReadable):
         return len(self.times)
 
     def residuals(self, prediction: ArrayLike) -> Float[jax.Array | np.ndarray, " N"]:
-        """Return (prediction - values) / noise, (N,), for predicted values in SI units.
-
-        For a channel with a period, the nearest multiple of the period is subtracted from the
-        difference, so that -pi and pi agree.
-
-        **Raises:** `ValueError` for a prediction of another shape.
-        """
+        """Return (prediction - values) / noise, (N,), for a prediction in SI units, which raises a
+        `ValueError` if it has another shape. For a channel with a period, the nearest multiple of
+        the period is subtracted from the difference, so that -pi and pi agree."""
         arrays = prediction, self.values, self.noise
         traced = any(concrete(array) is None for array in arrays)
         # JAX is used for JAX arrays only. It would compile its operations again for each number of
@@ -217,8 +210,7 @@ class Series(AbstractReadable):
     def with_noise(self, generator: np.random.Generator) -> "Series":
         """Return a copy with additional normally distributed noise of the standard deviation
         `noise`, as for synthetic measurements."""
-        drawn = self.values + self.noise * generator.standard_normal(len(self))
-        return replace(self, values=drawn)
+        return replace(self, values=self.values + self.noise * generator.standard_normal(len(self)))
 
     def between(self, start: float, end: float) -> "Series | None":
         """Return the samples with start <= time < end, or ``None`` if there are none."""
@@ -267,9 +259,8 @@ class Measurements(AbstractReadable):
         return np.unique(np.concatenate([series.times for series in self.series.values()]))
 
     def between(self, start: float, end: float) -> "Measurements":
-        """Return measurements that contain only the samples with start <= time < end, s.
-
-        Adjacent windows share no samples. Series without samples in the window are left out.
+        """Return only the samples with start <= time < end, s, so that adjacent windows share none.
+        Series without samples in the window are left out.
 
         **Raises:** `ValueError` for a window without samples.
         """
@@ -282,23 +273,18 @@ class Measurements(AbstractReadable):
         return Measurements(inside)
 
     def check(self, scene: Scene) -> None:
-        """Check that a scene has the elements that the channels name.
-
-        **Raises:** `ValueError` that names the series, and lists the names that the scene has.
-        """
+        """Raise a `ValueError` if a scene lacks an element that a channel names."""
         for name, series in self.series.items():
             check_quantity(f"Series {name!r}", series.channel, scene)
 
     def with_noise(self, generator: np.random.Generator) -> "Measurements":
-        """Return a copy with normally distributed noise of each series' own deviation."""
+        """Return a copy with additional noise in each series, see `Series.with_noise`."""
         return Measurements({n: series.with_noise(generator) for n, series in self.series.items()})
 
     def to_dataset(self) -> "xr.Dataset":
-        """Return an `xarray.Dataset` with the values of each series as "<name>", and the standard
-        deviations of their noise as "<name>_noise", in SI units.
-
-        The dimension is "time" if all series have the same times, otherwise "<name>_time" for each
-        series. Its coordinate contains the times, s.
+        """Return an `xarray.Dataset` with the values of each series as "<name>" and the standard
+        deviations of their noise as "<name>_noise", in SI units, along "time" if all series have
+        the same times, otherwise each along "<name>_time". Times are in s.
 
         **Raises:** `ValueError` if the name of a series is also that of a dimension or of a noise.
         """

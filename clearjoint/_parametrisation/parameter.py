@@ -1,5 +1,5 @@
-"""Parameters of a scene that a fit estimates, and scales, which relate values to the coordinates in
-which it works: a typical change of a coordinate is of the order of 1, whatever the unit."""
+"""Parameters of a scene that a fit estimates, and their scales, which relate values to coordinates:
+a typical change of a coordinate is of the order of 1, whatever the unit of the value."""
 
 import abc
 import math
@@ -17,20 +17,9 @@ from .._fields.checks import require, require_positive, require_shape, require_t
 from .._math.vectors import Scalar, library
 from .._model.bodies import State
 from .._model.scene import Scene
+from . import variations
 from .paths import NumberPath, value_at
-from .variations import (
-    AbstractNumber,
-    AbstractSeriesVariation,
-    AbstractVariation,
-    Change,
-    MadeByFunction,
-    SceneNumber,
-    SeriesBias,
-    SeriesDelay,
-    SeriesDrift,
-    SeriesGain,
-    StateNumber,
-)
+from .variations import AbstractSeriesVariation, AbstractVariation, Change, SceneNumber
 
 WIDTH = 1.96
 """Half width of a 95 % interval of a coordinate whose standard deviation is 1."""
@@ -85,7 +74,7 @@ class AbstractScale(abc.ABC):
 
     def uninformative_std(self, coordinate: float) -> float:
         """Return the standard deviation of the coordinate above which a parameter counts as not
-        identifiable; by default 1, on a `Log` scale an uncertainty by a factor of e."""
+        identifiable; by default 1, which on a `Log` scale is a factor of e in the value."""
         return 1.0
 
     def interval(self, coordinate: float, half: float, rising: bool) -> tuple[float, float]:
@@ -99,7 +88,7 @@ class AbstractScale(abc.ABC):
         return float(self.value(coordinate - half)), float(self.value(coordinate + half))
 
     def label(self, name: str) -> str:
-        """Return text that names the coordinate of a parameter; by default the parameter's name."""
+        """Return a name for the coordinate of a parameter, by default the parameter's name."""
         return name
 
 
@@ -129,8 +118,8 @@ class Linear(AbstractScale):
 
     @override
     def uninformative_std(self, coordinate: float) -> float:
-        """Return max(1, abs(coordinate)), above which the standard deviation of the value exceeds
-        both the magnitude of the value and `unit`."""
+        """Return max(1, abs(coordinate)), at which the standard deviation of the value is the
+        larger one of its magnitude and `unit`."""
         return max(1.0, abs(float(coordinate)))
 
     @override
@@ -163,16 +152,17 @@ class Log(AbstractScale):
 
     @override
     def interval(self, coordinate: float, half: float, rising: bool) -> tuple[float, float]:
-        """Return an interval from zero if the logarithm has fallen and is uncertain by more than 1,
-        and to infinity if it has risen and is uncertain by more than 5: the data then tell the
-        value, or its reciprocal, about linearly."""
+        """Return an interval from zero if that of the value by the covariance contains zero, and
+        one to infinity if a coordinate that has risen is uncertain by more than 5: the data then
+        tell the value, or its reciprocal, about linearly."""
+        if half <= 1.0:
+            return super().interval(coordinate, half, rising)
         value = float(self.value(coordinate))
-        if half > WIDTH and not rising:
-            return 0.0, value * (1.0 + half)
-        # Between 1 and 5, a value that has risen from too small a start is not near infinity.
-        if half > 5.0 * WIDTH:
+        # An uncertainty below 5 is no sign of infinity: the search may have begun near zero.
+        if rising and half > 5.0 * WIDTH:
             return value / (1.0 + half), math.inf
-        return super().interval(coordinate, half, rising)
+        is_linear = half > WIDTH and not rising
+        return 0.0, value * (1.0 + half if is_linear else math.exp(half))
 
     @override
     def label(self, name: str) -> str:
@@ -226,10 +216,9 @@ class Bounded(AbstractScale):
 
     @override
     def uninformative_std(self, coordinate: float) -> float:
-        """Return pi/sqrt(3) at a coordinate of zero: the standard deviation of the coordinate if
-        only the bounds are known, with a value that is uniformly distributed between them. Towards
-        the bounds it rises, so that it always stands for the same standard deviation of the value.
-        """
+        """Return pi/sqrt(3) at the coordinate zero: the standard deviation of the coordinate of a
+        value that is uniformly distributed between the bounds. It rises towards the bounds, so that
+        the standard deviation of the value that it means is the same everywhere."""
         return math.pi / math.sqrt(3.0) * math.cosh(0.5 * coordinate) ** 2
 
     @override
@@ -256,11 +245,10 @@ class Parameter:
       scene.joints["pin"].clearance``. A path that returns several numbers ties them: they share one
       value.
     - `scale`: `Linear()` by default; `Log()` for positive numbers, `Bounded(low, high)` for numbers
-      between bounds. A scale gives each value an unbounded coordinate; the fit works in these
-      coordinates, and derivatives are with respect to them.
+      between bounds. A scale gives each value an unbounded coordinate, in which the fit works and
+      by which derivatives are taken.
     - `value`: first guess, SI; ``None`` for the number's value in the scene or initial state.
-    - `unit`: text that labels the values and converts nothing; by default the SI unit of the number
-      in the scene.
+    - `unit`: text that labels the values and converts nothing; by default the number's SI unit.
 
     **Raises:** `ValueError` for a path that is not a function, and for a `scale` that is no
     `AbstractScale`.
@@ -303,9 +291,8 @@ class Parameter:
         unit: str | None = None,
     ) -> "Parameter":
         """Return a parameter that is a number of the initial state, selected by a path such as
-        ``lambda state: state.bodies["arm"].spin[2]``. **Arguments:**, **Raises:** as `Parameter`.
-        """
-        return Parameter(StateNumber(path, unit), scale, value=value)
+        ``lambda state: state.bodies["arm"].spin[2]``. Arguments and errors: as for `Parameter`."""
+        return Parameter(variations.StateNumber(path, unit), scale, value=value)
 
     @staticmethod
     def change(
@@ -316,18 +303,18 @@ class Parameter:
         ``make(scene, state, value)`` returns the changed pair (scene, state). The first guess, in
         `unit`, is required, because the scene has no such number.
         """
-        return Parameter(MadeByFunction(make, unit), scale, value=value)
+        return Parameter(variations.MadeByFunction(make, unit), scale, value=value)
 
     @staticmethod
     def delay(*series: str, value: float = 0.0, scale: AbstractScale | None = None) -> "Parameter":
         """Return a parameter that is the delay, s, of the time stamps of measured series.
 
-        A sample at time t is compared with the motion at t - delay. Fits by `identify`,
-        `identify_many` and `minimise`, and `posterior`, accept delays. All series that are named
-        have the same delay. The scale `Bounded(-1e-3, 1e-3)` keeps it within 1 ms.
+        A sample at time t is compared with the motion at t - delay. `identify`, `identify_many`,
+        `minimise` and `posterior` accept delays. All named series have the same delay. The scale
+        `Bounded(-1e-3, 1e-3)` keeps it within 1 ms.
 
         A sample whose time less the delay is before the start of the run is compared with the
-        initial state: leave out these samples by `Measurements.between`. A delay common to all
+        initial state: leave such samples out by `Measurements.between`. A delay common to all
         series is identifiable only if the initial state is known, or if the motion depends on time
         itself, for example by a driver, and not only on the time since its start.
 
@@ -335,64 +322,61 @@ class Parameter:
         >>> delay.value
         0.0
         """
-        return _of_sensors(SeriesDelay, series, value, scale)
+        return _of_sensors(variations.SeriesDelay, series, value, scale)
 
     @staticmethod
     def bias(*series: str, value: float = 0.0, scale: AbstractScale | None = None) -> "Parameter":
         """Return a parameter that is the bias of the sensors of measured series, in their unit.
 
         The reading of a sensor with errors is gain * y + bias + drift * t, for the quantity y and
-        the time t since the start of the run. All series that are named have the same value, so
-        that they must have the same unit. `identify`, `identify_many`, `minimise`, `posterior`,
-        `sensitivities`, `identifiability` and `fit_horizon` accept these parameters; the last three
-        take names of outputs or sensors in place of series. Residuals of a quantity with a period,
-        such as an angle, are taken modulo the period.
+        the time t since the start of the run. All named series have the same value, and so must
+        have the same unit. `identify`, `identify_many`, `minimise`, `posterior`, `sensitivities`,
+        `identifiability` and `fit_horizon` accept such a parameter; the last three take names of
+        outputs or sensors in place of series. Residuals of a quantity with a period, such as an
+        angle, are taken modulo the period.
 
         >>> bias = cj.Parameter.bias("encoder", value=0.01)
         >>> bias.value
         0.01
         """
-        return _of_sensors(SeriesBias, series, value, scale)
+        return _of_sensors(variations.SeriesBias, series, value, scale)
 
     @staticmethod
     def gain(*series: str, value: float = 1.0, scale: AbstractScale | None = None) -> "Parameter":
         """Return a parameter that is the gain of the sensors of measured series: the factor by
-        which they multiply the quantity.
+        which they multiply the quantity, see `Parameter.bias`.
 
-        See `Parameter.bias`. A gain is identifiable only if something else than the size of the
-        motion shows it, such as the frequency of a vibration, the scene's known lengths, or another
-        sensor. The reading of an angle that jumps from pi to -pi jumps by 2 pi times the gain.
+        It is identifiable only if the true size of the motion shows elsewhere, such as in the
+        frequency of a vibration, in the scene's known lengths, or in another sensor. The reading of
+        an angle that jumps from pi to -pi jumps by 2 pi times the gain.
 
         >>> cj.Parameter.gain("torque", scale=cj.Bounded(0.8, 1.2)).value
         1.0
         """
-        return _of_sensors(SeriesGain, series, value, scale)
+        return _of_sensors(variations.SeriesGain, series, value, scale)
 
     @staticmethod
     def drift(*series: str, value: float = 0.0, scale: AbstractScale | None = None) -> "Parameter":
-        """Return a parameter that is the drift of the sensors of measured series: the constant
-        rate, in their unit per second, at which their bias changes from zero at the start of the
-        run.
-
-        See `Parameter.bias`.
+        """Return a parameter that is the drift of the sensors of measured series: the rate, in
+        their unit per second, at which their bias changes from zero at the start of the run, see
+        `Parameter.bias`.
 
         >>> cj.Parameter.drift("encoder").value
         0.0
         """
-        return _of_sensors(SeriesDrift, series, value, scale)
+        return _of_sensors(variations.SeriesDrift, series, value, scale)
 
     def coordinate_in(self, scene: Scene, state: State) -> float:
-        """Return the coordinate of `value` on the parameter's scale or, if it is ``None``, of the
-        (first tied) number in the scene or state.
+        """Return the coordinate of `value` or, if it is ``None``, of the (first tied) number in the
+        scene or state.
 
-        **Raises:** `ValueError` for a value that the scale doesn't allow. If `value` is ``None``,
-        also for a path that leads to no number, and for a variation that selects no number of the
-        scene or state, such as an error of sensors.
+        **Raises:** `ValueError` for a value that the scale doesn't allow; if `value` is ``None``,
+        also for a path that leads to no number, and for what is no number of the scene or state,
+        such as an error of sensors.
         """
-        value = self.value
+        value, variation = self.value, self.variation
         if value is None:
-            variation = self.variation
-            if not isinstance(variation, AbstractNumber):
+            if not isinstance(variation, variations.AbstractNumber):
                 kind = type(variation).__name__
                 raise ValueError(
                     f"Argument `value` must be a number for a {kind}, of which the scene has no "
@@ -418,8 +402,8 @@ PASS_PARAMETERS = 'pass {"clearance": cj.Parameter(lambda scene: scene.joints["p
 
 
 def held(parameter: Parameter, value: float) -> Parameter:
-    """Return a parameter that a fit holds at a value and leaves out of its result. Its runs have
-    the compiled programs of a fit in which the parameter is free."""
+    """Return a parameter that a fit holds at a value and leaves out of its result. Runs share the
+    compiled programs of a fit in which the parameter is free."""
     copy = Parameter(parameter.variation, parameter.scale, value=value)
     object.__setattr__(copy, "_is_held", True)
     return copy
@@ -440,7 +424,6 @@ def step_limits(parameters: Mapping[str, Parameter]) -> np.ndarray:
 
 
 def values_on(scale: AbstractScale, coordinates: Float[np.ndarray, " n"]) -> np.ndarray:
-    """Return the values at n coordinates on a scale, (n,)."""
     # A user-defined scale need not accept arrays. One call for each number would be slow, since JAX
     # may compile in each.
     return np.asarray(jax.vmap(scale.value)(jnp.asarray(coordinates)), float)

@@ -22,6 +22,10 @@ from .parameter import AbstractScale, Parameter
 from .variations import Change, NumberSetter, changed, changed_in_steps
 
 Coordinates = jax.Array | np.ndarray
+Trees = tuple[PyTree, ...]
+SceneFunction = Callable[..., tuple[PyTree, PyTree]]
+"""Function of a scene and of further arguments that returns a value, which is differentiated, and
+an auxiliary result."""
 
 
 class AbstractSceneFamily(eqx.Module):
@@ -29,38 +33,42 @@ class AbstractSceneFamily(eqx.Module):
     what a run computes along one or more directions of the parameters, called tangents.
 
     - `values`: the parameters at which derivatives are computed, a PyTree of arrays.
+    - `base`: scene and initial state before any change.
     - `patterns`: folded constants of the scene, see `ConstantFolded`.
     """
 
     values: eqx.AbstractVar[PyTree]
+    base: eqx.AbstractVar[tuple[Scene, State]]
     patterns: eqx.AbstractVar[tuple[PyTree, ...]]
 
     @property
     @abc.abstractmethod
     def seeds(self) -> PyTree:
-        """The directions: for each array of `values`, an array with a first axis over tangents."""
+        """The directions: for each array of `values`, an array with a first axis for tangents."""
 
     @property
     def tangents(self) -> int:
         return len(jax.tree.leaves(self.seeds)[0])
 
     @abc.abstractmethod
+    def pairs(self, values: PyTree) -> list[tuple[Change, PyTree]]:
+        """Return the changes of `base`, each with its value at parameters."""
+
     def scene_and_state(self, values: PyTree) -> tuple[Scene, State]:
         """Return scene and initial state at parameters, with vectors as arrays (3,)."""
+        return changed(*self.base, self.pairs(values))
 
     @abc.abstractmethod
     def with_derivatives(
-        self,
-        function: Callable[..., tuple[PyTree, PyTree]],
-        primals: tuple[PyTree, ...],
-        tangents: tuple[PyTree, ...],
+        self, function: SceneFunction, primals: Trees, tangents: Trees
     ) -> tuple[PyTree, PyTree, PyTree]:
-        """Compute a function of the scene and its derivatives along the directions.
+        """Compute ``function(scene, *primals)`` and the derivatives of its value along the
+        directions.
 
-        ``function(scene, *primals)`` returns a value, which is differentiated, and an auxiliary
-        result. The scene has the form of the method `scene`. `primals` are earlier results of a
-        run, and `tangents` their derivatives. Returned are the value, the auxiliary result, and the
-        value's derivatives. Derivatives have a first axis over tangents in each array.
+        The scene is that of the method `scene`. `primals` are earlier results of a run, and
+        `tangents` their derivatives. In all derivatives, arrays have a first axis for tangents.
+
+        **Returns:** the value, the auxiliary result, and the value's derivatives.
         """
 
     def scene(self, values: PyTree) -> Scene:
@@ -73,20 +81,29 @@ class AbstractSceneFamily(eqx.Module):
 
     def varied(self) -> PyTree[bool]:
         """Return, in the structure of the scene, whether a parameter may change each leaf."""
+        return self.effects()[0]
+
+    def effects(self) -> tuple[PyTree[bool], int | None]:
+        """Return what `varied` does, and the number of changes up to the last one that changes the
+        scene, not only the state; ``None`` for all."""
         # A user's function may change any leaf. JAX traces the functions here without computing
         # numbers, and each leaf that depends on a parameter becomes a tracer.
-        is_traced: list[bool] = []
+        effects: list[tuple[PyTree[bool], int]] = []
 
         def trace(values: PyTree) -> PyTree:
-            scene, _ = self.scene_and_state(values)
-            leaves, structure = jax.tree.flatten(scene)
-            is_traced[:] = [isinstance(leaf, Tracer) for leaf in leaves]
-            structures[:] = [structure]
+            (leaves, structure), last = jax.tree.flatten(self.base[0]), 0
+            for count, (scene, _) in changed_in_steps(*self.base, self.pairs(values)):
+                before, kept = leaves, structure
+                leaves, structure = jax.tree.flatten(scene)
+                is_kept = structure == kept
+                if not is_kept or any(a is not b for a, b in zip(leaves, before, strict=True)):
+                    last = count
+            traced = [isinstance(leaf, Tracer) for leaf in leaves]
+            effects.append((jax.tree.unflatten(structure, traced), last))
             return values
 
-        structures: list[PyTree] = []
         jax.eval_shape(trace, self.values)
-        return jax.tree.unflatten(structures[0], is_traced)
+        return effects[0]
 
 
 class ParametrisedScene(AbstractSceneFamily):
@@ -94,13 +111,11 @@ class ParametrisedScene(AbstractSceneFamily):
     derivatives by each of them.
 
     - `values`: (p,) coordinates of the parameters on their scales.
-    - `base`: scene and initial state before any change.
     - `changes`, `scales`: function that sets the value of each parameter, and its scale. Arrays of
       a function that is a PyTree are arguments of compiled programs.
     - `directions`: (n, p), n directions in the space of coordinates along which derivatives are
       computed; ``None`` for those by each parameter.
-    - `in_scene`: number of changes up to the last one that changes the scene, not only the state;
-      ``None`` for all.
+    - `in_scene`: see `effects`.
     """
 
     values: Coordinates
@@ -112,8 +127,8 @@ class ParametrisedScene(AbstractSceneFamily):
     in_scene: int | None = eqx.field(static=True, default=None)
 
     def in_groups(self, largest: int) -> "list[ParametrisedScene]":
-        """Return copies that share the parameters among them: each computes the derivatives by the
-        same number of parameters, at most `largest`. The last one repeats the last parameter if the
+        """Return copies that share the derivatives among them: each computes those by the same
+        number of parameters, at most `largest`. The last copy repeats the last parameter if the
         division leaves a remainder."""
         count = len(self.values)
         if count <= largest:
@@ -133,63 +148,35 @@ class ParametrisedScene(AbstractSceneFamily):
         return jnp.eye(len(self.values)) if self.directions is None else self.directions
 
     @override
-    def scene_and_state(self, values: Coordinates) -> tuple[Scene, State]:
-        return changed(*self.base, self._pairs(values))
-
-    @override
-    def scene(self, values: Coordinates) -> Scene:
-        scene, _ = changed(*self.base, self._pairs(values)[: self.in_scene])
-        return unpack(ConstantFolded(scene, self.patterns))
-
-    def _pairs(self, values: Coordinates) -> list[tuple[Change, Scalar]]:
+    def pairs(self, values: Coordinates) -> list[tuple[Change, Scalar]]:
         numbers = [scale.value(values[k]) for k, scale in enumerate(self.scales)]
         return [*zip(self.changes, numbers, strict=True)]
 
     @override
-    def varied(self) -> PyTree[bool]:
-        return self.effects()[0]
+    def scene(self, values: Coordinates) -> Scene:
+        scene, _ = changed(*self.base, self.pairs(values)[: self.in_scene])
+        return unpack(ConstantFolded(scene, self.patterns))
 
+    @override
     def effects(self) -> tuple[PyTree[bool], int | None]:
-        """Return what `varied` does, and the number `in_scene`."""
-        structure = jax.tree.structure(self.base[0])
+        setters = [change for change in self.changes if isinstance(change, NumberSetter)]
+        if len(setters) < len(self.changes):
+            return super().effects()
         # If all parameters are numbers, their locations tell which leaves change: each
         # `NumberSetter` has the indices of the leaves that it sets.
-        setters = [change for change in self.changes if isinstance(change, NumberSetter)]
-        if len(setters) == len(self.changes):
-            in_scene = (setter for setter in setters if setter.in_scene)
-            leaves = {number.leaf for setter in in_scene for number in setter.numbers}
-            varied = [k in leaves for k in range(structure.num_leaves)]
-            return jax.tree.unflatten(structure, varied), None
-        # A user's function may change any leaf. JAX traces the functions here without computing
-        # numbers, and each leaf that depends on a parameter becomes a tracer.
-        effects: list[tuple[PyTree[bool], int]] = []
-
-        def trace(values: Coordinates) -> Coordinates:
-            (leaves, structure), last = jax.tree.flatten(self.base[0]), 0
-            for count, (scene, _) in changed_in_steps(*self.base, self._pairs(values)):
-                before, kept = leaves, structure
-                leaves, structure = jax.tree.flatten(scene)
-                is_kept = structure == kept
-                if not is_kept or any(a is not b for a, b in zip(leaves, before, strict=True)):
-                    last = count
-            traced = [isinstance(leaf, Tracer) for leaf in leaves]
-            effects.append((jax.tree.unflatten(structure, traced), last))
-            return values
-
-        jax.eval_shape(trace, self.values)
-        return effects[0]
+        structure, in_scene = jax.tree.structure(self.base[0]), [s for s in setters if s.in_scene]
+        leaves = {number.leaf for setter in in_scene for number in setter.numbers}
+        varied = [k in leaves for k in range(structure.num_leaves)]
+        return jax.tree.unflatten(structure, varied), None
 
     @override
     def with_derivatives(
-        self,
-        function: Callable[..., tuple[PyTree, PyTree]],
-        primals: tuple[PyTree, ...],
-        tangents: tuple[PyTree, ...],
+        self, function: SceneFunction, primals: Trees, tangents: Trees
     ) -> tuple[PyTree, PyTree, PyTree]:
         def at(values: Coordinates, *rest: PyTree) -> tuple[PyTree, PyTree]:
             return function(self.scene(values), *rest)
 
-        def along(seed: Coordinates, tangents: tuple[PyTree, ...]) -> PyTree:
+        def along(seed: Coordinates, tangents: Trees) -> PyTree:
             return jax.jvp(at, (self.values, *primals), (seed, *tangents), has_aux=True)
 
         tell_tangents(self.tangents)
@@ -202,8 +189,8 @@ class ParametrisedScene(AbstractSceneFamily):
 def parametrised(
     scene: Scene, state: State, parameters: Mapping[str, Parameter], values: Coordinates
 ) -> ParametrisedScene:
-    """Return a scene and its initial state as functions of p parameters, in the order of `values`,
-    their coordinates. Errors of sensors are refused (see `readings.in_scene`)."""
+    """Return a scene and its initial state as functions of p parameters, whose coordinates are
+    `values`. Errors of sensors are refused (see `readings.in_scene`)."""
     # A Python number would be a constant of the program, which would be compiled anew for each
     # value of the number.
     scene, state = with_arrays((scene, state))
@@ -224,9 +211,7 @@ class DirectedScene(AbstractSceneFamily):
     """A scene and its initial state, in which any number of parameters set numbers, with
     derivatives along a single direction of all parameters.
 
-    - `values`, `direction`: numbers by name of the parameter, SI, an array or a PyTree of arrays
-      each.
-    - `base`: scene and initial state before any change.
+    - `values`, `direction`: SI numbers of each parameter by name: an array, or a PyTree of arrays.
     - `changes`: pairs of the name of a parameter and the function that sets it.
     """
 
@@ -242,15 +227,12 @@ class DirectedScene(AbstractSceneFamily):
         return _with_axis(self.direction)
 
     @override
-    def scene_and_state(self, values: dict[str, PyTree]) -> tuple[Scene, State]:
-        return changed(*self.base, [(change, values[name]) for name, change in self.changes])
+    def pairs(self, values: dict[str, PyTree]) -> list[tuple[Change, PyTree]]:
+        return [(change, values[name]) for name, change in self.changes]
 
     @override
     def with_derivatives(
-        self,
-        function: Callable[..., tuple[PyTree, PyTree]],
-        primals: tuple[PyTree, ...],
-        tangents: tuple[PyTree, ...],
+        self, function: SceneFunction, primals: Trees, tangents: Trees
     ) -> tuple[PyTree, PyTree, PyTree]:
         def at(values: PyTree, *rest: PyTree) -> tuple[PyTree, PyTree]:
             return function(self.scene(values), *rest)
@@ -263,7 +245,7 @@ class DirectedScene(AbstractSceneFamily):
 
 
 def _with_axis(tree: PyTree) -> PyTree:
-    """Return a PyTree with a first axis of length one in each array: that of the one tangent."""
+    """Return a PyTree with a first axis of length one, that for the one tangent, in each array."""
     # JAX traces an index in several times the time of its primitive.
     return jax.tree.map(lambda leaf: jax.lax.expand_dims(jnp.asarray(leaf), (0,)), tree)
 

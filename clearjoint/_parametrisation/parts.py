@@ -1,4 +1,5 @@
-"""Parts of a scene, from a number to a whole element, or numbers of its state, to be set."""
+"""Parts of a scene, from a number to a whole element, or numbers of its state, and their
+setters."""
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -25,7 +26,8 @@ _EXAMPLE = 'pass for example {"clearance": lambda scene: scene.joints["pin"].cle
 
 @dataclass(frozen=True)
 class PartSetter(AbstractLeafSetter):
-    """A `Change` that sets the `leaves` of the scene to the arrays of the value."""
+    """A `Change` that sets leaves of the scene, given by their indices, to the arrays of a
+    value."""
 
     leaves: tuple[int, ...]
 
@@ -38,9 +40,8 @@ class PartSetter(AbstractLeafSetter):
 def parts_of(
     scene: Scene, state: State, paths: Mapping[str, Part]
 ) -> tuple[dict[str, PyTree], tuple[tuple[str, Change], ...]]:
-    """Return the numbers that paths select, SI, by name, and the functions that set them.
-
-    The numbers of an element are its arrays of floats; all other leaves stay as in the scene.
+    """Return the numbers that paths select, SI, by name, and the functions that set them, each with
+    its name. The numbers of an element are its arrays of floats.
 
     **Raises:** `ValueError` for a path that selects no number, and for a parameter that is neither
     a number of the scene or initial state nor has a value.
@@ -66,7 +67,7 @@ def parts_of(
 def _selected(
     scene: Scene, state: State, path: Callable[[Scene], PyTree], argument: str
 ) -> tuple[PyTree, Change]:
-    """Return the numbers that a path, called `argument` in errors, selects, and their setter."""
+    """Return the numbers that a path selects, and their setter. Errors mention the `argument`."""
     # The path runs on a tree whose leaves are their own locations. If it raises an error, it runs
     # again in `value_at`, which raises the error with a remedy.
     element = None
@@ -85,20 +86,15 @@ def _selected(
     chosen = [p.leaf for p in places if eqx.is_inexact_array(leaves[p.leaf])]
     require(bool(chosen), argument, element, "a part with numbers", remedy)
     value = jax.tree.unflatten(structure, [leaves[place.leaf] for place in places])
-    arrays = jax.tree.map(_as_floats, eqx.filter(value, eqx.is_inexact_array))
-    return arrays, PartSetter(tuple(chosen))
-
-
-def _as_floats(array: PyTree) -> np.ndarray:
-    return np.asarray(array, float)
+    floats = eqx.filter(value, eqx.is_inexact_array)
+    return jax.tree.map(lambda leaf: np.asarray(leaf, float), floats), PartSetter(tuple(chosen))
 
 
 def guard_direction(paths: Mapping[str, Part], numbers: Mapping[str, PyTree]) -> dict[str, PyTree]:
     """Return a random direction in the space of all numbers, the same for the same numbers.
 
-    The components are normally distributed. Their standard deviation is, for a `Parameter`, the
-    change of its value for a unit of the coordinate on its scale; for an array the root mean square
-    of its numbers, or 1 if all are zero.
+    Its components are normally distributed. The standard deviation is, for a `Parameter`, the slope
+    of its scale; for an array the root mean square of its numbers, or 1 if all are zero.
     """
     random = np.random.default_rng(0)
 
@@ -106,11 +102,11 @@ def guard_direction(paths: Mapping[str, Part], numbers: Mapping[str, PyTree]) ->
         size = float(np.sqrt(np.mean(np.square(array)))) if array.size else 0.0
         return (size or 1.0) * random.standard_normal(array.shape)
 
-    def direction_of(name: str, path: Part) -> PyTree:
-        if not isinstance(path, Parameter):
-            return jax.tree.map(of_array, numbers[name])
-        scale = path.scale
-        slope = scale.slope(scale.coordinate(numbers[name]))
-        return np.asarray(slope * random.standard_normal(), float)
-
-    return {name: direction_of(name, path) for name, path in paths.items()}
+    directions: dict[str, PyTree] = {}
+    for name, path in paths.items():
+        if isinstance(path, Parameter):
+            slope = path.scale.slope(path.scale.coordinate(numbers[name]))
+            directions[name] = np.asarray(slope * random.standard_normal(), float)
+        else:
+            directions[name] = jax.tree.map(of_array, numbers[name])
+    return directions

@@ -31,8 +31,8 @@ class Number:
     """Location of a number in a scene or a state: index of the array in the list of
     `jax.tree.leaves`, and indices into that array, empty for the whole array.
 
-    Indexing a location, as in ``location[1]``, returns the location of a component. A slice or an
-    ellipsis returns the location of several components; indexing this raises a `ValueError`.
+    ``location[1]`` is the location of a component, and ``location[0:2]`` that of several, which
+    can't be indexed further.
     """
 
     leaf: int
@@ -53,8 +53,8 @@ class Number:
 
 
 def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
-    """Return the locations of the numbers that a path selects; a `ValueError` for unknown names,
-    computed values and whole elements. Whether an array has the component is not checked."""
+    """Return the locations of the numbers that a path selects; raise a `ValueError` for unknown
+    names, computed values and whole elements. Whether an array has the component is not checked."""
     try:
         # The path runs on a tree whose leaves are their own locations, so that it returns
         # locations instead of values.
@@ -100,9 +100,8 @@ def _refuse_missing(tree: PyTree, error: AttributeError | KeyError) -> NoReturn:
 
 
 def set_value(tree: PyTree, path: NumberPath, value: Leaf) -> PyTree:
-    """Return a copy of a scene or state with another value, SI, at a path: of all tied numbers.
-
-    The constructors' checks, such as that a mass is positive, are not repeated.
+    """Return a copy of a scene or state with another value, SI, of the number, or of all tied
+    numbers, at a path. Checks of constructors, such as that a mass is positive, are not repeated.
 
     **Raises:** `ValueError` if the path leads to no number or to a component that the array does
     not have, and if the value has another shape than the number that it replaces.
@@ -186,7 +185,8 @@ def parameters(tree: PyTree) -> dict[str, tuple[Leaf, str]]:
 
 def _named_leaves(tree: PyTree, name: str, unit: str = "1") -> Iterator[tuple[str, PyTree, str]]:
     """Yield name, value and unit of each number of a part of a scene or state, in the order of
-    `jax.tree.leaves`. Fields declare their units; `name` and `unit` are those of the part."""
+    `jax.tree.leaves`. `name` and `unit` are those of the part; its fields declare their own
+    units."""
     # As in JAX, static fields are no leaves.
     if isinstance(tree, eqx.Module):
         for field in fields(tree):

@@ -1,6 +1,7 @@
 """Readings of sensors with errors, such as a bias, as functions of the errors' parameters."""
 
 from collections.abc import Mapping
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -17,11 +18,12 @@ from .variations import AbstractSeriesVariation, MadeByFunction, SeriesDelay, un
 
 Row = jax.Array | np.ndarray
 """Numbers of one output at several times, (T,), or coordinates, (p,)."""
+Rows = Mapping[str, Row]
 
 
 class SensorErrors(eqx.Module):
-    """Those parameters of a run that are errors of sensors, each with its index among the
-    parameters, and the scales of all parameters."""
+    """The parameters of a run that are errors of sensors, each with its index among all parameters,
+    and the scales of all parameters."""
 
     errors: tuple[tuple[int, AbstractSeriesVariation], ...] = eqx.field(static=True, default=())
     scales: tuple[AbstractScale, ...] = eqx.field(static=True, default=())
@@ -37,13 +39,14 @@ class SensorErrors(eqx.Module):
         return len(self.delays) < len(self.errors)
 
     def value(self, number: int, coordinates: jax.Array) -> jax.Array:
-        """Return the value, (...), of the error with the index `number` at coordinates (..., p)."""
+        """Return the value, (...), of the parameter with the index `number` at coordinates (...,
+        p)."""
         # A user-defined scale need not accept arrays.
         return jnp.vectorize(self.scales[number].value)(coordinates[..., number])
 
     def reading(self, name: str, quantity: Row, elapsed: Row, coordinates: Row) -> jax.Array:
-        """Return the reading of a sensor, (T,), with all errors except a delay; `elapsed` are the
-        times since the start of the run, s."""
+        """Return the reading of a sensor, (T,), with all errors except a delay, from the quantity,
+        (T,), the times `elapsed` since the start of the run, (T,) s, and the coordinates, (p,)."""
         exact, since_start = jnp.asarray(quantity), jnp.asarray(elapsed)
         reading = exact
         for number, error in self.errors:
@@ -58,15 +61,10 @@ NO_ERRORS = SensorErrors()
 
 @Compiled
 def with_sensor_errors(
-    sensors: SensorErrors,
-    values: Mapping[str, Row],
-    derivatives: Mapping[str, Row],
-    elapsed: Row,
-    coordinates: Row,
+    sensors: SensorErrors, values: Rows, derivatives: Rows, elapsed: Row, coordinates: Row
 ) -> tuple[dict[str, jax.Array], dict[str, jax.Array]]:
     """Return the readings of all sensors, (T,) each, and their derivatives by the coordinates,
-    (T, p), from the quantities, (T,) `values`, and their `derivatives`; `elapsed`, (T,) s, is the
-    time since the start of the run."""
+    (T, p) each, from the quantities, `values`, and their `derivatives`."""
     readings, slopes = jax.tree.map(jnp.asarray, (dict(values), dict(derivatives)))
     # Without duplicates, since a sensor may have several errors.
     with_errors = dict.fromkeys(name for _, error in sensors.errors for name in error.series)
@@ -77,11 +75,8 @@ def with_sensor_errors(
 
         # A reading depends on the quantity at the same time only, so that one product with ones
         # gives the diagonal of its Jacobian.
-        readings[name], factor = jax.jvp(
-            lambda quantity: reading(quantity, coordinates),
-            (values[name],),
-            (jnp.ones_like(values[name]),),
-        )
+        at = partial(reading, coordinates=coordinates)
+        readings[name], factor = jax.jvp(at, (values[name],), (jnp.ones_like(values[name]),))
         own = jax.jacfwd(reading, argnums=1)(values[name], coordinates)
         slopes[name] = factor[:, None] * derivatives[name] + own
     return readings, slopes
@@ -94,10 +89,9 @@ def readings_of_runs(
     elapsed: Float[jax.Array | np.ndarray, " T"],
     coordinates: Float[jax.Array | np.ndarray, "n p"],
 ) -> dict[str, jax.Array]:
-    """Return the readings of all sensors in n runs, (n, T) each, from the quantities `values`, the
-    times since the start, s, and the coordinates of each run."""
+    """Return the readings of all sensors in n runs, (n, T) each, from the quantities, `values`."""
 
-    def of_run(values: Mapping[str, Row], coordinates: Row) -> dict[str, jax.Array]:
+    def of_run(values: Rows, coordinates: Row) -> dict[str, jax.Array]:
         return {n: sensors.reading(n, row, elapsed, coordinates) for n, row in values.items()}
 
     return jax.vmap(of_run)(values, coordinates)
@@ -106,11 +100,8 @@ def readings_of_runs(
 def sensor_errors(
     parameters: Mapping[str, Parameter], outputs: Mapping[str, object]
 ) -> SensorErrors:
-    """Return those parameters of a run with given `outputs` that are errors of sensors.
-
-    **Raises:** `ValueError` for the error of an unknown output, and for two errors of the same kind
-    for one output.
-    """
+    """Return those parameters of a run with given `outputs` that are errors of sensors; raise a
+    `ValueError` for an unknown output, and for two errors of the same kind for one output."""
     errors, taken = [], set()
     for number, (label, parameter) in enumerate(parameters.items()):
         error = parameter.variation
@@ -148,9 +139,8 @@ def units_of(
         error = parameter.variation
         if isinstance(error, AbstractSeriesVariation):
             units_of_value = {error.unit_of(series[of]): None for of in error.series}
-            expected = "an error of series with the same unit"
+            expected, argument = "an error of series with the same unit", f"parameters[{name!r}]"
             remedy = f"pass a {error.noun} for each unit"
-            argument = f"parameters[{name!r}]"
             require(len(units_of_value) == 1, argument, [*units_of_value], expected, remedy)
             units[name] = next(iter(units_of_value))
         else:

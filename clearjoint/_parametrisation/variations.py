@@ -1,4 +1,4 @@
-"""Ways in which a value of a sweep's axis or of a fit's parameter enters a run."""
+"""Variations: what the value of a sweep's axis or of a fit's parameter changes in a run."""
 
 import abc
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -23,12 +23,12 @@ Change = Callable[[Scene, State, Scalar], tuple[Scene, State]]
 
 @dataclass(frozen=True)
 class AbstractVariation(abc.ABC):
-    """A way in which a value changes a scene and its initial state."""
+    """What a value changes in a scene and its initial state."""
 
     @property
     @abc.abstractmethod
     def function(self) -> Callable[..., PyTree]:
-        """The user's function that selects or makes what varies, described in a sweep's results."""
+        """The user's function that selects or makes what varies; a sweep's results describe it."""
 
     @abc.abstractmethod
     def unit_in(self, scene: Scene, state: State) -> str:
@@ -36,10 +36,9 @@ class AbstractVariation(abc.ABC):
 
     @abc.abstractmethod
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
-        """Return a function of a scene, a state and a value that returns scene and state with the
-        value.
+        """Return the function that sets a value in scenes and states of the structure of `scene`
+        and `state`, for values of the shape of `example`.
 
-        It accepts scenes, states and values of the structure of `scene`, `state` and `example`.
         Equal variations return equal functions for equal structures, so that JAX reuses compiled
         programs.
 
@@ -121,7 +120,6 @@ class MadeByFunction(AbstractVariation):
 
     @override
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
-        del scene, state, example
         return self.make
 
 
@@ -134,22 +132,24 @@ class AbstractSeriesVariation(AbstractVariation):
 
     - `series`: names of the series, or of the outputs or sensors of a prediction.
     - `neutral`: value of an ideal sensor.
-    - `noun`: name of the kind of error, also of the function of `Parameter` that makes one.
+    - `noun`: name of the kind of error, and of the method of `Parameter` that makes one.
+    - `unit`: of the value, with "{}" in place of the unit of the series.
     - `users`: names of the functions that accept such an error, for error messages.
     """
 
     series: tuple[str, ...]
     neutral: ClassVar[float] = 0.0
     noun: ClassVar[str]
+    unit: ClassVar[str]
 
     @abc.abstractmethod
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
         """Return what the error adds to the reading of the sensor, in the quantity's unit;
         `elapsed` is the time since the start of the run, s."""
 
-    @abc.abstractmethod
     def unit_of(self, unit: str) -> str:
-        """Return the unit of the value for series in a given unit."""
+        """Return the unit of the value for series in the given unit."""
+        return self.unit.format(unit)
 
     @property
     @override
@@ -158,12 +158,10 @@ class AbstractSeriesVariation(AbstractVariation):
 
     @override
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Raise a `ValueError`, because the unit depends on the series, not on the scene."""
-        self._refuse()
+        self._refuse()  # The unit depends on the series, not on the scene.
 
     @override
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
-        """Raise a `ValueError`, because a scene has no such number."""
         self._refuse()
 
     def _refuse(self) -> NoReturn:
@@ -184,20 +182,16 @@ class SeriesDelay(AbstractSeriesVariation):
     """Delay, s, of the time stamps of measured series."""
 
     noun: ClassVar[str] = "delay"
+    unit: ClassVar[str] = "s"
     users: ClassVar[str] = "cj.identify, cj.identify_many, cj.minimise and cj.posterior"
 
     @override
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
-        del value, quantity, elapsed
         return 0.0
 
     @override
-    def unit_of(self, unit: str) -> str:
-        return "s"
-
-    @override
     def unit_in(self, scene: Scene, state: State) -> str:
-        return "s"
+        return self.unit
 
 
 @dataclass(frozen=True)
@@ -205,14 +199,11 @@ class SeriesBias(AbstractSeriesVariation):
     """Bias of sensors: a constant that is added to the quantity, in its unit."""
 
     noun: ClassVar[str] = "bias"
+    unit: ClassVar[str] = "{}"
 
     @override
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
         return value
-
-    @override
-    def unit_of(self, unit: str) -> str:
-        return unit
 
 
 @dataclass(frozen=True)
@@ -221,14 +212,11 @@ class SeriesGain(AbstractSeriesVariation):
 
     neutral: ClassVar[float] = 1.0
     noun: ClassVar[str] = "gain"
+    unit: ClassVar[str] = "1"
 
     @override
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
         return (value - 1.0) * quantity
-
-    @override
-    def unit_of(self, unit: str) -> str:
-        return "1"
 
 
 @dataclass(frozen=True)
@@ -236,24 +224,20 @@ class SeriesDrift(AbstractSeriesVariation):
     """Drift of sensors: constant rate at which their bias changes, zero at the start of the run."""
 
     noun: ClassVar[str] = "drift"
+    unit: ClassVar[str] = "{}/s"
 
     @override
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
         return value * elapsed
 
-    @override
-    def unit_of(self, unit: str) -> str:
-        return f"{unit}/s"
-
 
 def unchanged(scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-    del value
     return scene, state
 
 
 class AbstractGroupedChange(abc.ABC):
-    """A `Change` that is made together with neighbours of the same function `make_all`. For sixty
-    parameters, each program of a gradient would otherwise take half a second more to trace."""
+    """A `Change` that is made in one call with neighbours that have the same function `make_all`.
+    With sixty parameters, each program of a gradient takes half a second less to trace."""
 
     @staticmethod
     @abc.abstractmethod
@@ -263,7 +247,6 @@ class AbstractGroupedChange(abc.ABC):
         """Return the pair (scene, state) after changes, each with its value, in their order."""
 
     def __call__(self, scene: Scene, state: State, value: PyTree) -> tuple[Scene, State]:
-        """Return the pair (scene, state) with the value."""
         return self.make_all(scene, state, [(self, value)])
 
 
@@ -272,7 +255,7 @@ class AbstractLeafSetter(AbstractGroupedChange):
 
     @abc.abstractmethod
     def set_in(self, scene: list[PyTree], state: list[PyTree], value: PyTree) -> None:
-        """Set the value in the leaves of a scene and of a state."""
+        """Set the value in the lists of leaves of a scene and of a state."""
 
     @staticmethod
     @override
@@ -296,8 +279,8 @@ def changed(
 def changed_in_steps(
     scene: Scene, state: State, changes: Iterable[tuple[Change, PyTree]]
 ) -> Iterator[tuple[int, tuple[Scene, State]]]:
-    """Yield the number of changes so far and the pair (scene, state), after each change or group of
-    changes that are made together."""
+    """Yield, after each change or group of changes made in one call, the number of changes so far
+    and the pair (scene, state)."""
     count = 0
     for make_all, neighbours in groupby(changes, lambda pair: getattr(pair[0], "make_all", None)):
         pairs = [*neighbours]

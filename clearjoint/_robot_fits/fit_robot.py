@@ -7,7 +7,6 @@ from functools import cache, cached_property, partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, PyTree
 from typing_extensions import override
@@ -23,14 +22,13 @@ from .._identification.starts import Guess
 from .._information.analysis import Identifiability, identifiability
 from .._information.horizon import fit_horizon
 from .._math.smoothing import wrapped
-from .._math.vectors import Scalar
 from .._measurements.robot_logs import RobotLog
 from .._model.bodies import State
 from .._model.joints.base import AbstractForce
 from .._model.scene import Scene
 from .._parametrisation import variations
 from .._parametrisation.parameter import WIDTH, Log, Parameter, free_parameters, held
-from .._parametrisation.readings import units_of
+from .._parametrisation.readings import sensor_errors, units_of
 from .._parametrisation.variations import AbstractSeriesVariation, SeriesDelay
 from .._scene_files.robot import Robot
 from .._simulation.results.observe import observe
@@ -63,24 +61,23 @@ NO_PARAMETERS: Mapping[str, Parameter] = MappingProxyType({})
 ENDS = -0.7, 0.7
 """Places in a play, from -1 to 1, from which a fit also starts."""
 CLOSEST = 0.99
-"""Place from which a fit goes on after one at the end of a play, where `Bounded` is infinite."""
+"""Largest magnitude of a place in a play from which a further fit starts: at 1, the scale `Bounded`
+is infinite."""
 PLAYS = 0.8, 1.25
-"""Factors on all plays from which a fit is repeated: a collision less or more in the motion gives
-minima of chi squared at plays that differ by a few percent."""
+"""Factors on all estimated plays, from which the fit is repeated: a collision less or more in the
+motion gives minima of chi squared at plays that differ by a few percent."""
 NO_PLAY = 1e-3
-"""Factor on each play by itself from which a fit is repeated too: without play, the log may fit as
-well, or better, and a search from a larger play does not get there past the other minima."""
+"""Factor on each estimated play by itself, from which the fit is repeated too: without play, the
+log may fit as well, or better, and a search from a larger play stops in a minimum before it."""
 SHORTEST = 1.0 / 64.0
-"""Share of the log in the first window if a start in a play is unknown, which shows in the
-beginning of the log; in all of it, chi squared has minima at wrong ones."""
+"""Share of the log in the first window if a start in a play is unknown. Over the whole log, chi
+squared has minima at wrong places; the right one shows in the beginning."""
 PART = 0.3
-"""Weight in an undetermined combination above which a parameter is named."""
+"""Weight in an undetermined combination, over the largest, above which a parameter is named."""
 
 
 class Hysteresis(NamedTuple):
-    """Torque of a joint over its position, as logged and as predicted, at N times.
-
-    Positions are in rad or m, torques in N m or N, all (N,).
+    """Torque, N m or N, of a joint over its position, rad or m, as logged and as predicted.
 
     >>> rising = np.linspace(0.0, 1.0, 5)
     >>> cj.results.Hysteresis(rising, 2.0 * rising, rising, 2.1 * rising).torque.max().item()
@@ -99,10 +96,10 @@ class RobotFit(AbstractTabular):
 
     - `fit`: the `Fit` of the parameters that the log determines.
     - `robot`: the robot with the estimates.
-    - `log`, `driven_by`: as given.
+    - `log`, `driven_by`: those of the fit.
     - `undetermined`: for each parameter that the log doesn't determine, a sentence that says why.
-      Each was held, at `held` in its unit: at its start, but a position or speed at the start of
-      the log, and what the log shows to be about zero or infinite, at the last estimate.
+    - `held`: value and unit at which each of these was held: its start, or its last estimate if it
+      is a position or speed at the start of the log, or about zero or infinite.
     - `limits`: the 95 % interval, from zero or to infinity, of what is about zero or infinite.
 
     ```python
@@ -133,8 +130,8 @@ class RobotFit(AbstractTabular):
 
     @override
     def to_xarray(self) -> "xr.Dataset":
-        """Return estimates and held values along "parameter", with the bounds of the 95 % interval,
-        NaN for held ones without `limits`, and the unit."""
+        """Return estimates and held values along "parameter", with the unit and the bounds of the
+        95 % interval, which are NaN for held values without `limits`."""
         rows, along = self._rows(), ("parameter",)
         estimates, lows, highs, units = zip(*rows.values(), strict=True)
         determined = ["false" if name in self.held else "true" for name in rows]
@@ -150,8 +147,7 @@ class RobotFit(AbstractTabular):
 
     def _rows(self) -> dict[str, tuple[float, float, float, str]]:
         """Return value, bounds and unit of each parameter."""
-        fit, unknown = self.fit, (math.nan, math.nan)
-        intervals = fit.intervals
+        fit, unknown, intervals = self.fit, (math.nan, math.nan), self.fit.intervals
         rows = {n: (fit.estimates[n], *intervals[n], fit.units[n]) for n in fit.parameters}
         return rows | {
             name: (value, *self.limits.get(name, unknown), unit)
@@ -172,22 +168,19 @@ class RobotFit(AbstractTabular):
     def predictions(self) -> dict[str, Float[np.ndarray, " N"]]:
         """Predicted values of each measured series, (N,), in rad, m, N m or N. Angles differ from
         the measured ones by less than half a revolution."""
-        series = self.fit.measurements.series
-        return {
-            n: np.asarray(s.values + self.fit.residuals[n] * s.noise) for n, s in series.items()
-        }
+        residuals, series = self.fit.residuals, self.fit.measurements.series
+        return {n: np.asarray(s.values + residuals[n] * s.noise) for n, s in series.items()}
 
     def predict(
         self, log: RobotLog, driven_by: DrivenBy | None = None, settings: Settings | None = None
     ) -> dict[str, Float[np.ndarray, " N"]]:
-        """Return the predicted values of each series of another log, (N,), as `predictions`: those
-        of a log that was not fitted tell what a fit is worth.
+        """Return the predicted values of each series of another log, (N,), in the form of
+        `predictions`: those of a log that was not fitted tell what a fit is worth.
 
         The run begins with the log's first positions and, unless it begins at rest, their rates.
-        Joints are driven as in the fit, and as `driven_by` says otherwise: for another gain, pass
+        Joints are driven as in the fit, unless `driven_by` has another drive: for another gain,
         ``{"elbow": dataclasses.replace(found.fit.scene.forces["elbow drive"], proportional=9.0)}``.
-        Delays and other errors of sensors that were fitted apply. `settings` are those of the run,
-        by default as in `identify`.
+        Fitted errors of sensors, such as delays, apply. `settings`: as in `identify`.
 
         **Raises:** `ValueError` as `fit_robot`. `SimulationError` if the run fails.
         """
@@ -197,65 +190,49 @@ class RobotFit(AbstractTabular):
             for name, mode in self.driven_by.items()
         }
         problem = robot_problem(self.robot, log, {}, {**driven, **(driven_by or {})})
-        series, start = problem.measurements.series, log.start
-        errors = [
-            (p.variation, self.fit.estimates[name])
-            for name, p in self.fit.parameters.items()
-            if isinstance(p.variation, AbstractSeriesVariation)
-        ]
-
-        def reading(name: str, exact: Scalar, elapsed: Scalar) -> Scalar:
-            own = (pair for pair in errors if name in pair[0].series)
-            return exact + sum(error.error(value, exact, elapsed) for error, value in own)
-
-        # The first reading of a position is that of a sensor with errors, which are linear.
+        series, start, fit = problem.measurements.series, log.start, self.fit
+        sensors = sensor_errors(fit.parameters, fit.measurements.series)
+        reading = partial(sensors.reading, coordinates=fit.coordinates)
+        # The first reading of a position has the sensor's errors: it is linear in the position.
         starts = {n: (p, float(p.value or 0.0)) for n, p in problem.parameters.items()}
         for name, (parameter, value) in starts.items():
             side, kind = problem.subjects[name]
             if kind == POSITION:
-                zero, one = (float(reading(f"{side} position", x, 0.0)) for x in (0.0, 1.0))
-                starts[name] = parameter, (value - zero) / (one - zero)
+                exact, start_times = np.array([0.0, 1.0]), np.zeros(2)
+                bias, read = reading(f"{side} position", exact, start_times).tolist()
+                starts[name] = parameter, (value - bias) / (read - bias)
         scene, state = changed(problem.scene, problem.state, starts)
         instants = {name: np.asarray(s.times) for name, s in series.items()}
-        for error, value in errors:
-            if isinstance(error, SeriesDelay):
-                delayed = {n: np.maximum(t - value, start) for n, t in instants.items()}
-                instants |= {name: delayed[name] for name in error.series if name in series}
+        for name, parameter in fit.parameters.items():
+            if isinstance(delay := parameter.variation, SeriesDelay):
+                own, value = series.keys() & delay.series, fit.estimates[name]
+                instants |= {n: np.maximum(instants[n] - value, start) for n in own}
         times = np.unique(np.concatenate([*instants.values()]))
+        settings, end = settings_or(settings, presets.identification), float(times[-1])
+        outputs = {name: s.channel for name, s in series.items()}
+        save = Saving(times)
         run = simulate(
-            *(scene, state, float(times[-1])),
-            settings_or(settings, presets.identification),
-            Saving(times),
-            outputs={name: s.channel for name, s in series.items()},
-            start_time=start,
-            progress=False,
+            scene, state, end, settings, save, outputs=outputs, start_time=start, progress=False
         )
         predicted = {}
         for name, s in series.items():
-            exact = jnp.asarray(run.outputs[name])[np.searchsorted(times, instants[name])]
-            read = jnp.asarray(reading(name, exact, jnp.asarray(s.times) - start))
-            difference = read - s.values
+            exact = np.asarray(run.outputs[name])[np.searchsorted(times, instants[name])]
+            difference = reading(name, exact, np.asarray(s.times) - start) - s.values
             if s.period is not None:
                 difference = wrapped(difference, s.period)
             predicted[name] = np.asarray(s.values + difference)
         return predicted
 
     def hysteresis(self) -> dict[str, Hysteresis]:
-        """Return torque over position of each driven joint with a logged torque and position.
-
-        The torque of a joint that is driven by it is the logged one, and so is the position of a
-        joint that is driven by its position.
-        """
+        """Return torque over position of each driven joint with a logged torque and position. What
+        drives a joint, its torque or its position, is predicted as logged."""
         loops, measured = {}, self.fit.measurements.series
         for joint in self.driven_by:
-            if joint not in self.log.torques:
+            side = joint if joint in self.log.angles else f"{joint} motor"
+            if joint not in self.log.torques or side not in self.log.angles:
                 continue
-            torques, motor = self.log.torques[joint], f"{joint} motor"
-            side = joint if joint in self.log.angles else motor
-            if side not in self.log.angles:
-                continue
-            angles, position = self.log.angles[side], f"{side} position"
-            torque, by_name = f"{joint} torque", self.predictions
+            torques, angles = self.log.torques[joint], self.log.angles[side]
+            torque, position, by_name = f"{joint} torque", f"{side} position", self.predictions
             times = np.asarray(measured[position if position in measured else torque].times)
             logged = (
                 np.interp(times, angles.times, np.unwrap(angles.values)),
@@ -306,30 +283,30 @@ def fit_robot(
     ```
 
     Before the fit, the Fisher information of the log tells which parameters it determines. Others
-    are held at their start, and the result says why. The fit compares the log with one run from its
-    first time, whose initial positions and speeds are parameters too, named "elbow start position"
-    and "elbow start speed".
+    are held at their start, and the result says why. The fit compares the log with one run from the
+    log's first time on, whose initial positions and speeds are parameters too, named "elbow start
+    position" and "elbow start speed".
 
     **Arguments:**
 
     - `robot`: from `load_robot`, with a play in each joint whose play is to be found.
-    - `find`: what to find of each joint, by its name: a list, or a dictionary with starts, numbers
-      or texts with units, such as ``{"elbow": {"play": "1 deg", "friction": None}}``. By default a
-      start is the number in the robot or, for a friction or damping that it lacks, a tenth of the
-      largest logged torque. Of hinges:
+    - `find`: what to find of each joint, by its name: a list, or a dictionary with the value from
+      which the fit starts, a number or a text with a unit, such as ``{"elbow": {"play": "1 deg",
+      "friction": None}}``. For ``None`` that is the number in the robot or, for a friction or
+      damping that it lacks, a tenth of the largest logged torque. Of hinges:
         - "play", rad, "stiffness", N m/rad, and "restitution" of the flanks of `Robot.with_drive`.
         - "friction", N m, independent of the speed, and "damping", N m s/rad, of the motor's side,
-          and "link friction". A friction that the robot lacks is a
-          `RegularisedCoulomb`, under which a loaded joint creeps by at most 1e-4 rad/s. "loss" of
-          the gear, over its torque, if the `Drive` has one.
+          and "link friction", N m. A friction that the robot lacks is a `RegularisedCoulomb`, under
+          which a loaded joint creeps by at most 1e-4 rad/s.
+        - "loss" of the gear, over its torque, if the `Drive` has one.
         - "armature", kg m^2, of the motor, at the joint.
-        - "inertia", kg m^2, of the link about its centre of mass, along the joint's axis. Its other
+        - "inertia", kg m^2, of the link about its centre of mass, along the joint's axis; its other
           moments change in proportion. "mass", kg, of the link.
 
       Of sliders: "friction", "damping", "link friction", "loss", "armature" and "mass".
     - `driven_by`: how joints are driven, by name; other joints move freely.
-        - "angle": the joint, or its motor if that turns apart, follows its logged position, which
-          is smoothed by as much as its noise. Its logged torque is compared with the one that this
+        - "angle": the joint, or its motor if that turns apart, follows its logged position,
+          smoothed by as much as its noise. Its logged torque is compared with the one that this
           takes.
         - "torque": the logged torque acts, interpolated by a spline; "held torque": each value acts
           until the next. Logged positions are compared with those of the run.
@@ -340,8 +317,9 @@ def fit_robot(
     - `settings`, `max_iterations`, `check_runs`, `progress`: as in `identify`.
     - `grow`: ends of growing windows, s, as in `identify`; () for none. By default a fit with poor
       residuals is repeated with windows from `fit_horizon`, for starts that are wrong by a factor
-      of two. If a start in a play is unknown, windows from 1/64 of the log on are tried too. At
-      last the fit is repeated from plays that are a fifth smaller and a quarter larger.
+      of two. If a drive train's place in its play is unknown at the start, windows from 1/64 of
+      the log on are tried too. At last the fit is repeated from plays that are a fifth smaller and
+      a quarter larger.
 
     **Raises:** `ValueError` for names, units and modes that don't fit robot and log, for noise that
     is unknown, and for a log that determines none of the parameters. `SimulationError` if the run
@@ -359,12 +337,8 @@ def fit_robot(
     starts = {name: p.scale.value(p.coordinate_in(scene, state)) for name, p in free.items()}
     starts = values = {name: float(value) for name, value in starts.items()}
     units = units_of(free, scene, state, {n: s.unit for n, s in measured.series.items()})
-    options: dict[str, PyTree] = {
-        "max_iterations": max_iterations,
-        "check_runs": check_runs,
-        "progress": progress,
-        "start_time": log.start,
-    }
+    options: dict[str, PyTree] = {"start_time": log.start, "progress": progress}
+    options |= {"max_iterations": max_iterations, "check_runs": check_runs}
     fit, undetermined, fixed, limits = None, {}, {}, {}
     for _ in range(ROUNDS):
         present = {n: Parameter(p.variation, p.scale, value=values[n]) for n, p in free.items()}
@@ -375,8 +349,8 @@ def fit_robot(
             limits |= _at_an_end(report, fit, starts)
         # What is about zero or infinite has no effect, so that its start would be a wrong value.
         reasons = _undetermined(_without(report, limits), problem, examined)
-        for name, ends in limits.items():
-            reasons[name] = f"{_subject(name, problem)} is {limit_text(*ends, units[name])}"
+        for name, (low, high) in limits.items():
+            reasons[name] = f"{_subject(name, problem)} is {limit_text(low, high, units[name])}"
         if fit is not None and reasons.keys() == undetermined.keys():
             break
         undetermined = reasons
@@ -407,12 +381,11 @@ def _best_fit(
     grow: Sequence[float] | None,
     options: Mapping[str, PyTree],
 ) -> Fit:
-    """Return the best of several fits, the one with the lowest chi squared, with the searches of
-    all.
+    """Return the one of several fits with the lowest chi squared, with the searches of all.
 
-    The fits begin in the middle and at both ends of the plays in which sides start. Unless the user
-    has given windows to `grow`, there are fits of the whole log at once, of growing windows, and
-    from other plays than the estimated ones.
+    The fits begin in the middle and at both ends of the plays in which sides of drive trains start.
+    Unless the user has given windows to `grow`, there are fits of the whole log at once, of growing
+    windows, and from other plays than the estimated ones.
     """
     # Chi squared may have a minimum at either end of a play in which a side starts.
     free = free_parameters(parameters)
@@ -447,8 +420,8 @@ def _of_kind(problem: RobotProblem, parameters: Iterable[str], *kinds: str) -> l
 
 
 def _inside(problem: RobotProblem, fit: Fit) -> dict[str, float]:
-    """Return the estimates, as values from which another fit can start: initial positions in a
-    play, from -1 to 1, are limited to `CLOSEST`, because their scale is infinite at the ends."""
+    """Return the estimates, with places in a play limited to `CLOSEST`, so that another fit can
+    start from them."""
     places = _of_kind(problem, fit.parameters, IN_PLAY)
     limited = {name: min(max(fit.estimates[name], -CLOSEST), CLOSEST) for name in places}
     return {**fit.estimates, **limited}
@@ -475,7 +448,7 @@ def changed(
 def _windows(
     fit: Fit, parameters: Mapping[str, Parameter], problem: RobotProblem, settings: Settings
 ) -> list[float]:
-    """Return ends of growing windows; none if a single run can fit the whole log."""
+    """Return ends of growing windows, s; none if a single run can fit the whole log."""
     uncertainty = {
         name: math.log(2.0) if problem.subjects.get(name, ("", ""))[1] in KINDS else 1.0
         for name in parameters
@@ -494,8 +467,8 @@ def _windows(
 
 
 def _doubled(problem: RobotProblem, share: float) -> list[float]:
-    """Return ends of windows, each twice as long as the one before; the first has a `share` of the
-    log."""
+    """Return ends of windows, s, each twice as long as the one before, from a `share` of the log
+    on."""
     start, end = problem.log.start, float(problem.measurements.times()[-1])
     ends = []
     while 0.0 < share < 1.0:
@@ -548,7 +521,7 @@ def _at_an_end(
             value = fit.estimates[name]
             half, rising = WIDTH * errors[name], value > starts[name]
             low, high = scale.interval(scale.coordinate(value), half, rising)
-            if low == 0.0 or math.isinf(high):
+            if not rising or math.isinf(high):
                 ends[name] = low, high
     return ends
 
@@ -567,8 +540,8 @@ def _touched(problem: RobotProblem, parameters: Mapping[str, Parameter]) -> dict
     solution = simulate(scene, state, float(times[-1]), **options)
     contacts = observe(scene, solution).contacts
     return {
-        joint: {label for label, c in contacts[joint].items() if np.any(c.normal_force > 0.0)}
-        for joint in contacts
+        joint: {label for label, c in by_label.items() if np.any(c.normal_force > 0.0)}
+        for joint, by_label in contacts.items()
     }
 
 

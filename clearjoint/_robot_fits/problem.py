@@ -1,7 +1,7 @@
 """The scene, the parameters and the measurements of the fit of a robot to its log."""
 
 import abc
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal, NamedTuple, TypeAlias, get_args
@@ -28,7 +28,7 @@ from .._model.joints.couplings import HingeOrSlider
 from .._model.joints.ideal import PrismaticJoint, RevoluteJoint
 from .._model.joints.joint_friction import JointFriction
 from .._model.scene import Scene
-from .._parametrisation.parameter import AbstractScale, Bounded, Linear, Log, Parameter
+from .._parametrisation.parameter import Bounded, Linear, Log, Parameter
 from .._parametrisation.paths import set_value
 from .._parametrisation.variations import AbstractGroupedChange
 from .._scene_files.documents import FileLocation
@@ -54,31 +54,30 @@ KINDS = {
 }
 """What a fit finds, with the units of hinges and of sliders, ``None`` for what sliders lack."""
 Mode = Literal["angle", "torque", "held torque"]
-"""How a joint follows the log, see `fit_robot`."""
+"""How a joint follows the log: the argument `driven_by` of `fit_robot`."""
 DrivenBy: TypeAlias = Mapping[str, Mode | AbstractForce]
 Start: TypeAlias = float | str | None
-"""Number or text with a unit from which a fit starts."""
+"""Value from which a fit starts: a number, or a text with a unit; ``None`` for the robot's own."""
 Find: TypeAlias = Mapping[str, Mapping[str, Start] | Sequence[str]]
 COULOMB = RegularisedCoulomb(1.0, regularisation_speed=1e-4)
-"""Law of a friction that the robot lacks, over its load; it allows longer steps than bristles."""
+"""Law of a friction that the robot lacks; it allows longer steps than one with bristles."""
 SHARE = 0.1
 """Share of the largest logged torque with which the fit of a friction or damping starts."""
 FACTOR = 100.0
-"""Change of a speed at the start, 1/s, that counts as typical, over the noise of the position."""
+"""Typical change of a speed at the start, over the noise of the position, 1/s."""
 STILL = 1.5
-"""Standard deviation of positions, over their noise, up to which a joint counts as at rest."""
-REST = 10
-"""Number of samples for which a joint must be at rest in the beginning to start at rest."""
-SLOPE = 3.3
-"""Slope of positions over time, in standard errors, up to which a joint counts as at rest. Noise
-alone exceeds it in one of 1000 logs; a wrong speed at the start makes estimates wrong."""
+"""Standard deviation of positions, over their noise, up to which a joint counts as not moving."""
+REST, SLOPE = 10, 3.3
+"""A joint starts at rest if the slope over time of its first `REST` positions is at most `SLOPE`
+standard errors. Noise alone exceeds that in one of 1000 logs; a wrong speed at the start makes
+estimates wrong."""
 POSITION, SPEED, IN_PLAY = OF_START = "start position", "start speed", "start in the play"
-"""What a fit finds of the start; `IN_PLAY`, from -1 to 1, of the side of a drive train that is not
-logged."""
+"""What a fit finds of the start; `IN_PLAY` is the place, from -1 to 1, in the play of a drive train
+of which one side is not logged."""
 CERTAIN = 10.0
-"""Error of a position, over its noise, with which a load must keep its sign to count as certain."""
+"""A load is certain if it keeps its sign with so large an error of the position, over its noise."""
 UNKNOWN_NOISE = 1e-3
-"""Noise, rad or m, that stands for an unknown one in the scale of a position at the start."""
+"""Noise, rad or m, that replaces an unknown one in the scale of a position at the start."""
 
 
 class JointPosition(AbstractQuantity):
@@ -100,8 +99,8 @@ class JointPosition(AbstractQuantity):
 
 @dataclass(frozen=True)
 class LinkInertia:
-    """Function that scales a body's inertia so that its moment about an axis through the centre of
-    mass has a given value, kg m^2."""
+    """Function that scales a body's inertia to a given moment, kg m^2, about an axis through the
+    centre of mass."""
 
     body: str
     axis: tuple[float, ...]
@@ -125,16 +124,15 @@ class FlankStiffness:
         backlash = scene.joints[self.joint]
         assert isinstance(backlash, Backlash)
         stiffness = value / jnp.asarray(backlash.radius) ** 2
-
-        def path(scene: Scene) -> Scalar:
-            return scene.joints[self.joint].law.stiffness.stiffness  # pyright: ignore
-
-        return set_value(scene, path, stiffness), state
+        changed = set_value(
+            scene, lambda s: s.joints[self.joint].law.stiffness.stiffness, stiffness
+        )
+        return changed, state
 
 
 class MovedRobot:
-    """A robot for the states of its bodies. It equals all that move alike, so that fits of several
-    logs, and those that begin with the result of another, share compiled programs."""
+    """A robot by which joints' positions become states of bodies. It equals all that move alike, so
+    that fits of several logs, and those from the result of another fit, share compiled programs."""
 
     def __init__(self, robot: Robot):
         self.robot, self._kinematics = robot, kinematics(robot)
@@ -172,7 +170,7 @@ class AbstractStart(AbstractGroupedChange):
 
 
 class StartNumbers(NamedTuple):
-    """Positions and speeds of joints at the start that differ from those of `state`, by name."""
+    """Positions and speeds of joints at the start, by name, that differ from those of `state`."""
 
     state: State
     q: dict[str, Scalar]
@@ -188,9 +186,9 @@ class StartNumbers(NamedTuple):
 class StartOfJoint(AbstractStart):
     """Function that gives a joint a position, or a speed, at the start.
 
-    `follower` is the other side of its drive train, if the log has only one of the two: it starts
-    where it carries the `load`, N m or N, which takes up play and compliance. This is an array, an
-    argument of compiled programs, because it differs between logs.
+    `follower` is the other side of its drive train, if the log lacks that: it starts where it
+    carries the `load`, N m or N, which takes up play and compliance. The load is an array, and so
+    an argument of compiled programs, because it differs between logs.
     """
 
     joint: str
@@ -209,8 +207,8 @@ class StartOfJoint(AbstractStart):
 
 @dataclass(frozen=True)
 class StartInPlay(AbstractStart):
-    """Function that gives the side of a drive train that is not logged its place in the play at the
-    start, from -1, at the lower end, to 1."""
+    """Function that gives the side of a drive train that is not logged, `follower`, its place in
+    the play at the start, from -1, at the lower end, to 1."""
 
     joint: str
     follower: str
@@ -227,22 +225,21 @@ class StartInPlay(AbstractStart):
 
 @dataclass(frozen=True)
 class GearLoss:
-    """Function that gives a friction a load over the torque or force that presses it; the force of
-    flanks acts on a `radius`, m."""
+    """Function that sets the loss of a gear: the load of its friction over the torque or force that
+    presses it, with a `radius`, m, if that is the force of flanks."""
 
     friction: str
     radius: float
 
     def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-        def path(scene: Scene) -> Scalar:
-            return scene.joints[self.friction].load_ratio  # pyright: ignore
-
-        return set_value(scene, path, value * self.radius), state
+        ratio = value * self.radius
+        return set_value(scene, lambda s: s.joints[self.friction].load_ratio, ratio), state
 
 
 def wind_up(scene: Scene, follower: str, leader: str, load: Scalar) -> Scalar:
-    """Return by how much one side of a drive train is ahead of the other under the load, N m, with
-    which the motor holds the link; zero, the middle of the play, without load."""
+    """Return by how much the follower is ahead of the leader, the other side of its drive train,
+    under the load, N m, with which the motor holds the link; zero, in the middle of the play,
+    without load."""
     joint, sign = (follower, -1.0) if motor_name(follower) == leader else (leader, 1.0)
     backlash = scene.joints.get(backlash_name(joint))
     if isinstance(backlash, Backlash):
@@ -254,8 +251,8 @@ def wind_up(scene: Scene, follower: str, leader: str, load: Scalar) -> Scalar:
 
 @dataclass(frozen=True)
 class RobotProblem:
-    """A driven robot at the start of its log, its parameters, and what the log measures. `state`:
-    at the start; `subjects`: the joint of each parameter, and what it is of it, such as "play"."""
+    """A driven robot at the start of its log, its parameters, and what the log measures. `subjects`
+    has the joint of each parameter and its kind, such as "play", by the name of the parameter."""
 
     robot: Robot
     log: RobotLog
@@ -303,16 +300,12 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
             else:
                 parameter = _parameter(driven, joint, kind, start, units[kind])
             parameters[joint, kind] = parameter
-    # The second time of each table is the first of its column. Where a joint is driven it follows
-    # the log from the start on.
+    # A spline has a knot before the log, so that its second knot is the first time of the log. A
+    # joint that is driven by its position follows the log from the start on.
     following = {motor_of(robot, joint) for joint, mode in driven_by.items() if mode == "angle"}
     q = {name: float(spline.values[1]) for name, spline in positions.items()}
-    qd = {
-        name: 0.0
-        if name not in following and _begins_at_rest(log.angles[name])
-        else float(spline.rates[1])
-        for name, spline in positions.items()
-    }
+    at_rest = {n for n in log.angles if n not in following and _begins_at_rest(log.angles[n])}
+    qd = {n: 0.0 if n in at_rest else float(spline.rates[1]) for n, spline in positions.items()}
     for name in log.angles:
         # A link turns with its logged motor, as a motor does with its link.
         link = _other_side(robot, log, name)
@@ -322,15 +315,10 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
         # The start of another is known as accurately as a single sample, so that it is a parameter.
         if name not in following:
             parameters |= _of_start(robot, log, name, q, qd)
-    return RobotProblem(
-        driven,
-        log,
-        driven_by,
-        state=robot.state(q, qd),
-        parameters={f"{joint} {kind}": p for (joint, kind), p in parameters.items()},
-        subjects={f"{joint} {kind}": (joint, kind) for joint, kind in parameters},
-        measurements=_measured(robot, log, driven_by),
-    )
+    subjects = {f"{joint} {kind}": (joint, kind) for joint, kind in parameters}
+    by_name = dict(zip(subjects, parameters.values(), strict=True))
+    state, measured = robot.state(q, qd), _measured(robot, log, driven_by, following)
+    return RobotProblem(driven, log, driven_by, state, by_name, subjects, measured)
 
 
 def _require_joints(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) -> None:
@@ -351,16 +339,13 @@ def _require_joints(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy
 def _of_start(
     robot: Robot, log: RobotLog, name: str, q: Mapping[str, float], qd: Mapping[str, float]
 ) -> dict[tuple[str, str], Parameter]:
-    """Return the parameters of the start of a joint, by the joint and what it is of it: its
-    position, its speed unless it is at rest, and the place in the play of the other side of its
-    drive train, unless that is logged or pressed to a flank."""
+    """Return the parameters of the start of a joint, by joint and kind: its position, its speed
+    unless it is at rest, and the place in the play of the other side of its drive train, unless
+    that is logged or pressed to a flank."""
     samples, unit = log.angles[name], "rad" if is_hinge(robot, name) else "m"
     noise = UNKNOWN_NOISE if samples.noise is None else samples.noise
-    follower, load = _other_side(robot, log, name), 0.0
-    if follower is not None:
-        load = _load_at_start(robot, q, name, follower, noise)
-
-    moved = MovedRobot(robot)
+    follower, moved = _other_side(robot, log, name), MovedRobot(robot)
+    load = 0.0 if follower is None else _load_at_start(robot, q, name, follower, noise)
 
     def start(of_speed: bool, value: float, size: float, unit: str) -> Parameter:
         change = StartOfJoint(moved, name, of_speed, follower, jnp.asarray(load))
@@ -368,8 +353,7 @@ def _of_start(
 
     parameters = {(name, POSITION): start(False, q[name], noise, unit)}
     if qd[name] != 0.0:
-        speed = start(True, qd[name], FACTOR * noise, f"{unit}/s")
-        parameters[name, SPEED] = speed
+        parameters[name, SPEED] = start(True, qd[name], FACTOR * noise, f"{unit}/s")
     joint = name if name in robot.drives else follower
     backlash = backlash_name(joint or "")
     is_loose = isinstance(robot.scene.joints.get(backlash), Backlash)
@@ -391,7 +375,7 @@ def _other_side(robot: Robot, log: RobotLog, name: str) -> str | None:
 
 
 def _begins_at_rest(samples: Logged) -> bool:
-    """Return whether the slope of the line through the first samples is that of a joint at rest."""
+    """Return whether the line through the first samples is flat, see `SLOPE`."""
     if samples.noise is None:
         return False
     times, values = samples.times[:REST], np.unwrap(samples.values[:REST])
@@ -404,7 +388,7 @@ def _load_at_start(
     robot: Robot, q: Mapping[str, float], name: str, follower: str, noise: float
 ) -> float:
     """Return the torque, N m, or force, N, with which a motor holds its link at the start; zero if
-    the noise of `name`, the logged side of the drive, leaves its sign uncertain."""
+    its sign is not `CERTAIN`. `name` is the logged side of the drive train."""
     joint = name if name in robot.drives else follower
     angles = {n: value for n, value in q.items() if n in robot.joints}
     loads = [
@@ -415,9 +399,8 @@ def _load_at_start(
 
 
 def _smoothed(robot: Robot, joint: str, samples: Logged) -> Spline:
-    """Return a cubic spline through samples or, if their noise is known, a smoothing spline of few
-    pieces that misses them by their noise (P. Dierckx, *Curve and Surface Fitting with Splines*,
-    1993)."""
+    """Return a cubic spline through samples or, if their noise is known, one of few pieces that
+    misses them by their noise (P. Dierckx, *Curve and Surface Fitting with Splines*, 1993)."""
     from scipy.interpolate import CubicSpline, UnivariateSpline
 
     _require_unit(f"log.angles[{joint!r}]", samples, "rad" if is_hinge(robot, joint) else "m")
@@ -485,7 +468,7 @@ RESISTANCES = "friction", "damping", "link friction"
 def _guess(
     log: RobotLog, positions: Mapping[str, Spline], motor: str, joint: str, kind: str
 ) -> float | None:
-    """Return a start of a friction or damping that the robot lacks, ``None`` without torques."""
+    """Return the start of a friction or damping that the robot lacks; ``None`` without torques."""
     if joint not in log.torques:
         return None
     torque = SHARE * float(np.abs(log.torques[joint].values).max())
@@ -496,11 +479,10 @@ def _guess(
 
 
 def _friction_name(robot: Robot, joint: str, kind: str) -> str:
-    ends = (
-        ("friction", "link friction") if kind == "link friction" else ("motor friction", "friction")
-    )
+    of_link = kind == "link friction"
+    ends = ("friction", "link friction") if of_link else ("motor friction", "friction")
     names = [f"{joint} {end}" for end in ends]
-    if kind != "link friction" and motor_of(robot, joint) != joint:
+    if not of_link and motor_of(robot, joint) != joint:
         return names[0]
     return next((name for name in names if name in robot.scene.joints), names[1])
 
@@ -508,11 +490,8 @@ def _friction_name(robot: Robot, joint: str, kind: str) -> str:
 def _with_friction(
     robot: Robot, joint: str, kind: str, start: float | None, guess: float | None, unit: str
 ) -> tuple[Robot, Parameter]:
-    """Return the robot, with friction or damping of a joint also if its file gives none, and the
-    parameter of its size.
-
-    Where the file gives none, the size is `start`, which the user gives, or else `guess`.
-    """
+    """Return the parameter of a joint's friction or damping, and the robot, with this friction or
+    damping, of the size `start` or else `guess`, also if its file gives none."""
     name, damper = _friction_name(robot, joint, kind), _damper(robot, joint)
     if kind == "damping" and damper is not None:
         return robot, Parameter(lambda s: s.forces[damper].damping, Log(), value=start, unit=unit)
@@ -536,7 +515,6 @@ def _with_friction(
 
 
 def _damper(robot: Robot, joint: str) -> str | None:
-    """Return the name of the damper of the robot's file that acts on the motor's side."""
     if motor_of(robot, joint) != joint or not is_hinge(robot, joint):
         return None
     names = f"{joint} damping", f"{joint} spring"
@@ -591,18 +569,19 @@ def _of_gear(robot: Robot, joint: str, kind: str, start: float | None) -> Parame
     law, expected = backlash.law, f"of a joint whose flanks have a law with a {kind}"
     if kind == "restitution":
         require(hasattr(law, kind), argument, kind, expected, "leave it out")
-        scale: AbstractScale = Bounded(0.0, 1.0)
-        return Parameter(lambda s: s.joints[name].law.restitution, scale, value=start)
-    given = getattr(getattr(law, kind, None), kind, None)
-    require(given is not None, argument, kind, expected, "leave it out")
-    present = float(as_number(given) * np.asarray(backlash.radius) ** 2)
-    start = present if start is None else start
+        return Parameter(lambda s: s.joints[name].law.restitution, Bounded(0.0, 1.0), value=start)
+    stiffness = getattr(getattr(law, kind, None), kind, None)
+    require(stiffness is not None, argument, kind, expected, "leave it out")
+    if start is None:
+        start = float(as_number(stiffness) * np.asarray(backlash.radius) ** 2)
     return Parameter.change(FlankStiffness(name), start, Log(), "N m/rad")
 
 
-def _measured(robot: Robot, log: RobotLog, driven_by: DrivenBy) -> Measurements:
-    """Return what a run predicts: positions that don't follow the log, and the torques that make
-    others follow it."""
+def _measured(
+    robot: Robot, log: RobotLog, driven_by: DrivenBy, following: Collection[str]
+) -> Measurements:
+    """Return the samples of what a run predicts: positions that are not `following` the log, and
+    torques that make joints follow it."""
     series: dict[str, Series] = {}
 
     def compare(name: str, channel: Quantity, samples: Logged, unit: str) -> None:
@@ -613,7 +592,6 @@ def _measured(robot: Robot, log: RobotLog, driven_by: DrivenBy) -> Measurements:
         assert samples.noise is not None
         series[name] = Series(channel, samples.times, samples.values, samples.noise, unit, name)
 
-    following = {motor_of(robot, joint) for joint, mode in driven_by.items() if mode == "angle"}
     for name, samples in log.angles.items():
         if name not in following:
             hinge = is_hinge(robot, name)

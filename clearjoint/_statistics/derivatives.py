@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 LEAST_RUNS = 10
 """Smallest number of runs for each coefficient of the regression. Intervals from so few contain the
 true derivative as often as stated, but half of them are wider than 3.5 times the root mean square
-error. With 40 runs for each coefficient, half are wider than 2.4 times this error."""
+error; with 40 runs for each coefficient, than 2.4 times this error."""
 MOST_POWER = 4.0
 """Largest exponent k with which a run's squared residual is divided by (1 - leverage)^k."""
 
@@ -58,11 +58,10 @@ def statistics_derivatives(
     **options: Unpack[SweepOptions],
 ) -> "xr.Dataset":
     """Estimate the derivatives of the outputs' means by the parameters' nominal values, with
-    confidence intervals.
+    confidence intervals, also for chaotic motions, whose own derivatives grow without bound.
 
     The means are over the tolerances of manufacture and over starts that differ by less than a
-    measurement can resolve. The method holds for chaotic motions, whose own derivatives grow
-    without bound.
+    measurement can resolve.
 
     **Arguments:**
 
@@ -73,18 +72,16 @@ def statistics_derivatives(
     - `draws`: number of runs with their own draws of all parameters. It must be even, because the
       further runs come in pairs, and at least 10 (1 + 3 p + p (p - 1)/2), ten for each coefficient
       of the regression.
-    - `disturbance`: m/s, root mean square speed by which the starts differ; `seed`: of all draws.
-      Both are as in `ensemble`.
-    - `confidence`: level of the intervals, between 0 and 1. They are by Student's distribution.
+    - `disturbance`, `seed`: as in `ensemble`.
+    - `confidence`: level, between 0 and 1, of the intervals, which are by Student's distribution.
 
     **Returns:** an `xarray.Dataset`. For each output "force" with one number in each run (others
     are left out), ``force_mean`` and ``force_standard_error`` (of the mean) are scalars;
     ``force_derivative``, ``force_derivative_standard_error``, ``force_derivative_low`` and
-    ``force_derivative_high`` (the confidence interval) are along "parameter". Derivatives are with
-    respect to the nominal coordinates on the parameters' scales, named by the labels
-    ``coordinate``: for `Log`, the logarithm of the nominal value. Their unit is that of the output,
-    per unit of the coordinate. ``failed`` counts the failed runs, which are left out, as are values
-    that are not finite.
+    ``force_derivative_high`` (the confidence interval) are along "parameter". Derivatives are in
+    the output's unit, by the nominal coordinates on the parameters' scales, such as the logarithm
+    of the nominal value for `Log`; ``coordinate`` has the names of these coordinates. ``failed``
+    counts the failed runs, which are left out, as are values that are not finite.
 
     **Raises:** `ValueError` for unsupported arguments, and if too few runs succeed.
 
@@ -108,10 +105,8 @@ def statistics_derivatives(
     require(draws >= fewest, "draws", draws, expected, "run more")
     scene, state = with_arrays((scene, state))
     points = _points(uncertain, draws, seed)
-    axes = {
-        name: number.axis(scene, state, points[:, k])
-        for k, (name, number) in enumerate(uncertain.items())
-    }
+    pairs = zip(uncertain.items(), points.T, strict=True)
+    axes = {name: number.axis(scene, state, column) for (name, number), column in pairs}
     along = directions(scene, len(points), seed)
     # The two runs of a pair, which come after the first `draws` runs, share their direction.
     along[draws + 1 :: 2] = along[draws::2]
@@ -159,20 +154,17 @@ def _points(uncertain: Mapping[str, Uncertain], draws: int, seed: int) -> np.nda
 
     The first `draws` rows are independent draws. Then come as many rows for each parameter with a
     uniform distribution, in pairs that differ only in this parameter: it is 1 in the first row of a
-    pair and -1 in the second. From the mean difference of the outputs of a pair follows the
-    derivative of the mean output (see above).
+    pair and -1 in the second.
     """
     # With the seed alone, the draws would come from the same random numbers as `directions`.
-    rng, blocks = np.random.default_rng([seed, 1]), []
-    numbers = list(uncertain.values())
+    rng = np.random.default_rng([seed, 1])
 
     def drawn(count: int) -> np.ndarray:
-        points = rng.random((count, len(numbers)))
-        columns = zip(numbers, points.T, strict=True)
-        return np.stack([number.standardised(column) for number, column in columns], -1)
+        columns = zip(uncertain.values(), rng.random((count, len(uncertain))).T, strict=True)
+        return np.stack([number.standardised(column) for number, column in columns], axis=1)
 
-    blocks.append(drawn(draws))
-    for k, number in enumerate(numbers):
+    blocks = [drawn(draws)]
+    for k, number in enumerate(uncertain.values()):
         if not number.is_normal:
             pairs = np.repeat(drawn(draws // 2), 2, axis=0)
             pairs[0::2, k], pairs[1::2, k] = 1.0, -1.0
@@ -181,8 +173,8 @@ def _points(uncertain: Mapping[str, Uncertain], draws: int, seed: int) -> np.nda
 
 
 class Estimate(NamedTuple):
-    """Derivatives of an output's mean by the nominal values in standardised coordinates, their
-    standard errors and the degrees of freedom of these errors."""
+    """Derivatives of an output's mean by the nominal standardised coordinates, their standard
+    errors and the degrees of freedom of these errors."""
 
     derivatives: Float[np.ndarray, " p"]
     errors: Float[np.ndarray, " p"]
@@ -195,9 +187,8 @@ def estimate(
     draws: int,
     normal: np.ndarray,
 ) -> Estimate:
-    """Return the derivatives of an output's mean from its `values` at the `points` of `_points`; by
-    regression for parameters whose distribution is `normal`, by pairs of runs for uniform ones.
-    """
+    """Return the derivatives of an output's mean from its `values` at the points of `_points`, by
+    regression for parameters whose distribution is `normal`, by pairs of runs for uniform ones."""
     count = points.shape[1]
     derivatives, errors, freedom = np.zeros((3, count))
     usable = np.isfinite(values[:draws])

@@ -1,5 +1,6 @@
 """Ensembles: runs from starts that differ by less than a measurement can resolve."""
 
+import math
 import warnings
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 PARTS = ("velocity", "spin")
 """Fields of a body's initial state that are disturbed; positions are not."""
 RANK_TOLERANCE = 1e-8
-"""Share of the largest singular value of the constraints' Jacobian below which others are zero."""
+"""Share of the constraints' Jacobian's largest singular value up to which others count as zero."""
 NEGLIGIBLE = 1e-9
 """Components of a disturbance below this share of its size are rounding errors and are set to zero,
 so that velocities which the constraints fix get no axis."""
@@ -44,7 +45,7 @@ def directions(scene: Scene, draws: int, seed: int) -> Float[np.ndarray, "draws 
     """Return a random direction in the space of all velocities for each draw of an ensemble.
 
     The v columns are the components of velocity and spin of each body, all standard normal. The
-    first rows don't depend on the number of draws, so that an ensemble can be extended.
+    first rows don't depend on the number of draws, so that a stored ensemble can be extended.
     """
     return np.random.default_rng(seed).standard_normal((draws, 6 * len(scene.bodies)))
 
@@ -58,11 +59,11 @@ def disturbed_velocities(
     start_time: float,
 ) -> Float[np.ndarray, "n v"]:
     """Return the velocity (m/s, global) and spin (rad/s, body axes) of each body at n disturbed
-    starts, in columns in the order of `bodies`, from which the order in `scene` may differ.
+    starts, in columns in the order of `bodies`, from which that of `scene` may differ.
 
-    Those of `state` are changed by the parts of the random directions `along` that the constraints
-    permit, scaled to `size`, m/s: the expected root mean square of the added speeds over starts and
-    bodies, in which a spin counts by the speed at its body's radius of gyration.
+    To those of `state` are added the parts of the random directions `along` that the constraints
+    permit, scaled so that the root mean square of the added speeds over starts and bodies is
+    expected to be `size`, m/s. A spin counts by the speed at its body's radius of gyration.
     """
     radii = radii_of_gyration(scene)
     lengths = np.concatenate([[1.0] * 3 + [radii[name]] * 3 for name in bodies])
@@ -97,10 +98,10 @@ def disturbed_axes(
     """Return axes of a zipped sweep that add a disturbance to the initial velocities of each lane.
 
     The result has the given `axes` and an axis, with a name such as "disturbed velocity x of arm",
-    for each component of a velocity or spin that differs in any lane from that of the undisturbed
-    state. `size` and `along` are as in `disturbed_velocities`. Each `draws` successive lanes must
-    have equal values of `axes`. If `draws` is 1 and `axes` change only numbers of the scene, the
-    constraints of `scene` serve all lanes, so that the numbers must differ little from its own.
+    for each component of a velocity or spin that the disturbance changes in any lane. `size` and
+    `along` are as in `disturbed_velocities`. Groups of `draws` successive lanes must have equal
+    values of `axes`. If `draws` is 1 and `axes` change only numbers of the scene, the constraints
+    of `scene` serve all lanes, so that the numbers must differ little from its own.
     """
     # Axes that change only numbers of the scene leave the initial state as it is. With one draw
     # for each value, every lane has its own numbers and would need its own Jacobian and singular
@@ -155,14 +156,14 @@ DISTURBANCE = 1e-9
 measurements, and far above rounding errors."""
 TANGENT_SETTINGS = replace(presets.derivatives, derivative_tolerance=1e9)
 """Settings of the runs with a tangent. With so large a tolerance, the tangent does not control the
-length of steps. A growth rate needs few correct digits of it, and as it grows, its control would
-make steps ever shorter."""
+length of steps: a growth rate needs few correct digits of it, and as it grows, steps would become
+ever shorter."""
 TANGENT_TIMES = 256
 """Number of times, evenly spaced over the run, at which the size of the tangent is computed."""
 ROUNDING = 1e-12
 """Largest rounding error of a quantile's level."""
 DRAW, QUANTILE = "draw", "quantile"
-"""Names of the dimensions that results have besides the axes."""
+"""Names of the results' dimensions besides the axes."""
 
 
 def ensemble(
@@ -192,8 +193,8 @@ def ensemble(
       `path`, `executor`, `threads`, `chunk`, `progress`: as in `sweep`. Statistics are computed of
       the outputs with one number in each run, such as `Peak`, and of quantities at each of the
       times of `save`.
-    - `axes`: `Axis` by name; the points are all combinations of the values. By default there is one
-      point, the scene and state as they are.
+    - `axes`: `Axis` by name; the points are all combinations of the values, by default only the
+      scene and state as they are.
     - `draws`: number of runs at each point, 2 or more. More draws of the same seed extend a
       stored ensemble.
     - `disturbance`: m/s, root mean square speed that is added to the bodies; a spin counts by the
@@ -201,9 +202,9 @@ def ensemble(
     - `seed`: of the random directions. All points share the directions.
     - `quantiles`: levels between 0 and 1.
     - `exponents`: number of draws from which the largest Lyapunov exponent is computed at each
-      point, from 2 to `draws`; 0 for none. Each of them takes one more run, with derivatives;
-      these runs are made one after the other, not with `settings` but with `presets.derivatives`
-      and a larger `derivative_tolerance`.
+      point, from 2 to `draws`; 0 for none. Each of these draws takes one more run, with
+      derivatives, with `presets.derivatives` and a larger `derivative_tolerance` in place of
+      `settings`; these runs are made one after the other.
 
     **Returns:** an `xarray.Dataset` along the axes. For each output "force":
 
@@ -218,13 +219,12 @@ def ensemble(
     point where all runs failed; so are ``force_deviation`` and all standard errors where only one
     run succeeded.
 
-    With `exponents`, ``lyapunov_exponent``, 1/s, is the growth rate of a disturbance in the second
-    half of the run, on average over the first `exponents` draws, and
-    ``lyapunov_exponent_standard_error`` is the standard error of this average. At a point where
-    fewer than two of the runs with derivatives succeed, both are NaN. The disturbance is a tangent:
-    the derivative of the motion by the initial velocity, as by `sensitivities`. Unlike the
-    difference of two runs, it is exact across impacts, needs no size, and does not stop growing
-    when it is as large as the motion.
+    With `exponents`, ``lyapunov_exponent``, 1/s, is the growth rate of a tangent in the second half
+    of the run, on average over the first `exponents` draws; its standard error is
+    ``lyapunov_exponent_standard_error``. Both are NaN at a point where fewer than two of the runs
+    with derivatives succeed. The tangent is the derivative of the motion by the initial velocity,
+    as by `sensitivities`. Unlike the difference of two runs, it is exact across impacts, needs no
+    size, and does not stop growing when it is as large as the motion.
 
     **Raises:** `ValueError` for unsupported arguments, such as an axis named "draw" or
     "quantile", which are dimensions of the result, and for constraints that leave no velocity free.
@@ -255,19 +255,15 @@ def ensemble(
     points = [grid.ravel() for grid in grids]
     count = len(points[0]) if points else 1
     # The draws of a point are successive lanes; all points share the draws' directions.
-    repeated = {
-        name: Axis(axis.variation, np.repeat(column, draws))
-        for (name, axis), column in zip(axes.items(), points, strict=True)
-    }
+    pairs = zip(axes.items(), points, strict=True)
+    repeated = {n: Axis(axis.variation, np.repeat(column, draws)) for (n, axis), column in pairs}
     along = np.tile(directions(scene, draws, seed), (count, 1))
     start_time = options.get("start_time", 0.0)
     lanes = disturbed_axes(scene, state, repeated, disturbance, along, start_time, draws)
     results = sweep(scene, state, end_time, lanes, outputs, settings, zipped=True, **options)
     shape = tuple(len(axis.values) for axis in axes.values())
-    labels = {
-        name: (name, axis.values, {"units": axis.unit_in(scene, state)})
-        for name, axis in axes.items()
-    }
+    units = {name: {"units": axis.unit_in(scene, state)} for name, axis in axes.items()}
+    labels = {name: (name, axis.values, units[name]) for name, axis in axes.items()}
     notes = {"draws": draws, "disturbance": f"{disturbance:g} m/s", "seed": seed}
     quantities = requested_by(outputs, options.get("save")).quantities
     statistics = _statistics(results, labels, (*shape, draws), levels, quantities)
@@ -299,16 +295,16 @@ def number_failed(results: "xr.Dataset") -> Labelled:
 def scalar_outputs(
     results: "xr.Dataset", quantities: Collection[str] = ()
 ) -> dict[str, tuple[np.ndarray, str]]:
-    """Return the values and the unit of each output with one number in each lane of a zipped sweep,
-    and of the outputs named in `quantities`, by name. Values are NaN in failed lanes."""
+    """Return, by name, the values, NaN in failed lanes, and the unit of each output of a zipped
+    sweep that has one number in each lane, or is among `quantities`."""
     failed = failed_runs(results)
-    found = {}
+    by_name = {}
     for name, variable in results.data_vars.items():
         if name in quantities or (variable.dims == ("lane",) and name not in NOT_OUTPUTS):
             # Transposed, because `failed` is along the first dimension and sample times follow it.
             values = np.where(failed, np.nan, variable.values.astype(float).T).T
-            found[str(name)] = values, variable.attrs.get("units", "1")
-    return found
+            by_name[str(name)] = values, variable.attrs.get("units", "1")
+    return by_name
 
 
 def _statistics(
@@ -318,13 +314,11 @@ def _statistics(
     levels: Float[np.ndarray, " q"],
     quantities: Collection[str],
 ) -> "xr.Dataset":
-    """Return the statistics over the draws at each point of the grid of axis values.
+    """Return the statistics over the draws at each combination of axis values.
 
-    - `results`: of a zipped sweep, whose lanes are in C order along `shape`.
-    - `labels`: coordinates of the dataset along the axes.
-    - `shape`: the number of values of each axis, then the number of draws at a point.
-    - `levels`: probabilities of the quantiles.
-    - `quantities`: names of the outputs at sample times.
+    The lanes of `results`, of a zipped sweep, are in C order along `shape`: the number of values of
+    each axis, then the number of draws. `labels` are the coordinates along the axes, `levels` those
+    of the quantiles, and `quantities` the names of outputs at sample times.
     """
     import xarray as xr
 
@@ -359,10 +353,9 @@ def _statistics(
 def _quantile_errors(
     runs: Float[np.ndarray, "... draws"], levels: Float[np.ndarray, " q"]
 ) -> Float[np.ndarray, "... q"]:
-    """Standard errors of the quantiles of `runs`, where NaN stands for a failed run.
-
-    They are NaN where fewer than two runs succeeded, and for a level p that is nearer to 0 or 1
-    than sqrt(p (1 - p)/n), the standard deviation of the share of n runs below the quantile.
+    """Standard errors of the quantiles of `runs`, where NaN stands for a failed run; NaN where
+    fewer than two runs succeeded, and for a level p nearer to 0 or 1 than sqrt(p (1 - p)/n), for n
+    runs.
     """
     # The share of n draws below the true quantile has a binomial distribution with the standard
     # deviation sqrt(p (1 - p)/n). Half the distance between the quantiles at the levels one
@@ -389,12 +382,12 @@ def _lyapunov_exponent(
     along: Float[np.ndarray, "draws v"],
     progress: bool,
 ) -> tuple[float, float]:
-    """The largest Lyapunov exponent, 1/s, averaged over several starts, and its standard error.
+    """The largest Lyapunov exponent, 1/s, averaged over starts that are disturbed by `size`, m/s,
+    in the directions `along`, and its standard error.
 
-    The starts are disturbed by `size`, m/s, in the directions `along`. The exponent of a start is
-    the growth rate of the tangent over the second half of the run; in the first half the tangent
-    turns to the direction of fastest growth. Runs that fail before the end are left out. If fewer
-    than two remain, both numbers are NaN.
+    The exponent of a start is the growth rate of the tangent in the second half of the run; in the
+    first half the tangent turns to the direction of fastest growth. Runs that fail are left out. If
+    fewer than two remain, both numbers are NaN.
     """
     start_time, end_time = span
     axes: dict[str, Axis] = disturbed_axes(scene, state, {}, size, along, start_time)
@@ -413,5 +406,5 @@ def _lyapunov_exponent(
             sizes = growth.sizes(run.derivatives, points)[:, 0]
             rates.append(growth.rate(times, sizes, 0.5 * (start_time + end_time)))
     if len(rates) < 2:
-        return float("nan"), float("nan")
+        return math.nan, math.nan
     return float(np.mean(rates)), float(np.std(rates, ddof=1) / np.sqrt(len(rates)))

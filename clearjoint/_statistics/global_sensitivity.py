@@ -25,10 +25,9 @@ if TYPE_CHECKING:
 ORDERS = ("first_order", "total_order")
 """Names of the two indices, in SciPy's order."""
 RANDOMISATIONS = 4
-"""Number of independent randomisations of the Sobol points. With more of them, the quantile of
-Student's distribution, a factor of the intervals, is smaller; but each has fewer points, which fill
-the distributions less evenly. With 8, for smooth outputs, errors are up to 5 times and intervals up
-to 3 times larger."""
+"""Number of independent randomisations of the Sobol points. With more of them, Student's quantile
+in the intervals is smaller, but each has fewer points, which fill the distributions less evenly:
+with 8, for smooth outputs, errors are up to 5 times and intervals up to 3 times larger."""
 
 
 def sobol_indices(
@@ -51,8 +50,8 @@ def sobol_indices(
     is that of `scipy.stats.sobol_indices` (Saltelli et al., Computer Physics Communications 181,
     2010). It takes groups of p + 2 runs: two at random points, and one for each parameter, at the
     first point with this parameter's value from the second. The random points are Sobol points in
-    four independent randomisations (two for two groups), whose differences give the standard errors
-    of the indices. Intervals are by Student's distribution with three degrees of freedom.
+    four independent randomisations (two for two groups), from whose differences follow standard
+    errors of the indices and intervals by Student's distribution with three degrees of freedom.
 
     **Arguments:**
 
@@ -63,13 +62,13 @@ def sobol_indices(
     - `seed`: of the scrambled Sobol points.
     - `confidence`: level of the intervals, between 0 and 1.
 
-    **Returns:** an `xarray.Dataset` along "parameter". An output with one number in each run, for
-    example one named "force", gives the indices ``force_first_order`` and ``force_total_order``,
-    each with the ends of its interval in variables whose names end in ``_low`` and ``_high``. Its
-    mean and standard deviation over the distributions are the scalars ``force_mean`` and
-    ``force_deviation``, from all successful runs at the two random points of the groups. Other
-    outputs are left out. For the indices, groups with a failed run, or with a value that is not
-    finite, are left out. ``failed`` counts the failed runs.
+    **Returns:** an `xarray.Dataset` along "parameter". For each output "force" with one number in
+    each run (others are left out) it has the indices ``force_first_order`` and
+    ``force_total_order``, each with the ends of its interval in variables whose names end in
+    ``_low`` and ``_high``. The scalars ``force_mean`` and ``force_deviation`` are the mean and
+    standard deviation over the distributions, from all successful runs at the two random points of
+    the groups. For the indices, groups with a failed run, or with a value that is not finite, are
+    left out. ``failed`` counts the failed runs.
 
     **Raises:** `ValueError` for unsupported arguments, and if groups of fewer than two
     randomisations are left.
@@ -113,8 +112,8 @@ def _groups(p: int, draws: int, seed: int) -> np.ndarray:
 
     A group has two independent points A and B, and for each parameter the point A with this
     parameter's coordinate from B. Groups come one after the other, so that a larger `draws` appends
-    to the runs of a stored sweep. The points come from R independently scrambled Sobol sequences
-    (see `RANDOMISATIONS`): those of group i from sequence i modulo R.
+    to the runs of a stored sweep. The points of group i come from the Sobol sequence i modulo
+    `RANDOMISATIONS` of as many that are independently scrambled.
     """
     randomisations = min(RANDOMISATIONS, draws)
     seeds = np.random.SeedSequence(seed).generate_state(randomisations)
@@ -127,11 +126,9 @@ def _groups(p: int, draws: int, seed: int) -> np.ndarray:
 
 
 def _indices(groups: np.ndarray, confidence: float) -> dict[str, np.ndarray]:
-    """First-order and total indices of an output, and the ends of their intervals, by name.
-
-    `groups` (n, p + 2) has the output in each run, in the order of `_groups`. Groups with a value
-    that is not finite are left out.
-    """
+    """First-order and total indices of an output, and the ends of their intervals, by name, from
+    its values in each run, (n, p + 2), in the order of `_groups`. Groups with a value that is not
+    finite are left out."""
     from scipy.special import stdtrit
 
     usable = np.isfinite(groups).all(axis=1)
@@ -167,8 +164,5 @@ def _indices(groups: np.ndarray, confidence: float) -> dict[str, np.ndarray]:
     error = np.sqrt(freedom * without_one.var(axis=0))
     half = stdtrit(freedom, 0.5 * (1.0 + confidence)) * error
     parts = {"": value, "_low": value - half, "_high": value + half}
-    return {
-        f"{order}{suffix}": numbers[k]
-        for k, order in enumerate(ORDERS)
-        for suffix, numbers in parts.items()
-    }
+    pairs = [*enumerate(ORDERS)]
+    return {f"{order}{end}": both[k] for k, order in pairs for end, both in parts.items()}

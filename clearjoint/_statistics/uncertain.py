@@ -26,9 +26,9 @@ METHODS = ("sobol", "halton", "latin hypercube", "random")
 class Uncertain:
     """A number of the scene that differs between specimens, and its distribution.
 
-    A `Parameter` has a scale, which maps the number's value to a coordinate, and the coordinate has
-    the distribution. With the default scale, `Linear()`, the coordinate is the value itself; with
-    `Log()` it is the natural logarithm of the value, so that a deviation of 0.02 is one of 2 %.
+    The distribution is that of the coordinate to which the scale of a `Parameter` maps the number's
+    value. With the default scale, `Linear()`, the coordinate is the value itself; with `Log()` it
+    is the natural logarithm of the value, so that a deviation of 0.02 is one of 2 %.
 
     **Arguments:**
 
@@ -40,7 +40,7 @@ class Uncertain:
     - `half_width`: half the width of a uniform distribution about the nominal value, in the
       coordinate.
     - `between`: the two bounds of a uniform distribution, as values in the parameter's unit. The
-      nominal value is then the middle of the bounds' coordinates.
+      nominal coordinate is then the middle of the bounds' coordinates.
 
     Exactly one of the last three must be given.
 
@@ -90,7 +90,7 @@ class Uncertain:
         return self.deviation is not None
 
     def centre_and_size(self, scene: Scene, state: State) -> tuple[float, float]:
-        """Middle and standard deviation, or half width, of the distribution, in coordinates."""
+        """Middle of the distribution, and standard deviation or half width, in the coordinate."""
         if self.between is None:
             size = self.deviation if self.half_width is None else self.half_width
             assert size is not None
@@ -158,10 +158,9 @@ def design(
 ) -> dict[str, Axis]:
     """Draw several numbers of a scene jointly from their distributions, as axes of a zipped sweep.
 
-    Pass the result to ``sweep(..., axes, zipped=True)``. With "sobol", "halton" and "random", the
-    points of a larger `draws` begin with those of a smaller one, so that a stored sweep can be
-    extended. Except for "random", the points are those of `scipy.stats.qmc`, randomised by the
-    seed.
+    Pass the result to ``sweep(..., axes, zipped=True)``. Except for "random", the points are those
+    of `scipy.stats.qmc`, randomised by the seed. Except for "latin hypercube", points of a larger
+    `draws` begin with those of a smaller one, so that a stored sweep can be extended.
 
     **Arguments:**
 
@@ -190,7 +189,5 @@ def axes_at(
     scene: Scene, state: State, uncertain: Mapping[str, Uncertain], points: np.ndarray
 ) -> dict[str, Axis]:
     """Return an axis for each of p numbers, at cumulative probabilities `points`, (n, p)."""
-    return {
-        name: number.axis(scene, state, number.standardised(points[:, k]))
-        for k, (name, number) in enumerate(uncertain.items())
-    }
+    pairs = zip(uncertain.items(), points.T, strict=True)
+    return {name: u.axis(scene, state, u.standardised(column)) for (name, u), column in pairs}

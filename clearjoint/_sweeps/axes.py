@@ -19,32 +19,31 @@ from .._math.vectors import unpack
 from .._model.bodies import State
 from .._model.joints.base import AbstractContactJoint
 from .._model.scene import Scene
+from .._parametrisation import variations
 from .._parametrisation.paths import NumberPath
-from .._parametrisation.variations import (
-    AbstractVariation,
-    Change,
-    MadeByFunction,
-    NumberSetter,
-    SceneNumber,
-    StateNumber,
-)
+from .._parametrisation.variations import AbstractVariation, Change, NumberSetter
+
+Values = Mapping[str, np.ndarray]
+"""Value in every lane, (lanes,), of each axis by name."""
+Columns = dict[int, np.ndarray]
+"""Numbers in all lanes, (lanes, ...), of each leaf of (scene, state) that an axis changes, by the
+index of the leaf in the order of `jax.tree.leaves`."""
 
 
 @dataclass(frozen=True, eq=False, init=False)
 class Axis:
-    """A number of the scene or of the initial state, and the values that a sweep gives it.
+    """A number of the scene, and the values that a sweep gives it.
 
-    `Axis.initial` makes an axis of a number of the initial state, `Axis.change` one for a parameter
+    `Axis.initial` makes an axis of a number of the initial state, `Axis.change` one of a parameter
     on which several numbers depend, such as a length.
 
     **Arguments:**
 
     - `path`: function that selects the number in a scene, such as ``lambda scene:
-      scene.joints["pin"].clearance``. If the function returns several numbers, all of them get the
-      same value.
+      scene.joints["pin"].clearance``. If it returns several numbers, all get the same value.
     - `values`: (n,), in the SI unit of the number.
-    - `unit`: text that labels the values in the results; by default the unit of the number in the
-      scene. It does not convert the values.
+    - `unit`: text that labels the values in the results and converts nothing; by default the
+      number's SI unit.
 
     **Raises:** `ValueError` unless values are (n,) finite numbers, with n at least 1, and for a
     `path` that is not a function.
@@ -64,7 +63,7 @@ class Axis:
         remedy = "leave it out, since the variation has its own unit"
         has_one_unit = unit is None or not is_variation
         require(has_one_unit, "unit", repr(unit), "None for a variation", remedy)
-        variation = path if is_variation else SceneNumber(path, unit)
+        variation = path if is_variation else variations.SceneNumber(path, unit)
         row = np.asarray(as_number(values, "values"))
         is_row, remedy = row.ndim == 1 and row.size > 0, "pass shape (n,), one number at least"
         require(is_row, "values", row, "a row of numbers", remedy)
@@ -77,37 +76,34 @@ class Axis:
     def initial(path: NumberPath, values: ArrayLike, unit: str | None = None) -> "Axis":
         """Return an axis of a number of the initial state, selected by a function such as ``lambda
         state: state.bodies["arm"].spin[2]``."""
-        return Axis(StateNumber(path, unit), values)
+        return Axis(variations.StateNumber(path, unit), values)
 
     @staticmethod
     def change(make: Change, values: ArrayLike, unit: str = "1") -> "Axis":
         """Return an axis whose values change the scene and the initial state by a function.
 
-        `make` receives the scene, the initial state and one value, and returns the changed pair
-        (scene, state). Scene and state already have the values of the axes that come before this
-        one in the sweep. The function may change numbers only, not names or shapes of arrays. A
-        value for which it changes more, or raises a `ValueError`, is not run.
+        ``make(scene, state, value)`` returns the changed pair (scene, state), from one in which the
+        axes before this one have set their values. It may change numbers only, not names or shapes
+        of arrays. A lane in which it changes more, or raises a `ValueError`, is not run.
         """
-        return Axis(MadeByFunction(make, unit), values)
+        return Axis(variations.MadeByFunction(make, unit), values)
 
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Return the unit of the values: the given one or that of the number in the scene or state.
-
-        **Raises:** `ValueError` if no unit was given, and the path selects no number.
-        """
+        """Return the unit of the values: the given one or that of the number in the scene or state;
+        raise a `ValueError` if the path selects none."""
         return self.variation.unit_in(scene, state)
 
     def setter(self, scene: Scene, state: State) -> Change:
-        """Return a function of a scene, a state and a value, which returns scene and state with the
-        value set, for scenes and states of the same structure.
+        """Return the function ``change(scene, state, value)`` that returns the pair (scene, state)
+        with a value, for scenes and states of the same structure.
 
-        **Raises:** `ValueError` for a path that selects no number or a whole array, and for the
-        delay of a measured series, because only a fit can use it.
+        **Raises:** `ValueError` for a path that selects no number or a whole array, and for an
+        error of sensors, which only fits can use.
         """
         return self.variation.setter(scene, state, self.values[0])
 
     def described(self) -> str:
-        """Return the text that describes the axis in the attributes of a sweep's results."""
+        """Return the description of the axis in a sweep's results."""
         return f"{type(self.variation).__name__} {describe(self.variation.function)}"
 
 
@@ -116,14 +112,13 @@ class Lanes:
     """The scenes and initial states of all lanes of a sweep.
 
     - `scene`, `state`: as the user passed them.
-    - `varied`: PyTree like `scene`; a leaf is ``True`` if any lane has other numbers there than
-      `scene`.
-    - `scenes`: PyTree like `scene`; a leaf that is ``True`` in `varied` is an array (lanes, ...),
-      any other is ``None``.
+    - `varied`: PyTree like `scene`; whether any lane has other numbers in each leaf.
+    - `scenes`: PyTree like `scene`; a leaf is an array (lanes, ...) if it is `varied`, else
+      ``None``.
     - `states`: PyTree like `state`; every leaf is an array (lanes, ...).
     - `bad`: error messages by number of the lane, for lanes that don't run because of their values.
-      Lanes with invalid values have the numbers of `scene` and `state`. Lanes with nearly redundant
-      constraints keep their own numbers.
+      Lanes with invalid values have the numbers of `scene` and `state` here; lanes with nearly
+      redundant constraints have their own.
     """
 
     scene: Scene
@@ -134,36 +129,28 @@ class Lanes:
     bad: dict[int, str]
 
     def contact_joints(self) -> dict[str, AbstractContactJoint]:
-        """Joints with contacts, each with its numbers in all lanes, so that one call of a method
-        computes all lanes."""
+        """Joints with contacts, whose numbers are those in all lanes, (lanes, ...), so that one
+        call of a method computes all lanes."""
         joints = self.scene.contact_joints()
         varied = {name: self.scenes.joints[name] for name in joints}
         return unpack(self.expanded(joints, varied), leading=1)
 
     def expanded(self, tree: PyTree, varied: PyTree) -> PyTree:
-        """Return `tree`, a part of `scene`, with each number in all lanes; `varied` is the same
-        part of `scenes`."""
+        """Return `tree`, a part of `scene`, with its numbers in all lanes, (lanes, ...); `varied`
+        is the same part of `scenes`."""
         count = len(jax.tree.leaves(self.states)[0])
-
-        def in_all(leaf: PyTree) -> PyTree:
-            is_number = eqx.is_array_like(leaf)
-            return np.broadcast_to(leaf, (count, *np.shape(leaf))) if is_number else leaf
-
-        return eqx.combine(varied, jax.tree.map(in_all, tree))
+        numbers, others = eqx.partition(tree, eqx.is_array_like)
+        same = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (count, *np.shape(leaf))), numbers)
+        return eqx.combine(varied, same, others)
 
     def of(self, lane: int) -> tuple[Scene, State]:
         varied, state = jax.tree.map(lambda leaf: leaf[lane], (self.scenes, self.states))
         return ordered_like((self.scene, self.state), (eqx.combine(varied, self.scene), state))
 
 
-def lanes_of(
-    scene: Scene, state: State, axes: Mapping[str, Axis], values: Mapping[str, np.ndarray]
-) -> Lanes:
-    """Return all lanes, from the `values` of each axis in every lane.
-
-    Lanes whose values are refused, by the constructor of a part of the scene or by a function of
-    `Axis.change`, are added to `Lanes.bad`.
-    """
+def lanes_of(scene: Scene, state: State, axes: Mapping[str, Axis], values: Values) -> Lanes:
+    """Return all lanes, from the `values` of each axis in every lane. Those whose values are
+    refused, by a constructor or by a function of `Axis.change`, are in `Lanes.bad`."""
     changes = {name: axis.setter(scene, state) for name, axis in axes.items()}
     base, structure = jax.tree.flatten((scene, state))
     bad: dict[int, str] = {}
@@ -195,10 +182,10 @@ def lanes_of(
     for k, column in columns.items():
         column[list(bad)] = base[k]
     differs = [k in columns and bool((columns[k] != leaf).any()) for k, leaf in enumerate(base)]
-    of_scene, of_state = range(scene_leaves), range(scene_leaves, len(base))
-    in_scenes = [columns[k] if differs[k] else None for k in of_scene]
+    in_scenes = [columns[k] if differs[k] else None for k in range(scene_leaves)]
     in_states = [
-        columns.get(k, np.broadcast_to(base[k], (count, *np.shape(base[k])))) for k in of_state
+        columns.get(k, np.broadcast_to(leaf, (count, *np.shape(leaf))))
+        for k, leaf in enumerate(base[scene_leaves:], scene_leaves)
     ]
     scene_structure, state_structure = map(jax.tree.structure, (scene, state))
     varied = jax.tree.unflatten(scene_structure, differs[:scene_leaves])
@@ -207,16 +194,8 @@ def lanes_of(
     return Lanes(scene, state, varied, scenes, states, dict(sorted(bad.items())))
 
 
-Columns = dict[int, np.ndarray]
-"""Values in all lanes, (lanes, ...), of each leaf of (scene, state) that an axis changes, by the
-index of the leaf in the order of `jax.tree.leaves`."""
-
-
 def _columns_by_setters(
-    scene: Scene,
-    base: list[PyTree],
-    changes: Mapping[str, Change],
-    values: Mapping[str, np.ndarray],
+    scene: Scene, base: list[PyTree], changes: Mapping[str, Change], values: Values
 ) -> Columns:
     """Columns without a loop over lanes, for axes that only set numbers."""
     columns: Columns = {}
@@ -235,11 +214,7 @@ def _columns_by_setters(
 
 
 def _columns_by_functions(
-    scene: Scene,
-    state: State,
-    changes: Mapping[str, Change],
-    values: Mapping[str, np.ndarray],
-    bad: dict[int, str],
+    scene: Scene, state: State, changes: Mapping[str, Change], values: Values, bad: dict[int, str]
 ) -> Columns:
     """Columns by calling the axes' functions for every lane. A lane gets the unchanged leaves and
     an entry in `bad` if a function raises a `ValueError`, or changes more than numbers."""
@@ -278,9 +253,9 @@ def _columns_by_functions(
 
 
 def variable_leaves(lanes: Lanes, axes: Mapping[str, Axis]) -> PyTree[bool]:
-    """Return a PyTree like the scene with ``True`` for each number that an axis can change.
+    """Return a PyTree like the scene: whether an axis can change each leaf.
 
-    In contrast to `Lanes.varied`, that includes numbers that are equal in all present lanes. These
+    In contrast to `Lanes.varied`, that includes leaves that are equal in all present lanes. They
     must be arguments of the programs, not constants, so that further values of an axis don't change
     the digests by which a store recognises its sweep.
     """

@@ -22,23 +22,26 @@ if TYPE_CHECKING:
 
 Tracer = Callable[[], Mapping[str, str]]
 """Function that returns digests, by name, of the programs that the calling process would run."""
+Store = SweepMemory | SweepStore
+LanesOfChunks = Mapping[int, Sequence[int]]
+"""Numbers of lanes by number of their chunk."""
 _LOG = logging.getLogger(__name__)
 LONG_START = 20.0
-"""Time without a result after which a warning is logged if no progress bar is shown."""
+"""Time without a result, s, after which a warning is logged if no progress bar is shown."""
 ROUNDS = 3
 """Largest number of attempts to compute the missing lanes."""
 WRITE_SHARE = 0.05
-"""Largest share of the sweep's time that writing incomplete chunks, as whole files, may take."""
+"""Largest share of the sweep's time that writing incomplete chunks may take."""
 WRITTEN_TOGETHER = 16
-"""Largest number of chunks that are written together. With more, lanes would count as pending for
-longer, and little time would be saved."""
+"""Largest number of chunks that are written together. With more, lanes would be pending for longer,
+and little time would be saved."""
 STORED = "stored"
-"""Description of the progress bar, which counts the lanes in the store."""
+"""Description of the progress bar of the lanes in the store."""
 
 
 def compute_missing(
     work: Work,
-    store: SweepMemory | SweepStore,
+    store: Store,
     trace: Tracer | None,
     executor: AbstractSubmitter | None,
     threads: int | None,
@@ -71,10 +74,8 @@ def compute_missing(
         store.write_grid()
 
 
-def _by_executor(
-    chunks: Chunks, store: SweepMemory | SweepStore, executor: AbstractSubmitter, bar: tqdm
-) -> None:
-    missing = chunks.lanes
+def _by_executor(chunks: Chunks, store: Store, executor: AbstractSubmitter, bar: tqdm) -> None:
+    missing, warned = chunks.lanes, False
 
     # `run_chunks` calls both functions in this thread, so the store and the bar need no lock.
     def on_done(chunk: int, results: LaneArrays) -> None:
@@ -91,16 +92,11 @@ def _by_executor(
                 "the workers of a sweep have been starting and compiling for %.0f s", seconds
             )
 
-    warned = False
     run_chunks(chunks, missing, executor, on_done, on_start)
 
 
 def _by_threads(
-    work: Work,
-    missing: Mapping[int, Sequence[int]],
-    store: SweepMemory | SweepStore,
-    threads: int | None,
-    bar: tqdm,
+    work: Work, missing: LanesOfChunks, store: Store, threads: int | None, bar: tqdm
 ) -> None:
     # The writer decides when lanes are written. Lanes that are not written yet are written at the
     # end, also after an error or an interrupt.
@@ -123,12 +119,10 @@ class _Writer:
     Complete chunks are written at once. So are the lanes of incomplete chunks, as long as writing
     them takes at most the share `WRITE_SHARE` of the time. Lanes that end while others are written
     are added in the next call of `add`; `Batch.run` begins no further lanes if writing lasts long.
-    `missing` has the lanes to compute, by number of their chunk.
+    `missing` are the lanes to compute.
     """
 
-    def __init__(
-        self, missing: Mapping[int, Sequence[int]], store: SweepMemory | SweepStore, bar: tqdm
-    ):
+    def __init__(self, missing: LanesOfChunks, store: Store, bar: tqdm):
         self._store, self._bar = store, bar
         self._chunk_of = {lane: chunk for chunk, lanes in missing.items() for lane in lanes}
         self._unwritten = {chunk: len(lanes) for chunk, lanes in missing.items()}
@@ -161,7 +155,7 @@ class _Writer:
         self._write_seconds = self._last_write - start
 
     def _is_complete(self, chunk: int) -> bool:
-        """Whether all lanes of a chunk that are not written yet have ended."""
+        """Whether all unwritten lanes of a chunk have ended."""
         return sum(len(lanes) for lanes, _ in self._waiting[chunk]) == self._unwritten[chunk]
 
     def _write(self, chunks: Sequence[int]) -> None:
@@ -179,7 +173,7 @@ class _Writer:
 
 
 def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[tqdm]:
-    """Return a bar of the lanes in the store; print how many are there already, `done`."""
+    """Return a progress bar of the lanes in the store; print how many are there already, `done`."""
     if show and done:
         rest = f"{lanes - done} are computed" if done < lanes else "none is computed"
         print(f"{done} of {lanes} lanes are in the store; {rest}", file=sys.stderr, flush=True)

@@ -1,8 +1,7 @@
 """Computation of the chunks of a sweep on an executor.
 
-The function that computes a chunk is sent to workers by cloudpickle, which supports closures and
-functions from notebooks, together with the runtime settings of this process
-(`clearjoint.configure`).
+The function that computes a chunk is sent to workers with the runtime settings of this process
+(`clearjoint.configure`), by cloudpickle, which supports closures and functions from notebooks.
 """
 
 import inspect
@@ -14,14 +13,8 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    CancelledError,
-    Future,
-    ThreadPoolExecutor,
-    wait,
-)
+from concurrent import futures
+from concurrent.futures import Future
 from dataclasses import fields
 from functools import cache, lru_cache, partial
 from threading import Lock
@@ -63,9 +56,9 @@ def _with_fields(
     statics: Mapping[str, bool],
     initialises: bool,
 ) -> type:
-    """Make an equinox class that has its fields from the start, by cloudpickle's function `make`.
-    `statics` says whether each field is static, and `initialises` whether the class defines
-    `__init__`."""
+    """Make an equinox class, with its fields from the start, by cloudpickle's function `make` and
+    its `arguments`. `statics` says whether each field is static, and `initialises` whether the
+    class defines `__init__`."""
     # The fields defined here are provisional: cloudpickle sets the class's own attributes
     # afterwards. The defaults allow the fields to follow inherited ones that have defaults. With
     # the placeholder, equinox does not generate an `__init__`.
@@ -73,23 +66,19 @@ def _with_fields(
     assert isinstance(namespace, dict)
     declared = {name: eqx.field(static=static, default=None) for name, static in statics.items()}
     annotations = dict.fromkeys(statics, object)
-    placeholder = {"__init__": _placeholder} if initialises else {}
+    placeholder = {"__init__": lambda self: None} if initialises else {}
     namespace = {**namespace, **placeholder, "__annotations__": annotations, **declared}
     return make(constructor, name, bases, namespace, *rest)
-
-
-def _placeholder(self: object) -> None:
-    pass
 
 
 ChunkFunction = Callable[[int], LaneArrays]
 """Function of the number of a chunk that returns the results of its lanes."""
 RETRIES = 3
-"""How many times Dask repeats a chunk that raises an error before the sweep fails."""
+"""Number of times that Dask repeats a chunk that raises an error."""
 TICK = 1.0
-"""Time between two calls of `on_start` while workers are starting."""
+"""Time between two calls of `on_start`, s."""
 QUEUED = 2
-"""Number of chunks submitted for each worker, so that it can begin another one at once."""
+"""Number of chunks submitted for each worker, so that it can begin the next one at once."""
 
 
 class AbstractSubmitter(Protocol):
@@ -99,10 +88,8 @@ class AbstractSubmitter(Protocol):
 
 
 class ChunkError(RuntimeError):
-    """Raised for chunks of a sweep that an executor could not compute, with the first error as
-    cause.
-
-    `chunks` has the numbers of the chunks.
+    """Error of chunks of a sweep, numbered `chunks`, that an executor could not compute; its cause
+    is the first error.
 
     >>> error = cj.ChunkError("chunk 3 failed", chunks=(3,))
     >>> error.chunks
@@ -125,11 +112,11 @@ def run_chunks(
 
     `on_done` is called in this thread, for one chunk at a time, in the order in which chunks end.
     Only a few chunks at a time are submitted, and none after an error. Until the first result,
-    `on_start` is called every second with the time since the call.
+    `on_start` is called every second with the time since the start, s.
 
-    **Raises:** `ValueError` if `executor` has another type, or forks its processes. `ChunkError` if
-    a chunk raises an error, its worker dies (with Dask: repeatedly), or the executor cancels it,
-    after the chunks already submitted have ended.
+    **Raises:** `ValueError` if `executor` has another type, or forks its processes. `ChunkError`,
+    after the chunks already submitted have ended, if a chunk raises an error, its worker dies (with
+    Dask: repeatedly), or the executor cancels it.
     """
     pool, waiting = _Pool(executor, task), deque(chunks)
     running: dict[Future, int] = {}
@@ -141,14 +128,15 @@ def run_chunks(
             for _ in range(min(room, len(waiting))):
                 chunk = waiting.popleft()
                 running[pool.submit(chunk)] = chunk
-            ended = wait(running, None if done else TICK, return_when=FIRST_COMPLETED).done
+            timeout = None if done else TICK
+            ended = futures.wait(running, timeout, return_when=futures.FIRST_COMPLETED).done
             if not done and not ended:
                 on_start(time.monotonic() - started)
             for future in ended:
                 chunk = running.pop(future)
                 if future.cancelled():
                     text = "the executor cancelled it; has it been shut down?"
-                    failed[chunk] = CancelledError(text)
+                    failed[chunk] = futures.CancelledError(text)
                 elif (error := future.exception()) is not None:
                     failed[chunk] = error
                 else:
@@ -181,11 +169,11 @@ class _Pool:
         self._threads = getattr(executor, "nthreads", None)
         self._executor = executor if make is None else make(pure=False, retries=RETRIES)
         # Threads call the function itself; processes get its pickled form.
-        in_process = isinstance(executor, ThreadPoolExecutor)
+        in_process = isinstance(executor, futures.ThreadPoolExecutor)
         self._call = task if in_process else partial(_call, _payload(task))
 
     def room(self) -> int:
-        """Return the largest number of submitted chunks that may be unfinished at present."""
+        """Return how many submitted chunks may be unfinished at present."""
         if self._threads is not None:  # of Dask; the number of workers of a cluster may change
             workers = sum(self._threads().values())
         else:
@@ -193,8 +181,7 @@ class _Pool:
         return QUEUED * max(workers, 1)
 
     def submit(self, chunk: int) -> Future:
-        """Return the future of a chunk, which has the error if the executor is broken or has been
-        shut down."""
+        """Return the future of a chunk; it has the error if the executor is broken or shut down."""
         try:
             return self._executor.submit(self._call, chunk)
         except RuntimeError as error:  # also a `BrokenExecutor`
@@ -204,10 +191,10 @@ class _Pool:
 
 
 def _payload(task: ChunkFunction) -> bytes:
-    """Return the runtime settings of this process and the encoded function as bytes. The function
-    is encoded separately, because a worker adopts the settings before it decodes the function."""
+    """Return the runtime settings of this process and the encoded function as bytes."""
     file = io.BytesIO()
     _Pickler(file).dump(task)
+    # Encoded separately, because a worker adopts the settings before it decodes the function.
     return pickle.dumps((in_force(), file.getvalue()))
 
 
@@ -225,8 +212,8 @@ def _decoded(payload: bytes) -> ChunkFunction:
 
 @cache
 def _end_with_parent() -> None:
-    """Let this process end when its parent process dies. A parent that is killed can't stop its
-    workers, and they would wait forever."""
+    """Let this process end when its parent process dies: a parent that is killed can't stop its
+    workers, which would wait forever."""
     parent = multiprocessing.parent_process()
     if parent is None:
         return
@@ -261,7 +248,7 @@ def _fail(failed: dict[int, BaseException], done: int) -> None:
         'a script must call the sweep below `if __name__ == "__main__":`, because each worker '
         "process imports the script"
     )
-    if isinstance(cause, BrokenExecutor):
+    if isinstance(cause, futures.BrokenExecutor):
         why = "killed, or out of memory"
         # If workers die before the first result, the usual cause is a script without that line.
         if not done:

@@ -1,7 +1,4 @@
-"""Search for the largest value of a parameter for which quantities stay within their limits.
-
-The values of one sweep are called a row.
-"""
+"""Search for the largest value of a parameter for which quantities stay within their limits."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -40,18 +37,18 @@ if TYPE_CHECKING:
     import xarray as xr
 
 QUANTITY = "quantity"
-"""Name of a single quantity that the user passes without a name."""
+"""Name of a quantity that the user passes without a name."""
 CLOSE = 2.0
-"""The second row begins below the last value before the first violation, at this distance in
-spacings of the first row."""
+"""Distance, in spacings of the first sweep, by which the second one begins below the last value
+before the first violation."""
 INSPECTIONS = 12
-"""Maximum number of rows that search for violations between computed values. It limits the number
-of runs where the margin is a rough function of the parameter."""
+"""Maximum number of sweeps that search for violations between computed values, which limits the
+number of runs where the margin is a rough function of the parameter."""
 VALUE = "largest_value"
 """Name of the axis of the parameter's values in the sweeps."""
 NEIGHBOURS = 2
 """The change of the margin inside an interval between two computed values is estimated as the
-largest of the changes over the interval itself and over this many intervals on each side of it."""
+largest change over the interval and over this many intervals on each side of it."""
 CONFIDENCE = 0.95
 """Confidence level of the quantiles' intervals."""
 
@@ -69,23 +66,23 @@ class LargestFeasible:
     with draws, it is the quantile of these numbers over the draws.
 
     - `value`: the largest feasible value, in `unit`; the upper end of the range if no limit is
-      exceeded.
+      violated.
     - `interval`: `value`, and the next computed value, which violates a limit. With several draws
       and a quantile below 1, it is instead a 95 % confidence interval of the value at which the
-      first violation begins. Both ends are `value` if no limit is exceeded.
+      first violation begins. Both ends are `value` if no limit is violated.
     - `met`: whether a computed value violates a limit.
     - `monotone`: whether the margins only fall: no computed margin exceeds one at a smaller value
       by more than `tolerance`; with draws, the nearest ends of their confidence intervals are
       compared. If false, larger values may satisfy the limits again, and a violation narrower than
       `spacing` may have been missed.
     - `alternating`: the first value that violates a limit, and the largest computed value above it
-      that satisfies all limits; ``None`` if no value above it does.
-    - `spacing`: largest distance between neighbouring values up to the first violation, relative to
-      the neighbour of larger magnitude. In a range that contains zero, it is relative to
-      `tolerance` times the range where that is larger.
+      that satisfies all limits; ``None`` if there is none.
+    - `spacing`: largest distance between neighbouring values up to the first violation, over the
+      larger of their magnitudes or, in a range that contains zero, over `tolerance` times the range
+      if that is larger.
     - `values`, `margins`: (n,) all computed values, in `unit`, and their margins. A margin is +inf
-      for a peak of zero or less, and -inf for a peak that is NaN or infinite; a failed run counts
-      as an infinite peak.
+      for a peak of zero or less, and -inf for a peak that is NaN or infinite, as that of a failed
+      run.
 
     >>> speed, between = cj.quantities.Velocity("ball"), (100.0, 1000.0)  # 0.1 sqrt(k / m)
     >>> largest = cj.largest_feasible(
@@ -153,10 +150,10 @@ def largest_feasible(
 ) -> LargestFeasible:
     """Find the largest value of a parameter for which quantities stay within their limits.
 
-    No computed value up to this one violates a limit. A sweep over the range finds the first
+    No computed value up to the result violates a limit. A sweep over the range finds the first
     violation, and a second one examines the values just below it. If margins, log(limit / peak),
-    rise and fall, more sweeps search for violations between values with small margins. Then each
-    sweep divides the interval in which the first violation begins, down to the tolerance.
+    rise and fall, more sweeps search for violations between values with small margins. Further
+    sweeps then divide the interval in which the first violation begins, down to the tolerance.
 
     ```python
     import clearjoint as cj
@@ -170,8 +167,7 @@ def largest_feasible(
 
     **Arguments:**
 
-    - `parameter`: the parameter, for example a clearance; values of a sweep are evenly spaced on
-      its scale.
+    - `parameter`: for example a clearance; values of a sweep are evenly spaced on its scale.
     - `quantity`: a scalar function of an `Instant` (the scene and its motion at one time), whose
       peak is limited; or a reduction, such as `ImpactCount`, whose main result (its name is "") is
       limited; or several functions and reductions by name.
@@ -182,15 +178,14 @@ def largest_feasible(
     - `between`: smallest and largest value considered; the smallest must satisfy the limits.
     - `after`: time after which peaks of quantities count, to exclude a transient. Reductions have
       times of their own.
-    - `draws`: for each random number of the scene or its initial state, such as the phase at the
-      start, an `Axis` with its draws, by name. All have equal length, and their i-th values form
-      the i-th draw.
+    - `draws`: `Axis` by name with the draws of each random number of the scene or its initial
+      state, such as the phase at the start. All have equal length, and their i-th values form the
+      i-th draw.
     - `quantile`: share of the draws that must satisfy each limit, from 0 to 1.
-    - `lanes`: number of values in a sweep, at least 3. With draws, a sweep has this many runs for
-      each draw.
-    - `tolerance`: relative tolerance of the value, positive. The search also ends where rounding
-      errors leave no values in between. If the range contains zero, the absolute tolerance is at
-      least `tolerance` squared times the range.
+    - `lanes`: number of values in a sweep, at least 3, each of which is run with every draw.
+    - `tolerance`: relative tolerance of the value, positive. If the range contains zero, the
+      absolute tolerance is at least `tolerance` squared times the range. The search also ends where
+      no floats are in between.
 
     **Raises:** `ValueError` for unsupported arguments, and if the smallest value violates a limit;
     the message then has the peak of the quantity, or says that it is NaN or that the run fails.
@@ -234,7 +229,7 @@ class LaneMargins:
     - `coordinates`: the parameter's values on its scale, rising.
     - `margins`: at each value, the smallest margin of all outputs; NaN if a peak is NaN, which
       counts as a violation.
-    - `low`, `high`: ends of the 95 % confidence intervals of the margins. They equal `margins` if
+    - `low`, `high`: ends of the 95 % confidence intervals of the margins, equal to `margins` if
       there is only one run for each value, or if all draws must satisfy the limits.
     - `peak`: text for the error message if a limit is violated at the first value.
     """
@@ -246,14 +241,15 @@ class LaneMargins:
     peak: str = ""
 
     def with_others(self, others: "LaneMargins") -> "LaneMargins":
-        """Return these margins merged with those at other coordinates. Where both have the same
-        coordinate, the margin of this object is kept."""
+        """Return these margins merged with those at other coordinates; of two at the same
+        coordinate, that of this object is kept."""
         both = [np.concatenate(pair) for pair in zip(self._rows, others._rows, strict=True)]
         first_places = np.unique(both[0], return_index=True)[1]
         return LaneMargins(*(row[first_places] for row in both), peak=self.peak)
 
     def lowered_by(self, others: "LaneMargins") -> "LaneMargins":
-        """Return these margins, with the smaller one, or a NaN, where `others` has a margin too."""
+        """Return these margins, with the smaller of two, or NaN, where `others` has a margin
+        too."""
         at = np.searchsorted(self.coordinates, others.coordinates)
         rows = [row.copy() for row in self._rows]
         for row, other in zip(rows, others._rows, strict=True):
@@ -265,11 +261,9 @@ class LaneMargins:
         return self.coordinates, self.margins, self.low, self.high
 
     def doubtful(self) -> Bool[np.ndarray, " m"]:
-        """Return for each interval between neighbouring values whether it may hide a violation.
-
-        An interval up to the first violation is doubtful if the smaller margin at its ends is below
-        the largest change of the margin over it or one of the `NEIGHBOURS` intervals on each side.
-        """
+        """Return for each interval between neighbouring values whether it may hide a violation: it
+        is below the first violation, and the smaller margin at its ends is below the largest change
+        of the margin over it and over the `NEIGHBOURS` intervals on each side."""
         count = min(first_violation(self.margins), len(self.margins) - 1)
         ends = self.margins[: count + 1]
         # The infinite margin of a failed run or of a zero peak tells nothing about the rate at
@@ -285,11 +279,8 @@ class LaneMargins:
         return doubtful
 
     def falls(self, tolerance: float) -> bool:
-        """Return whether the margins only fall as the coordinate rises.
-
-        A rise counts only if the lower end of a margin's confidence interval exceeds the upper end
-        of that at a smaller coordinate by more than `tolerance`, a relative change of the peak.
-        """
+        """Return whether the margins only fall as the coordinate rises, see
+        `LargestFeasible.monotone`."""
         is_number = ~np.isnan(self.margins)
         least = np.minimum.accumulate(np.where(is_number, self.high, np.inf))
         return bool(np.all(self.low[is_number][1:] <= least[is_number][:-1] + tolerance))
@@ -348,14 +339,14 @@ def lane_margins(
 def limit_margins(
     peaks: Float[np.ndarray, "n draws"], limit: float, quantile: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return margins log(limit / quantile of the peaks over the draws), with 95 % intervals: the
-    margins, lower ends and upper ends.
+    """Return margins log(limit / quantile of the peaks over the draws), and the lower and upper
+    ends of their 95 % intervals.
 
-    The quantile is an order statistic of the draws: the smallest peak that the given share of the
-    draws does not exceed. Its 95 % confidence interval is between two other order statistics and
-    holds for any distribution (W. Conover, *Practical nonparametric statistics*, section 3.2).
-    The lower end is -inf if there are too few draws for it. Both ends equal the margin for a single
-    draw, and for the quantile 1.
+    The quantile is an order statistic: the smallest peak that the given share of the draws does not
+    exceed. Its confidence interval is between two other order statistics and holds for any
+    distribution (W. Conover, *Practical nonparametric statistics*, section 3.2). The lower end of
+    the margin's interval is -inf if there are too few draws for it. Both ends equal the margin for
+    a single draw, and for the quantile 1.
     """
     from scipy.stats import binom
 
@@ -389,15 +380,13 @@ def as_reduction(quantity: Quantity | AbstractReduction, after: float | None) ->
 
 @dataclass(frozen=True)
 class _Search:
-    """Search for the first violation by sweeps, each over a row of values of the parameter.
+    """Search for the first violation by sweeps of `lanes` values each.
 
     - `margins`: runs a sweep at rising coordinates of `parameter`.
-    - `lanes`: number of values in a row.
-    - `tolerance`: see `largest_feasible`.
     - `plain`: like `margins`, with the default settings of `simulate`, with which the limits must
       hold too; ``None`` if the user has given settings.
 
-    The argument `known` of methods has the margins of all values that have been computed.
+    The argument `known` of methods has the margins of all computed values.
     """
 
     margins: Callable[[np.ndarray], LaneMargins]
@@ -410,7 +399,7 @@ class _Search:
         """Search between the coordinates `low`, which must satisfy the limits, and `high`."""
         known = self.margins(np.linspace(low, high, self.lanes))
         self._require_smallest(known)
-        # The first row is coarse: just below its first violation another one may lie between two
+        # The first sweep is coarse: just below its first violation another one may lie between two
         # values.
         if first_violation(known.margins) < len(known.margins):
             known = self._refined(known, below=True)
@@ -423,9 +412,9 @@ class _Search:
         require(bool(known.margins[0] >= 0.0), "between[0]", smallest, expected, remedy)
 
     def _narrowed(self, known: LaneMargins) -> LaneMargins:
-        """Add rows until the interval of the first violation is as narrow as the tolerance."""
+        """Sweep until the interval of the first violation is as narrow as the tolerance."""
         computed = 0
-        # A row adds no value if there are no floats between the last value and the violation.
+        # A sweep adds no value if there are no floats between the last value and the violation.
         while (
             first_violation(known.margins) < len(known.margins)
             and len(known.coordinates) > computed
@@ -438,9 +427,9 @@ class _Search:
         """Lower the margins just below the first violation to those of `plain` runs."""
         if self.plain is None:  # `margins` already has the settings that the user has given
             return known
-        # Lower margins, and rows added between a value and the violation, may move the first
-        # violation to values without plain runs. So that the loop ends, rows are added at most
-        # `INSPECTIONS` times.
+        # Lower margins, and values added before the violation, may move the first violation to
+        # values without plain runs. So that the loop ends, values are added at most `INSPECTIONS`
+        # times.
         checked, rounds = np.empty(0), 0
         first = first_violation(known.margins)
         while known.coordinates[first - 1] not in checked:
@@ -454,18 +443,16 @@ class _Search:
         return known
 
     def _refined(self, known: LaneMargins, below: bool = False) -> LaneMargins:
-        """Add a row of values between the last value before the first violation and the violation.
-        With `below`, it begins `CLOSE` times their distance lower, but not below the smallest
-        value."""
+        """Sweep from the last value before the first violation to the violation; with `below`, from
+        `CLOSE` times their distance lower on, but not below the smallest value."""
         first = first_violation(known.margins)
         last, violation = known.coordinates[first - 1 : first + 1]
         start = max(known.coordinates[0], last - CLOSE * (violation - last)) if below else last
         return known.with_others(self.margins(np.linspace(start, violation, self.lanes)))
 
     def _inspected(self, known: LaneMargins) -> LaneMargins:
-        """Divide the intervals in which a violation may hide (see `LaneMargins.doubtful`), until
-        none is wider than the tolerance, or after `INSPECTIONS` rounds. Nothing is done where the
-        margins only fall along the parameter."""
+        """Divide intervals in which a violation may hide (see `LaneMargins.doubtful`), until none
+        is wider than the tolerance, the margins only fall, or `INSPECTIONS` sweeps are made."""
         for _ in range(INSPECTIONS):
             doubtful = known.doubtful() & (self._widths(known) > self.tolerance)
             if known.falls(self.tolerance) or not doubtful.any():
@@ -499,12 +486,9 @@ class _Search:
         )
 
     def _interval(self, known: LaneMargins) -> tuple[float, float]:
-        """Return the two values between which the first violation begins.
-
-        With several draws and a quantile below 1, these are the last value before one at which the
-        margins' intervals allow a violation, but at least the smallest value, and the first value
-        at which they make it certain, but at most the largest. Otherwise the margins are exact.
-        """
+        """Return the two values between which the first violation begins: the last value before it
+        is possible by the margins' confidence intervals, but at least the smallest, and the first
+        at which it is certain, but at most the largest."""
         possible, certain = first_violation(known.low), first_violation(known.high)
         values = self._values(known)
         return values[max(possible - 1, 0)], values[min(certain, len(values) - 1)]

@@ -1,4 +1,4 @@
-"""Outputs of a sweep, and the shapes and labels of its results, which are known before it runs."""
+"""Outputs of a sweep, and the shapes and labels of its results, both known before it runs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -42,15 +42,15 @@ class Coordinate(NamedTuple):
 
     @property
     def attributes(self) -> dict[str, str]:
-        """Attributes for a data set, by the CF conventions: the unit, but none for texts."""
+        """Attributes of a dataset, by the CF conventions: the unit, but none for texts."""
         return {} if self.values.dtype.kind == "U" else {"units": self.unit}
 
 
 class Variable(NamedTuple):
     """A result of every lane, such as a peak force or a table of impacts.
 
-    `dims` and `shape` are those after the dimension of lanes. `attrs` are further attributes, for
-    example the `flag_values` and `flag_meanings` of a code.
+    `dims` and `shape` are those after the dimension of lanes. `attrs` are further attributes, such
+    as the `flag_values` and `flag_meanings` of a code.
     """
 
     dims: tuple[str, ...] = ()
@@ -62,17 +62,17 @@ class Variable(NamedTuple):
 
     @property
     def fill(self) -> bool | int | float:
-        """Value of entries that have not been computed."""
+        """Value of entries of pending lanes."""
         fills: dict[str, bool | int | float] = {"b": False, "i": PENDING}
         return fills.get(np.dtype(self.dtype).kind, np.nan)
 
     def pending(self, lanes: int) -> np.ndarray:
-        """Return the entries for a number of lanes that have not been computed."""
+        """Return the entries for a number of pending lanes."""
         return np.full((lanes, *self.shape), self.fill, self.dtype)
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """Attributes for a data set, by the CF conventions; an unknown unit is left out."""
+        """Attributes of a dataset, by the CF conventions; an unknown unit is left out."""
         units = {"units": self.unit} if self.unit else {}
         return {**units, "long_name": self.description, **self.attrs}
 
@@ -81,9 +81,9 @@ class Variable(NamedTuple):
 class Layout:
     """The shape, the labels and the settings of a sweep's results.
 
-    - `axes`: the swept values; `zipped`: the i-th lane has the i-th value of each.
+    - `axes`: the swept values; `zipped`: whether the i-th lane has the i-th value of each.
     - `chunk`: number of lanes in a chunk.
-    - `variables`: results, with ``"result"``, the result code, among them.
+    - `variables`: results by name, with the result code as "result" among them.
     - `coordinates`: labels along dimensions of variables.
     - `settings`: texts by name, for settings on which the results depend.
     - `notes`: texts by name, for readers. A store ignores differences between notes, for example in
@@ -148,7 +148,7 @@ class Layout:
         return {axis.name: column for axis, column in zip(self.axes, columns, strict=True)}
 
     def pending(self) -> LaneArrays:
-        """Return the results of all lanes before any of them has been computed."""
+        """Return the results of all lanes while all are pending."""
         return {name: variable.pending(self.lanes) for name, variable in self.variables.items()}
 
 
@@ -165,20 +165,15 @@ def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
         c.name: (dim, c.values, c.attributes)
         for dim, c in zip(along, (*layout.axes, *layout.coordinates), strict=True)
     }
-    data = {
-        name: (
-            (*dims, *variable.dims),
-            arrays[name].reshape(*layout.shape, *variable.shape),
-            variable.attributes,
-        )
-        for name, variable in layout.variables.items()
-    }
+    data = {}
+    for name, variable in layout.variables.items():
+        values = arrays[name].reshape(*layout.shape, *variable.shape)
+        data[name] = (*dims, *variable.dims), values, variable.attributes
     return xr.Dataset(data, coordinates, {**layout.settings, **layout.notes})
 
 
 def _with_array(coordinate: Coordinate) -> Coordinate:
-    """A coordinate with an array of numbers or truth values; other values become texts without
-    unit."""
+    """A coordinate whose values are an array: of numbers, of truth values, or else of texts."""
     values = np.asarray(coordinate.values)
     if values.dtype.kind in "biuf":
         return coordinate._replace(values=values)
@@ -187,7 +182,7 @@ def _with_array(coordinate: Coordinate) -> Coordinate:
 
 def _netcdf_named(attributes: Mapping[str, str]) -> dict[str, str]:
     """Attributes by names that netCDF allows: with "_" in place of slashes and apostrophes, without
-    spaces at the end, and with a number appended to a name that is already taken."""
+    spaces at the end, and with a number after a name that is already taken."""
     named: dict[str, str] = {}
     for name, text in attributes.items():
         allowed = unique = name.translate({ord(c): "_" for c in "/'"}).rstrip()
@@ -210,8 +205,8 @@ class PartOfStates(eqx.Module):
 
 
 def sampled_channels(requested: Requested, scene: Scene) -> dict[str, Quantity]:
-    """Return the quantities that are computed at the sample times of each lane, by the `key` of
-    `variable_name`: the parts of the states, and quantities among the outputs as "/name"."""
+    """Return the quantities at the sample times of each lane, by the `key` of `variable_name`: the
+    parts of the states, and quantities among the outputs as "/name"."""
     bodies = tuple(scene.bodies)
     channels = {f"/{name}": quantity for name, quantity in requested.quantities.items()}
     if requested.save.states:

@@ -44,15 +44,7 @@ from .._simulation.step.settings import Settings, check_span, settings_or
 from .axes import Axis, Lanes, lanes_of, variable_leaves
 from .computing import compute_missing
 from .executors import AbstractSubmitter
-from .outputs import (
-    PENDING,
-    RESULT,
-    Coordinate,
-    Layout,
-    Variable,
-    sampled_channels,
-    variable_name,
-)
+from .outputs import PENDING, RESULT, Coordinate, Layout, Variable, sampled_channels, variable_name
 from .store.program import identity_of, programs
 from .store.store import SweepMemory, SweepStore
 from .work import CONTACT, Work
@@ -66,11 +58,8 @@ def variables_of(
 ) -> tuple[dict[str, Variable], tuple[Coordinate, ...]]:
     """Return the variables of a sweep by name, and the labels of dimensions other than the axes."""
     # By the CF conventions, these two attributes give the name of each integer result code.
-    codes = result_numbers()
-    flags = {
-        "flag_values": [PENDING, *codes.values()],
-        "flag_meanings": " ".join(["pending", *codes]),
-    }
+    codes = {"pending": PENDING, **result_numbers()}
+    flags = {"flag_values": [*codes.values()], "flag_meanings": " ".join(codes)}
     variables = {
         RESULT: Variable(dtype="int8", description="result code of the run", attrs=flags),
         "time_reached": Variable(unit="s", description="time at which the run ended"),
@@ -110,7 +99,7 @@ def variables_of(
 
 
 Along = tuple[tuple[str, ...], tuple[int, ...]]
-"""Names and sizes of dimensions before those of a variable's own values."""
+"""Names and sizes of dimensions that precede those of a variable's own values."""
 
 
 def _variables_of_output(
@@ -157,8 +146,8 @@ def _states(
 
 
 def identifying_settings(settings: Settings, start_time: float) -> dict[str, str]:
-    """Return, as texts by name, the settings that a store compares, because results depend on them.
-    Others, such as the solver, are recognised by the digests of the traced programs."""
+    """Return, as texts by name, the settings that a store compares, because results depend on them;
+    it recognises others, such as the solver, by the digests of the traced programs."""
     names = ("rtol", "atol", "landing_tolerance", "ledger", "max_steps")
     values = {name: getattr(settings, name) for name in names}
     program = "native" if is_native() else f"XLA, {jax.default_backend()}"
@@ -172,10 +161,8 @@ def notes_for_readers(
     axes: Mapping[str, Axis],
     lanes: Lanes,
 ) -> dict[str, str]:
-    """Return, as texts by name, the arguments of a sweep and the numbers that all lanes share.
-
-    They become attributes of the results, which a store does not compare.
-    """
+    """Return, as texts by name, the arguments of a sweep and the numbers that all lanes share, for
+    attributes of the results that a store does not compare."""
     # For each leaf of the state, whether it differs between lanes.
     states = jax.tree.map(lambda rows: bool((rows != rows[0]).any()), lanes.states)
     names = ("solver", "controller", "first_step", "stabilisation", "redundant")
@@ -211,10 +198,12 @@ def _constant_numbers(tree: PyTree, varied: PyTree[bool], name: str) -> dict[str
 
 PASS_TABLE = 'pass outputs={"hits": cj.ImpactTable(20)}, which keeps the first 20 of each contact'
 _PROCESS = os.getpid()
-"""Number of the process that has imported this module. A forked process has another one."""
+"""Number of the process that has imported this module; a forked process has another one."""
 CHUNK = 256
-"""Number of lanes in a chunk by default. A store has one file for each result of a chunk, and an
-executor computes one chunk in each of its tasks."""
+"""Default number of lanes in a chunk, for which a store has a file for each result, and an executor
+has one task."""
+EndTime = float | Callable[[Scene], float]
+"""Time of the end of a lane, s, or a function of its scene that returns it."""
 
 
 class SweepOptions(TypedDict, total=False):
@@ -250,7 +239,7 @@ def sweep(
 
     Each combination of values is a run, called a lane. Lanes run side by side, but each has its own
     time and step size, so its numbers are those of a single run and don't depend on the other
-    lanes. A lane that fails keeps its result code and the time it reached, and the other lanes
+    lanes. If a lane fails, the results have its code and the time it reached, and the other lanes
     continue. A lane with a value that a scene can't have, or with nearly redundant constraints, is
     not run: its result code is that of `bad_parameters`, and its outputs, final state and numbers
     of steps are NaN, or -1 for integers.
@@ -266,19 +255,19 @@ def sweep(
       `AbstractReduction`), sections (`Section`), tables of impacts (`ImpactTable`), and quantities,
       which are evaluated at the times of `save`, along ``saved_time``. For instance, ``{"hits":
       cj.ImpactTable(20)}`` records the first 20 impacts of every contact, with their peak forces as
-      ``hits_peak_force``. The final state, result code, time reached, and numbers of steps are
-      always recorded.
+      ``hits_peak_force``. Every lane also has its final state, result code, time reached, and
+      numbers of steps.
     - `settings`: by default `clearjoint.presets.default`.
     - `save`: a `Saving` with the sample times of each lane, at which states are saved as
       ``saved_position``, ``saved_orientation``, ``saved_velocity`` and ``saved_spin``, unless its
       `states` is false. Times that are a function of the lane's scene are the variable
       ``saved_time`` along ``saved_number``. Entries for times that a failed lane has not reached
-      are NaN. Sweeps can't save every step, and save impacts only in an `ImpactTable`.
-    - `path`: folder of a Zarr store, which is written chunk by chunk. If the folder contains the
-      store of this sweep, only missing or damaged lanes are computed, so that axes, further values
-      of an axis, and outputs can be added later. A store recognises its sweep by the numbers of its
-      lanes and by the programs that JAX traces, not by source texts or names. `open_sweep(path)`
-      and ``xarray.open_zarr(path)`` read the store, also of an unfinished sweep. A process that is
+      are NaN. Sweeps can't save every step, and save impacts only by an `ImpactTable`.
+    - `path`: folder of a Zarr store, which is written chunk by chunk. If it is the store of this
+      sweep, only missing or damaged lanes are computed, so that axes, further values of an axis,
+      and outputs can be added later. A store recognises its sweep by the numbers of its lanes and
+      by the programs that JAX traces, not by source texts or names. `open_sweep(path)` and
+      ``xarray.open_zarr(path)`` read the store, also of an unfinished sweep. A process that is
       killed loses the running lanes and, of the ended ones, about one second of computing; on a
       slow disk, also lanes of incomplete chunks.
     - `executor`: a `concurrent.futures.Executor` or a `dask.distributed.Client` that computes the
@@ -289,7 +278,7 @@ def sweep(
       another worker.
     - `threads`: number of threads that share the lanes in this process; by default the number given
       to `configure`, or one for each core. Results don't depend on it.
-    - `chunk`: number of lanes in a chunk of the store and of the executor.
+    - `chunk`: number of lanes in a chunk of the store, and in a task of the executor.
 
     **Returns:** an `xarray.Dataset` along the axes (along "lane" if zipped), with units and the
     settings as attributes.
@@ -367,13 +356,11 @@ def sweep(
 def checked_starts(
     lanes: Lanes, start_time: float, coordinates: AbstractCoordinates
 ) -> tuple[Lanes, bool]:
-    """Find the lanes whose constraints are redundant, or nearly so, at the start of the run.
+    """Return the lanes, and whether the constraints of any lane are redundant at its start.
 
-    Lanes whose initial state violates the constraints are skipped: their runs end at once, with the
-    result code of `not_assembled`.
-
-    **Returns:** the lanes, and whether any lane has redundant constraints. A lane whose constraints
-    are nearly redundant, so that their rank is uncertain, is added to `Lanes.bad`.
+    Lanes whose constraints are nearly redundant, so that their rank is uncertain, are added to
+    `Lanes.bad`. Those whose initial state violates the constraints are left as they are: their runs
+    end at once, with the result code of `not_assembled`.
     """
     require_freedom(lanes.scene, lanes.of(0)[1], coordinates)
     rows = start_rows_of_lanes(lanes.scene, lanes.scenes, lanes.states, start_time, coordinates)
@@ -427,11 +414,7 @@ def _common_values(
 
 
 def _lane_tasks(
-    lanes: Lanes,
-    end_time: float | Callable[[Scene], float],
-    start_time: float,
-    settings: Settings,
-    save: Saving,
+    lanes: Lanes, end_time: EndTime, start_time: float, settings: Settings, save: Saving
 ) -> Task:
     """Return the data of all lanes, after checks of their ends and their times to save at."""
     count = len(jax.tree.leaves(lanes.states)[0])
@@ -492,7 +475,7 @@ def _warn_of_failures(
 def _warn_of_journals_outside(results: "xr.Dataset", lanes: Lanes) -> None:
     # The final states of all lanes, as arrays (lanes, bodies, components). They are NaN for lanes
     # that were not run, which the comparison with zero leaves out.
-    parts = (results[f"final_{part}"] for part in ("position", "orientation", "velocity", "spin"))
+    parts = (results[f"final_{part}"] for part in STATE_PARTS)
     columns = [part.values.reshape(-1, *part.shape[-2:]) for part in parts]
     bodies = {
         str(name): BodyState(*(column[:, k] for column in columns))

@@ -12,7 +12,7 @@ from .._simulation.results.solution import STATE_PARTS
 from .outputs import RESULT, LaneArrays, Variable, variable_name
 
 CONTACT = "contact"
-"""End of the name of an impact table's dimension of contacts, such as "hits_contact"."""
+"""Key of an impact table's dimension of contacts, as in "hits_contact"."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Work:
     - `common`, `tasks`: what all lanes share, and the data of each lane, such as its end time.
     - `bodies`: names along the dimension "body".
     - `bad`: numbers of the lanes in `Lanes.bad`, which are not run.
-    - `variables`: by name, the type, shape and unit of each result of a lane.
+    - `variables`: results of a lane by name.
     """
 
     common: Common
@@ -42,12 +42,11 @@ class Work:
         threads: int | None = None,
         on_progress: Callable[[Running], None] = lambda running: None,
     ) -> Batch:
-        """Run lanes, and pass on the numbers (n,) and results (n, ...) of lanes as soon as they
-        end.
+        """Run lanes, and pass the numbers (n,) and results (n, ...) of n lanes to `on_ended` as
+        soon as they have ended.
 
-        Lanes with invalid parameters are not run; their results, with the code of `bad_parameters`,
-        come first. `on_progress` is called several times a second. It and `on_ended` are called in
-        the thread that calls `run`.
+        Lanes in `bad` are not run; their results, with the code of `bad_parameters`, come first.
+        `on_progress` is called several times a second. Both functions are called in this thread.
 
         **Returns:** the `Batch`, when all lanes have ended. Its attribute `turns` is the number of
         iterations of all compiled loops, in which every running lane tries one step, times the
@@ -62,11 +61,8 @@ class Work:
             results["time_reached"] = np.full(len(bad), float(self.common.start_time))
             on_ended(bad, results)
         batch = Batch(self.common, self.tasks, threads)
-        batch.run(
-            [lane for lane in lanes if lane not in self.bad],
-            lambda ended: on_ended(ended.lanes, self._results(ended)),
-            on_progress,
-        )
+        valid = [lane for lane in lanes if lane not in self.bad]
+        batch.run(valid, lambda ended: on_ended(ended.lanes, self._results(ended)), on_progress)
         return batch
 
     def _results(self, ended: Ended) -> LaneArrays:
@@ -86,20 +82,17 @@ class Work:
                 results[variable_name(name, key)] = np.asarray(value)
         for name, logs in self._recorded(ended).items():
             results |= {variable_name(name, key): values for key, values in logs.items()}
-        # A result that is the same in all lanes may have no dimension for them.
-        return {
-            name: np.broadcast_to(
-                np.asarray(results[name], variable.dtype), (len(ended.lanes), *variable.shape)
-            )
-            for name, variable in self.variables.items()
-        }
+        rows: LaneArrays = {}
+        for name, variable in self.variables.items():
+            values = np.asarray(results[name], variable.dtype)
+            # A result that is the same in all lanes may have no dimension for them.
+            rows[name] = np.broadcast_to(values, (len(ended.lanes), *variable.shape))
+        return rows
 
     def _recorded(self, ended: Ended) -> dict[str, LaneArrays]:
-        """Return the recorded rows, by name of the output and of the column, with their number as
+        """Return the recorded rows of each output, by key of the column, with their number as
         "count". Those of impact tables have a dimension of contacts after that of the lanes."""
-        logs = {
-            name: {**columns, "count": counts} for name, (columns, counts) in ended.logs.items()
-        }
+        logs = {name: {**rows, "count": counts} for name, (rows, counts) in ended.logs.items()}
         # A log has the rows of one section, of the saved states, or of one contact of an impact
         # table. The logs of a table's contacts are stacked to one table.
         for name, contacts in self.common.tables.items():
@@ -113,8 +106,8 @@ class Chunks:
     """Function that computes a chunk of a sweep, in this process or in a worker process.
 
     - `lanes`: numbers of the lanes to run, by number of the chunk.
-    - `trace`: returns digests of the programs that the calling process would run, which must be
-      those of `work`; ``None`` for no check.
+    - `trace`: returns the digests of the programs that the calling process would run; they must be
+      those of `work`. ``None`` for no check.
     """
 
     work: Work
@@ -127,7 +120,14 @@ class Chunks:
         **Raises:** `RuntimeError` if this process would run other code than the process that made
         the sweep.
         """
-        self._require_same_code()
+        expected = self.work.common.programs
+        if self.trace is not None and expected not in _confirmed_programs:
+            if tuple(self.trace().items()) != expected:
+                raise RuntimeError(
+                    "This worker would run other code than the process that made the sweep, for "
+                    "example because a file was edited in the meantime: restart both."
+                )
+            _confirmed_programs.add(expected)
         parts: list[tuple[np.ndarray, LaneArrays]] = []
         self.work.run(self.lanes[chunk], lambda *part: parts.append(part))
         # Lanes end in any order; here their results are sorted into the order of the chunk.
@@ -136,20 +136,9 @@ class Chunks:
         order = rising[np.searchsorted(lanes[rising], self.lanes[chunk])]
         return {name: values[order] for name, values in results.items()}
 
-    def _require_same_code(self) -> None:
-        expected = self.work.common.programs
-        if self.trace is None or expected in _confirmed_programs:
-            return
-        if tuple(self.trace().items()) != expected:
-            raise RuntimeError(
-                "This worker would run other code than the process that made the sweep, for "
-                "example because a file was edited in the meantime: restart both."
-            )
-        _confirmed_programs.add(expected)
-
 
 _confirmed_programs: set[tuple[tuple[str, str], ...]] = set()
-"""Digests of programs that this process has traced, which takes long, and found equal."""
+"""Digests that this process has found to be those of its programs; tracing these takes long."""
 
 
 def concatenated(parts: Sequence[tuple[np.ndarray, LaneArrays]]) -> tuple[np.ndarray, LaneArrays]:

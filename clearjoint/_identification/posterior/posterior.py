@@ -1,5 +1,4 @@
-"""Posterior distribution of parameters, whose likelihoods come from runs that are computed side by
-side."""
+"""Posterior distribution of parameters, by runs that are computed side by side."""
 
 import math
 import time
@@ -20,6 +19,7 @@ from ..._simulation.step import presets
 from ..._simulation.step.settings import Settings, settings_or
 from ..comparison import Comparison, comparison
 from ..goodness_of_fit import RISE
+from ..points import Box, Points
 from ..residuals import UNREACHED
 from ..starts import Guess, half_widths, start_coordinates
 from .result import Posterior
@@ -29,27 +29,29 @@ NEAREST = 10
 """Smallest number of neighbours of a point. With fewer, chance gaps between the points would divide
 a mode."""
 SMALLEST = 0.01
-"""Share of all points below which a mode, perhaps of stray points, is joined to the nearest larger
-one."""
+"""Share of all points below which a mode, perhaps of stray points, is united with the nearest
+larger one."""
 
 
-def modes(
-    points: Float[np.ndarray, "n p"], chi_squared: Float[np.ndarray, " n"]
-) -> Int[np.ndarray, " n"]:
+def modes(points: Points, chi_squared: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
     """Return for each point the number of its mode, from 0 for that with the most points.
 
     A mode is a group of points around one minimum of chi squared. Points are taken from the lowest
-    chi squared upwards. A point joins the group with the lowest minimum among those of its
-    neighbours, or else begins a new group. Other groups of its neighbours are united with the group
-    that it joins if chi squared rises by less than 3.84 from their minimum to this point (F. Chazal
-    et al., *Persistence-based clustering in Riemannian manifolds*, 2013). At the end, a group with
-    less than 1 % of the points joins the nearest larger one. A minimum with fewer points than a
+    chi squared upwards. A point without neighbours in a group begins a new group; any other joins
+    that of its neighbours' groups with the lowest minimum. The other groups are united with this
+    one if chi squared rises by less than 3.84 from their minimum to the point (F. Chazal et al.,
+    *Persistence-based clustering in Riemannian manifolds*, 2013). At the end, a group with less
+    than 1 % of the points is united with the nearest larger one. A minimum with fewer points than a
     point has neighbours may not be found.
     """
     # Resampling has made copies of points, which would take the places of neighbours.
     distinct, first, copies = np.unique(points, axis=0, return_index=True, return_inverse=True)
     values, number = chi_squared[first], len(distinct)
-    distances = _scaled_distances(distinct)
+    # Along principal axes, modes far apart would count as near: their distance is most of the
+    # points' deviation along the axis from one to the other.
+    deviations = distinct.std(axis=0)
+    scaled = distinct / np.where(deviations > 0.0, deviations, 1.0)
+    distances = np.linalg.norm(scaled[:, None] - scaled, axis=2)
     # The nearest point is the point itself, hence the 1. With more parameters, neighbours must lie
     # in more directions.
     near = np.argsort(distances, axis=1, kind="stable")[:, : max(NEAREST, 4 * points.shape[1]) + 1]
@@ -87,14 +89,6 @@ def modes(
     return rank[numbers.ravel()]
 
 
-def _scaled_distances(points: Float[np.ndarray, "n p"]) -> Float[np.ndarray, "n n"]:
-    # Along principal axes, modes far apart would count as near: their distance is most of the
-    # points' deviation along the axis from one to the other.
-    sizes = points.std(axis=0)
-    scaled = points / np.where(sizes > 0.0, sizes, 1.0)
-    return np.linalg.norm(scaled[:, None] - scaled, axis=2)
-
-
 FEWEST = 32
 """Smallest number of points that a posterior may have."""
 LogPrior = Callable[[dict[str, np.ndarray]], Float[np.ndarray, " n"]]
@@ -121,9 +115,9 @@ def posterior(
     Unlike the covariance of a fit, a posterior is right where chi squared is rough or has several
     minima, and it needs no start near the truth. Points are drawn from the prior, which is limited
     to a box around the guess and may be much narrower than the box. Then more and more of the
-    record enters the likelihood, and at each step the points are weighted, resampled and moved. At
-    the end, importance sampling around these points gives the points of the result and the
-    evidence. The noise is assumed to be normal, with the standard deviations in the measurements.
+    record enters the likelihood; at each step the points are weighted, resampled and moved. At the
+    end, importance sampling around them gives the points of the result and the evidence. The noise
+    is assumed to be normal, with the standard deviations in the measurements.
 
     **Arguments:**
 
@@ -134,12 +128,11 @@ def posterior(
     - `log_prior`: logarithm of the prior density of the coordinates in the box, up to a constant: a
       function of the values by name, (n,) each, that returns (n,). By default the prior is uniform.
       It is called for some ten thousand values, some hundred or thousand at once.
-    - `draws`: number of draws from the posterior, the points of the result, at least 32. The
-      importance sampling goes on until the effective number of its weighted runs is at least this,
-      for at most five rounds; the result's `warnings` tell if the effective number is too small.
-      With three parameters, 500 points take about 10 000 runs.
-    - `seed`: seed of the random numbers, a whole number from 0. Equal seeds give equal bits, for
-      any number of threads.
+    - `draws`: number of points of the result, at least 32. Importance sampling goes on until the
+      effective number of its weighted runs is at least `draws`, for at most five rounds; the
+      result's `warnings` tell if that is too small. With three parameters, 500 points take about
+      10 000 runs.
+    - `seed`: whole number from 0. Equal seeds give equal bits, for any number of threads.
 
     **Returns:** a `clearjoint.results.Posterior`. A run that fails, or whose prediction is 1e6
     standard deviations off a sample, has the likelihood zero.
@@ -185,22 +178,22 @@ def posterior(
 
 def drawn_posterior(
     compared: Comparison,
-    box: tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]],
+    box: Box,
     log_prior: LogPrior | None,
     number: int,
     seed: int,
     most_runs: float = math.inf,
     on_step: Callable[[float, int], None] = lambda time, runs: None,
 ) -> Posterior:
-    """Return the posterior distribution of parameters, as `number` points, from prepared runs and
-    samples. `box` has the lower and upper ends of the coordinates. `on_step` is called after each
-    step with the time up to which the record is in the likelihood, and the number of runs so far.
+    """Return the posterior distribution of parameters, as `number` points. `on_step` is called
+    after each step with the time up to which the record is in the likelihood, s, and the number of
+    runs so far.
 
     **Raises:** `ImpossiblePointsError`, `TooManyRunsError`.
     """
     begun, runs, failed = time.perf_counter(), 0, 0
 
-    def curves(points: Float[np.ndarray, "n p"], count: int) -> Float[np.ndarray, "n T"]:
+    def curves(points: Points, count: int) -> Float[np.ndarray, "n T"]:
         nonlocal runs, failed
         if runs + len(points) > most_runs:
             raise TooManyRunsError(f"more than {most_runs:g} runs")
@@ -258,16 +251,12 @@ class ImpossiblePointsError(ValueError):
 
 
 class TooManyRunsError(ArithmeticError):
-    """Error of `drawn_posterior` if a posterior needs more runs than its argument `most_runs`.
-
-    It is raised before the runs that would exceed this number, and no result is returned.
-    """
+    """Error of `drawn_posterior` before runs that would exceed its argument `most_runs`."""
 
 
 def _log_prior(
     parameters: Mapping[str, Parameter], log_prior: LogPrior | None, points: np.ndarray
 ) -> np.ndarray:
-    """Return the logarithms of the prior density at points in the box, by default uniform."""
     if log_prior is None:
         return np.zeros(len(points))
     pairs = zip(parameters.items(), points.T, strict=True)

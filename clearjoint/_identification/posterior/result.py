@@ -12,16 +12,17 @@ from typing_extensions import override
 from ..._export.datasets import AbstractTabular, Labelled, estimate_labels, labelled_dataset
 from ..._export.tables import duration, estimates_table
 from ..._parametrisation.parameter import Parameter, values_on
+from ..points import Box
 
 if TYPE_CHECKING:
     import arviz
     import xarray as xr
 
 EDGE, EDGE_SHARE = 0.01, 0.02
-"""Distance from an end of the box, relative to its width, that counts as at the end; share of the
+"""Distance from an end of the box, over its width, up to which a point is at the end; share of the
 points at one end above which the report warns, twice that of a uniform distribution."""
 EVEN = 0.1
-"""Largest difference of cumulative distributions up to which points fill the box evenly."""
+"""Difference from the cumulative uniform distribution below which points fill the box evenly."""
 FEWEST_EFFECTIVE = 150.0
 """Effective number of runs below which the report warns, unless it is half the number of points."""
 
@@ -34,10 +35,10 @@ class Posterior(AbstractTabular):
     - `coordinates`: (n, p) points, on the parameters' scales, of equal weight.
     - `log_likelihood`: (n,) logarithm of the likelihood of all measured samples at each point, with
       the normalising constants of the normal distribution.
-    - `modes`: (n,) index of the separate minimum of chi squared to which each point belongs. The
-      minimum with the most points has the index 0, the next one 1, and so on.
-    - `log_evidence`: logarithm of the marginal likelihood, the mean of the likelihood over the
-      prior, with its standard error.
+    - `modes`: (n,) index of the separate minimum of chi squared to which each point belongs, from 0
+      for the one with the most points.
+    - `log_evidence`, `log_evidence_error`: logarithm of the marginal likelihood, the mean of the
+      likelihood over the prior, and its standard error.
     - `effective_sample_size`: effective number of the weighted runs from which the points were
       drawn: the square of the sum of the weights over the sum of their squares. Runs at equal
       points count as one.
@@ -63,7 +64,7 @@ class Posterior(AbstractTabular):
     log_evidence: float
     log_evidence_error: float
     effective_sample_size: float
-    box: tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]
+    box: Box
     runs: int
     failed: int
     steps: int
@@ -78,29 +79,29 @@ class Posterior(AbstractTabular):
 
     @property
     def distinct(self) -> int:
-        """Number of points that differ; the others are copies, made because a run had the weight of
-        several points."""
+        """Number of distinct points: a run with a large weight becomes several equal points."""
         return len(np.unique(self.coordinates, axis=0))
 
     @property
     def means(self) -> dict[str, float]:
-        """Mean of each parameter by name, in `units`."""
+        """Mean of each value by name, in `units`."""
         return {name: float(row.mean()) for name, row in self.samples.items()}
 
     @property
     def standard_deviations(self) -> dict[str, float]:
-        """Standard deviation of each parameter by name, in `units`."""
+        """Standard deviation of each value by name, in `units`."""
         return {name: float(row.std()) for name, row in self.samples.items()}
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """Central 95 % interval (low, high) of each parameter by name, in `units`."""
-        # With few points, intervals by NumPy's default method would be too narrow.
-        ends = {
-            name: np.quantile(row, (0.025, 0.975), method="weibull")
-            for name, row in self.samples.items()
-        }
-        return {name: (float(low), float(high)) for name, (low, high) in ends.items()}
+        """Central 95 % interval (low, high) of each value by name, in `units`."""
+
+        def interval(row: np.ndarray) -> tuple[float, float]:
+            # With few points, intervals by NumPy's default method would be too narrow.
+            low, high = np.quantile(row, (0.025, 0.975), method="weibull").tolist()
+            return low, high
+
+        return {name: interval(row) for name, row in self.samples.items()}
 
     @property
     def correlation(self) -> Float[np.ndarray, "p p"]:
@@ -145,11 +146,9 @@ class Posterior(AbstractTabular):
 
     @override
     def to_xarray(self) -> "xr.Dataset":
-        """Return mean, standard deviation and interval of each parameter.
-
-        `mean` and `standard_deviation` are along "parameter", and the 95 % `interval` along
-        (parameter, bound), in the `unit` of each parameter. Attributes are `log_evidence`,
-        `log_evidence_error`, `effective_sample_size`, `runs`, `failed` and `seed`.
+        """Return the `mean` and `standard_deviation` of each value along "parameter", and the 95 %
+        `interval` along (parameter, bound), in the `unit` of each parameter. Attributes are
+        `log_evidence`, `log_evidence_error`, `effective_sample_size`, `runs`, `failed` and `seed`.
         """
         along = ("parameter",)
         variables = {
@@ -181,14 +180,8 @@ class Posterior(AbstractTabular):
         return data
 
     def _notes(self) -> Mapping[str, float | int]:
-        return {
-            "log_evidence": self.log_evidence,
-            "log_evidence_error": self.log_evidence_error,
-            "effective_sample_size": self.effective_sample_size,
-            "runs": self.runs,
-            "failed": self.failed,
-            "seed": self.seed,
-        }
+        evidence = "log_evidence", "log_evidence_error", "effective_sample_size"
+        return {name: getattr(self, name) for name in (*evidence, "runs", "failed", "seed")}
 
     @override
     def __str__(self) -> str:

@@ -6,15 +6,12 @@ that they are distributed as the posterior of the record so far (N. Chopin, *A s
 filter method for static models*, 2002; adaptive steps as by A. Jasra et al., *Inference for
 Lévy-driven stochastic volatility models via adaptive sequential Monte Carlo*, 2011). Over a part of
 the record with few impacts, chi squared is smooth, so that the cloud finds the region of the truth
-before later impacts make it rough. Growing powers of the likelihood of the whole record, as usual,
-would have to find this region in the rough chi squared.
+before later impacts make it rough. The usual growing powers of the likelihood of the whole record,
+as in BlackJAX, would have to find this region in the rough chi squared.
 
 The cloud serves only to find the region, because a small cloud loses the ends of a curved region.
 The points of the result and the evidence come from rounds of importance sampling (O. Cappé et al.,
 *Population Monte Carlo*, 2004).
-
-Samplers such as BlackJAX don't serve here: they trace the likelihood, which comes from native code,
-with JAX, and they know only powers of it.
 """
 
 import math
@@ -23,14 +20,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
+from numpy.random import Generator
 
-from ..points import chi_squared_over, filled, last_where
+from ..points import Point, Points, chi_squared_over, filled, last_where
 
 KEPT = 0.5
-"""Effective share of the points to which a step along the record may reduce the cloud."""
+"""Smallest effective number of points after a step along the record, over the number of points."""
 AHEAD = 1.5
-"""Number of sample times over which points are run, relative to the number in the likelihood. The
-further times serve the next steps."""
+"""Number of sample times over which points are run, over the number in the likelihood. The further
+times serve the next steps."""
 ACCEPTED, SWEEPS = 1.5, 10
 """Mean number of accepted moves of a point after which a step ends, and largest number of moves
 tried for each point in a step."""
@@ -41,25 +39,30 @@ CLOUD, SHARE = 100, 5
 """The cloud has `CLOUD` points, or the number of points to draw divided by `SHARE` if that is more,
 but no more points than are to be drawn."""
 FIRST, GROWTH, MOST, ROUNDS = 2, 3, 10, 5
-"""Numbers of draws of the importance sampling, relative to the number of points of the result: in
-the first round, `FIRST`; in a later one, at most `MOST`, and at most `GROWTH` times those of the
-round before; and largest number of rounds. Draws outside the box take no run."""
+"""Importance sampling makes `FIRST` draws for each point of the result in the first round. A later
+round makes at most `GROWTH` times those of the round before, and at most `MOST` for each point.
+There are at most `ROUNDS` rounds. Draws outside the box take no run."""
 WIDER = 2.0
 """Factor on the standard deviations of the distributions from which importance sampling draws."""
 RIDGE = 1e-10
-"""Variance that is added along each coordinate, relative to the cloud's variance along it, so that
-the covariance of a flat cloud is not singular."""
+"""Variance that is added along each coordinate, over the cloud's variance along it, so that the
+covariance of a flat cloud is not singular."""
 NARROWEST = 1e-4
 """Share of the cloud's covariance that is added to the covariance of the points near each point,
 which is singular if they are nearly equal. It is 1 % of the cloud's standard deviations."""
 WIDE, OVERALL = 1.5, 0.1
-"""Standard deviations of the one wide distribution of `Mixture.around`, relative to those of the
-cloud, and its weight."""
+"""Standard deviations of the wide distribution of `Mixture.around`, over those of the cloud, and
+weight of this distribution."""
 
 TOGETHER = 256
 """Number of points whose densities are computed at once."""
 
-Curves = Callable[[Float[np.ndarray, "n p"], int], Float[np.ndarray, "n T"]]
+Weights = Float[np.ndarray, " n"]
+"""A weight of each of n points, or its logarithm."""
+OnStep = Callable[[float], None]
+"""Function that is called after each step along the record and each round of importance sampling,
+with the number of sample times in the likelihood."""
+Curves = Callable[[Points, int], Float[np.ndarray, "n T"]]
 """Function that runs points (n, p) over the first T sample times, and returns chi squared over the
 first 0 to T times, (n, T + 1), infinite from the first sample on that a run misses."""
 
@@ -68,17 +71,17 @@ first 0 to T times, (n, T + 1), infinite from the first sample on that a run mis
 class Target:
     """Posterior to draw from: a likelihood exp(-chi squared / 2) and a prior in a box.
 
-    - `count`: number of times of the record; `low`, `high`: ends of the box.
+    - `count`: number of sample times of the record; `low`, `high`: ends of the box.
     - `log_prior`: logarithm of the prior density at points in the box, up to a constant.
     """
 
     curves: Curves
     count: int
-    low: Float[np.ndarray, " p"]
-    high: Float[np.ndarray, " p"]
-    log_prior: Callable[[Float[np.ndarray, "n p"]], Float[np.ndarray, " n"]]
+    low: Point
+    high: Point
+    log_prior: Callable[[Points], Float[np.ndarray, " n"]]
 
-    def holds(self, points: Float[np.ndarray, "n p"]) -> Bool[np.ndarray, " n"]:
+    def holds(self, points: Points) -> Bool[np.ndarray, " n"]:
         """Whether each point is in the box."""
         return np.all((points >= self.low) & (points <= self.high), axis=1)
 
@@ -88,7 +91,7 @@ class Cloud:
     """Points in the box, with the results of `Curves` over the times up to which they have been
     run, and the logarithms of their prior density."""
 
-    points: Float[np.ndarray, "n p"]
+    points: Points
     curves: Float[np.ndarray, "n T"]
     log_priors: Float[np.ndarray, " n"]
 
@@ -114,7 +117,7 @@ class Drawn:
     - `effective`: effective number of the weighted runs from which the points were drawn.
     """
 
-    points: Float[np.ndarray, "n p"]
+    points: Points
     chi_squared: Float[np.ndarray, " n"]
     log_evidence: float
     error: float
@@ -127,13 +130,9 @@ class ImpossiblePriorError(ArithmeticError):
 
 
 def draw(
-    target: Target,
-    number: int,
-    generator: np.random.Generator,
-    on_step: Callable[[float], None] = lambda count: None,
+    target: Target, number: int, generator: Generator, on_step: OnStep = lambda count: None
 ) -> Drawn:
-    """Draw points from the posterior. `on_step` is called after each step with the number of times
-    in the likelihood.
+    """Draw `number` points from the posterior.
 
     **Raises:** `ImpossiblePriorError`; `FloatingPointError` if, in a step or round, the likelihood
     is zero at each point; `numpy.linalg.LinAlgError` if so few distinct points have a weight that
@@ -151,15 +150,13 @@ def _cloud_size(number: int) -> int:
     return min(number, max(CLOUD, number // SHARE))
 
 
-def from_prior(
-    target: Target, number: int, generator: np.random.Generator
-) -> tuple[Float[np.ndarray, "n p"], float, float]:
-    """Return points of the prior, the logarithm of the prior's integral over the box, and its
-    standard error.
+def from_prior(target: Target, number: int, generator: Generator) -> tuple[Points, float, float]:
+    """Return points of the prior, the logarithm of the prior's integral over the box, and the
+    standard error of this logarithm.
 
     Points of a uniform prior fill the box evenly. Any other prior is drawn from by `drawn_from`, as
     the likelihood of a record of one sample. Points that fill the box can't be weighted by the
-    prior instead: where it is much narrower than the box, one of them has all the weight.
+    prior instead: if it is much narrower than the box, one of them has all the weight.
     """
     box = filled(target.low, target.high, PRIOR_POINTS, generator)
     logarithms = target.log_prior(box)
@@ -188,14 +185,10 @@ def from_prior(
 
 
 def drawn_from(
-    target: Target,
-    points: Float[np.ndarray, "n p"],
-    number: int,
-    generator: np.random.Generator,
-    on_step: Callable[[float], None],
+    target: Target, points: Points, number: int, generator: Generator, on_step: OnStep
 ) -> Drawn:
-    """Draw points from the posterior, by steps along the record from points of the prior, and then
-    by importance sampling.
+    """Draw `number` points from the posterior, by steps along the record from `points` of the
+    prior, and then by importance sampling.
 
     The cloud at the end of the record is small, and its points have moved little. Importance
     sampling therefore draws from wide normal distributions around it, and each further round from
@@ -236,11 +229,8 @@ def drawn_from(
 
 
 def along_record(
-    target: Target,
-    points: Float[np.ndarray, "n p"],
-    generator: np.random.Generator,
-    on_step: Callable[[float], None],
-) -> tuple[Float[np.ndarray, "n p"], Float[np.ndarray, " n"], int]:
+    target: Target, points: Points, generator: Generator, on_step: OnStep
+) -> tuple[Points, Weights, int]:
     """Return weighted points near the posterior of the whole record, their weights of sum 1, and
     the number of steps along the record."""
     # Number of times over which the points have been run, and number of times in the likelihood.
@@ -267,16 +257,17 @@ def along_record(
         cloud = mutated(target, cloud, weights, reached, generator)
 
 
-def evaluated(target: Target, points: Float[np.ndarray, "n p"], ahead: int) -> Cloud:
+def evaluated(target: Target, points: Points, ahead: int) -> Cloud:
     """Return points, all in the box, with their chi squared over the first `ahead` times."""
     return Cloud(points, target.curves(points, ahead), target.log_prior(points))
 
 
 def next_count(curves: Float[np.ndarray, "n T"], reached: float) -> float:
-    """Return the number of times in the likelihood after the next step.
+    """Return the number of sample times in the likelihood after the next step, from the number
+    `reached` before it.
 
-    The step goes to the end of the runs if the effective number of points is then at least the
-    share `KEPT` of all points, or else so far that it falls to this share.
+    The step goes so far that the effective number of points falls to the share `KEPT` of all
+    points, but at most to the end of the runs.
     """
     before, last = chi_squared_over(curves, reached), curves.shape[1] - 1
 
@@ -297,7 +288,7 @@ def next_count(curves: Float[np.ndarray, "n T"], reached: float) -> float:
     return max(longest, float(np.nextafter(reached, np.inf)))
 
 
-def normalised(logarithms: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], float]:
+def normalised(logarithms: Weights) -> tuple[Weights, float]:
     """Return weights of sum 1 in proportion to exp(logarithms), and log(mean(exp(logarithms))).
 
     **Raises:** `FloatingPointError` if all logarithms are -inf or NaN, or one is +inf.
@@ -310,27 +301,22 @@ def normalised(logarithms: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, "
     return weights / weights.sum(), float(largest + np.log(weights.mean()))
 
 
-def effective_number(points: Float[np.ndarray, "n p"], weights: Float[np.ndarray, " n"]) -> float:
-    """Return the effective number of weighted points, 1 / (sum of their squared weights).
-
-    Equal points count as one: copies of a point tell nothing more about a distribution.
-    """
+def effective_number(points: Points, weights: Weights) -> float:
+    """Return the effective number of weighted points, 1 / (sum of their squared weights), where
+    equal points count as one, with the sum of their weights."""
     return 1.0 / float((_distinct(points, weights)[1] ** 2).sum())
 
 
 def _distinct(
-    points: Float[np.ndarray, "n p"], weights: Float[np.ndarray, " n"]
+    points: Points, weights: Weights
 ) -> tuple[Float[np.ndarray, "m p"], Float[np.ndarray, " m"]]:
     distinct, numbers = np.unique(points, axis=0, return_inverse=True)
     # Some versions of NumPy return the inverse of `unique` as a column, hence `ravel`.
     return distinct, np.bincount(numbers.ravel(), weights, len(distinct))
 
 
-def resampled(
-    weights: Float[np.ndarray, " n"], generator: np.random.Generator, count: int | None = None
-) -> np.ndarray:
-    """Return indices of `count` points, by default n, drawn by systematic resampling with the
-    weights, in rising order."""
+def resampled(weights: Weights, generator: Generator, count: int | None = None) -> np.ndarray:
+    """Return the rising indices of `count` points, by default n, drawn by systematic resampling."""
     count = len(weights) if count is None else count
     # The sum of the weights may be less than 1 by rounding, hence the minimum.
     ticks = (np.arange(count) + generator.uniform()) / count
@@ -338,14 +324,10 @@ def resampled(
 
 
 def mutated(
-    target: Target,
-    cloud: Cloud,
-    weights: Float[np.ndarray, " n"],
-    reached: float,
-    generator: np.random.Generator,
+    target: Target, cloud: Cloud, weights: Weights, reached: float, generator: Generator
 ) -> Cloud:
-    """Resample a weighted cloud and move its points, by the rule of Metropolis and Hastings. The
-    likelihood is that of the first `reached` sample times, see `chi_squared_over`.
+    """Resample a weighted cloud and move its points, by the rule of Metropolis and Hastings, for
+    the likelihood of the first `reached` sample times, see `chi_squared_over`.
 
     Moves alternate between draws from a mixture of normal distributions around the weighted points
     and steps along differences of two of them (C. ter Braak, *A Markov chain Monte Carlo version of
@@ -392,18 +374,16 @@ def fewest_for_covariance(p: int) -> int:
 class Mixture:
     """Mixture of normal distributions; `roots` are lower Cholesky factors of their covariances."""
 
-    centres: Float[np.ndarray, "n p"]
+    centres: Points
     roots: Float[np.ndarray, "n p p"]
-    weights: Float[np.ndarray, " n"]
+    weights: Weights
 
     @staticmethod
-    def around(
-        points: Float[np.ndarray, "n p"], weights: Float[np.ndarray, " n"], wider: float = 1.0
-    ) -> "Mixture":
+    def around(points: Points, weights: Weights, wider: float = 1.0) -> "Mixture":
         """Return a mixture that follows a cloud of n weighted points.
 
-        There is one distribution around each point, with the covariance of the points near it and
-        the weight of the point, and a wide one around all points. All standard deviations are
+        There is one distribution around each point, with the weight of the point and the covariance
+        of the points near it, and a wide one around all points. All standard deviations are
         multiplied by `wider`. Equal points count as one: as neighbours of each other they would
         have no covariance.
         """
@@ -436,7 +416,7 @@ class Mixture:
         roots = np.linalg.cholesky(np.concatenate([covariances, WIDE**2 * whole[None]]))
         return Mixture(centres, wider * roots, np.append((1.0 - OVERALL) * weights, OVERALL))
 
-    def drawn(self, number: int, generator: np.random.Generator) -> Float[np.ndarray, "m p"]:
+    def drawn(self, number: int, generator: Generator) -> Float[np.ndarray, "m p"]:
         chosen = generator.choice(len(self.weights), number, p=self.weights)
         normal = generator.standard_normal((number, self.centres.shape[1]))
         return self.centres[chosen] + np.einsum("nij,nj->ni", self.roots[chosen], normal)

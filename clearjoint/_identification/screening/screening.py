@@ -19,7 +19,7 @@ from ..._simulation.run.terminal import ProgressBar, telling_of_compiling
 from .. import goodness_of_fit as statistics
 from ..comparison import Comparison
 from ..levenberg_marquardt import Search, best_search
-from ..points import chi_squared_over, drawn_among, far_apart, filled, reached
+from ..points import Point, chi_squared_over, drawn_among, far_apart, filled, reached
 from ..starts import half_widths
 
 LEVEL = 0.99
@@ -28,10 +28,10 @@ quantile of the chi squared distribution with p degrees of freedom at this level
 LOOSER = 1000.0
 """Tolerance of the integration in screening runs, which only rank points, relative to the fit's."""
 STILL_FITTING = 4
-"""The next round runs over the part of the record that so many of the present points still fit."""
+"""The next round runs over the part of the record that so many of the present points fit."""
 FIRST = 4
-"""Number of points in the first round, which fills the whole box, relative to the number of new
-points in other rounds."""
+"""Number of points in the first round, which fills the whole box, over that of new points in other
+rounds."""
 FIRST_SHARE = 1 / 8
 """Share of the record over which the first round runs: most points of the box fit only an early
 part. If this share is too short, the runs are repeated over more of the record."""
@@ -41,10 +41,10 @@ part. If this share is too short, the runs are repeated over more of the record.
 class Screening:
     """Starts of a fit, found by screening a box around the guess.
 
-    Every round runs a number of points without derivatives. It uses the part of the record at whose
-    end `keep` points still fit about as well as the best, and keeps these points. The next round
-    runs these again, with new points drawn among them. Screening ends at the end of the record, or
-    after `rounds` rounds.
+    Every round runs a number of points without derivatives. It uses the longest part of the record
+    that `keep` points fit about as well as the best, and keeps these points. The next round runs
+    them again, with new points drawn among them. Screening ends at the end of the record, or after
+    `rounds` rounds.
 
     **Arguments:**
 
@@ -54,9 +54,9 @@ class Screening:
     - `finish`: number of starts among the points kept last: the best, and others far from it.
     - `rounds`: maximum number of rounds. If runs were too short to choose among the points, the
       same points run over more of the record, which counts as another round.
-    - `smoothing`: number of consecutive sample times over which the residuals of each series are
-      averaged, so that the misfit of a predicted and a measured peak depends on how far apart in
-      time they are. A series without a sample at one of these times counts with zero there.
+    - `smoothing`: number of successive sample times over which the residuals of each series are
+      averaged, so that the misfit of a predicted and a measured peak depends on their distance in
+      time. Where a series has no sample, its residual counts as zero.
     - `passes`: maximum number of passes. A pass is a whole screening, followed by a fit from each
       of its starts. Another pass, with other random numbers, follows while noise doesn't explain
       the chi squared of the best fit.
@@ -96,11 +96,10 @@ class Screening:
 class Screened:
     """Result of one pass of a `Screening`, for p parameters.
 
-    - `points`: (keep, p) coordinates of the points kept last, the best first.
-    - `chi_squared`: (keep,) chi squared of these points, from the averaged residuals up to the last
-      of `times`.
+    - `points`: (keep, p) points kept last, the best first.
+    - `chi_squared`: (keep,) theirs, from the averaged residuals up to the last of `times`.
     - `starts`: (finish, p) the points from which to search.
-    - `times`: end of the part of the record that each round used.
+    - `times`: end of the part of the record that each round used, s.
     - `complete`: whether the last round reached the end of the record.
 
     >>> data = cj.Measurements({"x": cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)})
@@ -119,18 +118,11 @@ class Screened:
 
 
 def screen(
-    screening: Screening,
-    lanes: Comparison,
-    centre: Float[np.ndarray, " p"],
-    number: int,
-    progress: bool,
+    screening: Screening, lanes: Comparison, centre: Point, number: int, progress: bool
 ) -> Screened:
-    """Make one pass of a `Screening`: find starts of a fit by runs without derivatives in the box
-    around the guess `centre`.
-
-    **Arguments:** `lanes`: runs of the experiment, compared with the measurements; `number`: of the
-    pass, from 0, each of which has other random numbers; `progress`: whether to show a bar.
-    """
+    """Make one pass of a `Screening`: find starts of a fit by runs without derivatives, `lanes`, in
+    the box around the guess `centre`. Each `number` of a pass, from 0, gives other random numbers;
+    `progress` tells whether to show a bar."""
     from scipy.special import chdtri
 
     spread = half_widths(screening.spread, tuple(lanes.parameters))
@@ -172,14 +164,15 @@ def screen(
 def search_screened(
     screening: Screening,
     lanes: Comparison,
-    centre: Float[np.ndarray, " p"],
+    centre: Point,
     progress: bool,
     search_from: Callable[[np.ndarray], Search],
 ) -> tuple[Screened, ...]:
-    """Screen and search from the starts found, until noise explains the smallest chi squared.
+    """Screen and search from the starts found, pass by pass, until noise explains the smallest chi
+    squared.
 
-    `search_from` searches from a start with derivatives. Only the screenings are returned, so it
-    must also store its result. An error of it, such as a `KeyboardInterrupt`, ends the passes.
+    `search_from` searches from a start with derivatives, and must store its result: only those of
+    the screenings are returned. An error of it, such as a `KeyboardInterrupt`, ends the passes.
     """
     degrees_of_freedom = lanes.data.count - len(centre)
     searches: list[Search] = []

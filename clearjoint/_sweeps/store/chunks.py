@@ -1,9 +1,9 @@
 """Files of a store's Zarr arrays, one for each chunk of lanes and each array.
 
-A file ends with a checksum of its content and of its path in the store. So a damaged file, or one
-that was moved to the place of another, is detected. Files are encoded, written and read here, as
-Zarr would do it, because Zarr hands each file to several threads. Under the load of a sweep, that
-took 4 ms a file, and a chunk has a file for each variable.
+A file ends with a checksum of its content and of its path in the store, by which a damaged file, or
+one that was moved to the place of another, is detected. Files have Zarr's format, but are encoded,
+written and read here, because Zarr hands each file to several threads: under the load of a sweep,
+that took 4 ms a file, and a chunk has a file for each variable.
 """
 
 import os
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from zarr.abc.codec import BytesBytesCodec
 
 MISSING, DAMAGED = "missing", "damaged"
-"""Faults that the file of a chunk may have. A file is damaged if its checksum does not agree."""
+"""Faults of the file of a chunk. A file is damaged if its checksum does not agree."""
 _LOCK = ".lock"
-"""File in a store's folder by which processes lock the folder."""
+"""Name of the file by which processes lock a folder."""
 
 
 def opened_group(path: Path) -> "zarr.Group":
@@ -44,8 +44,8 @@ def opened(group: "zarr.Group", name: str) -> "zarr.Array":
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Context in which this process holds the lock of a folder, so that it can change the store.
-    The lock of a process that dies is released. If the system has no locks, or the folder can't be
+    """Context in which this process alone may change a store: it holds the lock of the folder,
+    which is released if the process dies. If the system has no locks, or the folder can't be
     written to, the context begins at once and without a lock."""
     with ExitStack() as stack:
         # Windows has no such locks, a folder may be read only, and some file systems lack locks.
@@ -62,14 +62,14 @@ def chunk_file(path: Path, array: "zarr.Array", chunk: int) -> Path:
 
 
 def _key(array: "zarr.Array", chunk: int) -> str:
-    """The path of a chunk's file in the folder of the group."""
+    """Path of a chunk's file in the folder of the group."""
     indices = (chunk,) + (0,) * (array.ndim - 1)
     return f"{array.path}/{array.metadata.encode_chunk_key(indices)}"
 
 
 def compressors() -> "tuple[BytesBytesCodec, ...]":
-    """Return the compressors of `read_chunk` and `write_chunk`: Zarr's default ones when the
-    first stores were written."""
+    """Return the compressors of `read_chunk` and `write_chunk`: Zarr's default ones when the first
+    stores were written."""
     from zarr.codecs import ZstdCodec
 
     return (ZstdCodec(level=0, checksum=False),)
@@ -83,7 +83,7 @@ def make_folder(folder: Path) -> None:
 
 
 def _codec(array: "zarr.Array") -> "Codec | None":
-    """Encoder of the entries of an array of texts; ``None`` for an array of numbers."""
+    """Encoder of an array of texts; ``None`` for an array of numbers."""
     from numcodecs.vlen import VLenUTF8
 
     return None if array.dtype.kind in "biuf" else VLenUTF8()
@@ -142,8 +142,8 @@ def write(path: Path, array: "zarr.Array", values: np.ndarray) -> None:
 
 
 def read(path: Path, array: "zarr.Array") -> tuple[np.ndarray, dict[int, str]]:
-    """Read an array of a group. Return its values, and the faults of its files by chunk; the values
-    of such a chunk are the fill value."""
+    """Return the values of an array, and the faults of its files by chunk, whose values are the
+    fill value."""
     values, faults = np.full(array.shape, array.fill_value, _dtype(array)), {}
     for chunk, first in enumerate(range(0, array.shape[0], array.chunks[0])):
         rows = read_chunk(path, array, chunk)

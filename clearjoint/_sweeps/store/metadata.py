@@ -30,9 +30,9 @@ ROOT = "zarr.json"
 
 @contextmanager
 def unfinished(path: Path) -> Iterator[Path]:
-    """Yield a new path beside that of a store, for a store or grid that is being written. The
-    caller writes a folder at this path, and moves it, or its files, to the final place. When the
-    context ends, also by an error, whatever is left at the new path is removed."""
+    """Yield a new path beside that of a store, at which the caller writes a folder, before it moves
+    the folder or its files to the final place. When the context ends, also by an error, what is
+    left at the new path is removed."""
     new = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
     try:
         yield new
@@ -49,7 +49,7 @@ def unfinished(path: Path) -> Iterator[Path]:
 
 
 _REMOVALS, _REMOVAL_PERIOD = 10, 0.05
-"""How often, and with which time in between, an incomplete store is removed after an error."""
+"""Number of times that an incomplete store is removed after an error, and time in between, s."""
 
 
 def move(file: Path, to: Path) -> None:
@@ -83,9 +83,9 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
     """Write results as the grid of the store at a path, in place of an earlier grid.
 
     If the arrays differ in names, shapes or attributes from those of the earlier grid, that grid is
-    removed first, and a program that opens the grid before the new one is complete finds none. If
-    they don't differ, files with other content are replaced one by one, with the result codes last,
-    so that a lane whose code says that it is done has all its numbers.
+    removed first, and programs find none until the new one is complete. Otherwise, files with other
+    content are replaced one by one, with the result codes last, so that a lane whose code says that
+    it is done has all its numbers.
     """
     with unfinished(path) as new:
         write_dataset(new, results)
@@ -97,9 +97,9 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
 
 
 def _move_all(new: Path, path: Path) -> None:
-    """Move the files of the group at `new` to the folder `path`, except those that it has already.
-    The file `ROOT` lists the arrays and is moved last: until then the group reads as before. Result
-    codes are moved after all other arrays."""
+    """Move the files of the group at `new` to the folder `path`, except those that it has already:
+    result codes after all other arrays, and at last the file `ROOT`, which lists the arrays, so
+    that until then the group reads as before."""
     files = [file.relative_to(new) for file in new.rglob("*") if file.is_file()]
     for file in sorted(files, key=lambda file: (file == Path(ROOT), file.parts[0] == RESULT)):
         if not _same(new / file, path / file):
@@ -118,7 +118,7 @@ def remove_grid(path: Path) -> None:
 
 
 _OWN = "sweep_"
-"""Prefix of the store's own attributes, which are neither settings nor notes of the sweep."""
+"""Prefix of attributes that are neither settings nor notes of the sweep."""
 _FORMAT, _VERSION = "sweep_format", 3
 _DIGEST = "sweep_digest"
 """Name of the attribute with a digest of all other metadata of the group `by_lane`."""
@@ -126,8 +126,8 @@ ADDED = "sweep_added"
 """Name of the attribute that lists the variables added after the store was made, which may lack
 files of lanes that were done before."""
 ABANDONED_AFTER = 3600.0
-"""Age above which an incomplete store counts as left behind by a killed process and is removed.
-Writing one takes about a second."""
+"""Age, s, above which an incomplete store, which takes about a second to write, counts as left by a
+killed process."""
 
 
 class Contents(NamedTuple):
@@ -141,7 +141,7 @@ class Contents(NamedTuple):
 
 
 def create(path: Path, contents: Contents) -> None:
-    """Make a store without results at a path, unless another process makes it at the same time. It
+    """Make a store without results at a path, unless another process does so at the same time. It
     is written under another name and then renamed, so that it is either complete or absent."""
     with unfinished(path) as store:
         _write(store / BY_LANE, contents)
@@ -154,8 +154,8 @@ def create(path: Path, contents: Contents) -> None:
 
 
 def extend(path: Path, contents: Contents) -> None:
-    """Add lanes or variables to the store at a path, or give it other axes. Existing chunks of
-    results are not changed. The grid, whose labels are outdated, is removed."""
+    """Add lanes or variables to the store at a path, or give it other axes, without a change of its
+    results, and remove the outdated grid."""
     with unfinished(path) as group:
         _write(group, contents)
         _move_all(group, path / BY_LANE)

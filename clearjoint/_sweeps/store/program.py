@@ -1,5 +1,4 @@
-"""Fingerprints (digests of the traced code) of functions, and the digests by which a store
-recognises its sweep.
+"""Digests of the traced code of functions, and the digests by which a store recognises its sweep.
 
 A run is determined by its program and by the numbers from which it starts. A store compares digests
 of both instead of source texts or names of functions. Programs are traced in the form in which the
@@ -58,20 +57,17 @@ _WITHOUT_RESULT = {"debug_callback", "debug_print"}
 
 
 class Fingerprints(NamedTuple):
-    """Digest of each entry of the dictionary that a function returns, and its shape: the entry with
-    `jax.ShapeDtypeStruct` in place of its arrays. Both are by key."""
+    """By key, the digest of each entry of the dictionary that a function returns, and its shape:
+    the entry with `jax.ShapeDtypeStruct` in place of its arrays."""
 
     digests: dict[str, str]
     shapes: dict[str, PyTree]
 
 
 def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTree) -> Fingerprints:
-    """Return the digests and shapes of the entries of the dictionary that a function returns.
-
-    Digests depend on structure, shapes and types of the arguments, but not on their numbers.
-
-    **Raises:** `ValueError` if the function calls a Python function that JAX doesn't trace.
-    """
+    """Return the digests and shapes of the entries of the dictionary that a function returns. They
+    depend on structure, shapes and types of the arguments, but not on their numbers. Raise a
+    `ValueError` if the function calls a Python function that JAX doesn't trace."""
     program, shapes, _ = program_of(function, *arguments)
     named = jax.tree_util.tree_flatten_with_path(arguments)[0]
     inputs = [
@@ -125,15 +121,13 @@ def _inner(program: ClosedJaxpr | Jaxpr, inputs: Sequence[str]) -> list[str]:
 
 
 def _numbered(kind: str, variables: Sequence[Var]) -> list[str]:
-    """Digests of variables that are known only by their kind, position and type."""
+    """Digests of variables that are known only by their kind (a word), position and type."""
     return [digest(kind, str(k), _kind(v)) for k, v in enumerate(variables)]
 
 
 def _setting(operation: str, value: object) -> str:
-    """Digest of a parameter of an operation, or of a collection of its parameters.
-
-    **Raises:** `ValueError` for a Python function, since a change of its code would not be noticed.
-    """
+    """Digest of a parameter of an operation, or of a collection of its parameters; a `ValueError`
+    for a Python function, since a change of its code would not be noticed."""
     # The body of a loop or a branch is a program, too. Its inputs are known by position only.
     if isinstance(value, ClosedJaxpr | Jaxpr):
         variables = value.jaxpr.invars if isinstance(value, ClosedJaxpr) else value.invars
@@ -185,17 +179,18 @@ def _shape(atom: Var | Literal) -> ShapedArray:
 
 
 RUN = ""
-"""Key of the digests of the run itself in dictionaries whose other keys are names of variables or
-outputs."""
+"""Key of the run itself, where other keys are names of variables or outputs."""
 _BLOCK = 4096
 """Number of lanes whose numbers `row_digests` copies at a time, to limit its use of memory."""
+Channels = dict[str, dict[str, Quantity]]
+"""Quantities that outputs record, by name of the output and key of the quantity."""
 
 
 class Identity(NamedTuple):
     """Digests that identify a sweep of n lanes.
 
     - `programs`: digests of the traced programs by name, from the function `programs`.
-    - `lanes`: under the key `RUN`, digests (n,) of the numbers from which each lane starts; under
+    - `lanes`: by the key `RUN`, digests (n,) of the numbers from which each lane starts; by the key
       `SAVED`, if there are sample times, digests (n,) of the times of each lane.
     """
 
@@ -204,18 +199,11 @@ class Identity(NamedTuple):
 
 
 def programs(
-    plan: Plan,
-    folded_scene: ConstantFolded,
-    state: State,
-    start_time: float,
-    channels: dict[str, dict[str, Quantity]],
+    plan: Plan, folded_scene: ConstantFolded, state: State, start_time: float, channels: Channels
 ) -> dict[str, str]:
-    """Return digests of the program of the run, under `RUN`, and of the programs that compute the
-    variables of the outputs, each under the variable's name.
-
-    Since each variable has its own digest, an output can be added to a store without making the
-    stored lanes invalid. `channels[name][key]` are the quantities that the output `name` records.
-    """
+    """Return digests of the program of the run, by the key `RUN`, and of the programs that compute
+    the variables of the outputs, by name of the variable: as each has its own, an output can be
+    added to a store without making the stored lanes invalid."""
     numbers, structure = eqx.partition(folded_scene, eqx.is_array_like)
     traced, time = _Traced(plan, channels, structure), jnp.asarray(start_time, dtype=float)
     # The run itself is traced without outputs, so that its digest does not depend on them. A run
@@ -242,11 +230,11 @@ def programs(
 
 @dataclass(frozen=True)
 class _Traced:
-    """Parts of a lane's computation as functions that JAX can trace. `numbers` are those of the
-    scene, and `structure` is the scene without them."""
+    """Parts of a lane's computation as functions that JAX can trace. Their argument `numbers` are
+    those of the scene, and `structure` is the scene without them."""
 
     plan: Plan
-    channels: dict[str, dict[str, Quantity]]
+    channels: Channels
     structure: ConstantFolded
 
     def scene(self, numbers: PyTree) -> Scene:
@@ -285,9 +273,9 @@ class _Traced:
         }
 
     def instant(self, numbers: PyTree, row: Snapshot, inside: Snapshot) -> Instant:
-        """The instant of the snapshot `row`. A quantity may evaluate the dense output at a fraction
-        of the step: here that is the fraction times the snapshot `inside`, so that it appears in
-        the program."""
+        """The instant of the snapshot `row`."""
+        # A quantity may evaluate the dense output at a fraction of the step: here that is the
+        # fraction times the snapshot `inside`, so that it appears in the program.
         system = self.plan.scheme.system(self.scene(numbers))
 
         def at(fraction: Scalar) -> Instant:
@@ -296,7 +284,7 @@ class _Traced:
         return row.instant(system, at)
 
     def tallies(self, numbers: PyTree, row: Snapshot) -> dict[str, PyTree]:
-        """What the reductions accumulate, at the start of the run."""
+        """What the reductions have accumulated at the start of the run, by name."""
         now = self.instant(numbers, row, row)
         starts = {name: reduction.start(now) for name, reduction in self.plan.reductions.items()}
         return jax.tree.map(jnp.asarray, starts)
@@ -304,7 +292,7 @@ class _Traced:
     def outputs(
         self, numbers: PyTree, row: Snapshot, inside: Snapshot, tallies: dict[str, PyTree]
     ) -> dict[str, PyTree]:
-        """All values that are computed for each variable at the end of a step."""
+        """All values that are computed at the end of a step, by variable."""
         now, computed = self.instant(numbers, row, inside), {}
         for name, reduction in self.plan.reductions.items():
             start, tally = reduction.start(now), tallies[name]
@@ -329,8 +317,8 @@ def _request(end_time: Scalar, first_step: Scalar) -> LaneRequest:
 
 
 def identity_of(digests: Mapping[str, str], lanes: Lanes, tasks: Task) -> Identity:
-    """Return the identity of a sweep. A lane starts from its scene, its initial state, its end time
-    and the length of its first step; one in `lanes.bad` is identified by its error message."""
+    """Return the identity of a sweep. A lane is identified by its scene, initial state, end time
+    and length of the first step, or by its error message if it is in `lanes.bad`."""
     scenes = jax.tree.leaves(lanes.expanded(lanes.scene, lanes.scenes))
     states = jax.tree.leaves(lanes.states)
     arrays = [leaf for leaf in scenes if eqx.is_array(leaf)]
@@ -342,7 +330,7 @@ def identity_of(digests: Mapping[str, str], lanes: Lanes, tasks: Task) -> Identi
 
 
 def row_digests(columns: Iterable[ArrayLike]) -> Int[np.ndarray, " n"]:
-    """Return a digest for each of n lanes, of the lane's rows in several arrays (n, ...)."""
+    """Return a digest of each lane, from its rows in several arrays (n, ...)."""
     arrays = [np.asarray(column) for column in columns]
     count = len(arrays[0])
     digests = np.empty(count, np.int64)
@@ -358,8 +346,8 @@ def row_digests(columns: Iterable[ArrayLike]) -> Int[np.ndarray, " n"]:
 def matching_lanes(
     stored: Int[np.ndarray, " s"], wanted: Int[np.ndarray, " n"]
 ) -> Int[np.ndarray, " s"]:
-    """Return for each stored digest the number of a wanted lane with the same digest, or -1. If
-    several wanted lanes have the same digest, each is taken at most once."""
+    """Return for each stored digest the number of a wanted lane with the same digest, or -1. No
+    wanted lane is taken twice."""
     # Equal digests are usual: an axis may repeat a value.
     unmatched: defaultdict[int, deque[int]] = defaultdict(deque)
     for lane, wanted_digest in enumerate(wanted.tolist()):

@@ -1,9 +1,9 @@
 """Results of a sweep in a Zarr store (format 3) on disk, chunk by chunk.
 
 Each variable is an array whose chunks are those of the sweep. The result codes of a chunk are
-written last. Without them its lanes count as pending, whatever else a killed process has written,
-and so do those of a chunk with a damaged, missing or exchanged file. Two processes that write to
-the same store wait for each other if the system can lock files.
+written last: without them its lanes are pending, whatever else a killed process has written, and so
+are those of a chunk with a damaged, missing or exchanged file. Two processes that write to the same
+store wait for each other if the system can lock files.
 
 A store can be extended by lanes and by variables. It recognises lanes by the numbers from which
 they start, and variables by the programs that compute them. It has the axes of the sweep that
@@ -23,26 +23,9 @@ import numpy as np
 
 from ..._fields.cautions import level_of_the_user
 from ..outputs import BY_LANE, PENDING, RESULT, LaneArrays, Layout, Variable, dataset
-from .chunks import (
-    DAMAGED,
-    MISSING,
-    chunk_file,
-    locked,
-    opened,
-    opened_group,
-    read,
-    read_chunk,
-    write_chunk,
-)
-from .metadata import (
-    ADDED,
-    Contents,
-    contents_of,
-    create,
-    extend,
-    remove_abandoned,
-    write_grid,
-)
+from . import chunks
+from .chunks import DAMAGED, MISSING, chunk_file, opened
+from .metadata import ADDED, Contents, contents_of, create, extend, remove_abandoned, write_grid
 from .program import RUN, Identity, matching_lanes
 
 if TYPE_CHECKING:
@@ -50,17 +33,17 @@ if TYPE_CHECKING:
     import zarr
 
 Part = str | int | np.ndarray
-"""Part of a layout in which two sweeps may differ: a text, such as a setting or a unit; the number
-of lanes in a chunk; or an array of labels."""
+"""Part of a layout in which two sweeps may differ: a text, such as a setting or a unit, the number
+of lanes in a chunk, or an array of labels."""
 
 
 def differences(stored: Contents, wanted: Contents, matches: np.ndarray) -> list[str]:
     """Return a line of text for each reason why the results of the wanted sweep can't be added to
-    the store; empty if they can.
+    the store; none if they can. `matches` are the `matching_lanes`.
 
     Variables and labels that only the wanted sweep has are no reason, because the store can be
     extended by them. Different notes (see `Layout`) are no reason either, but are listed after
-    others, which they may explain. `matches`: see `matching_lanes`.
+    reasons, which they may explain.
     """
     parts, wanted_parts = _parts(stored.layout), _parts(wanted.layout)
     lines = [
@@ -92,7 +75,7 @@ def _parts(layout: Layout) -> dict[str, Part]:
 
 
 def _outline(variable: Variable) -> str:
-    """A variable as text, such as "float64 (lane, body 2), long_name ..., units m"."""
+    """Text such as "float64 (lane, body 2), long_name ..., units m"."""
     sizes = zip(variable.dims, variable.shape, strict=True)
     shape = ", ".join(["lane", *(f"{dim} {size}" for dim, size in sizes)])
     attrs = ", ".join(f"{name} {value}" for name, value in sorted(variable.attributes.items()))
@@ -124,8 +107,8 @@ def _text(part: Part) -> str:
 
 
 def _lost(stored: Contents, wanted: Layout, matches: np.ndarray) -> Iterator[str]:
-    """A line for each axis some of whose stored values the wanted sweep lacks, and a single line
-    if it lacks stored lanes."""
+    """A line for each axis of which the wanted sweep lacks stored values, and one line if it lacks
+    stored lanes."""
     values = {axis.name: axis.values for axis in wanted.axes}
     # An axis that the wanted sweep lacks altogether has no line here, since its unit, one of the
     # compared parts, already has one.
@@ -146,7 +129,7 @@ def _lost(stored: Contents, wanted: Layout, matches: np.ndarray) -> Iterator[str
 
 
 def _programs(stored: Contents, wanted: Contents, without_run: bool) -> Iterator[str]:
-    """A line for each traced program that both sweeps have, but with different digests; with
+    """A line for each traced program that has different digests in the two sweeps; with
     `without_run`, none for the program of the run itself."""
     new = wanted.identity.programs
     for name, program in stored.identity.programs.items():
@@ -156,7 +139,7 @@ def _programs(stored: Contents, wanted: Contents, without_run: bool) -> Iterator
 
 
 def _save_times(stored: Contents, wanted: Contents, matches: np.ndarray) -> Iterator[str]:
-    """A line for each output whose times to save at differ in a lane of both sweeps."""
+    """A line for the times to save at, if they differ in a lane of both sweeps."""
     old, new = stored.identity.lanes, wanted.identity.lanes
     # `matches` is -1 for lanes that the wanted sweep lacks, which are left out of the count.
     for name in (old.keys() & new.keys()) - {RUN}:
@@ -166,14 +149,13 @@ def _save_times(stored: Contents, wanted: Contents, matches: np.ndarray) -> Iter
 
 
 Parts = Mapping[int, tuple[Sequence[int], LaneArrays]]
-"""Results by number of the chunk: numbers of n lanes of this chunk, in any order, and an array
-(n, ...) of these lanes for every variable."""
+"""By number of the chunk, the numbers of n of its lanes, in any order, and their results,
+(n, ...) for every variable."""
 _NAMED = 5
 """Number of damaged files that a warning names."""
 GRID_PERIOD, GRID_SHARE = 60.0, 0.02
-"""Shortest time between two writes of the grid during a sweep, and largest share of the sweep's
-time that these writes may take. The grid is a copy of all results, so writing it often would be
-slow."""
+"""Shortest time, s, between two writes of the grid, a copy of all results, during a sweep, and
+largest share of the sweep's time that these writes may take."""
 _FLUSHED_TOGETHER = 16
 """Number of files that are flushed to disk at the same time."""
 
@@ -218,8 +200,8 @@ class SweepStore:
         same lanes along other axes gets the axes of the requested sweep, unless it is read only.
 
         **Raises:** `ValueError` if there is something other than an intact store of this version at
-        the path, or if the stored sweep differs from the requested one as `differences` lists;
-        `OSError` if the store can't be created or extended, for example without permission.
+        the path, or that of another sweep, with the `differences`; `OSError` if the store can't be
+        created or extended, for example without permission.
         """
         path = Path(path)
         # Processes that were killed may have left partly written stores beside the path.
@@ -228,7 +210,7 @@ class SweepStore:
             create(path, Contents(layout, identity, np.arange(layout.lanes)))
         # Raises an error if the path has no store, before the lock writes a file there.
         contents_of(path)
-        with locked(path / BY_LANE):
+        with chunks.locked(path / BY_LANE):
             # Read again, because another process may have extended the store before the lock.
             stored = contents_of(path)
             # The order of the rows is a placeholder: `_joined` computes it.
@@ -244,11 +226,9 @@ class SweepStore:
 
     def missing(self) -> dict[int, list[int]]:
         """Return the numbers of the lanes whose results are missing or damaged, by number of their
-        chunk. A warning names damaged files.
-
-        **Raises:** `PermissionError` if lanes are missing and the store can't be written to.
-        """
-        group = opened_group(self._folder)
+        chunk; warn of damaged files. Raise a `PermissionError` if there are such lanes and the
+        store can't be written to."""
+        group = chunks.opened_group(self._folder)
         codes = _arrays(self.path, group, self._contents)[RESULT]
         missing = _missing(codes, self._contents.order, self.layout.chunk)
         if missing and not os.access(self._folder, os.W_OK):
@@ -257,12 +237,11 @@ class SweepStore:
         return missing
 
     def write(self, parts: Parts) -> None:
-        """Write results of some lanes of one or more chunks to disk. When this method returns, the
-        lanes count as done, even if the process is killed afterwards. The grid is written too if
-        its last writing is long enough ago."""
-        with locked(self._folder):
+        """Write results of some lanes of one or more chunks to disk, so that they are done even if
+        the process is killed afterwards; also write the grid if that was long enough ago."""
+        with chunks.locked(self._folder):
             # Another process may have extended the store since it was opened.
-            group = opened_group(self._folder)
+            group = chunks.opened_group(self._folder)
             arrays = {name: opened(group, name) for name in self.layout.variables}
             added = group.attrs[ADDED]
             assert isinstance(added, list)
@@ -277,7 +256,7 @@ class SweepStore:
             others = [name for name in arrays if name != RESULT]
             for names in (others, [RESULT]):
                 _flush_all(
-                    write_chunk(self._folder, arrays[name], chunk, results[name])
+                    chunks.write_chunk(self._folder, arrays[name], chunk, results[name])
                     for chunk, results in whole.items()
                     for name in names
                 )
@@ -290,7 +269,7 @@ class SweepStore:
         lanes: Sequence[int],
         results: LaneArrays,
     ) -> LaneArrays:
-        """Return all rows of a chunk: given results and, in the other rows, the stored ones, or
+        """Return all rows of a chunk: the given results and, in the other rows, the stored ones, or
         pending ones if a file of the chunk is missing or damaged."""
         # The last chunk may have fewer rows than the others.
         first, size = chunk * self.layout.chunk, self.layout.chunk
@@ -298,7 +277,9 @@ class SweepStore:
         rows = self._row_of[list(lanes)] - first
         whole = {name: variable.pending(count) for name, variable in self.layout.variables.items()}
         if len(lanes) < count:
-            stored = {name: read_chunk(self._folder, arrays[name], chunk) for name in results}
+            stored = {
+                name: chunks.read_chunk(self._folder, arrays[name], chunk) for name in results
+            }
             if not any(isinstance(part, str) for part in stored.values()):
                 whole = {name: np.array(part) for name, part in stored.items()}
         # If all stored rows are pending, perhaps because a file is damaged or missing, old result
@@ -319,7 +300,7 @@ class SweepStore:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # `dataset` warns of damaged files.
             results = _labelled(self.path, contents_of(self.path))
-        with locked(self._folder):
+        with chunks.locked(self._folder):
             write_grid(self.path, results)
 
     def _write_grid_if_due(self) -> None:
@@ -330,19 +311,17 @@ class SweepStore:
             self._grid_seconds = self._grid_written - start
 
     def dataset(self) -> "xr.Dataset":
-        """Return the results along the axes. A warning names damaged files, whose lanes are
-        pending."""
+        """Return the results along the axes; warn of damaged files, whose lanes are pending."""
         return _labelled(self.path, self._contents)
 
 
 def open_sweep(path: str | os.PathLike) -> "xr.Dataset":
     """Read the results of a sweep's store, along its axes, also while the sweep is running.
 
-    Lanes that are not done have the `result` -1 (pending); their other results are NaN, or -1 for
-    integers. Lanes with damaged files are pending too. `sweep`, called with the arguments of the
-    first call, computes them again. All results are read into memory. ``xarray.open_zarr(path)``
-    opens the same results lazily, without those of the last minute, or of a longer time if the
-    results are large.
+    Lanes that are not done, and those with damaged files, have the `result` -1 (pending); their
+    other results are NaN, or -1 for integers. `sweep`, called with the arguments of the first call,
+    computes them. All results are read into memory. ``xarray.open_zarr(path)`` opens the same
+    results lazily, without those of the last minute, or of a longer time if the results are large.
 
     **Raises:** `ValueError` if there is no sweep's store at the path, or if it is of another
     version or its metadata are damaged.
@@ -361,12 +340,9 @@ def open_sweep(path: str | os.PathLike) -> "xr.Dataset":
 
 
 def _joined(path: Path, stored: Contents, wanted: Contents) -> Contents:
-    """Return the wanted contents, with the order of lanes that the store will have.
-
-    The stored lanes keep their rows, and lanes that the store lacks get rows at the end.
-
-    **Raises:** `ValueError` that lists the `differences`.
-    """
+    """Return the wanted contents, with the order of lanes that the store will have: stored lanes
+    keep their rows, and other lanes get rows at the end. Raise a `ValueError` that lists the
+    `differences`, if there are any."""
     # Lanes are recognised by the digests of the numbers from which they start.
     digests = wanted.identity.lanes[RUN]
     matches = matching_lanes(stored.identity.lanes[RUN][stored.order], digests)
@@ -389,8 +365,8 @@ def _same_axes(layout: Layout, other: Layout) -> bool:
 
 
 def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list[int]]:
-    """Numbers of the pending lanes, by number of their chunk, from the result code and the number
-    of the lane in each row, and the number of rows in a chunk."""
+    """Numbers of the pending lanes, by number of their chunk, from the result code (`codes`) and
+    the number (`order`) of the lane in each row."""
     pending: dict[int, list[int]] = {}
     for row in np.flatnonzero(codes == PENDING):
         pending.setdefault(int(row) // chunk, []).append(int(order[row]))
@@ -398,20 +374,19 @@ def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list
 
 
 def _labelled(path: Path, contents: Contents) -> "xr.Dataset":
-    arrays = _arrays(path, opened_group(path / BY_LANE), contents)
+    arrays = _arrays(path, chunks.opened_group(path / BY_LANE), contents)
     row_of = np.argsort(contents.order)
     return dataset(contents.layout, {name: values[row_of] for name, values in arrays.items()})
 
 
 def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np.ndarray]:
-    """Read the variables of all lanes by name, in the order of the store's rows. A warning names
-    damaged files."""
+    """Read the variables of all lanes by name, in the order of the rows; warn of damaged files."""
     layout, damaged, folder = contents.layout, [], path / BY_LANE
     arrays: dict[str, np.ndarray] = {}
     lanes = slice(len(contents.order))  # Another process may have added lanes.
     # Result codes are written last, so they are read first. A chunk that another process finishes
     # in between stays pending here.
-    codes, faults = read(folder, opened(group, RESULT))
+    codes, faults = chunks.read(folder, opened(group, RESULT))
     codes = codes[lanes]
     # A missing file of result codes is no damage: its lanes are not done yet.
     done = codes != PENDING
@@ -419,7 +394,7 @@ def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np
         damaged.append(f"{chunk_file(folder, opened(group, RESULT), chunk)} is {DAMAGED}")
     for name in [name for name in layout.variables if name != RESULT]:
         array = opened(group, name)
-        values, faults = read(folder, array)
+        values, faults = chunks.read(folder, array)
         arrays[name] = values[lanes]
         for chunk, fault in faults.items():
             span = layout.span(chunk)
@@ -441,13 +416,12 @@ def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np
 
 
 def _flush_all(paths: Iterable[Path]) -> None:
-    """Wait until files are safely on disk. `paths` yields each one after it has been written; all
-    are written before the first is flushed."""
+    """Wait until files are safely on disk. `paths` writes each one when it yields the path; all are
+    written before the first is flushed."""
     written = list(paths)
     # A file system finishes the flushes of several threads together.
     with ThreadPoolExecutor(_FLUSHED_TOGETHER) as threads:
-        for _ in threads.map(_flush, written):
-            pass
+        list(threads.map(_flush, written))  # Raises their errors.
 
 
 def _flush(path: Path) -> None:
