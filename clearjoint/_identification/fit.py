@@ -19,7 +19,7 @@ from .._measurements.series import Measurements
 from .._model.bodies import State
 from .._model.scene import Scene
 from .._parametrisation import variations
-from .._parametrisation.parameter import Bounded, Parameter, step_limits, values_at
+from .._parametrisation.parameter import GONE, Bounded, Parameter, step_limits, values_at
 from .._parametrisation.variations import AbstractSeriesVariation, SeriesDelay, StateNumber
 from .._result_codes import RESULTS
 from . import checking
@@ -207,8 +207,8 @@ class Fit(AbstractTabular):
 
     @property
     def _is_gone(self) -> np.ndarray:
-        """Which estimates are so uncertain that those on a `Log` scale have no effect, (p,)."""
-        return np.diag(self.covariance) > 1.0
+        """Which estimates on a `Log` scale are about zero or infinite, (p,)."""
+        return np.diag(self.covariance) > GONE**2
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
@@ -503,14 +503,13 @@ class Fit(AbstractTabular):
             )
         if len(others) > SHOWN:
             yield f"{len(others) - SHOWN} more minima are in Fit.rivals."
-        intervals, is_gone = self.intervals.items(), self._is_gone
-        for (name, (low, high)), without_effect in zip(intervals, is_gone, strict=True):
+        for (name, (low, high)), gone in zip(self.intervals.items(), self._is_gone, strict=True):
             scale, value = self.parameters[name].scale, self.estimates[name]
             if isinstance(scale, Bounded):
                 for bound in (scale.low, scale.high):
                     if abs(value - bound) < AT_BOUND * (scale.high - scale.low):
                         yield f"{name} is at its bound {bound:g}."
-            elif without_effect and (low == 0.0 or math.isinf(high)):
+            elif gone and (low == 0.0 or math.isinf(high)):
                 yield f"{name} is {limit_text(low, high, self.units[name])}"
 
     @property

@@ -23,6 +23,8 @@ from .variations import AbstractSeriesVariation, AbstractVariation, Change, Scen
 
 WIDTH = 1.96
 """Half width of a 95 % interval of a coordinate whose standard deviation is 1."""
+GONE = 5.0
+"""Standard deviation of a logarithm above which an estimate is about zero or infinite."""
 
 
 @dataclass(frozen=True)
@@ -152,17 +154,16 @@ class Log(AbstractScale):
 
     @override
     def interval(self, coordinate: float, half: float, rising: bool) -> tuple[float, float]:
-        """Return an interval from zero if that of the value by the covariance contains zero, and
-        one to infinity if a coordinate that has risen is uncertain by more than 5: the data then
-        tell the value, or its reciprocal, about linearly."""
+        """Return an interval from zero if that of the value by the covariance contains zero. Data
+        that tell the logarithm to no better than 5 tell the value, or its reciprocal, about
+        linearly: the interval then is that from zero or, if the coordinate has risen, to infinity.
+        """
         if half <= 1.0:
             return super().interval(coordinate, half, rising)
         value = float(self.value(coordinate))
-        # An uncertainty below 5 is no sign of infinity: the search may have begun near zero.
-        if rising and half > 5.0 * WIDTH:
-            return value / (1.0 + half), math.inf
-        is_linear = half > WIDTH and not rising
-        return 0.0, value * (1.0 + half if is_linear else math.exp(half))
+        if half <= GONE * WIDTH:
+            return 0.0, value * math.exp(half)
+        return (value / (1.0 + half), math.inf) if rising else (0.0, value * (1.0 + half))
 
     @override
     def label(self, name: str) -> str:

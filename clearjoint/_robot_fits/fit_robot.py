@@ -27,7 +27,7 @@ from .._model.bodies import State
 from .._model.joints.base import AbstractForce
 from .._model.scene import Scene
 from .._parametrisation import variations
-from .._parametrisation.parameter import WIDTH, Log, Parameter, free_parameters, held
+from .._parametrisation.parameter import GONE, WIDTH, Log, Parameter, free_parameters, held
 from .._parametrisation.readings import sensor_errors, units_of
 from .._parametrisation.variations import AbstractSeriesVariation, SeriesDelay
 from .._scene_files.robot import Robot
@@ -518,11 +518,11 @@ def _at_an_end(
     effects = zip(report.deviations_alone, report.limits, strict=True)
     for name, scale, (alone, limit) in zip(report.names, report.scales, effects, strict=True):
         if name in errors and isinstance(scale, Log) and alone > limit:
-            value = fit.estimates[name]
-            half, rising = WIDTH * errors[name], value > starts[name]
-            low, high = scale.interval(scale.coordinate(value), half, rising)
-            if not rising or math.isinf(high):
-                ends[name] = low, high
+            value, half = fit.estimates[name], WIDTH * errors[name]
+            if value < starts[name]:
+                ends[name] = 0.0, value * (1.0 + half)
+            elif errors[name] > GONE:
+                ends[name] = value / (1.0 + half), math.inf
     return ends
 
 
