@@ -53,9 +53,7 @@ class AbsoluteCoordinates(AbstractCoordinates):
     @override
     def decode(self, scene: Scene, variables: Bodies) -> Bodies:
         motions = self.motions(scene, variables)
-        return {
-            name: replace(body, position=motions[name].position) for name, body in variables.items()
-        }
+        return {n: replace(body, position=motions[n].position) for n, body in variables.items()}
 
     @override
     def motions(self, scene: Scene, variables: Bodies) -> Motions:
@@ -69,10 +67,8 @@ class AbsoluteCoordinates(AbstractCoordinates):
 
     @override
     def without_drift(self, scene: Scene, variables: Bodies) -> Bodies:
-        return {
-            name: replace(body, orientation=kept_unit(body.orientation))
-            for name, body in variables.items()
-        }
+        bodies = variables.items()
+        return {n: replace(body, orientation=kept_unit(body.orientation)) for n, body in bodies}
 
     @override
     def with_speeds(self, scene: Scene, variables: Bodies, others: Bodies) -> Bodies:

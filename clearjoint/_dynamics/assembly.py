@@ -20,15 +20,15 @@ from .._fields.checks import (
 )
 from .._fields.objects import on_device, with_arrays
 from .._math.rotations import rotation_matrix
-from .._math.vectors import ZERO, EulerParameters, Scalar, pack, unpack
-from .._model.bodies import GROUND, BodyState, State, body_state
+from .._math.vectors import EulerParameters, Scalar, pack, unpack
+from .._model.bodies import GROUND, BodyState, State
 from .._model.joints.base import PARALLEL, AbstractConstraint
 from .._model.joints.ideal import AbstractOrientedJoint
 from .._model.scene import Scene
 from .._native import Native
 from .absolute_coordinates import AbsoluteCoordinates
 from .constraint_report import row_residuals
-from .coordinates import AbstractCoordinates, MotionVariables
+from .coordinates import AbstractCoordinates, MotionVariables, at_rest
 from .formulation import Formulation
 from .journals import (
     UNIQUE_REACTIONS,
@@ -180,7 +180,8 @@ def assemble(
     driven = _driven(scene, state, t)
     try:
         mechanism = _satisfying(all_ideal, state, t)
-        moved = _with_velocities(scene, _with_motion(state, mechanism), t)
+        bodies = AbsoluteCoordinates().with_speeds(scene, state.bodies, mechanism.bodies)
+        moved = _with_velocities(scene, replace(state, bodies=bodies), t)
     except ValueError as error:
         if moving:
             raise ValueError(
@@ -197,18 +198,10 @@ def assemble(
 
 def _driven(scene: Scene, state: State, t: Scalar) -> bool:
     """Return whether a constraint, such as a driver, moves bodies at time t."""
-    rest = body_state((0.0, 0.0, 0.0))
-    at_rest = _with_motion(state, State(dict.fromkeys(state.bodies, rest)))
-    rates = row_residuals(scene, at_rest, t).rates
+    still = np.zeros(3)
+    at_rest = {n: replace(body, velocity=still, spin=still) for n, body in state.bodies.items()}
+    rates = row_residuals(scene, State(at_rest), t).rates
     return bool(np.abs(rates).max(initial=0.0) > SATISFIED)
-
-
-def _with_motion(state: State, other: State) -> State:
-    bodies = {
-        name: replace(body, velocity=other.bodies[name].velocity, spin=other.bodies[name].spin)
-        for name, body in state.bodies.items()
-    }
-    return replace(state, bodies=bodies)
 
 
 def _caution_striking(scene: Scene, state: State, moved: State) -> None:
@@ -375,13 +368,8 @@ def round_trip(
     scene: Scene, state: State, coordinates: AbstractCoordinates
 ) -> tuple[MotionVariables, dict[str, np.ndarray]]:
     """Convert the poses of a state to variables, at rest, and these to Euler parameters, (4,)."""
-    scene, bodies = unpack(scene), unpack(state.bodies)
-    # No velocity is compared, and structural zeros take no operations.
-    resting = {
-        name: BodyState(body.position, body.orientation, ZERO, ZERO)
-        for name, body in bodies.items()
-    }
-    variables = coordinates.encode(scene, resting)
+    scene = unpack(scene)
+    variables = coordinates.encode(scene, at_rest(unpack(state.bodies)))
     decoded = coordinates.decode(scene, variables)
     return variables, {name: pack(body.orientation) for name, body in decoded.items()}
 

@@ -75,7 +75,6 @@ def updated_bristles(
                 # Slip is in global axes, deflections are in those of the joint's first body.
                 deflection = deflection + first.components(slip) * since
             # Bristles of an open contact spring back; the next contact starts with relaxed ones.
-            updated[name][label] = Vector(
-                *(jnp.where(end.depth > 0.0, part, 0.0) for part in deflection)
-            )
+            kept = (jnp.where(end.depth > 0.0, part, 0.0) for part in deflection)
+            updated[name][label] = Vector(*kept)
     return updated

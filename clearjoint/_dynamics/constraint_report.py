@@ -228,9 +228,7 @@ def _norm(row: Row) -> Scalar:
     satisfy must stay small, and count as dependent.
     """
     wrenches = [wrench for name, wrench in row.jacobian.items() if name != GROUND]
-    square = sum(
-        vector.dot(vector) for wrench in wrenches for vector in (wrench.force, wrench.moment)
-    )
+    square = sum(v.dot(v) for wrench in wrenches for v in (wrench.force, wrench.moment))
     return square_root(where(square > 0.0, square, 1.0))
 
 

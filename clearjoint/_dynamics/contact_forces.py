@@ -57,13 +57,16 @@ class LoadedContact:
     friction_moment: Scalar | None = None
 
 
+LoadedContacts: TypeAlias = ByLabel[LoadedContact]
+
+
 def contact_forces(
     scene: Scene,
     motions: Motions,
     entry_speeds: EntrySpeeds,
     closed: Closed | None = None,
     bristles: Bristles = NO_BRISTLES,
-) -> ByLabel[LoadedContact]:
+) -> LoadedContacts:
     """Return the forces of all contacts.
 
     `closed` says whether each contact has a force, whatever its depth (see `contact_force`); if
@@ -74,18 +77,11 @@ def contact_forces(
     kinds, joints = Kinds(scene), scene.contact_joints()
 
     def forces_of(name: str, joint: AbstractContactJoint) -> dict[str, LoadedContact]:
-        others = (
-            entry_speeds.get(name, {}),
-            None if closed is None else closed[name],
-            bristles.get(name, {}),
-        )
+        are_closed = None if closed is None else closed[name]
+        others = entry_speeds.get(name, {}), are_closed, bristles.get(name, {})
         return dict(kinds.evaluate(_forces_of_joint, joint, motions, *others))
 
-    pressed = {
-        name: joint
-        for name, joint in joints.items()
-        if isinstance(joint, JointFriction) and joint.pressed_by is not None
-    }
+    pressed = {n: j for n, j in joints.items() if isinstance(j, JointFriction) and j.pressed_by}
     forces = {n: forces_of(n, joint) for n, joint in joints.items() if n not in pressed}
     for name, joint in pressed.items():
         force = _pressing_force(scene, motions, forces, joint.pressed_by or "")
@@ -93,9 +89,7 @@ def contact_forces(
     return {name: forces[name] for name in joints}
 
 
-def _pressing_force(
-    scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], name: str
-) -> Scalar:
+def _pressing_force(scene: Scene, motions: Motions, forces: LoadedContacts, name: str) -> Scalar:
     """Return the force, N, or torque, N m, of an element that presses the surfaces of a joint.
 
     Without the damping, which may jump where flanks touch, the load is continuous.
@@ -269,9 +263,8 @@ def _continued(
     past = closed & (gap.depth + law.onset_offset() < 0.0)
     # The wall is at depth = -offset. The mirror image of a depth d about it is -d - 2 offset, and
     # the reflected force is 2 F(wall) - F(mirror image).
-    pushing = force(
-        replace(gap, depth=jnp.where(past, -gap.depth - 2.0 * law.onset_offset(), gap.depth))
-    )
+    depth = jnp.where(past, -gap.depth - 2.0 * law.onset_offset(), gap.depth)
+    pushing = force(replace(gap, depth=depth))
     at_wall = force(replace(gap, depth=depth_at_wall(law))) if law.force_jumps else 0.0
     return jnp.where(closed, jnp.where(past, 2.0 * at_wall - pushing, pushing), 0.0)
 

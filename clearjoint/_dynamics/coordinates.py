@@ -15,8 +15,8 @@ place of the changes.
 """
 
 import abc
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import equinox as eqx
@@ -24,7 +24,7 @@ import jax
 from jaxtyping import PyTree
 
 from .._math.rotations import rotation_matrix
-from .._math.vectors import Scalar, Vector
+from .._math.vectors import ZERO, Scalar, Vector
 from .._model.bodies import Anchor, BodyState, Motion, Wrench
 from .._model.joints.base import Motions, Row
 from .._model.scene import Scene
@@ -190,6 +190,11 @@ def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
         if anchor is not None and anchor[0] not in points:
             points[anchor[0]] = anchor[1:]
     return points
+
+
+def at_rest(bodies: Mapping[str, BodyState]) -> dict[str, BodyState]:
+    """Return the states of bodies with velocities of structural zeros, which take no operations."""
+    return {n: replace(body, velocity=ZERO, spin=ZERO) for n, body in bodies.items()}
 
 
 def free_motion(body: BodyState, anchor: tuple[Vector, Vector] | None) -> Motion:

@@ -6,11 +6,10 @@ Terms that a scene cannot have are absent from dictionaries and from the compile
 from functools import reduce
 
 from .._math.vectors import Scalar, add, is_zero
-from .._model.joints.base import ByLabel
 from .._model.joints.constraint_rows import row_rate
 from .._model.joints.ideal import AbstractDriveableJoint
 from .._model.scene import Scene
-from .contact_forces import Bristles, LoadedContact
+from .contact_forces import Bristles, LoadedContacts
 from .coordinates import Motions
 from .equations_of_motion import Dynamics
 
@@ -63,7 +62,7 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
 
 
 def bristle_energy(
-    scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], bristles: Bristles
+    scene: Scene, motions: Motions, forces: LoadedContacts, bristles: Bristles
 ) -> Scalar | None:
     """Return the energy in the bristles of all contacts, J; ``None`` without bristle laws.
 

@@ -19,7 +19,7 @@ from .._model.joints.base import (
     Row,
 )
 from .._model.scene import Scene
-from .contact_forces import LoadedContact, contact_wrenches
+from .contact_forces import LoadedContact, LoadedContacts, contact_wrenches
 from .coordinates import (
     AbstractCoordinates,
     AbstractMechanics,
@@ -46,7 +46,7 @@ class Dynamics:
     """
 
     mechanics: AbstractMechanics
-    contact_forces: ByLabel[LoadedContact]
+    contact_forces: LoadedContacts
     rows: ByLabel[Row]
     rates: Speeds
     multipliers: ByLabel[Scalar]
@@ -65,9 +65,7 @@ class Dynamics:
         return self.mechanics.variable_rates(self.rates)
 
 
-def applied_wrenches(
-    scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], t: Scalar
-) -> Wrenches:
+def applied_wrenches(scene: Scene, motions: Motions, forces: LoadedContacts, t: Scalar) -> Wrenches:
     """Return the wrench that force elements, films and contacts exert on each body: a force at the
     centre of mass, N in global axes, and a moment about it, N m in body axes.
 

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import partial, reduce
+from typing import TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +14,7 @@ from .._fields.cautions import LeftBearingWarning, UnusualValueWarning, caution,
 from .._fields.checks import caution_unless, require
 from .._fields.objects import on_device
 from .._math.smoothing import value_and_slope
-from .._math.vectors import ZERO, Condition, Scalar, pack, subtract, unpack
+from .._math.vectors import Condition, Scalar, pack, subtract, unpack
 from .._model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, BodyState, State
 from .._model.contact.laws import whole_law
 from .._model.joints.base import (
@@ -30,7 +31,7 @@ from .._native import Native
 from .absolute_coordinates import AbsoluteCoordinates
 from .contact_events import approaches_unknown, contact_gaps
 from .contact_forces import EntrySpeeds, LoadedContact
-from .coordinates import free_motion
+from .coordinates import at_rest, free_motion
 from .equations_of_motion import constraint_wrenches
 from .formulation import Formulation, Unstabilised
 from .system import System
@@ -52,6 +53,10 @@ HOLD_IT = "Give the joint axial=EndPlay(...) or FixedAxially(), or hold the bodi
 UNIQUE_REACTIONS = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)
 """Formulation in which each ideal joint has a reaction, which is unique although constraints may be
 redundant. Stabilisation would add forces that correct small errors of the position."""
+
+
+IdealJoints: TypeAlias = Mapping[str, AbstractConstraint]
+"""Ideal joints that replace joints of a scene, by their names."""
 
 
 def depths(scene: Scene, state: State) -> ByLabel[float]:
@@ -77,11 +82,7 @@ def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractCon
 
 
 def resting_joints(
-    scene: Scene,
-    ideal: Mapping[str, AbstractConstraint],
-    names: Collection[str],
-    state: State,
-    t: Scalar,
+    scene: Scene, ideal: IdealJoints, names: Collection[str], state: State, t: Scalar
 ) -> dict[str, AbstractConstraint]:
     """Return ideal joints that hold the journals of the named clearance joints at the wall, on the
     side to which their load presses them while the bodies are at rest, at the penetration that
@@ -150,7 +151,7 @@ def overdamped_contacts(scene: Scene, state: State, t: Scalar) -> list[str]:
     return sentences
 
 
-def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
+def with_ideal(scene: Scene, ideal: IdealJoints) -> Scene:
     """Return the scene with joints replaced by the joints of the same names in `ideal`.
 
     A `JointFriction` that is `pressed_by` a replaced joint keeps only its constant load, because
@@ -165,9 +166,7 @@ def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
         return replace(scene, joints=joints)
 
 
-def require_in_bearings(
-    scene: Scene, by_joint: ByLabel[Scalar], approaches: ByLabel[Scalar]
-) -> None:
+def require_in_bearings(scene: Scene, by_joint: ByLabel[Scalar], rates: ByLabel[Scalar]) -> None:
     """Check the penetrations and approaches of an initial state, by `starting_contacts`.
 
     **Raises:** `ValueError` if a contact is deeper than its limit in the joint's `deepest`.
@@ -176,7 +175,7 @@ def require_in_bearings(
     and for a contact that has begun before, approaches faster than `FAST_APPROACH`, and has no
     entry speed.
     """
-    for name, family in approaches.items():
+    for name, family in rates.items():
         label = max(family, key=lambda label: float(family[label]))
         rate, argument = float(family[label]), f"state.entry_speeds[{name!r}][{label!r}]"
         if rate > FAST_APPROACH:
@@ -259,9 +258,7 @@ def _excesses(
 ) -> dict[str, Scalar]:
     # Motions are computed for joints only whose class has a journal that may slide out.
     inherited = AbstractContactJoint.slid_out
-    joints = {
-        name: joint for name, joint in joints.items() if type(joint).slid_out is not inherited
-    }
+    joints = {n: joint for n, joint in joints.items() if type(joint).slid_out is not inherited}
     names = {name for joint in joints.values() for name in joint.body_names()}
     free = {name: free_motion(body, None) for name, body in bodies.items() if name in names}
     motions = {GROUND: GROUND_MOTION, **free}
@@ -346,11 +343,7 @@ def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, j
     the force, N, that the last of the joint's bodies exerts on the first, in the axes of the first.
     """
     system = System(unpack(scene), UNIQUE_REACTIONS)
-    resting = {
-        name: BodyState(body.position, body.orientation, ZERO, ZERO)
-        for name, body in unpack(bodies).items()
-    }
-    mechanics = system.mechanics(system.encode(resting))
+    mechanics = system.mechanics(system.encode(at_rest(unpack(bodies))))
     dynamics = system.dynamics_under(mechanics, {}, t)
     loads = {}
     for name in dynamics.rows:

@@ -40,17 +40,17 @@ class ConstraintEquations:
         weights: Sequence[Scalar] | None = None,
         compliances: Sequence[Scalar] = (),
     ):
-        self._rows, self._speeds, self._weights = len(directions), len(directions[0]), weights
+        self._rows, self._speeds = len(directions), len(directions[0])
+        # A multiplication by one takes no operation.
+        self._weights = [1.0] * self._rows if weights is None else weights
         self._directions, self._compliances = directions, compliances
         # A zero row would make the matrix singular: only the others are active.
         self._active = [k for k, row in enumerate(directions) if not all(map(is_zero, row))]
         # A solver for singular matrices replaces entries that are rounding errors by zeros.
         rows = [solver.significant(directions[k]) for k in self._active]
-        if weights is not None:
-            rows = [
-                [multiply(weights[k], a) for a in row]
-                for k, row in zip(self._active, rows, strict=True)
-            ]
+        active_weights = [self._weights[k] for k in self._active]
+        pairs = zip(active_weights, rows, strict=True)
+        rows = [[multiply(weight, part) for part in row] for weight, row in pairs]
         # The rows of D M^-1.
         self._solved_rows = [mechanics.solved(row) for row in rows]
         # Compliances are added to the diagonal of D M^-1 D^T: both factors get a further column for
@@ -58,10 +58,8 @@ class ConstraintEquations:
         first_elastic = self._rows - len(compliances)
         further_columns = [
             [
-                multiply(1.0 if weights is None else weights[k], square_root(compliance))
-                if k == first_elastic + j
-                else 0.0
-                for j, compliance in enumerate(compliances)
+                multiply(self._weights[k], square_root(own)) if k == first_elastic + j else 0.0
+                for j, own in enumerate(compliances)
             ]
             for k in self._active
         ]
@@ -94,19 +92,14 @@ class ConstraintEquations:
     def response(self, targets: Sequence[Scalar]) -> tuple[Speeds, list[Scalar]]:
         """Return the smallest change of rates, speeds or positions in the metric of M that changes
         each row by its target, M^-1 D^T lambda, and the multipliers of the rows."""
-        weights = self._weights
-        aims = [
-            targets[k] if weights is None else multiply(weights[k], targets[k])
-            for k in self._active
-        ]
-        nonzero = self._solve(aims)
+        nonzero = self._solve([multiply(self._weights[k], targets[k]) for k in self._active])
         change: Speeds = [0.0] * self._speeds
         for part, multiplier in zip(self._solved_rows, nonzero, strict=True):
             change = [add(a, multiply(b, multiplier)) for a, b in zip(change, part, strict=True)]
         multipliers: list[Scalar] = [0.0] * self._rows
         # A weighted row has the multiplier of the row itself divided by the weight.
         for k, multiplier in zip(self._active, nonzero, strict=True):
-            multipliers[k] = multiplier if weights is None else multiply(weights[k], multiplier)
+            multipliers[k] = multiply(self._weights[k], multiplier)
         return change, multipliers
 
 

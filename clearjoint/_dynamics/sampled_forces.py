@@ -79,9 +79,8 @@ def initial_memories(
         for key in own:
             expected, advice = f"one of {sorted(memory)}", nearest(key, memory, remedy)
             require(key in memory, f"state.memory[{name!r}]", key, expected, advice)
-        memories[name] = {
-            key: jnp.asarray(own.get(key, value), dtype=float) for key, value in memory.items()
-        }
+        numbers = {**memory, **own}
+        memories[name] = {key: jnp.asarray(numbers[key], dtype=float) for key in memory}
     return memories
 
 

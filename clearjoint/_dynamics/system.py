@@ -23,7 +23,7 @@ from .contact_forces import (
     Bristles,
     Closed,
     EntrySpeeds,
-    LoadedContact,
+    LoadedContacts,
     contact_forces,
 )
 from .coordinates import AbstractMechanics, MotionVariables
@@ -146,7 +146,7 @@ class System(eqx.Module):
         return self.dynamics_under(mechanics, forces, t)
 
     def dynamics_under(
-        self, mechanics: AbstractMechanics, forces: ByLabel[LoadedContact], t: Scalar
+        self, mechanics: AbstractMechanics, forces: LoadedContacts, t: Scalar
     ) -> Dynamics:
         """Solve the equations of motion with given contact forces."""
         wrenches = applied_wrenches(self.scene, mechanics.motions, forces, self.clock(t))
@@ -213,7 +213,7 @@ class System(eqx.Module):
         variables: MotionVariables,
         entry_speeds: EntrySpeeds,
         bristles: Bristles = NO_BRISTLES,
-    ) -> ByLabel[LoadedContact]:
+    ) -> LoadedContacts:
         """Return geometry and forces of each contact. **Raises:** as in `dynamics`."""
         return contact_forces(self.scene, self.motions(variables), entry_speeds, bristles=bristles)
 

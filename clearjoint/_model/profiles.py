@@ -302,14 +302,14 @@ class JournalInBearing(NamedTuple):
         # The derivative of one step is that of the maximum (implicit function theorem).
         angle = angle + self._newton_step(angle)
         cosine, sine = jnp.cos(angle), jnp.sin(angle)
-        part, _, _ = self._deviation_of_journal(cosine, sine)
+        part, _, _ = self._journal_deviation(cosine, sine)
         return Approach(cosine, sine, self.overlap(angle) - clearance, part)
 
     def overlap(self, angle: NumberOrArray) -> Scalar:
         """Return the penetration at an angle, rad, if the clearance were zero, m."""
         numpy = library((angle,))
         cosine, sine = numpy.cos(angle), numpy.sin(angle)
-        part, _, _ = self._deviation_of_journal(cosine, sine)
+        part, _, _ = self._journal_deviation(cosine, sine)
         return self.x * cosine + self.y * sine - self._wall(angle).value + part.value
 
     def _newton_step(self, angle: Scalar) -> Scalar:
@@ -317,7 +317,7 @@ class JournalInBearing(NamedTuple):
         # First and second derivative of the penetration by the angle. Those of the journal's
         # deviation contain the rate of the angle about the journal's own axis, which may be tilted.
         x, y, cosine, sine = self.x, self.y, jnp.cos(angle), jnp.sin(angle)
-        wall, (part, rate, change) = self._wall(angle), self._deviation_of_journal(cosine, sine)
+        wall, (part, rate, change) = self._wall(angle), self._journal_deviation(cosine, sine)
         slope = y * cosine - x * sine - wall.slope + part.slope * rate
         bend = part.bend * rate * rate + part.slope * change - wall.bend - x * cosine - y * sine
         # The inner `where` avoids a division by zero, whose derivative would be NaN even if unused.
@@ -326,9 +326,7 @@ class JournalInBearing(NamedTuple):
     def _wall(self, angle: NumberOrArray) -> Deviation:
         return _ROUND if self.bearing is None else self.bearing.at(angle)
 
-    def _deviation_of_journal(
-        self, cosine: Scalar, sine: Scalar
-    ) -> tuple[Deviation, Scalar, Scalar]:
+    def _journal_deviation(self, cosine: Scalar, sine: Scalar) -> tuple[Deviation, Scalar, Scalar]:
         """Return the journal's deviation in a direction, and the first and second derivatives of
         the direction's angle about the journal's axis by that about the bearing's."""
         if self.journal is None:

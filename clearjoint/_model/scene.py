@@ -162,11 +162,8 @@ class Scene(AbstractReadable):
 
     def contact_joints(self) -> dict[str, AbstractContactJoint]:
         """Return the joints that have contacts, by name."""
-        return {
-            name: joint
-            for name, joint in self.joints.items()
-            if isinstance(joint, AbstractContactJoint)
-        }
+        joints = self.joints.items()
+        return {name: j for name, j in joints if isinstance(j, AbstractContactJoint)}
 
     def bristle_laws(self) -> dict[str, dict[str, AbstractBristleFriction]]:
         """Return the bristle laws of the joints that have such laws, ``laws[joint][contact]``."""

@@ -486,7 +486,5 @@ class JointAngularAcceleration(AbstractJointAngle):
 
 def elements_with_angle(scene: Scene) -> dict[str, HasRelativeAngle]:
     """Return the scene's joints and forces with a method `relative_angle`."""
-    elements = {**scene.joints, **scene.forces}
-    return {
-        name: element for name, element in elements.items() if isinstance(element, HasRelativeAngle)
-    }
+    elements = {**scene.joints, **scene.forces}.items()
+    return {name: part for name, part in elements if isinstance(part, HasRelativeAngle)}

@@ -140,15 +140,9 @@ class JointMechanics(AbstractMechanics):
     def free_rates(self, wrenches: Wrenches) -> Speeds:
         loads = {}
         for k, branch in enumerate(self._branches):
-            loads[k] = self._evaluate[k](
-                _effective_load,
-                wrenches.get(branch.body, NO_WRENCH),
-                self._links[k],
-                self._axes[k],
-                self._central[k],
-                self._bodies[branch.body].mass,
-                self._weights[k],
-            )
+            wrench, mass = wrenches.get(branch.body, NO_WRENCH), self._bodies[branch.body].mass
+            place = self._links[k], self._axes[k], self._central[k]
+            loads[k] = self._evaluate[k](_effective_load, wrench, *place, mass, self._weights[k])
         return self._rates(loads, self._by_link([0.0] * self._firsts[-1]))
 
     @override
@@ -183,11 +177,9 @@ class JointMechanics(AbstractMechanics):
         for k, (link, part) in enumerate(zip(self._links, self._by_link(rates), strict=True)):
             parent = self._parents[k]
             carrier = REST if parent is None else twists[parent]
-            twist, relative = self._evaluate[k](
-                accelerated, link.columns, part, link.offset, carrier
-            )
-            twists.append(twist)
-            yield twist, relative
+            both = self._evaluate[k](accelerated, link.columns, part, link.offset, carrier)
+            twists.append(both[0])
+            yield both
 
     @override
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
@@ -200,32 +192,23 @@ class JointMechanics(AbstractMechanics):
 
     @override
     def variable_rates(self, rates: Speeds) -> TreeVariables:
-        return {
-            branch.body: branch.rates(state, part, axes, self._gravity)
-            for branch, state, part, axes in self._per_branch(rates)
-        }
+        return {b.body: b.rates(*own, self._gravity) for b, own in self._per_branch(rates)}
 
     @override
     def after_displacement(self, changes: Speeds) -> TreeVariables:
-        return {
-            branch.body: branch.after_displacement(state, part, axes)
-            for branch, state, part, axes in self._per_branch(changes)
-        }
+        return {b.body: b.after_displacement(*own) for b, own in self._per_branch(changes)}
 
     @override
     def after_speed_change(self, changes: Speeds) -> TreeVariables:
-        return {
-            branch.body: branch.after_speed_change(state, part, axes)
-            for branch, state, part, axes in self._per_branch(changes)
-        }
+        return {b.body: b.after_speed_change(*own) for b, own in self._per_branch(changes)}
 
     def _per_branch(
         self, rates: Speeds
-    ) -> Iterator[tuple[TreeBranch, MotionVariables, Speeds, Matrix]]:
-        """Yield each branch with its variables, its rates u', and the axes of its tree."""
+    ) -> Iterator[tuple[TreeBranch, tuple[MotionVariables, Speeds, Matrix]]]:
+        """Yield each branch, with its variables, its rates u', and the axes of its tree."""
         links = zip(self._branches, self._per_link(rates), self._axes, strict=True)
         for branch, (_, part), axes in links:
-            yield branch, self._variables[branch.body], part, axes
+            yield branch, (self._variables[branch.body], part, axes)
 
 
 def _link(

@@ -133,9 +133,8 @@ def inertia(mass: Scalar, arm: Vector, central: Matrix) -> Inertia:
         Vector(h.z, 0.0, subtract(0.0, h.x)),
         Vector(subtract(0.0, h.y), h.x, 0.0),
     )
-    return Inertia(
-        Matrix(*(row * mass for row in IDENTITY.rows)), coupling, central + _symmetric(shift)
-    )
+    masses = Matrix(*(row * mass for row in IDENTITY.rows))
+    return Inertia(masses, coupling, central + _symmetric(shift))
 
 
 def _symmetric(entry: Callable[[int, int], Scalar]) -> Matrix:
@@ -235,14 +234,6 @@ class LoadedJoint:
     factors: Factorisation
     rests: tuple[Twist, ...]
     gains: tuple[Twist, ...]
-
-    @staticmethod
-    def of_root(
-        columns: tuple[Twist, ...], carried: Inertia, armature: Scalar | None
-    ) -> "LoadedJoint":
-        """Return the joint between the root of a tree and the ground, which does not accelerate."""
-        _, block, _ = momenta(columns, carried, armature)
-        return LoadedJoint(columns, ZERO, Factorisation(block), rests=(), gains=())
 
     @staticmethod
     def under(
@@ -414,17 +405,15 @@ class ArticulatedBodies(AbstractTreeSolver):
         for k in reversed(range(len(self._links))):
             link, parent = self._links[k], self._parents[k]
             if parent is None:
-                self._joints.append(LoadedJoint.of_root(link.columns, carried[k], link.armature))
+                # The ground does not accelerate.
+                _, block, _ = momenta(link.columns, carried[k], link.armature)
+                joint = LoadedJoint(link.columns, ZERO, Factorisation(block), rests=(), gains=())
             else:
+                pair = carried[k], carried[parent]
                 joint, carried[parent] = self._evaluate(
-                    LoadedJoint.under,
-                    link.columns,
-                    link.offset,
-                    carried[k],
-                    carried[parent],
-                    link.armature,
+                    LoadedJoint.under, link.columns, link.offset, *pair, link.armature
                 )
-                self._joints.append(joint)
+            self._joints.append(joint)
         self._joints.reverse()
 
     @override

@@ -139,26 +139,15 @@ class FreeBranch:
     def link(self, parent: Link | None, state: BodyState, one_point: bool) -> Link:
         """Return the body as the root link of its tree, about its centre of mass."""
         axes = UNIT_X, UNIT_Y, UNIT_Z
-        columns = [Twist(ZERO, axis) for axis in axes] + [Twist(axis, ZERO) for axis in axes]
+        columns = *(Twist(ZERO, axis) for axis in axes), *(Twist(axis, ZERO) for axis in axes)
         gradient = _gradient(state.spin, ZERO)
-        return Link(
-            rotation=IDENTITY,
-            offset=ZERO,
-            arm=ZERO,
-            spin=state.spin,
-            angular_bias=ZERO,
-            bias=ZERO,
-            gradient=gradient,
-            columns=tuple(columns),
-        )
+        return replace(GROUND_LINK, spin=state.spin, gradient=gradient, columns=columns)
 
-    def rates(
-        self, state: BodyState, speed_rates: Speeds, axes: Matrix, gravity: Vector
-    ) -> BodyState:
+    def rates(self, state: BodyState, rates: Speeds, axes: Matrix, gravity: Vector) -> BodyState:
         shift = self._shift(axes, state.velocity, state.spin)
         orientation = euler_parameter_rates(state.orientation, state.spin)
-        acceleration = axes @ Vector(*speed_rates[:3]) + gravity
-        return BodyState(shift, orientation, acceleration, Vector(*speed_rates[3:]))
+        acceleration = axes @ Vector(*rates[:3]) + gravity
+        return BodyState(shift, orientation, acceleration, Vector(*rates[3:]))
 
     def _shift(self, axes: Matrix, velocity: Vector, spin: Vector) -> Vector:
         """Return the velocity of the point that the position variable describes, or its
@@ -259,9 +248,8 @@ class JointedBranch:
         twist, joint_bias = subspace.twist(state), subspace.bias(state)
         angular, linear = rotation @ twist.angular, rotation @ twist.linear
         spin = parent.spin + angular
-        angular_bias = (
-            parent.angular_bias + parent.spin.cross(angular) + rotation @ joint_bias.angular
-        )
+        turning = parent.spin.cross(angular)
+        angular_bias = parent.angular_bias + turning + rotation @ joint_bias.angular
         gradient = _gradient(spin, angular_bias)
         # From the joint's point on the parent, via the joint's point on the body, to the body's
         # centre of mass. The displacement has its components, and their rates `linear`, in the axes
@@ -283,10 +271,8 @@ class JointedBranch:
             rotation, offset, arm, spin, angular_bias, bias, gradient, tuple(columns), self.armature
         )
 
-    def rates(
-        self, state: JointState, speed_rates: Speeds, axes: Matrix, gravity: Vector
-    ) -> JointState:
-        return JointState(self.motion_subspace.rates(state), tuple(speed_rates))
+    def rates(self, state: JointState, rates: Speeds, axes: Matrix, gravity: Vector) -> JointState:
+        return JointState(self.motion_subspace.rates(state), tuple(rates))
 
     def after_displacement(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
         position = self.motion_subspace.after_displacement(state.position, tuple(changes))

@@ -4,7 +4,6 @@ import math
 from dataclasses import replace
 from typing import Annotated
 
-import equinox as eqx
 from typing_extensions import override
 
 from ..._fields.checks import as_number, require, require_axis, require_numbers, require_positive
@@ -69,8 +68,6 @@ class Backlash(AbstractPair, AbstractFlankJoint):
     ['lower flank', 'upper flank']
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
     axis_first: Triple = quantity("1", check=require_axis)
     axis_second: Triple = quantity("1", check=require_axis)
     play: Single = quantity(

@@ -124,16 +124,13 @@ class PinInSlot(AbstractFrictionJoint):
         return None if offset is None else self._ideal(self.slot_point + offset)
 
     def _ideal(self, point: Triple) -> AbstractConstraint:
-        return PointInPlaneJoint(
-            self.slot_body, self.pin_body, point, self.pin_point, self.slot_normal
-        )
+        return PointInPlaneJoint(*self.pair(), point, self.pin_point, self.slot_normal)
 
     @override
     def draw(self, pen: AbstractPen) -> None:
         slot = Marker(self.slot_body, self.slot_point, self.slot_axis)
         pin = Marker(self.pin_body, self.pin_point)
-        room = 2.0 * self.pin_radius + self.play
-        pen.walls(slot, pin, self.slot_normal, distance=room)
+        pen.walls(slot, pin, self.slot_normal, distance=2.0 * self.pin_radius + self.play)
         pen.roller(pin, radius=self.pin_radius)
 
 
@@ -241,14 +238,8 @@ class SliderInGuide(AbstractFrictionJoint):
         return None if offset is None else self._ideal(self.guide_point + offset)
 
     def _ideal(self, point: Triple) -> AbstractConstraint:
-        return LineInPlaneJoint(
-            self.guide_body,
-            self.slider_body,
-            point_first=point,
-            point_second=self.slider_point,
-            normal=self.guide_normal,
-            axis=self.slider_axis,
-        )
+        points = point, self.slider_point
+        return LineInPlaneJoint(*self.pair(), *points, self.guide_normal, self.slider_axis)
 
     @override
     def draw(self, pen: AbstractPen) -> None:

@@ -422,13 +422,9 @@ class ClearanceJoint(AbstractCentredJoint):
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         x_axis, y_axis = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
         eccentricity = base.centre + base.arm
-        near = JournalInBearing(
-            eccentricity.dot(x_axis),
-            eccentricity.dot(y_axis),
-            self.bearing_profile,
-            self.journal_profile,
-            self.planar_axes(bearing, journal),
-        ).closest_approach(self.clearance)
+        x, y = eccentricity.dot(x_axis), eccentricity.dot(y_axis)
+        parts = self.bearing_profile, self.journal_profile, self.planar_axes(bearing, journal)
+        near = JournalInBearing(x, y, *parts).closest_approach(self.clearance)
         normal = x_axis * near.cosine + y_axis * near.sine
         # The force acts on both bodies at one point, midway between the surfaces. A profile is
         # given by its support function, the distance from the centre to the tangent that is
@@ -588,14 +584,8 @@ class ClearanceJoint(AbstractCentredJoint):
     def _ideal(self, centre: Triple) -> AbstractConstraint:
         """Return the ideal joint with the journal's centre at `centre`, m in the bearing's body."""
         kind = CylindricalJoint if self._is_free() else RevoluteJoint
-        return kind(
-            self.bearing_body,
-            self.journal_body,
-            point_first=centre,
-            point_second=self.journal_point,
-            axis_first=self.bearing_axis,
-            axis_second=self.journal_axis,
-        )
+        axes = self.bearing_axis, self.journal_axis
+        return kind(*self.pair(), centre, self.journal_point, *axes)
 
     def _half(self) -> Vector:
         """Return the vector from the journal's centre to base W, m, in the journal's body axes."""

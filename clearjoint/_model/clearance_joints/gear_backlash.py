@@ -2,7 +2,9 @@
 
 import math
 import operator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 from typing_extensions import override
 
@@ -57,39 +59,9 @@ class LineOfCentres:
         return polar_angle(line.dot(quarter), line.dot(start))
 
 
-@dataclass(frozen=True)
-class MeshCycle:
-    """What varies over the mesh cycle, at one instant.
-
-    - `arms`: the second gear's centre, m from each body's centre of mass in its axes.
-    - `gradient`: global vector, rad/m, whose product with the velocity there of the second gear
-      relative to the first is `rate`, the rate of the mesh angle, rad/s.
-    - `error_slope`: derivative of the transmission error, m/rad; ``None`` without one.
-    - `factor`: of the law's force, and its derivative, 1/rad; ``None`` if it does not vary.
-    """
-
-    arms: tuple[Vector, Vector]
-    gradient: Vector
-    rate: Scalar
-    error_slope: Scalar | None
-    factor: tuple[Scalar, Scalar] | None
-
-    def varied(self, gap: Gap, side: float, law: AbstractContactLaw) -> tuple[Gap, SideForce]:
-        """Return the gap of a flank with the parts due to the mesh cycle, and its `SideForce`.
-
-        **Arguments:** `gap`: its depth includes the transmission error, its rate does not; `side`:
-        of the flank, as in `FLANKS`; `law`: that of the mesh, without the factor.
-        """
-        slope = elastic = ZERO
-        if self.error_slope is not None:
-            by_angle = -side * self.error_slope
-            gap = replace(gap, rate=gap.rate + by_angle * self.rate)
-            slope = self.gradient * by_angle
-        if self.factor is not None:
-            factor, factor_slope = self.factor
-            elastic = self.gradient * (-factor_slope * law.stored_energy(gap))
-            gap = replace(gap, factor=Slope(factor, factor_slope * self.rate))
-        return gap, SideForce(*self.arms, slope, elastic)
+AtFlank: TypeAlias = Callable[[Gap, float], tuple[Gap, SideForce | None]]
+"""Function of the gap of a flank, with the transmission error in its depth but not in its rate, and
+of the flank's sign in `FLANKS`. It returns the gap that the law needs, and the `SideForce`."""
 
 
 def _require_teeth(argument: str, value: ArrayLike) -> None:
@@ -284,7 +256,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         nominal = sine(self.pressure_angle), cosine(self.pressure_angle)
         change = involute(radial, tangential) - involute(*nominal)
         opening = radii * change + 0.5 * self.backlash * nominal[1]
-        cycle = self._mesh_cycle(line, first, second)
+        varied = self._mesh_cycle(line, first, second)
         contacts = {}
         for label, side in FLANKS.items():
             # `push` is a unit vector along the line of action, which has the angle alpha' from the
@@ -295,9 +267,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
             normal = push * -sense
             # An infinite penetration is beyond every limit, so that a run refuses such gears.
             depth = where(meshes, side * displacement - opening, math.inf)
-            gap, side_force = Gap(depth, sliding.dot(normal)), None
-            if cycle is not None:
-                gap, side_force = cycle.varied(gap, side, self.law)
+            gap, side_force = varied(Gap(depth, sliding.dot(normal)), side)
             # The mesh has no friction, so that its slip is ``None``.
             contacts[label] = Contact(gap, normal, at_first, at_second, None, side=side_force)
         return contacts
@@ -307,22 +277,34 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         law = self.law if self.stiffness is None else VaryingLaw(self.law)
         return dict.fromkeys(self.contact_labels(), law)
 
-    def _mesh_cycle(self, line: LineOfCentres, first: Motion, second: Motion) -> "MeshCycle | None":
-        """Return the state of the mesh cycle; ``None`` if nothing varies with it."""
-        if self.stiffness is None and self.transmission_error is None:
-            return None
+    def _mesh_cycle(self, line: LineOfCentres, first: Motion, second: Motion) -> AtFlank:
+        """Return the function that adds what varies over the mesh cycle to the gap of a flank."""
+        error, stiffness = self.transmission_error, self.stiffness
+        if error is None and stiffness is None:
+            return lambda gap, side: (gap, None)
         angle = self._mesh_angle(line, first)
-        # The mesh angle changes as the second centre moves across the line in the first gear.
+        # The mesh angle changes as the second centre moves across the line in the first gear: its
+        # rate, rad/s, is the product of `gradient`, rad/m, with the velocity of this centre.
         to_second = line.along * line.distance + line.axis * line.height
         arms = self.point_first + first.components(to_second), self.point_second
         gradient = line.across * (-self.teeth_first / line.distance)
         relative = second.velocity_at(arms[1]) - first.velocity_at(arms[0])
-        slope, factor = None, None
-        if self.transmission_error is not None:
-            slope = self.transmission_error.at(angle).slope
-        if self.stiffness is not None:
-            factor = self.stiffness.factor_and_slope(angle)
-        return MeshCycle(arms, gradient, gradient.dot(relative), slope, factor)
+        error_slope = None if error is None else error.at(angle).slope
+        factor = None if stiffness is None else stiffness.factor_and_slope(angle)
+        rate = gradient.dot(relative)
+
+        def varied(gap: Gap, side: float) -> tuple[Gap, SideForce]:
+            slope = elastic = ZERO
+            if error_slope is not None:
+                by_angle = -side * error_slope
+                gap = replace(gap, rate=gap.rate + by_angle * rate)
+                slope = gradient * by_angle
+            if factor is not None:
+                elastic = gradient * (-factor[1] * self.law.stored_energy(gap))
+                gap = replace(gap, factor=Slope(factor[0], factor[1] * rate))
+            return gap, SideForce(*arms, slope, elastic)
+
+        return varied
 
     @override
     def centred_rows(self, motions: Motions) -> dict[str, Row]:

@@ -230,9 +230,8 @@ class LubricatedJoint(AbstractContactJoint):
         # centre, where the excess is zero.
         excess = ramp(ratio - self.largest_ratio, near)
         offset = offset * (1.0 - excess / jnp.maximum(ratio, 0.5 * self.largest_ratio))
-        return FilmGap(
-            axis, offset, rate, spin, dry.bearing_radius, dry.clearance, dry.journal_length
-        )
+        sizes = dry.bearing_radius, dry.clearance, dry.journal_length
+        return FilmGap(axis, offset, rate, spin, *sizes)
 
 
 TOLERANCE = 1e-12

@@ -2,7 +2,6 @@
 
 from dataclasses import KW_ONLY
 
-import equinox as eqx
 import numpy as np
 from typing_extensions import override
 
@@ -56,8 +55,6 @@ class Stop(AbstractPair, AbstractFrictionJoint):
     (['point'], ['point', 'end point'])
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
     _: KW_ONLY
     normal: Triple = quantity("1", check=require_axis)
     law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
@@ -122,12 +119,11 @@ class Stop(AbstractPair, AbstractFrictionJoint):
     def _ideal(self, depth: Scalar) -> AbstractConstraint:
         outward = np.asarray(self.normal) / np.linalg.norm(self.normal)
         height = (0.0 if self.radius is None else self.radius) - depth
-        bodies = self.first, self.second
         points = self.point + height * outward, self.point_second
         if self.end_point_second is None:
-            return PointInPlaneJoint(*bodies, *points, self.normal)
+            return PointInPlaneJoint(*self.pair(), *points, self.normal)
         along = np.asarray(self.end_point_second) - np.asarray(self.point_second)
-        return LineInPlaneJoint(*bodies, *points, self.normal, along)
+        return LineInPlaneJoint(*self.pair(), *points, self.normal, along)
 
     @override
     def draw(self, pen: AbstractPen) -> None:
@@ -163,8 +159,6 @@ class BallOnBall(AbstractPair, AbstractFrictionJoint):
     0.012 m
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
     _: KW_ONLY
     radius_first: Single = quantity("m", positive=True)
     radius_second: Single = quantity("m", positive=True)
@@ -215,9 +209,7 @@ class BallOnBall(AbstractPair, AbstractFrictionJoint):
     @override
     def centred_joint(self) -> AbstractConstraint:
         distance = self.radius_first + self.radius_second
-        return DistanceJoint(
-            self.first, self.second, self.point_first, self.point_second, length=distance
-        )
+        return DistanceJoint(*self.pair(), self.point_first, self.point_second, length=distance)
 
     @override
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:

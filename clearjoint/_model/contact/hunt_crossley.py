@@ -63,11 +63,9 @@ def _solve_restitution(damping_factor: jax.Array) -> jax.Array:
     loss = chi - jnp.log1p(chi)
     start = loss + jnp.sqrt(2.0 * loss)
     # It converges in a few steps for every damping factor.
-    root = optimistix.root_find(
-        _residual, _NEWTON, start, args=loss, max_steps=32, throw=False
-    ).value
+    solution = optimistix.root_find(_residual, _NEWTON, start, args=loss, max_steps=32, throw=False)
     series = 1.0 - 2.0 * damping_factor / 3.0
-    return jnp.where(small, series, -jnp.expm1(-root) / chi)
+    return jnp.where(small, series, -jnp.expm1(-solution.value) / chi)
 
 
 def _residual(y: Scalar, loss: Scalar) -> Scalar:

@@ -229,8 +229,7 @@ class AbstractMaterialPair(AbstractConverting):
 
     def compliance(self) -> Scalar:
         """Return 1/E*, 1/Pa: the sum of (1 - nu^2)/E of both materials."""
-        modulus = self.journal_young_modulus
-        ratio = self.journal_poisson_ratio
+        modulus, ratio = self.journal_young_modulus, self.journal_poisson_ratio
         modulus = self.young_modulus if modulus is None else modulus
         ratio = self.poisson_ratio if ratio is None else ratio
         return (1 - self.poisson_ratio**2) / self.young_modulus + (1 - ratio**2) / modulus

@@ -67,8 +67,6 @@ class AbstractDriveAboutAxis(AbstractDrive):
     """Base class of drives whose first fields are the names of the bodies and the axis. Subclasses
     declare `orientation` last, because it has a default."""
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
     axis: Triple = quantity("1")
 
 

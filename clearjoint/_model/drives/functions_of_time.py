@@ -287,16 +287,14 @@ ALTERNATIVES = "a table (PiecewiseConstant, PiecewiseLinear or Spline), or a fun
 def single_in_time(unit: str, **options: PyTree) -> PyTree:
     """Declare a field that holds a number or a function of time; `options` are those of
     `quantity`."""
-    return quantity(
-        unit, converter=as_single_in_time, check=partial(_require_single, unit), **options
-    )
+    check = partial(_require_single, unit)
+    return quantity(unit, converter=as_single_in_time, check=check, **options)
 
 
 def triple_in_time(unit: str, **options: PyTree) -> PyTree:
     """Declare a field that holds a `TripleInTime`; `options` are those of `quantity`."""
-    return quantity(
-        unit, converter=as_triple_in_time, check=partial(_require_triple, unit), **options
-    )
+    check = partial(_require_triple, unit)
+    return quantity(unit, converter=as_triple_in_time, check=check, **options)
 
 
 def as_single_in_time(value: FunctionOfTime) -> SingleInTime:

@@ -409,8 +409,8 @@ def require_distinct(first: str, second: str) -> None:
 class AbstractPair(AbstractElement):
     """Base class of elements between two different bodies, `first` and `second`."""
 
-    first: eqx.AbstractVar[str]
-    second: eqx.AbstractVar[str]
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
 
     @override
     def __check_init__(self):
@@ -436,8 +436,6 @@ class AbstractPairAtPoints(AbstractPair):
     origin.
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
     point_first: Triple = quantity("m", check=require_point)
     point_second: Triple = quantity("m", check=require_point)
     point_fields = {"point_first": "first", "point_second": "second"}
@@ -450,10 +448,8 @@ class AbstractPairAtPoints(AbstractPair):
         return first, Marker(self.second, self.point_second, axis_second)
 
 
-def each_label(
-    function: Callable[[str, str], T], tables: Mapping[str, Iterable[str]]
-) -> ByLabel[T]:
-    """Return ``function(joint, label)`` for each label in ``tables[joint]``, by joint and label."""
+def each_label(function: Callable[[str, str], T], table: Mapping[str, Iterable[str]]) -> ByLabel[T]:
+    """Return ``function(joint, label)`` for each label in ``table[joint]``, by joint and label."""
     return {
-        name: {label: function(name, label) for label in labels} for name, labels in tables.items()
+        name: {label: function(name, label) for label in labels} for name, labels in table.items()
     }

@@ -311,15 +311,19 @@ def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) ->
     return Row(value, jacobian, bias)
 
 
+def slope_and_curvature(
+    function: Callable[[Scalar], Scalar], x: jax.Array
+) -> tuple[jax.Array, jax.Array]:
+    """Return the first and the second derivative of a function at x."""
+    return value_and_slope(lambda x: value_and_slope(function, x)[1], x)
+
+
 def row_following(row: Row, function: Callable[[Scalar], Scalar], t: Scalar) -> Row:
     """Return the row that makes the value of `row` follow a function of the time t, s, which JAX
     differentiates twice."""
 
-    def rate(t: Scalar) -> Scalar:
-        return value_and_slope(function, t)[1]
-
     t = jnp.asarray(t, dtype=float)
-    prescribed, acceleration = value_and_slope(rate, t)
+    prescribed, acceleration = slope_and_curvature(function, t)
     time_rate = add(row.time_rate, -prescribed)
     return Row(row.value - function(t), row.jacobian, row.bias - acceleration, time_rate)
 

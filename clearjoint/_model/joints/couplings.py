@@ -21,12 +21,12 @@ from ..._fields.checks import (
 from ..._fields.objects import quantity
 from ..._fields.types import ArrayLike, Quadruple, Single, Triple
 from ..._math.rotations import composed, rotation_matrix, transverse_axes, unit, within_two_turns
-from ..._math.smoothing import cosine, polar_angle, sine, value_and_slope, where, wrapped
+from ..._math.smoothing import cosine, polar_angle, sine, where, wrapped
 from ..._math.vectors import ZERO, EulerParameters, Scalar, Vector
 from ..drives.functions_of_time import FunctionOfTime, as_function_of_time, require_continuous
 from ..pen import AbstractPen
 from .base import PARALLEL, AbstractConstraint, Motions, Row, require_distinct
-from .constraint_rows import angle_about, plus_multiple, row_rate
+from .constraint_rows import angle_about, plus_multiple, row_rate, slope_and_curvature
 from .ideal import AbstractAxisJoint, AbstractPairJoint, PrismaticJoint, RevoluteJoint
 from .motion_subspaces import (
     AbstractMotionAtPoints,
@@ -367,15 +367,11 @@ class JointCoupling(AbstractConstraint):
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         leader, follower = (joint.position(motions) for joint in (self.leader, self.follower))
         function = as_function_of_time(self.function)
-
-        def slope(x: Scalar) -> Scalar:
-            return value_and_slope(function, x)[1]
-
         # The row is the follower's position minus f of the leader's, x. Its rate contains -f' times
         # the leader's rate, and its second time derivative -f'' times the square of this rate.
         x = jnp.asarray(leader.value, dtype=float)
-        factor, curvature = value_and_slope(slope, x)
-        row = plus_multiple(follower, leader, -factor)
+        slope, curvature = slope_and_curvature(function, x)
+        row = plus_multiple(follower, leader, -slope)
         value = follower.value - function(x)
         # Angles are known up to whole revolutions.
         if isinstance(self.follower, RevoluteJoint):

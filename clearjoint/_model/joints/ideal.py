@@ -69,10 +69,9 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
 
     def _point_on_line(self, motions: Motions, axis: Vector) -> dict[str, Row]:
         """Return the rows of the second point's distances, m, from a line through the first."""
-        first, second = transverse_axes(unit(axis))
+        across = transverse_axes(unit(axis))
         return {
-            "offset 1": self._in_plane(motions, first),
-            "offset 2": self._in_plane(motions, second),
+            f"offset {k}": self._in_plane(motions, normal) for k, normal in enumerate(across, 1)
         }
 
 
@@ -101,6 +100,10 @@ class AbstractOrientedJoint(AbstractPairJoint):
                 ("rotation z", UNIT_X, UNIT_Y),
             )
         }
+
+    def _child_to_parent(self, parent: str) -> EulerParameters:
+        # The inverse of `orientation` if the second body is the parent.
+        return self._ordered(parent, self.orientation, conjugate(self.orientation))[0]
 
 
 class AbstractDriveableJoint(AbstractPairJoint):
@@ -131,11 +134,8 @@ class AbstractAxisJoint(AbstractPairJoint):
     def _tilts(self, motions: Motions) -> dict[str, Row]:
         """Return the rows of the cosines between the first axis and the second's
         `transverse_axes`."""
-        axis, (first, second) = unit(self.axis_first), transverse_axes(unit(self.axis_second))
-        return {
-            "tilt 1": self._perpendicular(motions, axis, first),
-            "tilt 2": self._perpendicular(motions, axis, second),
-        }
+        axis, across = unit(self.axis_first), transverse_axes(unit(self.axis_second))
+        return {f"tilt {k}": self._perpendicular(motions, axis, a) for k, a in enumerate(across, 1)}
 
     def relative_angle(self, motions: Motions) -> Row:
         """Return the second body's angle about the first's axis, rad in [-pi, pi], as a `Row`.
@@ -234,9 +234,7 @@ class FixedJoint(AbstractOrientedJoint):
 
     @override
     def motion_subspace(self, parent: str) -> Weld:
-        # From the child's axes to the parent's: the inverse if the second body is the parent.
-        orientation, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
-        return Weld(*self._points(parent), orientation)
+        return Weld(*self._points(parent), self._child_to_parent(parent))
 
     @override
     def draw(self, pen: AbstractPen) -> None:
@@ -324,22 +322,16 @@ class PrismaticJoint(AbstractOrientedJoint, AbstractDriveableJoint):
         rotations = self._same_orientation(motions)
         return self._point_on_line(motions, self.axis) | rotations
 
-    def relative_distance(self, motions: Motions) -> Row:
-        """Return the distance, m, from the first to the second point along the axis, as a `Row`."""
+    @override
+    def position(self, motions: Motions) -> Row:
         return self._in_plane(motions, unit(self.axis))
 
     @override
-    def position(self, motions: Motions) -> Row:
-        return self.relative_distance(motions)
-
-    @override
     def motion_subspace(self, parent: str) -> Slider:
-        # From the child's axes to the parent's: the inverse if the second body is the parent.
-        orientation, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
         axis = unit(self.axis)
         in_second = rotation_matrix(self.orientation).transposed_times(axis)
         _, in_child = self._ordered(parent, axis, in_second)
-        return Slider(*self._points(parent), in_child, orientation)
+        return Slider(*self._points(parent), in_child, self._child_to_parent(parent))
 
     @override
     def draw(self, pen: AbstractPen) -> None:
@@ -530,10 +522,8 @@ class PlanarJoint(AbstractAxisJoint):
 
     @override
     def motion_subspace(self, parent: str) -> PlanarMotion:
-        in_parent, in_child = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
-        return PlanarMotion(
-            *self._points(parent), in_child, aligning(in_parent, in_child), in_parent
-        )
+        normals = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
+        return PlanarMotion(*self._points(parent), normals[1], aligning(*normals), normals[0])
 
     @override
     def draw(self, pen: AbstractPen) -> None:

@@ -84,8 +84,6 @@ class JointFriction(AbstractPair, AbstractContactJoint):
     ('ground', 'arm')
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
     friction: FrictionLaw  # pyright: ignore[reportGeneralTypeIssues]
     load: Single = quantity("N", positive=True, zero=True, remedy="give the load in N")
     axis: Triple | None = optional_quantity("1", shape=(3,), check=require_axis)

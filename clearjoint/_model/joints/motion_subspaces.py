@@ -24,9 +24,7 @@ from ..._math.rotations import (
     turned,
     within_two_turns,
 )
-from ..._math.smoothing import cosine as cosine_of
-from ..._math.smoothing import norm_and_direction, polar_angle, where
-from ..._math.smoothing import sine as sine_of
+from ..._math.smoothing import cosine, norm_and_direction, polar_angle, sine, where
 from ..._math.vectors import (
     UNIT_X,
     UNIT_Y,
@@ -209,8 +207,8 @@ class Weld(AbstractMotionAtPoints):
 
 def rotation_about(axis: Vector, angle: Scalar) -> EulerParameters:
     """Return Euler parameters of a rotation by an angle, rad, about a unit vector."""
-    vector = axis * sine_of(0.5 * angle)
-    return EulerParameters(cosine_of(0.5 * angle), vector.x, vector.y, vector.z)
+    vector = axis * sine(0.5 * angle)
+    return EulerParameters(cosine(0.5 * angle), *vector)
 
 
 class AbstractTurning(AbstractMotionAtPoints):
@@ -241,14 +239,13 @@ class AbstractTurning(AbstractMotionAtPoints):
     def rotation(self, position: Scalar) -> Matrix:
         # R (b b^T + cos(angle) (I - b b^T) + sin(angle) ~b), with R of `reference` and the axis b.
         # This form has few products if the axis is along x, y or z.
-        b, cosine, sine = self.axis, cosine_of(position), sine_of(position)
+        b, c, s = self.axis, cosine(position), sine(position)
 
-        def row(reference: Vector) -> Vector:
-            along = b * reference.dot(b)
-            return along + (reference - along) * cosine + reference.cross(b) * sine
+        def rotated(row: Vector) -> Vector:
+            along = b * row.dot(b)
+            return along + (row - along) * c + row.cross(b) * s
 
-        matrix = rotation_matrix(self.reference)
-        return Matrix(row(matrix.row_x), row(matrix.row_y), row(matrix.row_z))
+        return Matrix(*map(rotated, rotation_matrix(self.reference).rows))
 
 
 class Hinge(AbstractTurning):
