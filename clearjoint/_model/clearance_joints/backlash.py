@@ -14,7 +14,7 @@ from ..._math.smoothing import wrapped
 from ..._math.vectors import ZERO, Scalar
 from ..contact.hunt_crossley import ExactRestitution
 from ..contact.laws import AbstractContactLaw, Gap
-from ..joints.base import AbstractPair, Contact, Motions, Row
+from ..joints.base import AbstractNamedPair, Contact, Motions, Row
 from ..joints.constraint_rows import relative_angle_row, row_rate
 from .common import FLANKS, AbstractFlankJoint
 
@@ -24,7 +24,7 @@ DEFAULT_RADIUS = 0.01
 no influence on the motion."""
 
 
-class Backlash(AbstractPair, AbstractFlankJoint):
+class Backlash(AbstractNamedPair, AbstractFlankJoint):
     """Angular play about an axis: the second body rotates freely between two flanks.
 
     Let theta be the second body's angle about the axis, measured from the middle of the play, and r

@@ -13,7 +13,7 @@ from ..._math.smoothing import norm_and_direction
 from ..._math.vectors import Scalar, add
 from ..contact.friction import FrictionLaw
 from ..contact.laws import AbstractContactLaw, Gap, require_flat_law, require_round_law
-from ..joints.base import AbstractConstraint, AbstractPair, Contact, Motions
+from ..joints.base import AbstractConstraint, AbstractNamedPair, Contact, Motions
 from ..joints.ideal import DistanceJoint, LineInPlaneJoint, PointInPlaneJoint, SphericalJoint
 from ..pen import AbstractPen, Marker
 from .common import LEAST_TRANSVERSE_LOAD, AbstractFrictionJoint, resting_depth
@@ -22,7 +22,7 @@ POINT, END_POINT, BALLS = "point", "end point", "balls"
 """Labels of the contacts of a `Stop`, the second one of an edge only, and of a `BallOnBall`."""
 
 
-class Stop(AbstractPair, AbstractFrictionJoint):
+class Stop(AbstractNamedPair, AbstractFrictionJoint):
     """A plane of the first body that stops a point, a sphere or an edge of the second body.
 
     The plane is unbounded and moves with the first body; the wall is behind it, on the side to
@@ -137,7 +137,7 @@ class Stop(AbstractPair, AbstractFrictionJoint):
             pen.mark(tip) if self.radius is None else pen.sphere(tip, radius=radius)
 
 
-class BallOnBall(AbstractPair, AbstractFrictionJoint):
+class BallOnBall(AbstractNamedPair, AbstractFrictionJoint):
     """Two spheres that strike each other from outside.
 
     The joint has one contact, "balls", along the line of centres. Its penetration is the sum of the

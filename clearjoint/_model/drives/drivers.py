@@ -20,6 +20,7 @@ from ..joints.base import (
     PARALLEL,
     AbstractConstraint,
     AbstractForce,
+    AbstractNamedPair,
     AbstractPair,
     AbstractPairAtPoints,
     Motions,
@@ -63,7 +64,7 @@ class AbstractDrive(AbstractPair):
         return row_rate(self.relative_angle(motions), motions)
 
 
-class AbstractDriveAboutAxis(AbstractDrive):
+class AbstractDriveAboutAxis(AbstractNamedPair, AbstractDrive):
     """Base class of drives whose first fields are the names of the bodies and the axis. Subclasses
     declare `orientation` last, because it has a default."""
 

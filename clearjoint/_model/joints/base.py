@@ -409,8 +409,8 @@ def require_distinct(first: str, second: str) -> None:
 class AbstractPair(AbstractElement):
     """Base class of elements between two different bodies, `first` and `second`."""
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
+    first: eqx.AbstractVar[str]
+    second: eqx.AbstractVar[str]
 
     @override
     def __check_init__(self):
@@ -428,7 +428,14 @@ class AbstractPair(AbstractElement):
         return self.pair(), motions[self.first], motions[self.second]
 
 
-class AbstractPairAtPoints(AbstractPair):
+class AbstractNamedPair(AbstractPair):
+    """Base class of pairs whose first fields are the names of the bodies."""
+
+    first: str = eqx.field(static=True)
+    second: str = eqx.field(static=True)
+
+
+class AbstractPairAtPoints(AbstractNamedPair):
     """Base class of elements between a point of one body and a point of another.
 
     `first` and `second` are names of bodies, one of which may be the ground. `point_first` and

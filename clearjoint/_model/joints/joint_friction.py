@@ -12,7 +12,7 @@ from ..._math.vectors import ZERO, Scalar, Vector
 from ..bodies import Motion, Wrench
 from ..contact.friction import AbstractBristleFriction, AbstractFriction, FrictionLaw
 from ..contact.laws import AbstractContactLaw, Gap, require_instance
-from .base import AbstractContactJoint, AbstractPair, Contact, Motions
+from .base import AbstractContactJoint, AbstractNamedPair, Contact, Motions
 
 LABEL = "surface"
 """Label of the only contact of a `JointFriction`."""
@@ -44,7 +44,7 @@ class Preload(AbstractContactLaw):
         return False
 
 
-class JointFriction(AbstractPair, AbstractContactJoint):
+class JointFriction(AbstractNamedPair, AbstractContactJoint):
     """Friction in an ideal joint, by any of the laws in `clearjoint.frictions`.
 
     Two surfaces, pressed together by a constant load, slip as the second body moves relative to the
