@@ -37,22 +37,22 @@ from .formulation import Formulation, Unstabilised
 from .system import System
 
 OUTSIDE = 1e-6
-"""Penetration of the bearing's wall, m, above which `assemble` moves a journal to the centre of its
-bearing. A contact under load can have a smaller penetration, which is kept."""
+"""Penetration of the wall, m, above which `assemble` moves a journal to the centre of its bearing;
+a contact under load may have a smaller one."""
 FAR_OUTSIDE = 1e-2
-"""Penetration, relative to the largest one that the joint allows, above which a warning is issued
-at the start of a run, and an error is raised for a journal that `assemble` has centred. Contacts in
-motion are usually far less deep."""
+"""Penetration, over the largest one that the joint allows, above which a warning is issued at the
+start of a run, and an error raised for a journal that `assemble` has centred. Contacts in motion
+are usually far less deep."""
 SLOW_ONSET = 1e-2
-"""Entry speed below which a contact counts as overdamped, relative to that of an impact with the
-elastic energy of the contact."""
+"""Entry speed, over that of an impact with the elastic energy of the contact, below which the
+contact counts as overdamped."""
 FAST_APPROACH = 1e-6
-"""Penetration rate, m/s, above which a warning is issued at the start of a run if the contact's
-entry speed is unknown. It is the default of the smallest entry speed of contact laws."""
+"""Penetration rate, m/s, above which a run warns at its start of a contact without a known entry
+speed: the default of the smallest entry speed of contact laws."""
 HOLD_IT = "Give the joint axial=EndPlay(...) or FixedAxially(), or hold the bodies by other joints."
 UNIQUE_REACTIONS = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)
-"""Formulation in which each ideal joint has a reaction, which is unique although constraints may be
-redundant. Stabilisation would add forces that correct small errors of the position."""
+"""Formulation in which each ideal joint has a reaction, unique in spite of redundant constraints,
+and without the forces by which a stabilisation corrects positions."""
 
 
 IdealJoints: TypeAlias = Mapping[str, AbstractConstraint]
@@ -74,8 +74,8 @@ def outside(scene: Scene, state: State) -> set[str]:
 
 
 def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractConstraint]:
-    """Return the ideal joints, as far as there are any, that hold the journals of named joints
-    centred."""
+    """Return the ideal joints that hold the journals of named joints centred, as far as there are
+    any."""
     joints = scene.contact_joints()
     ideal = {name: joints[name].centred_joint() for name in names}
     return {name: joint for name, joint in ideal.items() if joint is not None}
@@ -84,12 +84,9 @@ def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractCon
 def resting_joints(
     scene: Scene, ideal: IdealJoints, names: Collection[str], state: State, t: Scalar
 ) -> dict[str, AbstractConstraint]:
-    """Return ideal joints that hold the journals of the named clearance joints at the wall, on the
-    side to which their load presses them while the bodies are at rest, at the penetration that
-    carries it.
-
-    The load is the reaction of the joint in `ideal`, which `state` satisfies.
-    """
+    """Return ideal joints that hold the journals of named clearance joints at the wall: where their
+    load, the reaction of the joint in `ideal`, which `state` satisfies, presses them while the
+    bodies are at rest, and as deep as carries it."""
     joints, resting = scene.contact_joints(), {}
     loads = _loads(with_ideal(scene, ideal), state.bodies, on_device(t))
     for name in names:
@@ -110,12 +107,9 @@ def resting_entry_speeds(
     scene: Scene, names: Collection[str], state: State, t: Scalar
 ) -> dict[str, dict[str, float]]:
     """Return entry speeds for the closed contacts of the named joints, m/s, with which a journal
-    that rests on the wall is damped moderately.
-
-    They are those of an impact of the contact's effective mass whose energy is the elastic energy
-    of the contact. With the law's smallest entry speed instead, the damping would make the
-    equations of motion stiff, and with an unknown one there would be no damping.
-    """
+    that rests on the wall is damped moderately: those of an impact of the contact's effective mass
+    with the elastic energy of the contact. The law's smallest entry speed would make the equations
+    of motion stiff; an unknown one would leave no damping."""
     laws = scene.laws()
     names = tuple(n for n in names if any(law.uses_entry_speed for law in laws[n].values()))
     if not names:
@@ -130,8 +124,8 @@ def resting_entry_speeds(
 
 def overdamped_contacts(scene: Scene, state: State, t: Scalar) -> list[str]:
     """Return a sentence, with a remedy, for each joint with a contact that began so slowly that its
-    damping makes the equations of motion stiff: with less than a fraction `SLOW_ONSET` of the entry
-    speed that `resting_entry_speeds` returns for its present depth."""
+    damping makes the equations of motion stiff: below `SLOW_ONSET` times the entry speed that
+    `resting_entry_speeds` returns for its present depth."""
     sentences, usual = [], resting_entry_speeds(scene, scene.contact_joints(), state, t)
     for name, family in usual.items():
         for label, speed in family.items():
@@ -152,11 +146,9 @@ def overdamped_contacts(scene: Scene, state: State, t: Scalar) -> list[str]:
 
 
 def with_ideal(scene: Scene, ideal: IdealJoints) -> Scene:
-    """Return the scene with joints replaced by the joints of the same names in `ideal`.
-
-    A `JointFriction` that is `pressed_by` a replaced joint keeps only its constant load, because
-    reactions of ideal joints do not press friction surfaces.
-    """
+    """Return the scene with joints replaced by those of the same names in `ideal`, whose reactions
+    press no friction surfaces: a `JointFriction` that is `pressed_by` one keeps only its constant
+    load."""
     joints = {**scene.joints, **ideal}
     for name, joint in joints.items():
         if isinstance(joint, JointFriction) and joint.pressed_by in ideal:
@@ -167,7 +159,7 @@ def with_ideal(scene: Scene, ideal: IdealJoints) -> Scene:
 
 
 def require_in_bearings(scene: Scene, by_joint: ByLabel[Scalar], rates: ByLabel[Scalar]) -> None:
-    """Check the penetrations and approaches of an initial state, by `starting_contacts`.
+    """Check the penetrations and the rates of an initial state, by `starting_contacts`.
 
     **Raises:** `ValueError` if a contact is deeper than its limit in the joint's `deepest`.
 
@@ -221,8 +213,8 @@ def require_centred(scene: Scene, state: State, names: Iterable[str]) -> None:
 def warn_of_journals_outside(
     scene: Scene, time: Scalar, final: State, saved: Iterable[tuple[np.ndarray, State]]
 ) -> None:
-    """Issue a `LeftBearingWarning` for each joint whose journal is out of its bearing in one of the
-    states in `saved`, pairs of times and states, or at the end of a run, with the earliest time."""
+    """Issue a `LeftBearingWarning` for each joint whose journal is out of its bearing at the end of
+    a run or in one of the states in `saved`, pairs of times and states, with the earliest time."""
     last = np.asarray([time]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], final)
     joints = unpack(jax.tree.map(np.asarray, scene.contact_joints()))
     departures: dict[str, tuple[float, float]] = {}
@@ -246,8 +238,8 @@ def slid_out(
     joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
 ) -> dict[str, np.ndarray]:
     """Return the axial distance, (N,) m, from the end of each bearing to the journal beyond it in N
-    states of each body; negative until the journal has left a bearing of its own length completely.
-    Joints whose journal cannot slide out are left out."""
+    states of each body, without joints whose journal cannot slide out; negative until the journal
+    has left a bearing of its own length."""
     # NumPy is used so that nothing is compiled.
     in_scalars = unpack(jax.tree.map(np.asarray, dict(bodies)), leading=1)
     return {name: np.asarray(excess) for name, excess in _excesses(joints, in_scalars).items()}
@@ -339,9 +331,8 @@ def _speeds_of_rest(
 # This function is compiled to native code or, if that is not possible, by XLA without a warning.
 @partial(Native, warns=False)
 def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, jax.Array]:
-    """Return the load on each constraint while all bodies are at rest and no contact has a force:
-    the force, N, that the last of the joint's bodies exerts on the first, in the axes of the first.
-    """
+    """Return, by name, the force, N, that the last of a constraint's bodies exerts on the first, in
+    its axes, while all bodies are at rest and no contact has a force."""
     system = System(unpack(scene), UNIQUE_REACTIONS)
     mechanics = system.mechanics(system.encode(at_rest(unpack(bodies))))
     dynamics = system.dynamics_under(mechanics, {}, t)

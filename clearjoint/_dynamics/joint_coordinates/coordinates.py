@@ -12,18 +12,18 @@ acceleration that remains if all u' are zero is left out, so that all r are zero
 a translation, r = u'.
 
 The purpose is accuracy. With the unknowns u', the inertia of the carried bodies about the axis
-enters the carrier's equations twice, with opposite signs. With the unknowns r, it does not enter
-them at all. In the double pendulum of `clearjoint.mechanisms`, arm 2 has 0.001 kg m^2 about the
-hinge and arm 3, which it carries, has 2.3 kg m^2; the rounding errors of the cancelling terms cost
-two digits of the last impacts of a run. If the axes are coordinate axes, the entries from which
-this inertia has disappeared are exact zeros, which the compiled program omits.
+enters the carrier's equations twice, with opposite signs; with r, it does not enter them. In the
+double pendulum of `clearjoint.mechanisms`, arm 2 has 0.001 kg m^2 about the hinge, and arm 3, which
+it carries, 2.3 kg m^2: the rounding errors of the cancelling terms cost two digits of the last
+impacts of a run. For coordinate axes, entries without this inertia are exact zeros, which the
+compiled program omits.
 
 Lists of the type `Speeds` have one entry for each speed: those of the first tree from its root to
 its leaves, then those of the second, and so on. Rates, changes of speeds and displacements of this
 type have the form of r.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from functools import cached_property, reduce
 from itertools import accumulate, chain, pairwise
 from typing import TypeAlias
@@ -48,6 +48,7 @@ from ..coordinates import (
 from .inertia import (
     AbstractTreeSolver,
     Evaluate,
+    Loads,
     accelerated,
     along_columns,
     central_inertia,
@@ -129,7 +130,7 @@ class JointMechanics(AbstractMechanics):
     def solved(self, forces: Speeds) -> Speeds:
         return self._rates({}, self._by_link(forces))
 
-    def _rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> Speeds:
+    def _rates(self, loads: Loads, forces: Sequence[Speeds]) -> Speeds:
         """Return the rates r that loads on links, and generalised forces in their joints, cause."""
         rates: list[Speeds] = []
         for (i, j), solver in zip(pairwise(self._starts), self._solvers, strict=True):
@@ -171,7 +172,7 @@ class JointMechanics(AbstractMechanics):
         return reduce(add, sums.values(), 0.0)
 
     def _per_link(self, rates: Speeds) -> Iterator[tuple[Twist, Speeds]]:
-        """Yield for each link, from the root to the leaves, its acceleration without the part at
+        """Yield for each link, from the roots to the leaves, its acceleration without the part at
         constant speeds, and its rates u' relative to its carrier."""
         twists: list[Twist] = []
         for k, (link, part) in enumerate(zip(self._links, self._by_link(rates), strict=True)):
@@ -241,15 +242,15 @@ def _body_acceleration(twist: Twist, link: Link, axes: Matrix, fall: Vector) -> 
 class JointCoordinates(AbstractCoordinates):
     """Positions and speeds in ideal joints, each of a body relative to the one before it in a tree.
 
-    A clearance joint is a force element, so in most mechanisms with clearances the bodies and ideal
-    joints form trees, which have no multipliers, no drift and no redundant constraints in these
-    coordinates. Ideal joints that close a loop remain constraints. The first body of a tree that no
-    ideal joint connects to the ground has the same variables as in absolute coordinates.
+    A clearance joint is a force element, so that in most mechanisms with clearances the bodies and
+    ideal joints form trees, without multipliers, drift and redundant constraints in these
+    coordinates. Ideal joints that close a loop remain constraints. The first body of a tree without
+    an ideal joint to the ground has the same variables as in absolute coordinates.
 
-    These coordinates are the default, because they are faster on every mechanism measured: one
-    evaluation of the equations of motion takes 0.14 µs for the double pendulum with clearance and
-    0.25 µs for a double four-bar, against 0.24 and 50 µs in absolute coordinates. The large ratio
-    arises because fewer constraints are left, and their equations need no LAPACK.
+    They are the default, since they are faster on every mechanism measured: one evaluation of the
+    equations of motion takes 0.14 µs for the double pendulum with clearance and 0.25 µs for a
+    double four-bar, against 0.24 and 50 µs in absolute coordinates, with more constraints, whose
+    equations need LAPACK.
 
     >>> cj.Settings(coordinates=cj.JointCoordinates()).coordinates
     JointCoordinates()

@@ -38,11 +38,11 @@ def involute(sine: Scalar, cosine: Scalar) -> Scalar:
 
 @dataclass(frozen=True)
 class LineOfCentres:
-    """The line from the first gear's centre to the second's, in the plane across the first's axis.
+    """The line from the first gear's centre to the second's, projected along the first gear's axis.
 
-    `axis` (of the first gear), `along` (the line) and `across` are global unit vectors of a
-    right-handed frame along, across, axis. `distance` is the length of the line, and `height` that
-    of the second gear's centre above the first's along the axis, m.
+    Global unit vectors form a right-handed frame: `along` the line, `across` it, and `axis` of the
+    first gear. `distance` is the length of the line, m, and `height` the distance of the second
+    centre from the first along the axis, m.
     """
 
     axis: Vector
@@ -52,16 +52,16 @@ class LineOfCentres:
     height: Scalar
 
     def angle_in(self, gear: Motion, axis: Vector) -> Scalar:
-        """Return the angle of `along` about a gear's axis, rad in [-pi, pi], from the first of its
-        `transverse_axes`."""
+        """Return the angle of `along` about a gear's axis, rad in [-pi, pi], measured from the
+        first of the axis's `transverse_axes`."""
         start, quarter = transverse_axes(unit(axis))
         line = gear.components(self.along)
         return polar_angle(line.dot(quarter), line.dot(start))
 
 
 AtFlank: TypeAlias = Callable[[Gap, float], tuple[Gap, SideForce | None]]
-"""Function of the gap of a flank, with the transmission error in its depth but not in its rate, and
-of the flank's sign in `FLANKS`. It returns the gap that the law needs, and the `SideForce`."""
+"""Function of a flank's gap, whose depth includes the transmission error but whose rate does not,
+and of the flank's sign in `FLANKS`. It returns the complete gap, and the `SideForce`."""
 
 
 def _require_teeth(argument: str, value: ArrayLike) -> None:
@@ -87,8 +87,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     pressure angle alpha' follows from cos(alpha') = |r1 + r2|/a at the distance a of the centres,
     and inv(x) = tan(x) - x (involute gearing after ISO 21771). The displacement along the line of
     action is s = r1 (theta1 - phase) + r2 theta2, modulo the base pitch pi m cos(alpha), with the
-    gears' angles theta from the line of centres about the first gear's axis. The number of
-    revolutions is therefore unlimited.
+    gears' angles theta from the line of centres about the first gear's axis. Revolutions are thus
+    unlimited.
 
     The normal force acts along the line of action in the plane of the first gear. It drives the
     gears in the ratio of their teeth, and loads their bearings with its radial component too. The
@@ -103,17 +103,16 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     energy k U(delta) then depends on phi too, and so do the forces that are its gradient: in
     addition to the normal force F, a moment z1 (F' de/dphi - U dk/dphi) acts on the first gear,
     where F' is F on the upper flank and -F on the lower. Its reaction acts on the centres, across
-    the line between them. Energy is thus conserved (S. Oh, K. Grosh, J. R. Barber, Energy
-    conserving equations of motion for gear systems, J. Vib. Acoust. 127, 2005). Classical equations
-    of the relative displacement, such as those of Kahraman and Singh, prescribe phi as a function
-    of time and lack the moment. They are exact if the first gear turns at constant speed.
+    the line between them. This conserves energy (S. Oh, K. Grosh, J. R. Barber, Energy conserving
+    equations of motion for gear systems, J. Vib. Acoust. 127, 2005). Classical equations of the
+    relative displacement, such as those of Kahraman and Singh, prescribe phi(t) and lack the
+    moment; they are exact for a constant speed of the first gear.
 
     **Arguments:**
 
     - `point_first`, `point_second`: the gears' centres, (3,) m from each body's centre of mass in
-      its axes.
-    - `axis_first`, `axis_second`: the gears' axes of rotation, (3,) in body axes. They have to be
-      parallel, in the same or in opposite directions.
+      its axes. `axis_first`, `axis_second`: their axes, (3,) in body axes, parallel or
+      antiparallel.
     - `teeth_first`, `teeth_second`: z1 and z2, whole numbers of teeth; `teeth_second` is negative
       for an internal second gear, as in ISO 21771, which must be larger than the first.
     - `module`: m, in m.
@@ -124,13 +123,13 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     - `pressure_angle`: alpha, rad, 0.1 to 0.8; 20 degrees by default.
     - `phase`: rad, rotation of the first gear from its reference position; zero by default. At
       phase 0, the gears are in the middle of the play if, in both bodies, the line from the first
-      centre to the second has the direction x of the frame of which the axis is z (see
-      `clearjoint.quantities.JournalOffset`).
+      centre to the second is along x of the frame with the axis as z (see
+      `quantities.JournalOffset`).
     - `stiffness`: the factor k over the mesh cycle, such as `clearjoint.profiles.TeethInMesh` for a
       contact ratio; ``None``, the default, for 1.
     - `transmission_error`: the static transmission error e over the mesh cycle, m, positive where
-      the teeth of the first gear are behind, such as `clearjoint.profiles.Harmonics` or
-      `clearjoint.profiles.PeriodicSpline`, at the angle phi; ``None``, the default, for none.
+      the teeth of the first gear are behind, such as `clearjoint.profiles.Harmonics`, at the angle
+      phi; ``None``, the default, for none.
 
     **Warns:** `UnusualValueWarning` for a module of more than 0.1 m, or a backlash of more than 0.2
     times the pitch.

@@ -19,7 +19,7 @@ from ..pen import AbstractPen, Marker
 from .common import LEAST_TRANSVERSE_LOAD, AbstractFrictionJoint, resting_depth
 
 POINT, END_POINT, BALLS = "point", "end point", "balls"
-"""Labels of the contacts of a `Stop`, the second one of an edge only, and of a `BallOnBall`."""
+"""Labels of the contacts of a `Stop`, the second one for an edge, and of a `BallOnBall`."""
 
 
 class Stop(AbstractNamedPair, AbstractFrictionJoint):
@@ -113,8 +113,8 @@ class Stop(AbstractNamedPair, AbstractFrictionJoint):
         size = float(load @ into_wall)
         if not size > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
             return None
-        laws = list(self.laws().values())
-        return self._ideal(resting_depth(laws, size, self.deepest_penetration(), self._gap))
+        laws, deepest = self.laws().values(), self.deepest_penetration()
+        return self._ideal(resting_depth(laws, size, deepest, self._gap))
 
     def _ideal(self, depth: Scalar) -> AbstractConstraint:
         outward = np.asarray(self.normal) / np.linalg.norm(self.normal)

@@ -17,7 +17,7 @@ from .base import AbstractContactJoint, AbstractNamedPair, Contact, Motions
 LABEL = "surface"
 """Label of the only contact of a `JointFriction`."""
 PRESSED = 1e-9
-"""Depth of the contact, m, which is closed for ever. Its value has no effect on the load."""
+"""Depth, m, of the contact, which stays closed. The load does not depend on it."""
 
 
 class Preload(AbstractContactLaw):
@@ -108,7 +108,8 @@ class JointFriction(AbstractNamedPair, AbstractContactJoint):
         require(are_both, "pressed_by", self.pressed_by, expected, remedy)
 
     def pressed_with(self, force: Scalar) -> "JointFriction":
-        """Return this friction with the further load of a force, N, of the element that presses."""
+        """Return this friction with its load increased by the force, N, of the element that
+        presses."""
         assert self.load_ratio is not None
         load = self.load + self.load_ratio * force
         # A constructor would convert vectors to arrays.

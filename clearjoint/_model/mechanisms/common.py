@@ -38,8 +38,8 @@ def planar_state(centre: np.ndarray, angle: float, velocity: np.ndarray, spin: S
     return body_state((*centre, 0.0), turned_about_z(angle), (*velocity, 0.0), about_z)
 
 
-def with_motor(joints: Joints, motor: Motor) -> tuple[Joints, dict[str, AbstractForce]]:
+def with_motor(joints: Joints, motor: Motor | None) -> tuple[Joints, dict[str, AbstractForce]]:
     """Return the joints and the forces of a mechanism, by name, including its "motor"."""
     if isinstance(motor, AbstractForce):
         return joints, {"motor": motor}
-    return {**joints, "motor": motor}, {}
+    return joints if motor is None else {**joints, "motor": motor}, {}

@@ -120,11 +120,10 @@ def cycloid_stage(
     """
     require_count("pins", pins, "give a number of pins")
     require_count("lobes", lobes, "give a number of lobes")
+    eccentric = np.array(X_AXIS) * eccentricity
     joints: Joints = {
         "shaft bearing": RevoluteJoint(GROUND, "shaft", ORIGIN, ORIGIN, Z_AXIS, Z_AXIS),
-        "disc bearing": RevoluteJoint(
-            "shaft", "disc", np.array(X_AXIS) * eccentricity, ORIGIN, Z_AXIS, Z_AXIS
-        ),
+        "disc bearing": RevoluteJoint("shaft", "disc", eccentric, ORIGIN, Z_AXIS, Z_AXIS),
         "output bearing": RevoluteJoint(GROUND, "output", ORIGIN, ORIGIN, Z_AXIS, Z_AXIS),
         # Seen from the shaft, the ring and the disc are a ring gear and a pinion inside it.
         "ring": GearJoint("shaft", GROUND, "disc", Z_AXIS, Z_AXIS, lobes + 1, lobes, internal=True),
@@ -158,12 +157,10 @@ def cycloid_stage(
     orientation, spin = turned_about_z(-angle / lobes), axis * (-speed / lobes)
     centre = outwards * eccentricity
     velocity = np.cross(axis, outwards) * (eccentricity * speed)
-    state = State(
-        {
-            "shaft": body_state(ORIGIN, turned_about_z(angle), spin=axis * speed),
-            "disc": body_state(centre, orientation, velocity, spin),
-            "output": body_state(ORIGIN, orientation, spin=spin),
-        }
-    )
+    states = {
+        "shaft": body_state(ORIGIN, turned_about_z(angle), spin=axis * speed),
+        "disc": body_state(centre, orientation, velocity, spin),
+        "output": body_state(ORIGIN, orientation, spin=spin),
+    }
     forces = {"load": DriveTorque(GROUND, "output", Z_AXIS, torque)}
-    return Scene(bodies, joints, forces), state
+    return Scene(bodies, joints, forces), State(states)

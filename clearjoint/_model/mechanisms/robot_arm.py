@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import TypeAlias
 
 import numpy as np
@@ -116,10 +117,8 @@ BASE = LinkFrame(np.zeros(3), EulerParameters(1.0, 0.0, 0.0, 0.0))
 
 def frames(links: Sequence[ArmLink], angles: Sequence[float]) -> list[LinkFrame]:
     """Return `BASE`, from which a chain of links starts, and the frame of each link."""
-    frames = [BASE]
-    for link, angle in zip(links, angles, strict=True):
-        frames.append(frames[-1].after(link, angle))
-    return frames
+    steps = zip(links, angles, strict=True)
+    return list(accumulate(steps, lambda frame, step: frame.after(*step), initial=BASE))
 
 
 @dataclass(frozen=True)
