@@ -228,8 +228,9 @@ def _kinetic_energy(scene: Scene, bodies: dict[str, BodyState]) -> Scalar:
 def _in_bearings(
     scene: Scene, ideal: dict[str, AbstractConstraint], state: State, t: Scalar
 ) -> State:
-    """Return the state near a guess that satisfies the constraints with the joints in `ideal` in
-    place of the scene's, to which joints are added whose journals would leave their bearings."""
+    """Return the state near a guess that satisfies the constraints, with the joints in `ideal` in
+    place of the scene's. If this moves further journals out of their bearings, their ideal joints
+    are added to `ideal`."""
     # The loop ends, because each pass adds at least one of the scene's clearance joints.
     while True:
         state = _satisfying(with_ideal(scene, ideal), state, t)
@@ -325,10 +326,10 @@ def require_representable(
     variables: MotionVariables,
     represented: dict[str, np.ndarray],
 ) -> None:
-    """Check that an assembled state keeps its orientations if it is converted to coordinates,
-    `variables`, and back, `represented`, as by `round_trip`, and that there is a variable.
-    Antiparallel axes, for example, satisfy a revolute joint, whose angle represents parallel ones
-    only."""
+    """Check that an assembled state keeps its orientations when it is converted to coordinates and
+    back: `variables` and `represented` are the results of `round_trip`. Antiparallel axes, for
+    example, satisfy a revolute joint, but its angle represents parallel ones only. Check also that
+    there is a variable."""
     _require_something_moves(variables, coordinates)
     for name, body in state.bodies.items():
         own, converted = np.asarray(body.orientation), np.asarray(represented[name])

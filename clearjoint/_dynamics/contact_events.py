@@ -160,9 +160,9 @@ def _for_each_entry_speed(scene: Scene, entry_speed: Callable[[str, str], Scalar
 
 
 def closed(gaps: ContactGaps) -> Closed:
-    """Return whether each contact is closed. If steps end at contact events, it stays so for a
-    step: a contact that is open at the start has no force even beyond the wall, for a smooth
-    motion."""
+    """Return whether each contact is closed. If steps end at contact events, each keeps this state
+    for a whole step: one that is open at the start has no force even beyond the wall, so that the
+    motion is smooth."""
     return each_label(lambda name, label: gaps[name][label].depth > 0.0, gaps)
 
 

@@ -84,9 +84,9 @@ def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractCon
 def resting_joints(
     scene: Scene, ideal: IdealJoints, names: Collection[str], state: State, t: Scalar
 ) -> dict[str, AbstractConstraint]:
-    """Return ideal joints that hold the journals of named clearance joints at the wall: where their
-    load, the reaction of the joint in `ideal`, which `state` satisfies, presses them while the
-    bodies are at rest, and as deep as carries it."""
+    """Return ideal joints that hold the journals of named clearance joints where they rest: on the
+    side of the wall to which the load presses them, at the penetration that carries it. The load is
+    the reaction, with all bodies at rest, of the joint in `ideal`, which `state` satisfies."""
     joints, resting = scene.contact_joints(), {}
     loads = _loads(with_ideal(scene, ideal), state.bodies, on_device(t))
     for name in names:
@@ -146,9 +146,9 @@ def overdamped_contacts(scene: Scene, state: State, t: Scalar) -> list[str]:
 
 
 def with_ideal(scene: Scene, ideal: IdealJoints) -> Scene:
-    """Return the scene with joints replaced by those of the same names in `ideal`, whose reactions
-    press no friction surfaces: a `JointFriction` that is `pressed_by` one keeps only its constant
-    load."""
+    """Return the scene with joints replaced by those of the same names in `ideal`. Reactions of
+    ideal joints press no friction surfaces: a `JointFriction` that is `pressed_by` a replaced joint
+    keeps only its constant load."""
     joints = {**scene.joints, **ideal}
     for name, joint in joints.items():
         if isinstance(joint, JointFriction) and joint.pressed_by in ideal:

@@ -135,9 +135,9 @@ class Body(AbstractReadable):
     - `mass`: kg, positive.
     - `inertia`: kg m^2, about the centre of mass: three principal moments (the body frame is then
       the principal frame) or a symmetric positive definite (3, 3) matrix in the body frame.
-    - `is_massless`: whether joint coordinates neglect mass and inertia, which count in absolute
-      coordinates only: of a rotor whose inertia is the `armature` of its hinge or slider, or of a
-      light link between other bodies' joints.
+    - `is_massless`: whether joint coordinates neglect the body's mass and inertia, for a rotor
+      whose inertia is the `armature` of its hinge or slider, or for a light link between two
+      joints. In absolute coordinates, they always count.
 
     **Raises:** `ValueError` if the mass or a principal moment is not positive, a principal moment
     exceeds the sum of the other two, the matrix is not symmetric, a shape is wrong, or a number is
@@ -321,8 +321,8 @@ class State(AbstractReadable):
 
     - `bodies`: `BodyState` of each body by name, without the ground.
     - `entry_speeds[joint][contact]`: entry speed of the current contact, m/s, zero without contact;
-      only for laws that use it. A contact that is closed when a run starts, but has no entry speed
-      or zero, gets 1e9 m/s, which makes the damping negligible, or its penetration rate if its
+      only for laws that use it. A contact that is closed when a run starts, without an entry speed
+      or with zero, gets 1e9 m/s, which makes the damping negligible, or its penetration rate if its
       depth is at most 1e-12 m. States saved by `simulate_nonsmooth`, whose contacts are rigid, list
       zero for each contact.
     - `work`: energies since the start, J, by name: "normal damping", "friction", "film" and

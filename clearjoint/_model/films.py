@@ -195,8 +195,8 @@ class PinkusSternlichtFilm(AbstractFilm):
 
 
 NEARLY_CENTRED = 1e-3
-"""Eccentricity ratio at which the vector along the line of centres in `ButenschoenFilm` has the
-length 0.71; it fades to zero for a centred journal, which has no such line."""
+"""Eccentricity ratio at which the vector along the line of centres, which `ButenschoenFilm` fades
+to zero for a centred journal, has the length 0.71 instead of 1."""
 LOAD = (
     (1.1642, -1.9456, 7.1161, -10.1073, 5.0141),
     (-1.000026, -0.023634, -0.4215, -0.038817, -0.090551),

@@ -81,7 +81,7 @@ class TorsionalSpring(AbstractDriveAboutAxis, AbstractDriveTorque):
     """A linear torsional spring and damper about a common axis of two bodies.
 
     The twist is the angle between the bodies less the rest angle, within half a revolution since
-    positions don't tell revolutions apart. The torque jumps where it is half a revolution.
+    positions don't tell revolutions apart. The torque jumps where the twist is half a revolution.
 
     **Arguments:**
 

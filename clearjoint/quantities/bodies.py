@@ -186,8 +186,8 @@ class Angle(AbstractBodyQuantity):
     """Angle of a direction of a body about a fixed axis, rad within (-pi, pi], right-handed.
 
     The angle is measured in the plane perpendicular to the fixed axis, from a fixed direction to
-    the projection of the body's direction. It is undefined while the latter is parallel to the
-    axis, and changes abruptly there.
+    the projection of the body's direction. It is undefined while the body's direction is parallel
+    to the fixed axis, and changes abruptly there.
 
     **Arguments:**
 

@@ -48,7 +48,7 @@ from ..coordinates import (
 from .inertia import (
     AbstractTreeSolver,
     Evaluate,
-    Loads,
+    LinkLoads,
     accelerated,
     along_columns,
     central_inertia,
@@ -130,7 +130,7 @@ class JointMechanics(AbstractMechanics):
     def solved(self, forces: Speeds) -> Speeds:
         return self._rates({}, self._by_link(forces))
 
-    def _rates(self, loads: Loads, forces: Sequence[Speeds]) -> Speeds:
+    def _rates(self, loads: LinkLoads, forces: Sequence[Speeds]) -> Speeds:
         """Return the rates r that loads on links, and generalised forces in their joints, cause."""
         rates: list[Speeds] = []
         for (i, j), solver in zip(pairwise(self._starts), self._solvers, strict=True):

@@ -28,7 +28,7 @@ from ..coordinates import Speeds
 from .trees import Link
 
 Result = TypeVar("Result")
-Loads: TypeAlias = Mapping[int, Twist]
+LinkLoads: TypeAlias = Mapping[int, Twist]
 """Loads on links by their index, each as moment and force about the reference point."""
 Parents: TypeAlias = Sequence[int | None]
 """Index of the parent of each link in its tree, ``None`` for the root."""
@@ -342,7 +342,7 @@ class AbstractTreeSolver(abc.ABC):
         """Factorise the equations. `carried` has the inertia of each link, and may be changed."""
 
     @abc.abstractmethod
-    def rates(self, loads: Loads, forces: Sequence[Speeds]) -> list[Speeds]:
+    def rates(self, loads: LinkLoads, forces: Sequence[Speeds]) -> list[Speeds]:
         """Return the rates r that loads on links, and generalised forces in all joints, cause."""
 
 
@@ -379,7 +379,7 @@ class MassMatrix(AbstractTreeSolver):
             k = self._parents[k]
 
     @override
-    def rates(self, loads: Loads, forces: Sequence[Speeds]) -> list[Speeds]:
+    def rates(self, loads: LinkLoads, forces: Sequence[Speeds]) -> list[Speeds]:
         evaluate = [self._evaluate] * len(self._links)
         along = along_columns(self._links, self._parents, loads, evaluate)
         pairs = zip(chain(*forces), chain(*along), strict=True)
@@ -406,7 +406,7 @@ class ArticulatedBodies(AbstractTreeSolver):
         self._joints.reverse()
 
     @override
-    def rates(self, loads: Loads, forces: Sequence[Speeds]) -> list[Speeds]:
+    def rates(self, loads: LinkLoads, forces: Sequence[Speeds]) -> list[Speeds]:
         # From the leaves to the root, rates as if no carrier accelerated; then from the root to the
         # leaves, the accelerations of the bodies and the rates with them.
         totals = [loads.get(k, REST) for k in range(len(self._links))]
@@ -443,7 +443,7 @@ def tree_solver(
 
 
 def along_columns(
-    links: Sequence[Link], parents: Parents, loads: Loads, evaluate: Sequence[Evaluate]
+    links: Sequence[Link], parents: Parents, loads: LinkLoads, evaluate: Sequence[Evaluate]
 ) -> list[Speeds]:
     """Return the generalised forces that loads on some links cause in the joint of each link."""
     totals = dict(loads)

@@ -60,8 +60,9 @@ class LineOfCentres:
 
 
 AtFlank: TypeAlias = Callable[[Gap, float], tuple[Gap, SideForce | None]]
-"""Function of a flank's gap, whose depth includes the transmission error but whose rate does not,
-and of the flank's sign in `FLANKS`. It returns the complete gap, and the `SideForce`."""
+"""Function of a flank's gap and of the flank's sign in `FLANKS` that returns the complete gap and
+the `SideForce`. The depth of the given gap includes the transmission error, but its rate does
+not."""
 
 
 def _require_teeth(argument: str, value: ArrayLike) -> None:

@@ -14,7 +14,7 @@ from ..._math.vectors import Scalar, Vector
 from ..joints.base import Motions
 
 BASES = ("V", "W")
-"""Names of a journal's bases, in the direction of its axis."""
+"""Names of a journal's bases; its axis points from V to W."""
 SIDES = (-1.0, 1.0)
 """Signs of the two ends of a journal or bearing: 1 for the end in the direction of its axis."""
 BETWEEN = "point "
@@ -72,7 +72,7 @@ class HasJournal(Protocol):
         ...
 
     def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
-        """As `ClearanceJoint.journal_offset`."""
+        """Return what `ClearanceJoint.journal_offset` returns."""
         ...
 
 

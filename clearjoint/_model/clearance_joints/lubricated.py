@@ -339,8 +339,8 @@ def _load(
     joint: LubricatedJoint, speed: Scalar, offset: jax.Array, velocity: jax.Array
 ) -> tuple[jax.Array, Scalar]:
     """Return the force on the journal, (2,) N, and the moment about its axis, N m, from the
-    position and velocity of its axis relative to the bearing's, (2,) m and m/s, and its speed,
-    rad/s."""
+    position and velocity of its axis relative to the bearing's, (2,) m and m/s, and from the
+    journal's speed, rad/s."""
     dry = joint.dry
     position, own_velocity = (Vector(row[0], row[1], 0.0) for row in (offset, velocity))
     eccentricity = position * (1.0 / dry.clearance)

@@ -30,7 +30,7 @@ class AbstractDashpotLaw(AbstractPowerLaw):
     """Base class of laws F = max(0, K delta^n + D delta^m rate) for a penetration delta > 0.
 
     The force is zero as soon as the dashpot would pull more strongly in the rebound than the spring
-    pushes, on which the ratio of rebound speed to entry speed in a free impact depends.
+    pushes. The ratio of rebound speed to entry speed in a free impact depends on this rule.
 
     A subclass declares the field `stiffness`, K, and the class constants `exponent`, n, and
     `damping_exponent`, m, and defines `damping`, which returns D. If m is zero, the force jumps at

@@ -192,7 +192,7 @@ class DriveTorque(AbstractDriveAboutAxis, AbstractDriveTorque):
 
     **Arguments:**
 
-    - `torque`: N m, positive towards larger angles: a number, or a function of time: a
+    - `torque`: N m, positive towards larger angles: a number, or a function of time such as a
       `PiecewiseConstant`, `PiecewiseLinear`, `Spline`, `Polynomial`, a user-defined
       `AbstractFunctionOfTime`, or a Python function that JAX can trace. A Python function is part
       of the compiled program, can't be saved in a scene file, and can't declare the times of its

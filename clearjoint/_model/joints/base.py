@@ -227,7 +227,8 @@ class Contact:
     - `slip`: tangential velocity of the second body relative to the first, m/s in global axes, or
       ``None`` without friction.
     - `line_first`, `line_second`: optional points on the normal force's line of action, such as the
-      centre of a ball. Without friction the force acts there, which saves arithmetic and rounding.
+      centre of a ball, m in body axes. Without friction the force acts there, which saves
+      arithmetic and rounding.
     - `turning`: ``None``, except for a contact that acts as a couple: the derivatives of the
       penetration's rate by the two bodies' spins, m in body axes. A normal force F is then the
       moments -F times these vectors; `normal` is the axis about which the second body rotates into

@@ -105,9 +105,9 @@ class GearJoint(AbstractConstraint):
 
     @override
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the row "mesh", angle_first + angle_second teeth_second/teeth_first - offset, rad,
-        with a minus for an internal gear, without whole multiples of 2 pi/teeth_first, the angle of
-        a tooth."""
+        """Return the row "mesh": angle_first + r angle_second - offset, rad, without whole
+        multiples of 2 pi/teeth_first, the angle of a tooth; r is teeth_second/teeth_first, negative
+        for an internal gear."""
 
         def angle(gear: str, axis: Vector, orientation: EulerParameters) -> Row:
             names, carrier = (self.carrier, gear), motions[self.carrier]

@@ -167,8 +167,8 @@ class RevoluteJoint(AbstractAxisJoint, AbstractDriveableJoint):
     - `point_first`, `point_second`: the joint's point on each body, (3,) m from its centre of mass
       in its axes.
     - `axis_first`, `axis_second`: the axis of rotation on each body, (3,) in its axes, any length.
-    - `armature`: kg m^2, moment of inertia of a drive's rotor times the square of its gear ratio,
-      which adds the kinetic energy armature speed^2/2; none by default.
+    - `armature`: kg m^2, moment of inertia of a drive's rotor times the square of its gear ratio;
+      none by default. It adds the kinetic energy armature speed^2/2.
 
     >>> joint = cj.RevoluteJoint("ground", "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier

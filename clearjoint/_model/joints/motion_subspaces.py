@@ -324,8 +324,8 @@ def aligning(first: Vector, second: Vector) -> EulerParameters:
 
 def _from_zeta(axis: Vector) -> EulerParameters:
     """Return Euler parameters, of any norm, of a rotation from the z axis to a unit vector: the
-    shortest one, whose formula is singular for -z, or for a negative z component half a revolution
-    about x and the shortest from -z."""
+    shortest one or, since its formula is singular for -z, half a revolution about x and then the
+    shortest rotation from -z if the z component is negative."""
     forwards = EulerParameters(1.0 + axis.z, -axis.y, axis.x, 0.0)
     shortest = EulerParameters(1.0 - axis.z, axis.y, -axis.x, 0.0)
     backwards = composed(shortest, EulerParameters(0.0, 1.0, 0.0, 0.0))

@@ -100,12 +100,9 @@ class LinkFrame:
         return LinkFrame(self.origin - axes @ link.joint(), orientation)
 
     def state(self, centre: Components, velocity: Components, spin: Components) -> BodyState:
-        """Return the state of a body whose axes are parallel to the frame's and whose centre of
-        mass is at `centre`, m in the frame.
-
-        **Arguments:** `velocity`: of the body's point at the frame's origin, m/s, and `spin`,
-        rad/s: both in the axes in which the chain starts, which are the global ones.
-        """
+        """Return the state of a body with its axes parallel to the frame's and its centre of mass
+        at `centre`, (3,) m in the frame, from the global `velocity`, m/s, of its point at the
+        frame's origin and its global `spin`, rad/s."""
         arm, orientation = self.axes @ centre, np.asarray(pack(self.orientation))
         position, velocity = self.origin + arm, velocity + np.cross(spin, arm)
         return body_state(position, orientation, velocity, self.axes.T @ spin)
