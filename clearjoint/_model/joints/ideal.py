@@ -306,10 +306,10 @@ class PrismaticJoint(AbstractOrientedJoint, AbstractDriveableJoint):
 
     @override
     def motion_subspace(self, parent: str) -> Slider:
-        axis = unit(self.axis)
+        orientation, axis = self._child_to_parent(parent), unit(self.axis)
         in_second = rotation_matrix(self.orientation).transposed_times(axis)
         _, in_child = self._ordered(parent, axis, in_second)
-        return Slider(*self._points(parent), in_child, self._child_to_parent(parent))
+        return Slider(*self._points(parent), in_child, orientation)
 
     @override
     def draw(self, pen: AbstractPen) -> None:
