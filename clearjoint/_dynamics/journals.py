@@ -115,10 +115,9 @@ def resting_entry_speeds(
     if not names:
         return {}
     speeds = _speeds_of_rest(names, scene, state.bodies, on_device(t))
-    by_joint = {name: _numbers(family) for name, family in speeds.items()}
     return {
-        name: {label: speed for label, speed in family.items() if speed > 0.0}
-        for name, family in by_joint.items()
+        name: {label: float(speed) for label, speed in family.items() if speed > 0.0}
+        for name, family in speeds.items()
     }
 
 

@@ -117,6 +117,7 @@ def _is_positive_definite(matrix: np.ndarray | jax.Array) -> bool | jax.Array:
     Native code, which evaluates checks fast, has no rule for eigenvalues."""
     xp = matrix.__array_namespace__()
     (a, b, c), (_, d, e), (_, _, f) = matrix
+    # Pivots that are not positive are replaced by one, so that nothing is divided by zero.
     first = xp.where(a > 0, a, 1.0)
     d, e, f = d - b * b / first, e - b * c / first, f - c * c / first
     second = xp.where(d > 0, d, 1.0)

@@ -171,9 +171,7 @@ class Scene(AbstractReadable):
 
 def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
     names = {GROUND, *bodies}
-    for name in element.body_names():
-        if name in names:
-            continue
+    for name in [name for name in element.body_names() if name not in names]:
         remedy = nearest(name, names, "correct the name, or add the body to the scene")
         expected = f"between known bodies {sorted(names)}"
         # The message names the field that holds this very string.

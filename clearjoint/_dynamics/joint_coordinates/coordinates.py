@@ -297,12 +297,11 @@ class JointCoordinates(AbstractCoordinates):
 
     @override
     def without_drift(self, scene: Scene, variables: TreeVariables) -> TreeVariables:
-        return {
-            branch.body: evaluate(
-                type(branch).without_drift, branch.nameless(), variables[branch.body]
-            )
-            for branch, evaluate in _branches(forest(scene))
-        }
+        kept = {}
+        for branch, evaluate in _branches(forest(scene)):
+            own = variables[branch.body]
+            kept[branch.body] = evaluate(type(branch).without_drift, branch.nameless(), own)
+        return kept
 
     @override
     def with_speeds(

@@ -49,9 +49,8 @@ class Inertia:
     angular: Matrix
 
     def __add__(self, other: "Inertia") -> "Inertia":
-        return Inertia(
-            self.mass + other.mass, self.coupling + other.coupling, self.angular + other.angular
-        )
+        mass, coupling = self.mass + other.mass, self.coupling + other.coupling
+        return Inertia(mass, coupling, self.angular + other.angular)
 
     def momentum(self, twist: Twist) -> Twist:
         """Return angular momentum (kg m^2/s) and momentum (kg m/s) for a twist."""

@@ -67,13 +67,8 @@ not."""
 
 def _require_teeth(argument: str, value: ArrayLike) -> None:
     require_shape(argument, value, (), "pass a number of teeth")
-    require_numbers(
-        lambda number: (number == number.round()) & (abs(number) >= 1.0),
-        argument,
-        (value,),
-        "a whole number",
-        "count the teeth; use a negative number for an internal second gear",
-    )
+    whole = "a whole number", "count the teeth; use a negative number for an internal second gear"
+    require_numbers(lambda n: (n == n.round()) & (abs(n) >= 1.0), argument, (value,), *whole)
 
 
 class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):

@@ -3,6 +3,7 @@
 import abc
 import math
 from dataclasses import replace
+from functools import partial
 
 import equinox as eqx
 from jaxtyping import PyTree
@@ -216,25 +217,7 @@ class DriveTorque(AbstractDriveAboutAxis, AbstractDriveTorque):
         return breakpoints_of(self.torque)
 
 
-class AbstractFollowing(AbstractConstraint):
-    """Base class of drivers that prescribe a continuous function of time."""
-
-    function: eqx.AbstractVar[FunctionOfTime]
-
-    @override
-    def __check_init__(self):
-        require_continuous(self.function)
-
-    @override
-    def breakpoints(self) -> PyTree:
-        return breakpoints_of(self.function)
-
-    def prescribed(self, t: Scalar) -> Scalar:
-        """Return the function's value at a time, s."""
-        return value_at(as_function_of_time(self.function), t)
-
-
-class PrescribedAngle(AbstractDriveAboutAxis, AbstractRotationDriver, AbstractFollowing):
+class PrescribedAngle(AbstractDriveAboutAxis, AbstractRotationDriver):
     """Prescribes the second body's angle relative to the first as a function of time.
 
     **Arguments:**
@@ -254,11 +237,19 @@ class PrescribedAngle(AbstractDriveAboutAxis, AbstractRotationDriver, AbstractFo
     orientation: Quadruple = quantity("1", default=PARALLEL)
 
     @override
+    def __check_init__(self):
+        require_continuous(self.function)
+
+    @override
     def angle(self, t: Scalar) -> Scalar:
-        return self.prescribed(t)
+        return value_at(as_function_of_time(self.function), t)
+
+    @override
+    def breakpoints(self) -> PyTree:
+        return breakpoints_of(self.function)
 
 
-class PrescribedTranslation(AbstractPairAtPoints, AbstractFollowing):
+class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
     """Prescribes the distance of two points along an axis of the first body as a function of time.
 
     It constrains neither the motion across the axis nor rotations: add a prismatic or cylindrical
@@ -284,10 +275,19 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractFollowing):
     function: FunctionOfTime = quantity("m", converter=as_function_of_time)
 
     @override
+    def __check_init__(self):
+        require_continuous(self.function)
+
+    @override
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         points = self.point_first, unit(self.axis), self.point_second
         distance = point_in_plane(*self._between(motions), *points)
-        return {"distance": row_following(distance, self.prescribed, t)}
+        prescribed = partial(value_at, as_function_of_time(self.function))
+        return {"distance": row_following(distance, prescribed, t)}
+
+    @override
+    def breakpoints(self) -> PyTree:
+        return breakpoints_of(self.function)
 
 
 ROUNDING = 0.02

@@ -269,8 +269,8 @@ def rows_from_residual(
     rows = {}
     for k, label in enumerate(labels):
         # As in `_unit_velocities`: velocity and spin of the first body, then of the second.
-        v = [column[k] for column in columns]
-        vectors = [Vector(*v[j : j + 3]) for j in range(0, 12, 3)]
+        numbers = [column[k] for column in columns]
+        vectors = [Vector(*numbers[j : j + 3]) for j in range(0, 12, 3)]
         jacobian = {names[0]: Wrench(*vectors[:2]), names[1]: Wrench(*vectors[2:])}
         rows[label] = Row(values[k], jacobian, biases[k])
     return rows
