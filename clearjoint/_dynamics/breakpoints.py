@@ -193,15 +193,15 @@ def drivers_are_smooth(
         # With all bodies at rest, `time_rate` and `bias` are the first and the second time
         # derivative of the driver's value.
         rates = [row.time_rate for row in at_nodes]
-        seconds = [row.bias for row in at_nodes]
+        second_rates = [row.bias for row in at_nodes]
         value = beyond.value - first.value - integral(rates)
         # Angles are known up to whole revolutions.
         if isinstance(system.scene.joints[name], AbstractRotationDriver):
             value = wrapped(value, 2.0 * math.pi)
-        rate = last.time_rate - first.time_rate - integral(seconds)
+        rate = last.time_rate - first.time_rate - integral(second_rates)
         # The scale includes `change`, the total variation of the rate, since a driver that
         # oscillates within the step may have small rates at both ends.
-        change = integral([jnp.abs(second) for second in seconds])
+        change = integral([jnp.abs(second_rate) for second_rate in second_rates])
         speed = jnp.abs(first.time_rate) + jnp.abs(last.time_rate) + change
         allowed = (rtol + rounding) * speed
         is_smooth = jnp.abs(rate) <= allowed + ROUNDED_RATE

@@ -58,8 +58,10 @@ class ConstraintEquations:
         first_elastic = self._rows - len(compliances)
         further_columns = [
             [
-                multiply(self._weights[k], square_root(own)) if k == first_elastic + j else 0.0
-                for j, own in enumerate(compliances)
+                multiply(self._weights[k], square_root(compliance))
+                if k == first_elastic + j
+                else 0.0
+                for j, compliance in enumerate(compliances)
             ]
             for k in self._active
         ]

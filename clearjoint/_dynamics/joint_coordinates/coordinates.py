@@ -299,8 +299,8 @@ class JointCoordinates(AbstractCoordinates):
     def without_drift(self, scene: Scene, variables: TreeVariables) -> TreeVariables:
         kept = {}
         for branch, evaluate in _branches(forest(scene)):
-            own = variables[branch.body]
-            kept[branch.body] = evaluate(type(branch).without_drift, branch.nameless(), own)
+            state = variables[branch.body]
+            kept[branch.body] = evaluate(type(branch).without_drift, branch.nameless(), state)
         return kept
 
     @override
