@@ -53,9 +53,7 @@ class AbsoluteCoordinates(AbstractCoordinates):
     @override
     def decode(self, scene: Scene, variables: Bodies) -> Bodies:
         motions = self.motions(scene, variables)
-        return {
-            name: replace(body, position=motions[name].position) for name, body in variables.items()
-        }
+        return {n: replace(body, position=motions[n].position) for n, body in variables.items()}
 
     @override
     def motions(self, scene: Scene, variables: Bodies) -> Motions:
@@ -69,10 +67,8 @@ class AbsoluteCoordinates(AbstractCoordinates):
 
     @override
     def without_drift(self, scene: Scene, variables: Bodies) -> Bodies:
-        return {
-            name: replace(body, orientation=kept_unit(body.orientation))
-            for name, body in variables.items()
-        }
+        bodies = variables.items()
+        return {n: replace(body, orientation=kept_unit(body.orientation)) for n, body in bodies}
 
     @override
     def with_speeds(self, scene: Scene, variables: Bodies, others: Bodies) -> Bodies:
@@ -83,18 +79,15 @@ class AbsoluteCoordinates(AbstractCoordinates):
 
 
 class AbsoluteMechanics(AbstractMechanics):
-    """Newton-Euler equations of all bodies (P. Flores et al. 2006, eq. 29).
-
-    The speeds are, for each body in the order of ``scene.bodies``, the velocity of the centre of
-    mass, m/s, in global axes, and the spin, rad/s, in body axes. They are the velocities V
-    themselves, so that the matrix H in V = H u (see `.coordinates`) is the identity.
-    """
+    """Newton-Euler equations of all bodies (P. Flores et al. 2006, eq. 29). The speeds are, for
+    each body in the order of ``scene.bodies``, the velocity of the centre of mass, m/s, in global
+    axes, and the spin, rad/s, in body axes. They are the velocities V themselves, so that the
+    matrix H in V = H u (see `.coordinates`) is the identity."""
 
     def __init__(self, scene: Scene, variables: Bodies, motions: Motions):
         self._scene, self._variables, self.motions = scene, variables, motions
-        self._inverses = {
-            name: (1.0 / body.mass, _inverse_inertia(body)) for name, body in scene.bodies.items()
-        }
+        bodies = scene.bodies.items()
+        self._inverses = {n: (1.0 / body.mass, _inverse_inertia(body)) for n, body in bodies}
 
     @override
     def free_rates(self, wrenches: Wrenches) -> Speeds:

@@ -20,15 +20,15 @@ from .._fields.checks import (
 )
 from .._fields.objects import on_device, with_arrays
 from .._math.rotations import rotation_matrix
-from .._math.vectors import ZERO, EulerParameters, Scalar, pack, unpack
-from .._model.bodies import GROUND, BodyState, State, body_state
+from .._math.vectors import EulerParameters, Scalar, pack, unpack
+from .._model.bodies import GROUND, BodyState, State
 from .._model.joints.base import PARALLEL, AbstractConstraint
 from .._model.joints.ideal import AbstractOrientedJoint
 from .._model.scene import Scene
 from .._native import Native
 from .absolute_coordinates import AbsoluteCoordinates
 from .constraint_report import row_residuals
-from .coordinates import AbstractCoordinates, MotionVariables
+from .coordinates import AbstractCoordinates, MotionVariables, at_rest
 from .formulation import Formulation
 from .journals import (
     UNIQUE_REACTIONS,
@@ -42,32 +42,33 @@ from .journals import (
 from .system import System
 
 ITERATIONS = 100
-"""Largest number of Newton steps of the positions in `assemble`; a good guess needs few."""
+"""Largest number of Newton steps of the positions in `assemble`; few are needed near the
+solution."""
 TOLERANCE = 1e-12
-"""Largest constraint value |Phi| at which `assemble` stops iterating, in m or rad; without unit for
-equations between directions. It is slightly above the rounding errors of lengths of a metre."""
+"""Largest constraint value at which `assemble` stops iterating, in m, rad or, for directions,
+without unit: slightly above the rounding errors of lengths of a metre."""
 SATISFIED = 1e-9
 """Largest constraint value and rate that `assemble` accepts. Rounding errors of lengths above a
 metre may exceed `TOLERANCE`."""
 STRIKING = 0.1
 """Part of the kinetic energy in motion of journals relative to their bearings, above which
-`assemble` warns. If a crank turns while all links behind its clearance rest, it is between a half
-and one."""
+`assemble` warns. It is between a half and one if a crank turns and all links behind its clearance
+rest."""
 LOCKED = (
     "With ideal joints the mechanism can't move as its drivers prescribe, so that bodies behind a "
     "clearance have the velocities of the guess: give those of the motion, and pass moving=False."
 )
 ACCEPTED_VIOLATION = 1e-6
-"""Largest constraint value and rate of a state from which a run may start: far above rounding
-errors, and small beside a clearance."""
+"""Largest constraint value and rate with which a run may start: far above rounding errors, and
+small beside a clearance."""
 REPRESENTED = 1e-3
-"""Largest accepted difference of Euler parameters between a state and the same state after
-conversion to variables and back. That of a state that they cannot represent is about one."""
+"""Largest accepted change of Euler parameters by conversion to variables and back. Of an
+orientation that the variables cannot represent, it is about one."""
 
 
 def check_names(scene: Scene, state: State) -> None:
-    """Check that scene and state have these types and the same bodies, and that the state's numbers
-    are finite and its Euler parameters of about unit norm."""
+    """Check that scene and state have these types and the same bodies, that the state's numbers are
+    finite, and its Euler parameters of about unit norm."""
     remedy = "pass one; mechanisms come with a state: scene, state = cj.mechanisms.four_bar()"
     require_type("scene", scene, Scene, "a Scene", remedy)
     require_type("state", state, State, "a State", "pass State({name: body_state(...)})")
@@ -101,13 +102,13 @@ def assemble(
 ) -> State:
     """Find a state near a guess that satisfies the constraints, with each journal in its bearing.
 
-    The state is found by Newton steps. Each step is the smallest correction, in the metric of the
-    mass matrix, that satisfies the linearised constraints, so that the result is approximately the
-    nearest state. A journal inside its bearing is not moved by its clearance joint, except along
-    the axis if the joint holds it axially. A journal that penetrates the wall by more than a
-    micrometre is put into the centre of the bearing, and gets the velocity that an ideal joint
-    would give it. A user-defined joint without a centred position (its method `centred_joint`
-    returns ``None``) is left as it is. A pin in a slot is only centred across the slot.
+    Each Newton step is the smallest correction, in the metric of the mass matrix, that satisfies
+    the linearised constraints: the result is approximately the nearest state. A journal inside its
+    bearing is not moved by its clearance joint, except along the axis if the joint holds it
+    axially. One that penetrates the wall by more than a micrometre is put into the centre of the
+    bearing, with the velocity that an ideal joint would give it. A user-defined joint without a
+    centred position (its method `centred_joint` returns ``None``) is left as it is. A pin in a slot
+    is only centred across the slot.
 
     Choose `moving` by what the guess says about velocities. Constraints do not determine those of
     bodies behind a clearance: if a driver turns the crank of a four-bar whose crank pin has
@@ -120,14 +121,13 @@ def assemble(
     - `resting`: names of clearance joints whose journals are put in contact with the wall, on the
       side to which gravity and the scene's forces press them while all bodies are at rest. They
       penetrate the wall as far as their load demands, so that they don't oscillate. Contacts whose
-      laws use the entry speed get the one of an impact with the elastic energy of the contact, so
-      that later oscillations are damped like such an impact.
+      laws use the entry speed get that of an impact with their elastic energy, so that later
+      oscillations are damped like such an impact.
     - `centred`: whether all journals are put into the centres of their bearings, except `resting`
       ones.
-    - `moving`: whether the velocities are those of the mechanism with ideal joints, nearest to the
-      guess's, so that no journal moves relative to its bearing; otherwise velocities of journals
-      are those of the guess as far as the constraints allow. By default it is ``True`` if a driver
-      moves at time `t`.
+    - `moving`: whether the velocities are those, nearest to the guess's, at which no journal moves
+      in its bearing; otherwise they are the guess's as far as constraints allow. By default it is
+      ``True`` if a driver moves at time `t`.
 
     **Returns:** the assembled state, with the `work`, `bristles` and `memory` of the guess, and its
     `entry_speeds` except for those of the joints in `resting`.
@@ -180,7 +180,8 @@ def assemble(
     driven = _driven(scene, state, t)
     try:
         mechanism = _satisfying(all_ideal, state, t)
-        moved = _with_velocities(scene, _with_motion(state, mechanism), t)
+        bodies = AbsoluteCoordinates().with_speeds(scene, state.bodies, mechanism.bodies)
+        moved = _with_velocities(scene, replace(state, bodies=bodies), t)
     except ValueError as error:
         if moving:
             raise ValueError(
@@ -197,26 +198,15 @@ def assemble(
 
 def _driven(scene: Scene, state: State, t: Scalar) -> bool:
     """Return whether a constraint, such as a driver, moves bodies at time t."""
-    rest = body_state((0.0, 0.0, 0.0))
-    at_rest = _with_motion(state, State(dict.fromkeys(state.bodies, rest)))
-    rates = row_residuals(scene, at_rest, t).rates
+    still = np.zeros(3)
+    at_rest = {n: replace(body, velocity=still, spin=still) for n, body in state.bodies.items()}
+    rates = row_residuals(scene, State(at_rest), t).rates
     return bool(np.abs(rates).max(initial=0.0) > SATISFIED)
 
 
-def _with_motion(state: State, other: State) -> State:
-    bodies = {
-        name: replace(body, velocity=other.bodies[name].velocity, spin=other.bodies[name].spin)
-        for name, body in state.bodies.items()
-    }
-    return replace(state, bodies=bodies)
-
-
 def _caution_striking(scene: Scene, state: State, moved: State) -> None:
-    """Warn if much of the kinetic energy of `state` is that of journals that move relative to their
-    bearings.
-
-    `moved` is the state with the nearest velocities at which no journal moves in its bearing.
-    """
+    """Warn if much of the kinetic energy of `state` is lost in `moved`, the state with the nearest
+    velocities at which no journal moves relative to its bearing."""
     before, after = (float(_kinetic_energy(scene, at.bodies)) for at in (state, moved))
     lost = 1.0 - after / before if before > 0.0 else 0.0
     share, expected = round(100.0 * lost, 1), f"at most {100.0 * STRIKING:g} %"
@@ -239,8 +229,8 @@ def _in_bearings(
     scene: Scene, ideal: dict[str, AbstractConstraint], state: State, t: Scalar
 ) -> State:
     """Return the state near a guess that satisfies the constraints, with the joints in `ideal` in
-    place of the scene's. Assembly may move further journals out of their bearings: their ideal
-    joints are then added to `ideal`."""
+    place of the scene's. If this moves further journals out of their bearings, their ideal joints
+    are added to `ideal`."""
     # The loop ends, because each pass adds at least one of the scene's clearance joints.
     while True:
         state = _satisfying(with_ideal(scene, ideal), state, t)
@@ -288,12 +278,9 @@ def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndar
 
 def require_oriented(scene: Scene, cosines: dict[str, Scalar]) -> None:
     """Check, by the results of `cosines_of_turns`, that the relative orientation in each fixed and
-    prismatic joint is less than 90 degrees from the one that the joint declares.
-
-    The constraint equations of these joints are also zero after a further rotation by half a
-    revolution about x, y or z, or by 120 degrees (a cyclic permutation of the axes), and a run that
-    starts from such a wrong orientation would hold it.
-    """
+    prismatic joint is less than 90 degrees from the declared one. Constraint values are also zero
+    after a further half revolution about x, y or z, or a cyclic permutation of the axes, and a run
+    from such a wrong orientation would hold it."""
     for name, cosine in cosines.items():
         turn = round(float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))), 3)
         second = scene.joints[name].body_names()[1]
@@ -308,7 +295,7 @@ def require_oriented(scene: Scene, cosines: dict[str, Scalar]) -> None:
 # NumPy computes this function if it can, since a compilation takes longer than a single call.
 @HostFirst
 def cosines_of_turns(scene: Scene, bodies: dict[str, BodyState]) -> dict[str, Scalar]:
-    """Return the cosine of the angle from the declared orientation, for joints that declare one."""
+    """Return the cosine of the angle from the declared orientation to the actual one, by joint."""
     oriented = {n: j for n, j in scene.joints.items() if isinstance(j, AbstractOrientedJoint)}
     if not oriented:
         return {}
@@ -339,12 +326,10 @@ def require_representable(
     variables: MotionVariables,
     represented: dict[str, np.ndarray],
 ) -> None:
-    """Check that coordinates can represent an assembled state, and have at least one variable.
-
-    Parallel and antiparallel axes, for example, both satisfy the constraints of a revolute joint,
-    but its angle as variable represents only parallel axes. The state, converted to the coordinates
-    and back by `round_trip` (to `variables` and `represented`), must keep its orientations.
-    """
+    """Check that an assembled state keeps its orientations when it is converted to coordinates and
+    back: `variables` and `represented` are the results of `round_trip`. Antiparallel axes, for
+    example, satisfy a revolute joint, but its angle represents parallel ones only. Check also that
+    there is a variable."""
     _require_something_moves(variables, coordinates)
     for name, body in state.bodies.items():
         own, converted = np.asarray(body.orientation), np.asarray(represented[name])
@@ -358,7 +343,7 @@ def require_representable(
 
 @cached_by_numbers
 def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
-    """Check, once for all runs of a sweep, that the coordinates have at least one variable."""
+    """Check, once for all runs of a sweep, that the coordinates have a variable."""
     variables, _ = round_trip(scene, state, coordinates)
     _require_something_moves(variables, coordinates)
 
@@ -374,14 +359,10 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
 def round_trip(
     scene: Scene, state: State, coordinates: AbstractCoordinates
 ) -> tuple[MotionVariables, dict[str, np.ndarray]]:
-    """Convert the poses of a state to variables, at rest, and these to Euler parameters, (4,)."""
-    scene, bodies = unpack(scene), unpack(state.bodies)
-    # No velocity is compared, and structural zeros take no operations.
-    resting = {
-        name: BodyState(body.position, body.orientation, ZERO, ZERO)
-        for name, body in bodies.items()
-    }
-    variables = coordinates.encode(scene, resting)
+    """Return the variables of a state at rest, and the Euler parameters, (4,), that they
+    represent."""
+    scene = unpack(scene)
+    variables = coordinates.encode(scene, at_rest(unpack(state.bodies)))
     decoded = coordinates.decode(scene, variables)
     return variables, {name: pack(body.orientation) for name, body in decoded.items()}
 
@@ -389,11 +370,8 @@ def round_trip(
 def _require_satisfied(
     names: tuple[str, ...], residuals: np.ndarray, tolerance: float, quality: str, part: str
 ) -> None:
-    """Check that all residuals are at most `tolerance` in magnitude.
-
-    `quality` is "consistent" for a state that the user gave, and "assembled" for a computed one;
-    `part` is "positions" or "velocities".
-    """
+    """Check that all residuals of positions or velocities (`part`) are at most `tolerance`.
+    `quality` is "consistent" for a state from the user, and "assembled" for a computed one."""
     if residuals.size == 0:
         return
     # NaN counts as the worst residual.

@@ -1,8 +1,8 @@
 """Breakpoints: declared times at which elements of a scene change abruptly, and at which steps end.
 
 In a step that ends at a breakpoint, the element is evaluated just before it, and in a step that
-starts there, just after it, so that it does not matter whether the element compares time with < or
-<=. Public functions take times t since the system's origin; breakpoints are times of the scene.
+starts there, just after it: it does not matter whether the element compares times with < or <=.
+Public functions take times t since the system's origin; breakpoints are times of the scene.
 """
 
 import math
@@ -27,36 +27,38 @@ from .sampled_forces import sampled_forces
 from .system import System
 
 ROUNDINGS = 8.0
-"""Largest difference, in units of rounding error, at which a time counts as equal to a breakpoint.
-An element may compute the time in another order of operations, with another rounding error."""
+"""Difference, in units of rounding error, up to which a time counts as equal to a breakpoint: an
+element may compute it in another order of operations."""
 SHORTEST = 1e-12
-"""Time, s, whose rounding error is the smallest that is assumed for a breakpoint, so that it is
-positive also for a breakpoint at zero. This time is much shorter than any step."""
+"""Time, s, much shorter than any step: the assumed rounding error of a breakpoint is at least that
+of this time, and so positive at zero too."""
 FEW = 8
-"""Number of times up to which those of a table are compared one by one, without a search."""
+"""Number of breakpoints up to which those of a table are compared one by one, without a search."""
 
 NODES, WEIGHTS = (column.tolist() for column in np.polynomial.legendre.leggauss(5))
-"""Nodes and weights of Gauss quadrature with five points (order ten) on the interval -1 to 1."""
+"""Gauss quadrature with five points (order ten) on the interval -1 to 1."""
 DRIVER_ROUNDINGS = 64.0
-"""Tolerance of `drivers_are_smooth` for rates, in units of rounding error: a driver may compute
-them by many operations."""
+"""Rounding error of a driver's rate in `drivers_are_smooth`, in units of that of one operation."""
 ROUNDED_VALUE, ROUNDED_RATE = 1e-11, 1e-9
-"""Rounding errors that are allowed in the change of a driver's value and of its rate. They occur in
-tables of large values at short intervals of time."""
+"""Allowed rounding errors in the change of a driver's value and of its rate, which occur in tables
+of large values at short intervals of time."""
 
 
 def breakpoints(scene: Scene) -> dict[str, list[Scalar | Increasing]]:
-    """Return the breakpoints of each joint or force that has any, without empty arrays, and without
-    the instants of sampled forces."""
+    """Return the breakpoints of each joint or force that has any, without instants of sampled
+    forces."""
+
+    def is_table(node: PyTree) -> bool:
+        return isinstance(node, Increasing)
+
     elements: dict[str, AbstractElement] = {**scene.joints, **scene.forces}
     times = {}
     for name, element in elements.items():
         instants = []
-        for at in jax.tree.leaves(element.breakpoints(), is_leaf=_is_increasing):
-            is_table = isinstance(at, Increasing)
-            size = np.size(at.times if is_table else at)
+        for at in jax.tree.leaves(element.breakpoints(), is_leaf=is_table):
+            size = np.size(at.times if is_table(at) else at)
             # Of a few times, looking at all of them costs less than a search.
-            if is_table and 0 < size <= FEW:
+            if is_table(at) and 0 < size <= FEW:
                 at = jnp.asarray(at.times, dtype=float)
             if size > 0:
                 instants.append(at)
@@ -70,14 +72,10 @@ def has_breakpoints(scene: Scene) -> bool:
     return bool(breakpoints(scene) or sampled_forces(scene))
 
 
-def _is_increasing(node: PyTree) -> bool:
-    return isinstance(node, Increasing)
-
-
 def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
-    """Return the first breakpoint, or instant of a sampled force, that is after t by more than
-    rounding errors, s since the origin of the system, like t; infinity if there is none, ``None``
-    if no element has a breakpoint or instants."""
+    """Return the first breakpoint or instant of a sampled force that is after t by more than
+    rounding errors, s since the system's origin like t; infinity after the last one, ``None`` if no
+    element has any."""
     t = system.clock(t)
     soonest = _extreme(system, t, lambda at: at, after=True)
     rows = [row for f in sampled_forces(system.scene).values() for row in f.instants().values()]
@@ -89,9 +87,9 @@ def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
 
 
 def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
-    """Return the time t, clipped to the open interval between two breakpoints in which the step
-    from `start` lies, since elements have the values there that hold inside of the step. Instants
-    of sampled forces do not count, since memories have these values anyway."""
+    """Return the time t, clipped to the inside of the interval between two breakpoints in which the
+    step from `start` lies, where elements have their values of this step. Instants of sampled
+    forces do not count: memories have these values anyway."""
     # Each breakpoint gives a bound slightly inside of the step: a lower one if it is not after the
     # start, else an upper one.
     start = system.clock(start)
@@ -135,18 +133,17 @@ SampledInstants: TypeAlias = dict[str, dict[str, tuple[Condition, Scalar]]]
 
 def sampled_instants(system: System, start: Scalar, t: Scalar) -> SampledInstants:
     """Return, for each sampled force and each name in its `instants`, whether the step from `start`
-    to t ends at such an instant, and the latest one that is not after t, s of the scene. It is
-    later by a rounding error, so that a table of a target surely has the value that it gets at this
-    instant."""
+    to t ends at such an instant, and the latest instant that is not after t, as a time of the
+    scene, s, plus a rounding error: a table of a target then surely has its value from this instant
+    on."""
     start, t = system.clock(start), system.clock(t)
     rows = {name: f.instants() for name, f in sampled_forces(system.scene).items()}
     count = sum(map(len, rows.values()))
-    return each_label(
-        lambda name, key: shared_by_many(
-            count, _latest_in_step, system.origin, rows[name][key], start, t
-        ),
-        rows,
-    )
+
+    def latest(name: str, key: str) -> tuple[Condition, Scalar]:
+        return shared_by_many(count, _latest_in_step, system.origin, rows[name][key], start, t)
+
+    return each_label(latest, rows)
 
 
 def _latest_in_step(
@@ -159,13 +156,13 @@ def _latest_in_step(
 def drivers_are_smooth(
     system: System, variables: MotionVariables, start: Scalar, end: Scalar, rtol: Scalar
 ) -> Condition | None:
-    """Return whether all drivers (constraints that depend on time) are smooth over a step, or
-    ``None`` if there are no drivers.
+    """Return whether all drivers (constraints that depend on time) are smooth over a step; ``None``
+    without drivers.
 
-    A driver is smooth if the change of its value equals the integral of its rate, and the change of
-    its rate that of its second time derivative, within `rtol` relative to its speed. The equations
-    of motion use only the second time derivative, at the solver's stages. A kink or jump between
-    them would not show in error estimates, and the run would continue with the old speed.
+    A driver is smooth if its value changes by the integral of its rate, and its rate by that of the
+    second time derivative, within `rtol` relative to its speed. The equations of motion use the
+    second derivative only, at the solver's stages: a kink or jump between them would show in no
+    error estimate, and the run would go on with the old speed.
     """
 
     # The rows are evaluated at eight times (past the end, start, end and five nodes of the
@@ -196,15 +193,15 @@ def drivers_are_smooth(
         # With all bodies at rest, `time_rate` and `bias` are the first and the second time
         # derivative of the driver's value.
         rates = [row.time_rate for row in at_nodes]
-        seconds = [row.bias for row in at_nodes]
+        second_rates = [row.bias for row in at_nodes]
         value = beyond.value - first.value - integral(rates)
         # Angles are known up to whole revolutions.
         if isinstance(system.scene.joints[name], AbstractRotationDriver):
             value = wrapped(value, 2.0 * math.pi)
-        rate = last.time_rate - first.time_rate - integral(seconds)
+        rate = last.time_rate - first.time_rate - integral(second_rates)
         # The scale includes `change`, the total variation of the rate, since a driver that
         # oscillates within the step may have small rates at both ends.
-        change = integral([jnp.abs(second) for second in seconds])
+        change = integral([jnp.abs(second_rate) for second_rate in second_rates])
         speed = jnp.abs(first.time_rate) + jnp.abs(last.time_rate) + change
         allowed = (rtol + rounding) * speed
         is_smooth = jnp.abs(rate) <= allowed + ROUNDED_RATE
@@ -220,7 +217,7 @@ def coincide(system: System, instant: Scalar, t: Scalar) -> Condition:
 
 def _latest(origin: Scalar | None, row: Periodic, t: Scalar, later: int = 0) -> Scalar:
     """Return the latest instant of `row` that is not after the time t of the scene, s, by more than
-    rounding errors (`_is_after`); with `later`, the instant that many periods after it."""
+    rounding errors; with `later`, the instant that many periods after it."""
     nearest = jnp.round((t - row.offset) / row.period)
     passed = jnp.where(_is_after(origin, row.instant(nearest), t), nearest - 1.0, nearest)
     return row.instant(jax.lax.stop_gradient(passed) + later)
@@ -231,8 +228,7 @@ def _is_after(origin: Scalar | None, at: Scalar, t: Scalar) -> jax.Array:
 
 
 def _rounding(origin: Scalar | None, at: Scalar) -> jax.Array:
-    """Return the largest difference, s, at which a time counts as equal to a breakpoint `at`, in a
-    system with an `origin`."""
+    """Return the difference, s, up to which a time counts as equal to a breakpoint `at`."""
     # On the clock of the system, a time has the rounding error of the origin too.
     size = SHORTEST if origin is None else jnp.maximum(jnp.abs(origin), SHORTEST)
     # An infinite rounding error would make an infinite breakpoint equal to any time.
@@ -260,9 +256,9 @@ def _extreme(
     system: System, t: Scalar, function: Callable[[jax.Array], jax.Array], after: bool
 ) -> Scalar | None:
     """Return the smallest value of an increasing function at the breakpoints after t, a time of the
-    scene, infinity if there are none; without `after`, the largest at all other breakpoints, or
-    minus infinity. ``None`` if the scene has no breakpoints. It is not differentiated, since the
-    solution does not depend on where steps end."""
+    scene; or, without `after`, the largest at the others. It is infinite without such breakpoints,
+    ``None`` in a scene without breakpoints, and not differentiated, since the solution does not
+    depend on where steps end."""
     choice, none = (jnp.minimum, jnp.inf) if after else (jnp.maximum, -jnp.inf)
     extreme: jax.Array | None = None
     for times in breakpoints(system.scene).values():

@@ -1,8 +1,5 @@
-"""Bristle deflections in the course of a run: initial values, rates, and corrections after steps.
-
-Bristles model friction that can stick by a deflection of the surfaces of a contact against each
-other, which is integrated with the motion.
-"""
+"""Bristle deflections in the course of a run: initial values, rates, and corrections after
+steps."""
 
 import jax
 import jax.numpy as jnp
@@ -33,8 +30,8 @@ def bristle_rates(dynamics: Dynamics) -> Bristles:
 
 
 def full_deflections(scene: Scene) -> Bristles:
-    """Return a scale for the deflection of each contact: vectors whose three components are the
-    magnitude of the deflection in steady sliding, m."""
+    """Return the scale of each contact's deflection: three components that are the deflection in
+    steady sliding, m."""
 
     def sizes(law: AbstractBristleFriction) -> Vector:
         return Vector(*(jnp.asarray(law.full_deflection(), float),) * 3)
@@ -51,13 +48,11 @@ def updated_bristles(
     after: ContactGaps,
     lands: bool,
 ) -> Bristles:
-    """Return the bristle deflections after an accepted step.
+    """Return the bristle deflections after an accepted step with the gaps `before` and `after` it.
 
-    `before` and `after` are the gaps at the ends of the step. An open contact gets zero. If steps
-    end at onsets (`lands`), no force and no deflection is computed between an onset and the end of
-    the step. A contact that began in the step then gets the displacement since its onset, slip
-    velocity times the time since then. This time is zero except for rounding, but its derivative,
-    which derivatives of the motion need, is not.
+    An open contact gets zero. If steps end at onsets (`lands`), a contact that began in the step
+    has had no force yet: it gets the slip velocity times the time since the onset, which is zero
+    except for rounding, but whose derivatives the derivatives of the motion need.
     """
     joints = scene.contact_joints()
     updated: Bristles = {}
@@ -75,7 +70,6 @@ def updated_bristles(
                 # Slip is in global axes, deflections are in those of the joint's first body.
                 deflection = deflection + first.components(slip) * since
             # Bristles of an open contact spring back; the next contact starts with relaxed ones.
-            updated[name][label] = Vector(
-                *(jnp.where(end.depth > 0.0, part, 0.0) for part in deflection)
-            )
+            kept = (jnp.where(end.depth > 0.0, part, 0.0) for part in deflection)
+            updated[name][label] = Vector(*kept)
     return updated

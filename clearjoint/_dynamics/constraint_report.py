@@ -25,16 +25,15 @@ from .equations_of_motion import constraint_rows
 from .multipliers import as_array
 
 RANK_TOLERANCE = 1e-8
-"""Distance of a normalised constraint row from the span of the rows before it, below which the row
-counts as dependent on them. It is far above rounding errors."""
+"""Distance of a normalised constraint row from the span of the rows before it, below which it
+counts as dependent on them: far above rounding errors."""
 UNCERTAIN_BELOW = 1e-5
-"""Distance below which a row that is not dependent counts as nearly dependent. The equations for
-the multipliers contain the square of this distance, so that rounding errors determine the
-multipliers: at a distance of 1e-6, the angle of a four-bar with a skew hinge is wrong by 1e-3 rad
-after one second."""
+"""Distance below which another row counts as nearly dependent. The equations for the multipliers
+contain its square, so that rounding errors determine them: at 1e-6, the angle of a four-bar with a
+skew hinge is wrong by 1e-3 rad after one second."""
 FEW = 16
-"""Largest number of scenes whose constraints are evaluated one by one with NumPy. For more scenes,
-native code is compiled, which takes longer than some evaluations."""
+"""Largest number of scenes whose constraints NumPy evaluates one by one; for more, native code is
+compiled."""
 
 
 @dataclass(frozen=True)
@@ -90,13 +89,7 @@ def constraint_report(
     redundant, uncertain = dependent(rows.names, rows.reduced, {})
     assert rows.jacobian is not None
     return ConstraintReport(
-        bodies=rows.bodies,
-        names=rows.texts(),
-        values=rows.values,
-        rates=rows.rates,
-        jacobian=rows.jacobian,
-        redundant=redundant,
-        uncertain=uncertain,
+        rows.bodies, rows.texts(), rows.values, rows.rates, rows.jacobian, redundant, uncertain
     )
 
 
@@ -122,8 +115,8 @@ class StartRows(NamedTuple):
       each row divided by the norm of the same row of `jacobian`.
     - `jacobian`: of all rows, as in `ConstraintReport`; ``None`` unless it was asked for.
 
-    Arrays without rows have the shape (0,). If JAX or native code has made the rows, rows and
-    columns are in the order of the names; `in_order_of` restores that of the scene.
+    Arrays without rows have the shape (0,). Rows and columns that JAX or native code has made are
+    in the order of names, until `in_order_of` restores that of the scene.
     """
 
     values: np.ndarray
@@ -165,8 +158,8 @@ def scene_order(names: tuple[RowName, ...], scene: Scene) -> list[int]:
 
 
 def row_residuals(scene: Scene, state: State, t: Scalar) -> StartRows:
-    """Return values and rates of all rows, but no Jacobian, in a time proportional to the number of
-    bodies."""
+    """Return values and rates of all rows without a Jacobian, in a time proportional to their
+    number."""
     return start_rows_by_numpy(scene, None, state, on_device(t)).in_order_of(scene)
 
 
@@ -178,11 +171,9 @@ def start_rows(
     with_jacobian: bool = False,
     motions: Motions | None = None,
 ) -> StartRows:
-    """Return all constraint rows in a state, and those that `coordinates` do not eliminate.
-
-    Scene and state have vectors as arrays (3,). The size of `jacobian` grows with the square of the
-    number of bodies; `motions` are those of `free_motions`, if they are known.
-    """
+    """Return all constraint rows in a state, and those that `coordinates` do not eliminate. Scene
+    and state have vectors as arrays (3,). The size of `jacobian` grows with the square of the
+    number of bodies; `motions` are those of `free_motions`, if they are known."""
     scene, bodies = unpack(scene), unpack(state.bodies)
     absolute = AbsoluteCoordinates()
     motions = free_motions(scene, bodies) if motions is None else motions
@@ -215,22 +206,18 @@ def start_rows(
 
 
 def free_motions(scene: Scene, bodies: dict[str, BodyState]) -> Motions:
-    """Return the motions of the bodies, each from its own state as if there were no joints: the
-    state may violate the constraints."""
+    """Return the motion of each body by its own state, as if there were no joints, since the state
+    may violate the constraints."""
     absolute = AbsoluteCoordinates()
     return absolute.motions(scene, absolute.encode(scene, bodies))
 
 
 def _norm(row: Row) -> Scalar:
-    """Return the norm of a row's Jacobian; one if it is zero, as in a singular position.
-
-    Rows are divided by their norms in absolute coordinates, since a row that the coordinates nearly
-    satisfy must stay small, and count as dependent.
-    """
+    """Return the norm of a row's Jacobian in absolute coordinates; one if it is zero, as in a
+    singular position. Rows in other coordinates are divided by it, so that a row that these nearly
+    satisfy stays small, and counts as dependent."""
     wrenches = [wrench for name, wrench in row.jacobian.items() if name != GROUND]
-    square = sum(
-        vector.dot(vector) for wrench in wrenches for vector in (wrench.force, wrench.moment)
-    )
+    square = sum(v.dot(v) for wrench in wrenches for v in (wrench.force, wrench.moment))
     return square_root(where(square > 0.0, square, 1.0))
 
 
@@ -250,12 +237,9 @@ start_rows_by_numpy = HostFirst(start_rows)
 def start_rows_of_lanes(
     scene: Scene, varied: PyTree, states: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> StartRows:
-    """Return the result of `start_rows` for the N runs of a sweep, with an additional first axis of
-    length N in each array.
-
-    `varied` is a PyTree like `scene`, with an array of N values for each number that varies, and
-    ``None`` for each number that does not. `states` have the axis of length N first in each array.
-    """
+    """Return the result of `start_rows` for the N runs of a sweep, with a further first axis of
+    length N in each array. `varied` is a PyTree like `scene`, with an array of N values for each
+    number that varies and ``None`` for others; `states` have the axis of length N first."""
     count = len(jax.tree.leaves(states)[0])
     first_state = jax.tree.map(lambda leaf: leaf[0], states)
     arguments = scene, coordinates, first_state, np.asarray(t, float)
@@ -295,8 +279,8 @@ def dependent(
     names: tuple[RowName, ...], rows: np.ndarray, cache: dict[bytes, np.ndarray]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return two lists of names "joint: label": of those `rows`, (n, s), that depend linearly on
-    rows before them, and of those that nearly do. `cache` keeps results, since scenes of a sweep
-    often have equal rows."""
+    rows before them, and of those that nearly do. `cache` keeps results for other scenes of a
+    sweep."""
     key = rows.tobytes()
     if key not in cache:
         cache[key] = _distances(rows)

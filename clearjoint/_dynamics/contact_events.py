@@ -1,13 +1,11 @@
 """Penetrations of contacts, the events at which contacts begin and end, and entry speeds.
 
 The entry speed is the penetration rate at the onset of the force. A step in which a contact begins
-ends after the onset, so its entry speed is the rate at the end of the step, corrected by one Newton
-iteration back to zero penetration. With the correction, the value and its derivatives are those at
-the onset.
+ends after the onset: its entry speed is the rate at the end, corrected by one Newton iteration back
+to zero penetration, with which value and derivatives are those at the onset.
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from functools import reduce
 from typing import TypeAlias
 
@@ -19,20 +17,20 @@ from .._math.vectors import Condition, Scalar, library
 from .._model.contact.laws import UNKNOWN_ENTRY_SPEED
 from .._model.joints.base import AbstractContactJoint, ByLabel, Motions, each_label
 from .._model.scene import Scene
+from .._model.tree_dataclass import tree_dataclass
 from .contact_forces import Closed, EntrySpeeds
 from .kinds import Kinds
 
 SLOWEST = 1e-12
-"""Entry speed, m/s, that is stored for a closed contact if its penetration rate is not positive,
-since zero stands for an open contact. In this module, the time since the onset is estimated as
-depth over rate only if the rate is above this value."""
+"""Entry speed, m/s, of a closed contact whose penetration rate is not positive, since zero stands
+for an open contact. Only for rates above it is the time since the onset estimated, as depth over
+rate."""
 TOUCHING = 1e-12
 """Largest magnitude of the depth, m, at which a contact counts as being at the wall at the start of
-a run. Its true depth is then zero, and the sign is due to rounding."""
+a run: its sign is due to rounding."""
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True, slots=True)
+@tree_dataclass
 class ContactGap:
     """Penetration of a contact, measured from the onset of its force, m, and its rate, m/s."""
 
@@ -45,11 +43,8 @@ ContactGaps: TypeAlias = ByLabel[ContactGap]
 
 
 def contact_gaps(scene: Scene, motions: Motions) -> ContactGaps:
-    kinds = Kinds(scene)
-    return {
-        name: dict(kinds.evaluate(_gaps_of_joint, joint, motions))
-        for name, joint in scene.contact_joints().items()
-    }
+    kinds, joints = Kinds(scene), scene.contact_joints().items()
+    return {name: dict(kinds.evaluate(_gaps_of_joint, joint, motions)) for name, joint in joints}
 
 
 def _gaps_of_joint(joint: AbstractContactJoint, motions: Motions) -> list[tuple[str, ContactGap]]:
@@ -89,11 +84,10 @@ def initial_entry_speeds(
 ) -> EntrySpeeds:
     """Return the entry speeds at the start of a run of the contacts whose laws use them.
 
-    A closed contact with a positive entry speed in `given` keeps it. A contact that is just
-    beginning (depth positive, but at most `TOUCHING`) gets its penetration rate at the onset, and a
-    deeper one `UNKNOWN_ENTRY_SPEED`, with which its force is elastic, since its impact was before
-    the start. Only the derivatives of the entry speeds depend noticeably on `second_rates`, the
-    second time derivatives of the depths, m/s^2.
+    A closed contact with a positive entry speed in `given` keeps it. One that is just beginning (at
+    most `TOUCHING` deep) gets its penetration rate at the onset, and a deeper one, whose impact was
+    before the start, `UNKNOWN_ENTRY_SPEED`, with which its force is elastic. `second_rates`, the
+    second time derivatives of the depths, m/s^2, matter to the derivatives only.
     """
 
     def entry_speed(name: str, label: str) -> Scalar:
@@ -109,15 +103,13 @@ def initial_entry_speeds(
     return _for_each_entry_speed(scene, entry_speed)
 
 
-def approaches_unknown(
-    scene: Scene, start: ContactGaps, given: EntrySpeeds | None = None
-) -> ByLabel[Scalar]:
-    """Return the penetration rate, m/s, of each closed contact that approaches further, and is
-    elastic because its entry speed is unknown; zero for other contacts."""
+def approaches_unknown(scene: Scene, start: ContactGaps, given: EntrySpeeds) -> ByLabel[Scalar]:
+    """Return the penetration rate, m/s, of each closed contact that goes deeper and is elastic
+    because its entry speed is unknown; zero for other contacts."""
 
     def rate(name: str, label: str) -> Scalar:
         gap = start[name][label]
-        known_speed = (given or {}).get(name, {}).get(label, 0.0)
+        known_speed = given.get(name, {}).get(label, 0.0)
         numpy = library((gap.depth, gap.rate, known_speed))
         unknown = (gap.depth > TOUCHING) & numpy.logical_not(known_speed > 0.0)
         return where(unknown, numpy.maximum(gap.rate, 0.0), 0.0)
@@ -128,12 +120,9 @@ def approaches_unknown(
 def entry_speeds_inside(
     scene: Scene, gaps: ContactGaps, left: Scalar, start: EntrySpeeds, end: EntrySpeeds
 ) -> EntrySpeeds:
-    """Return the entry speeds at an instant before the end of a step.
-
-    They are those of the step's `start`, except that a contact which began in the step has, from
-    its onset, the entry speed of the step's `end`. The onset is estimated from the `gaps` at the
-    end of the step; `left` is the time from the instant to the end, s.
-    """
+    """Return the entry speeds at an instant that is a time `left`, s, before the end of a step:
+    those of the step's `start`, or for a contact that began in the step, from its onset on, those
+    of the `end`. The onset is estimated from the `gaps` at the end."""
 
     def entry_speed(name: str, label: str) -> Scalar:
         before, after, gap = start[name][label], end[name][label], gaps[name][label]
@@ -144,8 +133,8 @@ def entry_speeds_inside(
 
 
 def _at_onset(gap: ContactGap, second_rate: Scalar) -> Scalar:
-    """Return the penetration rate of a contact at its onset shortly before, from its present gap
-    and the second time derivative of its depth, m/s^2."""
+    """Return the penetration rate of a contact at its onset shortly before, from its gap now and
+    the second time derivative of its depth, m/s^2."""
     usable = gap.rate > SLOWEST
     # One Newton step goes back by the time depth over rate, in which the rate changes by second
     # rate times this time. The correction changes the value hardly at all. But with it, the
@@ -171,11 +160,9 @@ def _for_each_entry_speed(scene: Scene, entry_speed: Callable[[str, str], Scalar
 
 
 def closed(gaps: ContactGaps) -> Closed:
-    """Return whether each contact is closed.
-
-    If steps end at contact events, each contact keeps this state for a whole step: one that is open
-    at the step's start has no force even beyond the wall, so that the motion is smooth.
-    """
+    """Return whether each contact is closed. If steps end at contact events, each keeps this state
+    for a whole step: one that is open at the start has no force even beyond the wall, so that the
+    motion is smooth."""
     return each_label(lambda name, label: gaps[name][label].depth > 0.0, gaps)
 
 
@@ -196,11 +183,8 @@ def touches(gaps: ContactGaps) -> Condition:
 
 
 def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
-    """Return the time from the latest onset of a contact between two instants to the second
-    instant; infinity if no contact begins.
-
-    It is depth over rate at the second instant, correct to first order, and is not differentiated.
-    """
+    """Return the time from the latest onset between two instants to the second, as depth over rate,
+    correct to first order and not differentiated; infinity without an onset."""
     latest: Scalar = jnp.inf
     for start, end in gap_pairs(before, after):
         began = (start.depth <= 0.0) & (end.depth > 0.0)
@@ -231,11 +215,9 @@ def updated_entry_speeds(
     after: ContactGaps,
     second_rates: ByLabel[Scalar],
 ) -> EntrySpeeds:
-    """Return the entry speeds after an accepted step.
-
-    A contact that began in the step gets its penetration rate at the onset, an open contact gets
-    zero, and any other contact keeps its entry speed.
-    """
+    """Return the entry speeds after an accepted step. A contact that began in the step gets its
+    penetration rate at the onset, an open contact gets zero, and any other contact keeps its entry
+    speed."""
 
     def update(name: str, label: str) -> Scalar:
         end = after[name][label]

@@ -1,16 +1,12 @@
-"""Forces of all contacts at one instant: normal force, its elastic part, and friction.
-
-The rates of bristles' deflections follow from the same slip velocity as their force, so both are
-computed here.
-"""
+"""Forces of all contacts at one instant (normal force, its elastic part, friction), and the rates
+of bristles' deflections, which follow from the same slip velocity as the friction."""
 
 import operator
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import reduce
 from typing import TypeAlias
 
-import jax
 import jax.numpy as jnp
 
 from .._fields.checks import EPSILON, require
@@ -22,10 +18,11 @@ from .._model.forces import TorsionalSpring
 from .._model.joints.base import AbstractContactJoint, ByLabel, Contact, Motions
 from .._model.joints.joint_friction import JointFriction
 from .._model.scene import Scene
+from .._model.tree_dataclass import tree_dataclass
 from .kinds import Kinds
 
 EntrySpeeds: TypeAlias = ByLabel[Scalar]
-"""Penetration rate at the onset, m/s, of contacts whose laws use it; zero for an open contact."""
+"""Penetration rate at the onset, m/s, of contacts whose laws use it; zero for open contacts."""
 Closed: TypeAlias = ByLabel[Condition]
 """Whether each contact is closed: has a force."""
 Bristles: TypeAlias = ByLabel[Vector]
@@ -36,8 +33,7 @@ INSIDE = 1e-300
 """Depth, m, that `depth_at_wall` returns for a law whose force begins where the surfaces touch."""
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True, slots=True)
+@tree_dataclass
 class LoadedContact:
     """A contact with its forces.
 
@@ -57,35 +53,31 @@ class LoadedContact:
     friction_moment: Scalar | None = None
 
 
+LoadedContacts: TypeAlias = ByLabel[LoadedContact]
+
+
 def contact_forces(
     scene: Scene,
     motions: Motions,
     entry_speeds: EntrySpeeds,
     closed: Closed | None = None,
     bristles: Bristles = NO_BRISTLES,
-) -> ByLabel[LoadedContact]:
+) -> LoadedContacts:
     """Return the forces of all contacts.
 
     `closed` says whether each contact has a force, whatever its depth (see `contact_force`); if
-    ``None``, the contacts that penetrate have one. An entry speed of zero makes a closed contact
-    elastic, like one that exists at the start of a run; if `closed` is ``None``, the present
-    penetration rate replaces it.
+    ``None``, those that penetrate have. With `closed`, an entry speed of zero makes a contact
+    elastic, like one that exists at the start of a run; without, the present penetration rate
+    replaces it.
     """
     kinds, joints = Kinds(scene), scene.contact_joints()
 
     def forces_of(name: str, joint: AbstractContactJoint) -> dict[str, LoadedContact]:
-        others = (
-            entry_speeds.get(name, {}),
-            None if closed is None else closed[name],
-            bristles.get(name, {}),
-        )
+        are_closed = None if closed is None else closed[name]
+        others = entry_speeds.get(name, {}), are_closed, bristles.get(name, {})
         return dict(kinds.evaluate(_forces_of_joint, joint, motions, *others))
 
-    pressed = {
-        name: joint
-        for name, joint in joints.items()
-        if isinstance(joint, JointFriction) and joint.pressed_by is not None
-    }
+    pressed = {n: j for n, j in joints.items() if isinstance(j, JointFriction) and j.pressed_by}
     forces = {n: forces_of(n, joint) for n, joint in joints.items() if n not in pressed}
     for name, joint in pressed.items():
         force = _pressing_force(scene, motions, forces, joint.pressed_by or "")
@@ -93,13 +85,9 @@ def contact_forces(
     return {name: forces[name] for name in joints}
 
 
-def _pressing_force(
-    scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], name: str
-) -> Scalar:
-    """Return the force, N, or torque, N m, of an element that presses the surfaces of a joint.
-
-    Without the damping, which may jump where flanks touch, the load is continuous.
-    """
+def _pressing_force(scene: Scene, motions: Motions, forces: LoadedContacts, name: str) -> Scalar:
+    """Return the force, N, or torque, N m, of the element `name`, which presses the surfaces of a
+    joint: without the damping, which may jump where flanks touch."""
     if name in forces:
         return reduce(add, (contact.elastic_force for contact in forces[name].values()))
     spring = scene.forces[name]
@@ -138,12 +126,10 @@ def contact_wrenches(
     motions: Motions,
     friction_moment: Scalar | None = None,
 ) -> Iterator[tuple[str, Wrench]]:
-    """Yield name and wrench of each body, except the ground, on which a contact of a joint acts.
-
-    With a friction moment, each body is yielded twice. For a contact that acts as a couple (see
-    `Contact.turning`), friction is ignored; for the friction of an ideal hinge (see
-    `Contact.lever`), the normal force is.
-    """
+    """Yield name and wrench of each body, except the ground, on which a contact of a joint acts;
+    each body twice with a friction moment. For a contact that acts as a couple (see
+    `Contact.turning`), friction is ignored; for the friction of an ideal hinge (`Contact.lever`),
+    the normal force is."""
     first, second = joint.pair()
     if contact.turning is not None:
         # A backlash about an axis is a contact that transmits a moment only. `turning` consists of
@@ -199,13 +185,12 @@ def contact_force(
 ) -> LoadedContact:
     """Return the forces of one contact of a joint, from arguments as in `contact_forces`.
 
-    Here the wall is where the law's force begins, its onset. If `closed` is given and the slope of
-    the force jumps at the wall, the force of a closed contact is continued past the wall as an odd
-    function: at a distance d outside, it pulls by as much as it pushes at the depth d inside. If
-    the force itself jumps there from zero to F, the forces at these two places have the sum 2 F.
-    The reason is that a step ends where the contact ends, so that its stages lie on both sides of
-    the wall. A kink of the force between them would let the error estimate of the derivatives
-    reject every step.
+    The wall is here where the law's force begins, its onset. If `closed` is given and the slope of
+    the force jumps at the wall, the force of a closed contact continues past the wall as an odd
+    function: at a distance d outside, it pulls by as much as it pushes at the depth d. If the force
+    jumps at the wall from zero to F, the forces at these two places have the sum 2 F. The reason is
+    that a step ends where the contact ends, so that its stages lie on both sides of the wall:
+    because of a kink there, the error estimate of the derivatives would reject every step.
     """
 
     def normal_force(gap: Gap) -> Scalar:
@@ -244,12 +229,9 @@ def contact_force(
 def _with_friction(
     contact: Contact, normal: Scalar, elastic: Scalar, friction: Vector | None
 ) -> LoadedContact:
-    """Return a contact with its forces, `friction` along the normal as a moment.
-
-    The slip of two flat faces has a component along the normal: their relative spin about it times
-    the mean radius of the faces. So has the friction that a law returns for this slip; its
-    component times the radius is the moment of friction about the normal.
-    """
+    """Return a contact with its forces. Slip and friction of two flat faces have components along
+    the normal: the relative spin about it times the faces' mean radius, and the moment of friction
+    over this radius, which is kept as a moment."""
     if friction is None or contact.face_radius is None:
         return LoadedContact(contact, normal, elastic, friction)
     along = friction.dot(contact.normal)
@@ -269,19 +251,16 @@ def _continued(
     past = closed & (gap.depth + law.onset_offset() < 0.0)
     # The wall is at depth = -offset. The mirror image of a depth d about it is -d - 2 offset, and
     # the reflected force is 2 F(wall) - F(mirror image).
-    pushing = force(
-        replace(gap, depth=jnp.where(past, -gap.depth - 2.0 * law.onset_offset(), gap.depth))
-    )
+    depth = jnp.where(past, -gap.depth - 2.0 * law.onset_offset(), gap.depth)
+    pushing = force(replace(gap, depth=depth))
     at_wall = force(replace(gap, depth=depth_at_wall(law))) if law.force_jumps else 0.0
     return jnp.where(closed, jnp.where(past, 2.0 * at_wall - pushing, pushing), 0.0)
 
 
 def depth_at_wall(law: AbstractContactLaw) -> Scalar:
-    """Return the depth, m, at which a law is evaluated to obtain its force right after the onset.
-
-    Exactly at the onset, at the depth minus `onset_offset`, the law has no force yet. The depth is
-    slightly larger: by `INSIDE`, or by the relative amount `EPSILON` if the offset is not zero.
-    """
+    """Return the depth, m, at which to evaluate a law for its force right after the onset: slightly
+    more than minus `onset_offset`, by `INSIDE` or, for an offset other than zero, by `EPSILON`
+    times it."""
     # The sum of a nonzero offset and `INSIDE` would be rounded to the offset.
     return INSIDE - law.onset_offset() * (1.0 - EPSILON)
 

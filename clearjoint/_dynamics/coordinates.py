@@ -15,19 +15,19 @@ place of the changes.
 """
 
 import abc
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import replace
 from typing import TypeAlias
 
 import equinox as eqx
-import jax
 from jaxtyping import PyTree
 
 from .._math.rotations import rotation_matrix
-from .._math.vectors import Scalar, Vector
+from .._math.vectors import ZERO, Scalar, Vector
 from .._model.bodies import Anchor, BodyState, Motion, Wrench
 from .._model.joints.base import Motions, Row
 from .._model.scene import Scene
+from .._model.tree_dataclass import tree_dataclass
 
 MotionVariables: TypeAlias = PyTree
 """Positions and speeds in some coordinates: a PyTree of scalars, whose structure depends on the
@@ -37,8 +37,7 @@ Speeds: TypeAlias = list[Scalar]
 """One scalar for each speed u: rates, generalised forces, or changes of speeds or positions."""
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True, slots=True)
+@tree_dataclass
 class BodyAcceleration:
     """Acceleration of the centre of mass, m/s^2, global; rate of the spin, rad/s^2, body axes."""
 
@@ -68,18 +67,16 @@ class AbstractMechanics(abc.ABC):
         """Return the rates of the speeds that gravity and a wrench on each body cause, without the
         reactions of constraints.
 
-        The rates of a tree of bodies without an eliminated joint to the ground may be relative to
-        free fall: they leave gravity out, and `accelerations` and `variable_rates` add it.
+        Rates of a tree of bodies without an eliminated joint to the ground may be relative to free
+        fall: they leave gravity out, and `accelerations` and `variable_rates` add it.
         """
 
     @abc.abstractmethod
     def projected(self, wrenches: Wrenches) -> Speeds:
-        """Return H^T times the wrenches on the bodies: one generalised force for each speed.
-
-        An entry for the ground is ignored, and a body without an entry has no wrench. The
-        `jacobian` of a constraint's `Row` may also be given; the result is then the row's Jacobian
-        by the speeds.
-        """
+        """Return H^T times the wrenches on the bodies: one generalised force for each speed. An
+        entry for the ground is ignored, and a body without an entry has no wrench. The `jacobian`
+        of a constraint's `Row` may also be given; the result is then the row's Jacobian by the
+        speeds."""
 
     @abc.abstractmethod
     def solved(self, forces: Speeds) -> Speeds:
@@ -87,11 +84,9 @@ class AbstractMechanics(abc.ABC):
 
     @abc.abstractmethod
     def bias(self, row: Row) -> Scalar:
-        """Return the row's Jacobian times the accelerations that the bodies have if all rates are
-        zero: H' u and, if the rates are relative to free fall (see `free_rates`), gravity.
-
-        Added to ``row.bias``, it is the second time derivative of the row's value at rates of zero.
-        """
+        """Return the row's Jacobian times the accelerations of the bodies at rates of zero: H' u
+        and, if the rates are relative to free fall (see `free_rates`), gravity. The sum with
+        ``row.bias`` is the second time derivative of the row's value at rates of zero."""
 
     @abc.abstractmethod
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
@@ -123,15 +118,13 @@ class AbstractCoordinates(eqx.Module):
 
     @abc.abstractmethod
     def eliminated(self, scene: Scene) -> frozenset[str]:
-        """Return the names of the ideal joints that need no constraint, because these coordinates
-        can represent only motions that satisfy them. All other ideal joints remain constraints."""
+        """Return the names of the ideal joints that these coordinates always satisfy, so that they
+        need no constraint as the others do."""
 
     @abc.abstractmethod
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> MotionVariables:
-        """Return the variables that represent given states of all bodies.
-
-        A violation of an eliminated joint by the states is ignored.
-        """
+        """Return the variables that represent given states of all bodies. A violation of an
+        eliminated joint by the states is ignored."""
 
     @abc.abstractmethod
     def decode(self, scene: Scene, variables: MotionVariables) -> dict[str, BodyState]:
@@ -147,12 +140,11 @@ class AbstractCoordinates(eqx.Module):
 
     @abc.abstractmethod
     def without_drift(self, scene: Scene, variables: MotionVariables) -> MotionVariables:
-        """Return normalised variables of the same motion.
+        """Return normalised variables of the same motion, at the end of each step.
 
         Euler parameters whose squared norm differs from one by more than 1e-6 are scaled to unit
-        norm, and angles, except those of screws, are moved to between -2 pi and 2 pi. The method is
-        called at the end of each step; variables that need no correction are returned unchanged to
-        the bit.
+        norm, and angles, except those of screws, are moved to between -2 pi and 2 pi. Other
+        variables are unchanged to the bit.
         """
 
     @abc.abstractmethod
@@ -162,12 +154,12 @@ class AbstractCoordinates(eqx.Module):
         """Return variables with the positions of `variables` and the speeds of `others`."""
 
     def rotation_rates(self, scene: Scene, variables: MotionVariables) -> dict[str, Scalar]:
-        """Return how fast bodies rotate relative to the bodies to which joints connect them, rad/s,
+        """Return how fast bodies rotate relative to those to which joints connect them, rad/s,
         positive; empty by default.
 
-        If these rotations are uniform, they have no integration error that could limit the step:
-        where a run searches steps for events, it limits their angles in a step instead. The
-        variables of these bodies must have an attribute `position`.
+        Uniform rotations have no integration error that could limit the step: where a run searches
+        steps for events, it limits these angles in a step. The variables of these bodies must have
+        an attribute `position`.
         """
         return {}
 
@@ -178,18 +170,20 @@ class AbstractCoordinates(eqx.Module):
 
 
 def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
-    """Return the points of the `Anchor` of each body that has one: on the body, m in body axes, and
-    on the ground, m. Of several anchored joints of a body, the first counts.
-
-    The vector between them, as a variable, keeps digits that a difference of global positions would
-    lose.
-    """
+    """Return the points of the `Anchor` of each body that has one, by the first such joint: on the
+    body, m in body axes, and on the ground, m. The vector between them, as a variable, keeps digits
+    that a difference of global positions would lose."""
     points = {}
     for joint in scene.contact_joints().values():
         anchor = joint.anchor()
         if anchor is not None and anchor[0] not in points:
             points[anchor[0]] = anchor[1:]
     return points
+
+
+def at_rest(bodies: Mapping[str, BodyState]) -> dict[str, BodyState]:
+    """Return the states of bodies with velocities of structural zeros, which take no operations."""
+    return {n: replace(body, velocity=ZERO, spin=ZERO) for n, body in bodies.items()}
 
 
 def free_motion(body: BodyState, anchor: tuple[Vector, Vector] | None) -> Motion:

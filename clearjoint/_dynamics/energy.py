@@ -6,11 +6,10 @@ Terms that a scene cannot have are absent from dictionaries and from the compile
 from functools import reduce
 
 from .._math.vectors import Scalar, add, is_zero
-from .._model.joints.base import ByLabel
 from .._model.joints.constraint_rows import row_rate
 from .._model.joints.ideal import AbstractDriveableJoint
 from .._model.scene import Scene
-from .contact_forces import Bristles, LoadedContact
+from .contact_forces import Bristles, LoadedContacts
 from .coordinates import Motions
 from .equations_of_motion import Dynamics
 
@@ -18,11 +17,10 @@ from .equations_of_motion import Dynamics
 def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scalar]:
     """Return the powers of the energy ledger, W, by name, as far as the scene has them.
 
-    "normal damping", "friction" and "film" are positive when energy is dissipated; "stabilisation"
-    is positive when the stabilisation of constraints takes energy from the motion. "supplied" is
-    the power by which drivers and force elements change the total energy, to which the energy
-    stored in force elements belongs: positive for a load that does work on the bodies, zero for a
-    spring, negative for a damper.
+    "normal damping", "friction", "film" and "stabilisation" (of constraints) are positive if they
+    take energy from the motion. "supplied" is the power by which drivers and force elements change
+    the total energy, with that stored in force elements: positive for a load that does work on the
+    bodies, zero for a spring, negative for a damper.
     """
     powers: dict[str, Scalar] = {}
 
@@ -63,13 +61,11 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
 
 
 def bristle_energy(
-    scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], bristles: Bristles
+    scene: Scene, motions: Motions, forces: LoadedContacts, bristles: Bristles
 ) -> Scalar | None:
-    """Return the energy in the bristles of all contacts, J; ``None`` without bristle laws.
-
-    The ledger's "friction" counts this energy as dissipated. Bristles are stiffer under a greater
-    normal force, so it also changes with the normal force, without any work of the bodies.
-    """
+    """Return the energy in the bristles of all contacts, J; ``None`` without bristle laws. The
+    ledger's "friction" counts it as dissipated. Bristles are stiffer under a greater normal force:
+    the energy also changes with this force, without any work of the bodies."""
     stored: list[Scalar] = []
     for name, family in scene.bristle_laws().items():
         to_first = motions[scene.contact_joints()[name].pair()[0]]
@@ -84,11 +80,9 @@ def bristle_energy(
 
 def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Scalar]:
     """Return the energies of a scene, J, by name: "kinetic", and as far as the scene has them
-    "gravity", "springs" and "contacts".
-
-    "gravity" is zero if all centres of mass are at the global origin, "springs" includes all force
-    elements, and "contacts" is the elastic energy of contacts.
-    """
+    "gravity", "springs" and "contacts". "gravity" is zero if all centres of mass are at the global
+    origin, "springs" includes all force elements, and "contacts" is the elastic energy of
+    contacts."""
     energies: dict[str, Scalar] = {"kinetic": 0.0}
     for name, body in scene.bodies.items():
         motion = motions[name]

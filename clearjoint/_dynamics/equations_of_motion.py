@@ -19,7 +19,7 @@ from .._model.joints.base import (
     Row,
 )
 from .._model.scene import Scene
-from .contact_forces import LoadedContact, contact_wrenches
+from .contact_forces import LoadedContact, LoadedContacts, contact_wrenches
 from .coordinates import (
     AbstractCoordinates,
     AbstractMechanics,
@@ -46,7 +46,7 @@ class Dynamics:
     """
 
     mechanics: AbstractMechanics
-    contact_forces: ByLabel[LoadedContact]
+    contact_forces: LoadedContacts
     rows: ByLabel[Row]
     rates: Speeds
     multipliers: ByLabel[Scalar]
@@ -65,15 +65,10 @@ class Dynamics:
         return self.mechanics.variable_rates(self.rates)
 
 
-def applied_wrenches(
-    scene: Scene, motions: Motions, forces: ByLabel[LoadedContact], t: Scalar
-) -> Wrenches:
-    """Return the wrench that force elements, films and contacts exert on each body: a force at the
-    centre of mass, N in global axes, and a moment about it, N m in body axes.
-
-    Gravity is not included, because the coordinates add it as an acceleration. A joint without an
-    entry in `forces` has no contact forces.
-    """
+def applied_wrenches(scene: Scene, motions: Motions, forces: LoadedContacts, t: Scalar) -> Wrenches:
+    """Return the wrench of force elements, films and contacts on each body. Gravity is not
+    included, because the coordinates add it as an acceleration. A joint without an entry in
+    `forces` has no contact forces."""
     wrenches = dict.fromkeys(scene.bodies, NO_WRENCH)
 
     def apply(by_body: Iterable[tuple[str, Wrench]]) -> None:
@@ -112,22 +107,18 @@ def constraint_rows(
 ) -> ByLabel[Row]:
     """Return the constraint rows of joints that the coordinates do not eliminate."""
     eliminated = coordinates.eliminated(scene)
-    kept = {name: joint for name, joint in scene.joints.items() if name not in eliminated}
-    kinds = Kinds(scene)
-    rows = {
-        name: {
-            label: replace(row, jacobian=dict(jacobian))
-            for label, row, jacobian in kinds.evaluate(_rows_of_joint, joint, motions, t)
-        }
-        for name, joint in kept.items()
-    }
+    kinds, rows = Kinds(scene), {}
+    for name, joint in scene.joints.items():
+        if name not in eliminated:
+            family = kinds.evaluate(_rows_of_joint, joint, motions, t)
+            rows[name] = {label: replace(row, jacobian=dict(pairs)) for label, row, pairs in family}
     return {name: family for name, family in rows.items() if family}
 
 
 def _rows_of_joint(
     joint: AbstractConstraint | AbstractContactJoint, motions: Motions, t: Scalar
 ) -> list[tuple[str, Row, list[tuple[str, Wrench]]]]:
-    """Return label, row and Jacobian of each constraint row of a joint: the Jacobian as pairs,
+    """Return label, row and Jacobian of each constraint row of a joint: the Jacobian in pairs,
     since JAX would sort the keys of a dictionary."""
     rows = joint.rows(motions, t).items()
     return [(label, replace(row, jacobian={}), list(row.jacobian.items())) for label, row in rows]
@@ -139,8 +130,8 @@ def flattened(rows: ByLabel[Row]) -> list[Row]:
 
 
 def constraint_wrenches(dynamics: Dynamics, joint: str) -> dict[str, Wrench]:
-    """Return the wrenches of a joint's constraints on its bodies: the sums of the Jacobians of the
-    constraint rows times their Lagrange multipliers."""
+    """Return the wrenches of a joint's constraints on its bodies: the Jacobians of the rows times
+    their Lagrange multipliers."""
     wrenches: dict[str, Wrench] = {}
     for label, row in dynamics.rows[joint].items():
         multiplier = dynamics.multipliers[joint][label]

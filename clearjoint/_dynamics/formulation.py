@@ -35,19 +35,13 @@ class AbstractStabilisation(AbstractConverting):
     """
 
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
-        """Return the second time derivative that the equations of motion impose on a constraint;
-        zero by default.
-
-        `value` is the constraint's value, in m, rad or without unit, which is zero where the
-        constraint is satisfied; `rate` is its time derivative.
-        """
+        """Return the second time derivative that the equations of motion impose on a constraint,
+        from its value, in m, rad or without unit, and its rate; zero by default."""
         return 0.0
 
     def corrected(self, variables: T, project: Callable[[T], T]) -> T:
-        """Return the variables at the end of a step, corrected; by default they are unchanged.
-
-        `project` returns given variables with positions and speeds projected onto the constraints.
-        """
+        """Return the variables at the end of a step, corrected; by default unchanged. `project`
+        returns given variables with positions and speeds projected onto the constraints."""
         return variables
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import partial, reduce
+from typing import TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +14,7 @@ from .._fields.cautions import LeftBearingWarning, UnusualValueWarning, caution,
 from .._fields.checks import caution_unless, require
 from .._fields.objects import on_device
 from .._math.smoothing import value_and_slope
-from .._math.vectors import ZERO, Condition, Scalar, pack, subtract, unpack
+from .._math.vectors import Condition, Scalar, pack, subtract, unpack
 from .._model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, BodyState, State
 from .._model.contact.laws import whole_law
 from .._model.joints.base import (
@@ -30,28 +31,32 @@ from .._native import Native
 from .absolute_coordinates import AbsoluteCoordinates
 from .contact_events import approaches_unknown, contact_gaps
 from .contact_forces import EntrySpeeds, LoadedContact
-from .coordinates import free_motion
+from .coordinates import at_rest, free_motion
 from .equations_of_motion import constraint_wrenches
 from .formulation import Formulation, Unstabilised
 from .system import System
 
 OUTSIDE = 1e-6
-"""Penetration of the bearing's wall, m, above which `assemble` moves a journal to the centre of its
-bearing. A contact under load can have a smaller penetration, which is kept."""
+"""Penetration of the wall, m, above which `assemble` moves a journal to the centre of its bearing;
+a contact under load may have a smaller one."""
 FAR_OUTSIDE = 1e-2
-"""Penetration, relative to the largest one that the joint allows, above which a warning is issued
-at the start of a run, and an error is raised for a journal that `assemble` has centred. Contacts in
-motion are usually far less deep."""
+"""Penetration, over the largest one that the joint allows, above which a warning is issued at the
+start of a run, and an error raised for a journal that `assemble` has centred. Contacts in motion
+are usually far less deep."""
 SLOW_ONSET = 1e-2
-"""Entry speed below which a contact counts as overdamped, relative to that of an impact with the
-elastic energy of the contact."""
+"""Entry speed, over that of an impact with the elastic energy of the contact, below which the
+contact counts as overdamped."""
 FAST_APPROACH = 1e-6
-"""Penetration rate, m/s, above which a warning is issued at the start of a run if the contact's
-entry speed is unknown. It is the default of the smallest entry speed of contact laws."""
+"""Penetration rate, m/s, above which a run warns at its start of a contact without a known entry
+speed: the default of the smallest entry speed of contact laws."""
 HOLD_IT = "Give the joint axial=EndPlay(...) or FixedAxially(), or hold the bodies by other joints."
 UNIQUE_REACTIONS = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)
-"""Formulation in which each ideal joint has a reaction, which is unique although constraints may be
-redundant. Stabilisation would add forces that correct small errors of the position."""
+"""Formulation in which each ideal joint has a reaction, unique in spite of redundant constraints,
+and without the forces by which a stabilisation corrects positions."""
+
+
+IdealJoints: TypeAlias = Mapping[str, AbstractConstraint]
+"""Ideal joints that replace joints of a scene, by their names."""
 
 
 def depths(scene: Scene, state: State) -> ByLabel[float]:
@@ -69,26 +74,19 @@ def outside(scene: Scene, state: State) -> set[str]:
 
 
 def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractConstraint]:
-    """Return the ideal joints, as far as there are any, that hold the journals of named joints
-    centred."""
+    """Return the ideal joints that hold the journals of named joints centred, as far as there are
+    any."""
     joints = scene.contact_joints()
     ideal = {name: joints[name].centred_joint() for name in names}
     return {name: joint for name, joint in ideal.items() if joint is not None}
 
 
 def resting_joints(
-    scene: Scene,
-    ideal: Mapping[str, AbstractConstraint],
-    names: Collection[str],
-    state: State,
-    t: Scalar,
+    scene: Scene, ideal: IdealJoints, names: Collection[str], state: State, t: Scalar
 ) -> dict[str, AbstractConstraint]:
-    """Return ideal joints that hold the journals of the named clearance joints at the wall, on the
-    side to which their load presses them while the bodies are at rest, at the penetration that
-    carries it.
-
-    The load is the reaction of the joint in `ideal`, which `state` satisfies.
-    """
+    """Return ideal joints that hold the journals of named clearance joints where they rest: on the
+    side of the wall to which the load presses them, at the penetration that carries it. The load is
+    the reaction, with all bodies at rest, of the joint in `ideal`, which `state` satisfies."""
     joints, resting = scene.contact_joints(), {}
     loads = _loads(with_ideal(scene, ideal), state.bodies, on_device(t))
     for name in names:
@@ -109,28 +107,24 @@ def resting_entry_speeds(
     scene: Scene, names: Collection[str], state: State, t: Scalar
 ) -> dict[str, dict[str, float]]:
     """Return entry speeds for the closed contacts of the named joints, m/s, with which a journal
-    that rests on the wall is damped moderately.
-
-    They are those of an impact of the contact's effective mass whose energy is the elastic energy
-    of the contact. With the law's smallest entry speed instead, the damping would make the
-    equations of motion stiff, and with an unknown one there would be no damping.
-    """
+    that rests on the wall is damped moderately: those of an impact of the contact's effective mass
+    with the elastic energy of the contact. The law's smallest entry speed would make the equations
+    of motion stiff; an unknown one would leave no damping."""
     laws = scene.laws()
     names = tuple(n for n in names if any(law.uses_entry_speed for law in laws[n].values()))
     if not names:
         return {}
     speeds = _speeds_of_rest(names, scene, state.bodies, on_device(t))
-    by_joint = {name: _numbers(family) for name, family in speeds.items()}
     return {
-        name: {label: speed for label, speed in family.items() if speed > 0.0}
-        for name, family in by_joint.items()
+        name: {label: float(speed) for label, speed in family.items() if speed > 0.0}
+        for name, family in speeds.items()
     }
 
 
 def overdamped_contacts(scene: Scene, state: State, t: Scalar) -> list[str]:
     """Return a sentence, with a remedy, for each joint with a contact that began so slowly that its
-    damping makes the equations of motion stiff: with less than a fraction `SLOW_ONSET` of the entry
-    speed that `resting_entry_speeds` returns for its present depth."""
+    damping makes the equations of motion stiff: below `SLOW_ONSET` times the entry speed that
+    `resting_entry_speeds` returns for its present depth."""
     sentences, usual = [], resting_entry_speeds(scene, scene.contact_joints(), state, t)
     for name, family in usual.items():
         for label, speed in family.items():
@@ -150,12 +144,10 @@ def overdamped_contacts(scene: Scene, state: State, t: Scalar) -> list[str]:
     return sentences
 
 
-def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
-    """Return the scene with joints replaced by the joints of the same names in `ideal`.
-
-    A `JointFriction` that is `pressed_by` a replaced joint keeps only its constant load, because
-    reactions of ideal joints do not press friction surfaces.
-    """
+def with_ideal(scene: Scene, ideal: IdealJoints) -> Scene:
+    """Return the scene with joints replaced by those of the same names in `ideal`. Reactions of
+    ideal joints press no friction surfaces: a `JointFriction` that is `pressed_by` a replaced joint
+    keeps only its constant load."""
     joints = {**scene.joints, **ideal}
     for name, joint in joints.items():
         if isinstance(joint, JointFriction) and joint.pressed_by in ideal:
@@ -165,10 +157,8 @@ def with_ideal(scene: Scene, ideal: Mapping[str, AbstractConstraint]) -> Scene:
         return replace(scene, joints=joints)
 
 
-def require_in_bearings(
-    scene: Scene, by_joint: ByLabel[Scalar], approaches: ByLabel[Scalar]
-) -> None:
-    """Check the penetrations and approaches of an initial state, by `starting_contacts`.
+def require_in_bearings(scene: Scene, by_joint: ByLabel[Scalar], rates: ByLabel[Scalar]) -> None:
+    """Check the penetrations and the rates of an initial state, by `starting_contacts`.
 
     **Raises:** `ValueError` if a contact is deeper than its limit in the joint's `deepest`.
 
@@ -176,7 +166,7 @@ def require_in_bearings(
     and for a contact that has begun before, approaches faster than `FAST_APPROACH`, and has no
     entry speed.
     """
-    for name, family in approaches.items():
+    for name, family in rates.items():
         label = max(family, key=lambda label: float(family[label]))
         rate, argument = float(family[label]), f"state.entry_speeds[{name!r}][{label!r}]"
         if rate > FAST_APPROACH:
@@ -222,8 +212,8 @@ def require_centred(scene: Scene, state: State, names: Iterable[str]) -> None:
 def warn_of_journals_outside(
     scene: Scene, time: Scalar, final: State, saved: Iterable[tuple[np.ndarray, State]]
 ) -> None:
-    """Issue a `LeftBearingWarning` for each joint whose journal is out of its bearing in one of the
-    states in `saved`, pairs of times and states, or at the end of a run, with the earliest time."""
+    """Issue a `LeftBearingWarning` for each joint whose journal is out of its bearing at the end of
+    a run or in one of the states in `saved`, pairs of times and states, with the earliest time."""
     last = np.asarray([time]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], final)
     joints = unpack(jax.tree.map(np.asarray, scene.contact_joints()))
     departures: dict[str, tuple[float, float]] = {}
@@ -247,8 +237,8 @@ def slid_out(
     joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
 ) -> dict[str, np.ndarray]:
     """Return the axial distance, (N,) m, from the end of each bearing to the journal beyond it in N
-    states of each body; negative until the journal has left a bearing of its own length completely.
-    Joints whose journal cannot slide out are left out."""
+    states of each body, without joints whose journal cannot slide out; negative until the journal
+    has left a bearing of its own length."""
     # NumPy is used so that nothing is compiled.
     in_scalars = unpack(jax.tree.map(np.asarray, dict(bodies)), leading=1)
     return {name: np.asarray(excess) for name, excess in _excesses(joints, in_scalars).items()}
@@ -259,9 +249,7 @@ def _excesses(
 ) -> dict[str, Scalar]:
     # Motions are computed for joints only whose class has a journal that may slide out.
     inherited = AbstractContactJoint.slid_out
-    joints = {
-        name: joint for name, joint in joints.items() if type(joint).slid_out is not inherited
-    }
+    joints = {n: joint for n, joint in joints.items() if type(joint).slid_out is not inherited}
     names = {name for joint in joints.values() for name in joint.body_names()}
     free = {name: free_motion(body, None) for name, body in bodies.items() if name in names}
     motions = {GROUND: GROUND_MOTION, **free}
@@ -342,15 +330,10 @@ def _speeds_of_rest(
 # This function is compiled to native code or, if that is not possible, by XLA without a warning.
 @partial(Native, warns=False)
 def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, jax.Array]:
-    """Return the load on each constraint while all bodies are at rest and no contact has a force:
-    the force, N, that the last of the joint's bodies exerts on the first, in the axes of the first.
-    """
+    """Return, by name, the force, N, that the last of a constraint's bodies exerts on the first, in
+    its axes, while all bodies are at rest and no contact has a force."""
     system = System(unpack(scene), UNIQUE_REACTIONS)
-    resting = {
-        name: BodyState(body.position, body.orientation, ZERO, ZERO)
-        for name, body in unpack(bodies).items()
-    }
-    mechanics = system.mechanics(system.encode(resting))
+    mechanics = system.mechanics(system.encode(at_rest(unpack(bodies))))
     dynamics = system.dynamics_under(mechanics, {}, t)
     loads = {}
     for name in dynamics.rows:

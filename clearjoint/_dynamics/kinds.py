@@ -1,9 +1,9 @@
 """Functions of elements, traced once for all elements of a kind.
 
 Elements are of one kind if they differ only in the names of their bodies and in the numbers of
-their arrays. In a program with many elements of a class, one function for each kind is called for
-each element, so that the compilation time hardly grows with their number. Few elements are written
-out: the program is then faster, because what several have in common is computed once.
+their arrays. For many elements of a class, a program calls one function for each kind, so that the
+compilation time hardly grows with their number. Few are written out: the program is then faster,
+because what several have in common is computed once.
 """
 
 from collections import Counter
@@ -32,18 +32,14 @@ NOT_RENAMED = (
     TypeError,
     ValueError,
 )
-"""Errors of elements that are evaluated with other names, such as those that look up a body on
-which they don't act. Others are raised at once: a handler of signals may raise one, for instance
-`TimeoutError` to end a run."""
+"""Errors of elements that are evaluated with other names, such as a look-up of a body on which they
+don't act. Others are raised at once, such as a `TimeoutError` of a signal's handler."""
 
 
 class Kinds:
-    """Evaluates functions of the elements of a scene.
-
-    The number of elements of a class, not of a kind, decides whether they share functions. Kinds
-    depend on which numbers are folded as constants, which may differ between a sweep and a single
-    run, but the results must not.
-    """
+    """Evaluates functions of the elements of a scene. The number of elements of a class, not of a
+    kind, decides whether they share functions. Kinds depend on which numbers are folded as
+    constants, which may differ between a sweep and a single run, but the results must not."""
 
     def __init__(self, scene: Scene):
         elements = [*scene.joints.values(), *scene.forces.values()]

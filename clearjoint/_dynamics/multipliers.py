@@ -18,9 +18,9 @@ class ConstraintEquations:
     """Equations for the multipliers of constraint rows, which are factorised once for any number of
     right sides.
 
-    With the mass matrix M of the coordinates and the rows D (`directions`, one list for each row,
-    with one number for each speed), the multipliers lambda that cause given changes D u' of the
-    rows solve D M^-1 D^T lambda = targets.
+    With the mass matrix M and the rows D (`directions`, a list for each row, with a number for each
+    speed), the multipliers lambda that change the rows, D u', by given targets solve D M^-1 D^T
+    lambda = targets.
 
     A row of exact zeros is left out, and its multiplier is zero. An example is the row that closes
     a planar loop in the direction normal to its plane, since the coordinates always satisfy it. If
@@ -40,17 +40,17 @@ class ConstraintEquations:
         weights: Sequence[Scalar] | None = None,
         compliances: Sequence[Scalar] = (),
     ):
-        self._rows, self._speeds, self._weights = len(directions), len(directions[0]), weights
+        self._rows, self._speeds = len(directions), len(directions[0])
+        # A multiplication by one takes no operation.
+        self._weights = [1.0] * self._rows if weights is None else weights
         self._directions, self._compliances = directions, compliances
         # A zero row would make the matrix singular: only the others are active.
         self._active = [k for k, row in enumerate(directions) if not all(map(is_zero, row))]
         # A solver for singular matrices replaces entries that are rounding errors by zeros.
         rows = [solver.significant(directions[k]) for k in self._active]
-        if weights is not None:
-            rows = [
-                [multiply(weights[k], a) for a in row]
-                for k, row in zip(self._active, rows, strict=True)
-            ]
+        active_weights = [self._weights[k] for k in self._active]
+        pairs = zip(active_weights, rows, strict=True)
+        rows = [[multiply(weight, part) for part in row] for weight, row in pairs]
         # The rows of D M^-1.
         self._solved_rows = [mechanics.solved(row) for row in rows]
         # Compliances are added to the diagonal of D M^-1 D^T: both factors get a further column for
@@ -58,7 +58,7 @@ class ConstraintEquations:
         first_elastic = self._rows - len(compliances)
         further_columns = [
             [
-                multiply(1.0 if weights is None else weights[k], square_root(compliance))
+                multiply(self._weights[k], square_root(compliance))
                 if k == first_elastic + j
                 else 0.0
                 for j, compliance in enumerate(compliances)
@@ -73,9 +73,8 @@ class ConstraintEquations:
         self._solve = solver.solving(gram_matrix(*factors)) if rows else list
 
     def corrected(self, targets: Sequence[Scalar], rates: Speeds) -> tuple[Speeds, list[Scalar]]:
-        """Return rates of the speeds with the least change, in the metric of M, by which each row
-        has its target, its second time derivative without the part that does not depend on the
-        rates; and the multipliers of the rows."""
+        """Return rates of the speeds, changed as little as possible in the metric of M, such that
+        each row's product with them is its target; and the multipliers of the rows."""
         multipliers: list[Scalar] = [0.0] * self._rows
         rigid = [0.0] * (self._rows - len(self._compliances))
         # A rotor may have much less inertia by itself than its armature: its rate without the
@@ -92,21 +91,16 @@ class ConstraintEquations:
         return rates, multipliers
 
     def response(self, targets: Sequence[Scalar]) -> tuple[Speeds, list[Scalar]]:
-        """Return the smallest change of rates, speeds or positions in the metric of M that changes
-        each row by its target, M^-1 D^T lambda, and the multipliers of the rows."""
-        weights = self._weights
-        aims = [
-            targets[k] if weights is None else multiply(weights[k], targets[k])
-            for k in self._active
-        ]
-        nonzero = self._solve(aims)
+        """Return the smallest change of rates, speeds or positions, in the metric of M, that
+        changes each row by its target: M^-1 D^T lambda; and the multipliers lambda."""
+        nonzero = self._solve([multiply(self._weights[k], targets[k]) for k in self._active])
         change: Speeds = [0.0] * self._speeds
         for part, multiplier in zip(self._solved_rows, nonzero, strict=True):
             change = [add(a, multiply(b, multiplier)) for a, b in zip(change, part, strict=True)]
         multipliers: list[Scalar] = [0.0] * self._rows
         # A weighted row has the multiplier of the row itself divided by the weight.
         for k, multiplier in zip(self._active, nonzero, strict=True):
-            multipliers[k] = multiplier if weights is None else multiply(weights[k], multiplier)
+            multipliers[k] = multiply(self._weights[k], multiplier)
         return change, multipliers
 
 
@@ -114,9 +108,9 @@ def row_weights(bodies: Mapping[str, Body], rows: Sequence[Row]) -> list[Scalar]
     """Return the weight of each constraint row: the square root of the mass, kg, or moment of
     inertia, kg m^2, that its multiplier would accelerate if all bodies were free.
 
-    Rows multiplied by their weights all have the same unit. Without weights, the least norm of the
-    multipliers of redundant constraints would add forces to moments, and in a mechanism with links
-    of a millimetre, the solver would take the equations of translation for rounding errors.
+    Weighted rows all have the same unit. Without weights, the least norm of the multipliers of
+    redundant constraints would add forces to moments, and in a mechanism with links of a
+    millimetre, the solver would take the equations of translation for rounding errors.
     """
     weights = []
     for row in rows:

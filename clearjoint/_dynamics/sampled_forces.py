@@ -22,11 +22,9 @@ NO_MEMORIES: Memories = {}
 
 
 class HeldForce(AbstractForce):
-    """A sampled force between two instants, with its memory.
-
-    `changes` are pairs of the memories before and after an instant, and shares from 0 to 1: each
-    share of the change of the wrenches at the instant is added.
-    """
+    """A sampled force between two instants, with its memory. `changes` are triples of the memories
+    before and after an instant and a share, 0 to 1, of the change of the wrenches there, which is
+    added."""
 
     force: AbstractSampledForce
     memory: dict[str, Scalar]
@@ -63,8 +61,8 @@ def memory_names(scene: Scene) -> dict[str, list[str]]:
 def initial_memories(
     system: System, variables: MotionVariables, t: Scalar, given: Memories
 ) -> dict[str, dict[str, Scalar]]:
-    """Return the memory in `given` of each sampled force, in which missing numbers are those of a
-    run that starts at the time t."""
+    """Return the memory in `given` of each sampled force; missing numbers are those of a run that
+    starts at the time t."""
     forces = sampled_forces(system.scene)
     remedy = "correct the name, or leave it out of the state"
     for name in given:
@@ -79,9 +77,8 @@ def initial_memories(
         for key in own:
             expected, advice = f"one of {sorted(memory)}", nearest(key, memory, remedy)
             require(key in memory, f"state.memory[{name!r}]", key, expected, advice)
-        memories[name] = {
-            key: jnp.asarray(own.get(key, value), dtype=float) for key, value in memory.items()
-        }
+        numbers = {**memory, **own}
+        memories[name] = {key: jnp.asarray(numbers[key], dtype=float) for key in memory}
     return memories
 
 

@@ -23,7 +23,7 @@ from .contact_forces import (
     Bristles,
     Closed,
     EntrySpeeds,
-    LoadedContact,
+    LoadedContacts,
     contact_forces,
 )
 from .coordinates import AbstractMechanics, MotionVariables
@@ -33,9 +33,9 @@ from .formulation import Formulation
 from .multipliers import ConstraintEquations, row_weights
 
 FARTHEST = 1e-3
-"""Largest violation of a constraint, m or rad, at which a run continues. If the smallest clearance
-of the scene, m, is less than this value, the clearance is the limit. With the default stabilisation
-and tolerances, the violations are about a thousandth of this value."""
+"""Largest violation of a constraint, m or rad, at which a run continues, unless the smallest
+clearance of the scene, m, is less. With the default stabilisation and tolerances, violations are
+about a thousandth of it."""
 
 
 def _is_single_law(part: PyTree) -> bool:
@@ -76,8 +76,8 @@ class System(eqx.Module):
 
     @staticmethod
     def prepared(scene: Scene, formulation: Formulation, origin: Scalar | None = None) -> "System":
-        """Return the system of a scene for many evaluations. What its contact laws compute from
-        their parameters alone is computed once, see `AbstractContactLaw.prepared`."""
+        """Return the system of a scene for many evaluations: what its contact laws compute from
+        their parameters alone is computed once (see `AbstractContactLaw.prepared`)."""
         leaves, structure = jax.tree.flatten(scene, is_leaf=_is_single_law)
         laws = [leaf.prepared() if _is_single_law(leaf) else leaf for leaf in leaves]
         if any(law is not leaf for law, leaf in zip(laws, leaves, strict=True)):
@@ -146,7 +146,7 @@ class System(eqx.Module):
         return self.dynamics_under(mechanics, forces, t)
 
     def dynamics_under(
-        self, mechanics: AbstractMechanics, forces: ByLabel[LoadedContact], t: Scalar
+        self, mechanics: AbstractMechanics, forces: LoadedContacts, t: Scalar
     ) -> Dynamics:
         """Solve the equations of motion with given contact forces."""
         wrenches = applied_wrenches(self.scene, mechanics.motions, forces, self.clock(t))
@@ -213,7 +213,7 @@ class System(eqx.Module):
         variables: MotionVariables,
         entry_speeds: EntrySpeeds,
         bristles: Bristles = NO_BRISTLES,
-    ) -> ByLabel[LoadedContact]:
+    ) -> LoadedContacts:
         """Return geometry and forces of each contact. **Raises:** as in `dynamics`."""
         return contact_forces(self.scene, self.motions(variables), entry_speeds, bristles=bristles)
 
@@ -222,8 +222,8 @@ class System(eqx.Module):
         return self.project_velocities(self.project_positions(variables, t), t)
 
     def project_positions(self, variables: MotionVariables, t: Scalar) -> MotionVariables:
-        """Return the variables after one Newton step of the positions towards the constraints: the
-        smallest, in the metric of the mass matrix, that satisfies the linearised constraints."""
+        """Return the variables after one Newton step of the positions: the smallest, in the metric
+        of the mass matrix, that satisfies the linearised constraints."""
         mechanics = self.mechanics(variables)
         rows = flattened(self.rows(mechanics.motions, t))
         if not rows:
@@ -245,8 +245,8 @@ class System(eqx.Module):
         return mechanics.after_speed_change(changes)
 
     def rotors(self, motions: Motions) -> list[tuple[Row, Scalar]]:
-        """Return the row of the position, and the armature, of each joint with an armature that the
-        coordinates do not eliminate; they include those of the others in their mass matrix."""
+        """Return position row and armature of each joint with an armature that the coordinates do
+        not eliminate; those of eliminated joints are in the mass matrix."""
         eliminated = self.formulation.coordinates.eliminated(self.scene)
         return [
             (joint.position(motions), joint.armature)
@@ -262,10 +262,8 @@ class System(eqx.Module):
         rows: Sequence[Row],
         rotors: Sequence[tuple[Row, Scalar]] = (),
     ) -> ConstraintEquations:
-        """Return the equations for the multipliers of constraint rows and of the `rotors`.
-
-        Without the rotors, they give the smallest change in a metric that leaves the rotors out.
-        """
+        """Return the equations for the multipliers of constraint rows and, if given, of the
+        `rotors`, whose inertia is otherwise missing in the metric of the smallest change."""
         rows = [*rows, *(row for row, _ in rotors)]
         return ConstraintEquations(
             mechanics,
@@ -297,11 +295,9 @@ class System(eqx.Module):
 
     def prescribed(self, variables: MotionVariables, t: Scalar) -> ByLabel[Row]:
         """Return the constraint rows that depend on time, without Jacobians, for bodies at rest:
-        their `time_rate` and `bias` are then the first two time derivatives of their `value`."""
-        motions = {
-            name: Motion(motion.position, motion.rotation, ZERO, ZERO)
-            for name, motion in self.motions(variables).items()
-        }
+        `time_rate` and `bias` are then the first two time derivatives of the `value`."""
+        moving = self.motions(variables).items()
+        motions = {n: Motion(motion.position, motion.rotation, ZERO, ZERO) for n, motion in moving}
         prescribed: ByLabel[Row] = {}
         for name, family in self.rows(motions, t).items():
             for label, row in family.items():

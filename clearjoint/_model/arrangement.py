@@ -12,10 +12,9 @@ from .scene import Scene
 from .survey import survey
 
 TOLERANCE = 1e-6
-"""Tolerance of `satisfies_joints` for the sine of the angle between the two axes of a joint, and
-for the distance between its two points divided by a length: the larger distance of the points from
-their origins, but at least 1 mm. It is far above rounding errors, and far below the usual ratio of
-a clearance to the size of a body."""
+"""Tolerance of `satisfies_joints` for the sine of the angle between a joint's axes, and for the
+distance between its points, relative to the larger of their distances from the bodies' origins, but
+to at least 1 mm. It is far above rounding errors, and far below usual clearances."""
 Pose: TypeAlias = tuple[np.ndarray, Rotation]
 """Position of a body's centre of mass, (3,) m, and rotation from body to global axes."""
 
@@ -23,22 +22,21 @@ Pose: TypeAlias = tuple[np.ndarray, Rotation]
 def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0) -> State:
     """Return a state of all bodies of a scene, found by following its joints from the ground.
 
-    Each joint places the next body, at rest, such that the two points of the joint coincide. The
-    body's axes are parallel to those of the body before it, or turned by the smallest rotation that
-    makes the axes of the joint parallel. Points and axes are those at which the joint's `draw`
-    draws it; joints that are drawn without a pair of points, such as a `DistanceJoint` or gears,
-    are ignored. The first body of a chain that is connected neither with the ground nor with a body
-    of `given` is at the origin, parallel to the global axes. A closed chain may stay open at one of
-    its joints: see `satisfies_joints`.
+    Each joint places the next body, at rest, such that the joint's two points coincide. The body's
+    axes are parallel to those of the body before it, or turned by the smallest rotation that makes
+    the joint's axes parallel. Points and axes are those at which the joint's `draw` draws it;
+    joints that are drawn without a pair of points, such as a `DistanceJoint` or gears, are ignored.
+    The first body of a chain that is connected neither with the ground nor with a body of `given`
+    is at the origin, parallel to the global axes. A closed chain may stay open at one of its
+    joints: see `satisfies_joints`.
 
     **Arguments:**
 
-    - `given`: state of some of the scene's bodies, which is kept together with its entry speeds,
-      work and bristles; none by default.
-    - `angle`: rad, by which the first joint is turned about its axis. The angle of each further
-      joint is -1.3 times that of the one before; a joint without an axis is not turned, but counts.
-      With the default, zero, the links of a planar chain are parallel, which may be a singular
-      position that `assemble` can't leave.
+    - `given`: state of some bodies, kept with its entry speeds, work and bristles; none by default.
+    - `angle`: rad, by which the first joint is turned about its axis. Each further joint has -1.3
+      times the angle of the one before, also if it is not turned for lack of an axis. At zero, the
+      default, the links of a planar chain are parallel, perhaps in a singular position that
+      `assemble` can't leave.
     """
     given = State({}) if given is None else given
     poses = _poses(given)
@@ -63,9 +61,7 @@ def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0)
 
 def satisfies_joints(scene: Scene, state: State) -> bool:
     """Return whether each joint's points coincide and its axes are parallel, within `TOLERANCE`.
-
-    Joints that close loops are tested too; joints that `arranged_state` ignores are not.
-    """
+    Joints that close loops are tested too; joints that `arranged_state` ignores are not."""
     poses = _poses(state)
     for pair in survey(scene).joined:
         (first, along), (second, along_second) = (_in_space(poses[m.body], m) for m in pair)
@@ -96,11 +92,9 @@ def _in_space(pose: Pose, marker: Marker) -> tuple[np.ndarray, np.ndarray | None
 
 
 def _joined(pose: Pose, placed: Marker, other: Marker, angle: float) -> Pose:
-    """Return the pose of the body of `other` that makes its point coincide with that of `placed`.
-
-    The axes, if both have one, are parallel; the body has the rotation of the body of `placed`,
-    changed as little as they require, and then turned by `angle`.
-    """
+    """Return the pose of the body of `other` in which its point coincides with that of `placed`. If
+    both have an axis, the axes are parallel: the body is turned from the orientation of the body of
+    `placed` by the smallest rotation that achieves this, and then by `angle` about the axis."""
     rotation = pose[1]
     point, target = _in_space(pose, placed)
     if target is not None and other.axis is not None:

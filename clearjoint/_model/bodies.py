@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Annotated
 
 import equinox as eqx
@@ -31,6 +30,7 @@ from .._fields.objects import AbstractReadable, as_numbers, described, quantity
 from .._fields.types import ArrayLike, Quadruple, QuadrupleLike, Single, Square, Triple, TripleLike
 from .._math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector, add
 from .densities import STEEL
+from .tree_dataclass import tree_dataclass
 
 AXES = ("x", "y", "z")
 Number = PyTree
@@ -45,8 +45,8 @@ def _require_one(mass: Number, density: Number) -> None:
 
 
 def _mass(mass: Number, density: Number, volume: Number) -> Number:
-    """Return the mass, kg, as given, or else the density, kg/m^3, times the volume, m^3; raise a
-    `ValueError` unless exactly one of mass and density is given."""
+    """Return the given mass, kg, or density, kg/m^3, times volume, m^3; a `ValueError` unless
+    exactly one of mass and density is given."""
     _require_one(mass, density)
     if mass is not None:
         return _number("mass", mass, "kg")
@@ -113,11 +113,11 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
 
 
 def _is_positive_definite(matrix: np.ndarray | jax.Array) -> bool | jax.Array:
-    """Return whether a symmetric matrix, (3, 3), is positive definite: has positive pivots in
-    Gaussian elimination. Eigenvalues would need an iteration, for which native code has no rule:
-    checks that compute them are slow."""
+    """Return whether a symmetric matrix, (3, 3), has positive pivots in Gaussian elimination.
+    Native code, which evaluates checks fast, has no rule for eigenvalues."""
     xp = matrix.__array_namespace__()
     (a, b, c), (_, d, e), (_, _, f) = matrix
+    # Pivots that are not positive are replaced by one, so that nothing is divided by zero.
     first = xp.where(a > 0, a, 1.0)
     d, e, f = d - b * b / first, e - b * c / first, f - c * c / first
     second = xp.where(d > 0, d, 1.0)
@@ -127,24 +127,23 @@ def _is_positive_definite(matrix: np.ndarray | jax.Array) -> bool | jax.Array:
 class Body(AbstractReadable):
     """A rigid body, whose frame has its origin at the centre of mass.
 
-    `Body.rod`, `Body.cylinder`, `Body.box` and `Body.sphere` create homogeneous bodies from
-    dimensions and exactly one of mass, kg, and density, kg/m^3. Each raises a `ValueError` if a
-    number is not positive, and issues an `UnusualValueWarning` for a density outside 10 to 25e3
-    kg/m^3.
+    `Body.rod`, `Body.cylinder`, `Body.box` and `Body.sphere` make homogeneous bodies from
+    dimensions and either mass, kg, or density, kg/m^3. They raise a `ValueError` if a number is not
+    positive, and warn (`UnusualValueWarning`) of a density outside 10 to 25e3 kg/m^3.
 
     **Arguments:**
 
     - `mass`: kg, positive.
     - `inertia`: kg m^2, about the centre of mass: three principal moments (the body frame is then
       the principal frame) or a symmetric positive definite (3, 3) matrix in the body frame.
-    - `is_massless`: whether joint coordinates take the body as without mass: a rotor, whose inertia
-      is the `armature` of the hinge or slider that holds it, or a link between the joints of
-      others. Its mass and inertia, which should be negligible, count in absolute coordinates only.
+    - `is_massless`: whether joint coordinates neglect the body's mass and inertia, for a rotor
+      whose inertia is the `armature` of its hinge or slider, or for a light link between two
+      joints. In absolute coordinates, they always count.
 
     **Raises:** `ValueError` if the mass or a principal moment is not positive, a principal moment
     exceeds the sum of the other two, the matrix is not symmetric, a shape is wrong, or a number is
-    not finite. **Warns:** `UnusualValueWarning` if a homogeneous box with this mass and inertia has
-    a density outside 0.01 to 1e6 kg/m^3, since a unit is probably wrong.
+    not finite. **Warns:** `UnusualValueWarning` if a homogeneous box of this mass and inertia has a
+    density outside 0.01 to 1e6 kg/m^3.
 
     >>> cj.Body(mass=7.02, inertia=(0.001, 0.5855, 0.5855))
     Body(mass=7.02, inertia=[0.001, 0.5855, 0.5855])
@@ -183,9 +182,9 @@ class Body(AbstractReadable):
 
         **Arguments:**
 
-        - `length`, `diameter`: m; the diameter is required with a density. Without a diameter the
-          rod is slender: its transverse moments are m l^2/12, and the moment about its axis is that
-          of a round steel bar of the same mass and length.
+        - `length`, `diameter`: m. Without a diameter, which only a mass allows, the rod is slender:
+          its transverse moments are m l^2/12, and the moment about its axis is that of a steel bar
+          of its mass and length.
         - `axis`: direction of the rod, "x", "y" or "z".
 
         **Raises:** `ValueError` also if a density is given without a diameter, or if the steel bar
@@ -279,10 +278,8 @@ class Body(AbstractReadable):
         return float(np.sqrt(0.5 * trace / np.asarray(self.mass)))
 
     def angular_momentum(self, spin: Vector) -> Vector:
-        """Return the angular momentum about the centre of mass, kg m^2/s in body axes.
-
-        The body's inertia must be a `Vector` or a `Matrix`, into which `unpack` turns arrays.
-        """
+        """Return the angular momentum about the centre of mass, kg m^2/s in body axes, of a body in
+        scalar form (see `unpack`)."""
         if isinstance(self.inertia, Matrix):
             return self.inertia @ spin
         return spin.componentwise_product(self.inertia)
@@ -324,19 +321,18 @@ class State(AbstractReadable):
     To start a motion, `bodies` alone is enough.
 
     - `bodies`: `BodyState` of each body by name, without the ground.
-    - `entry_speeds[joint][contact]`: entry speed of the current contact, m/s, by name of the joint
-      and label of the contact, zero without contact; only for laws that use it. If a run starts
-      without the entry speed of a contact that began earlier (it is missing or zero), the contact
-      gets 1e9 m/s, which makes the damping negligible, or its present penetration rate if its depth
-      is at most 1e-12 m. States saved by `simulate_nonsmooth`, whose contacts are rigid, list zero
-      for each contact.
+    - `entry_speeds[joint][contact]`: entry speed of the current contact, m/s, zero without contact;
+      only for laws that use it. A contact that is closed when a run starts, without an entry speed
+      or with zero, gets 1e9 m/s, which makes the damping negligible, or its penetration rate if its
+      depth is at most 1e-12 m. States saved by `simulate_nonsmooth`, whose contacts are rigid, list
+      zero for each contact.
     - `work`: energies since the start, J, by name: "normal damping", "friction", "film" and
       "stabilisation", positive if taken from the motion, and "supplied", positive if drives and
       loads supplied it; empty unless the run has ``Settings(ledger=True)``.
     - `bristles[joint][contact]`: bristle deflections, (3,) m in the axes of the joint's first body;
       zero without contact. Empty for scenes without bristle laws.
     - `memory[force]`: numbers that a sampled force, such as a `Servo`, remembers, by name. A run
-      that starts without them, or without some of them, initialises them.
+      initialises those that are missing.
 
     **Raises:** `ValueError` if `bodies` is not a dictionary of `BodyState`s by non-empty names.
 
@@ -370,8 +366,7 @@ class State(AbstractReadable):
         self.memory = {} if memory is None else memory
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True, slots=True)
+@tree_dataclass
 class Wrench:
     """A force at a body's centre of mass, N in global axes, and a moment, N m in body axes.
 
@@ -398,16 +393,14 @@ Vector(x=0.0, y=0.0, z=0.0)
 """
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True, slots=True)
+@tree_dataclass
 class Anchor:
     """A point of a moving body near a fixed point of the ground, to reduce rounding errors.
 
     - `local`: the point, m from the centre of mass in body axes; `velocity`: m/s in global axes.
     - `origin`: the fixed point, m in global axes.
-    - `offset`: from the fixed point to the body's point, m in global axes. It is stored because the
-      difference of two coordinates of about a metre would have too few digits for penetrations of a
-      few nanometres.
+    - `offset`: from the fixed point to the body's point, m in global axes. As a difference of
+      coordinates of about a metre it would have too few digits for penetrations of nanometres.
     """
 
     local: Vector
@@ -416,8 +409,7 @@ class Anchor:
     velocity: Vector
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True, slots=True)
+@tree_dataclass
 class Motion:
     """Position, orientation, velocity and spin of a body, from which elements compute their forces.
 
@@ -445,10 +437,8 @@ class Motion:
         return self.position + self.rotation @ local
 
     def point_from(self, origin: Vector, local: Vector) -> Vector:
-        """Return the vector from a fixed point to a point of the body, m in global axes.
-
-        Near the `anchor` it has smaller rounding errors than a difference of positions.
-        """
+        """Return the vector from a fixed point to a point of the body, m in global axes, with
+        smaller rounding errors near the `anchor` than a difference of positions."""
         if self.anchor is None:
             return self.point(local) - origin
         # The small vectors are added first, so that large coordinates don't round them.
@@ -492,7 +482,7 @@ def body_state(
     velocity: TripleLike = (0.0, 0.0, 0.0),
     spin: TripleLike = (0.0, 0.0, 0.0),
 ) -> BodyState:
-    """Return a `BodyState`, the position and velocity of one body, with checked values.
+    """Return the position and velocity of one body, with checked values.
 
     **Arguments:**
 
@@ -523,12 +513,12 @@ def body_state(
 def rotation(axis: TripleLike, angle: Scalar) -> Quadruple:
     """Return the Euler parameters, (4,), scalar first, of a rotation about an axis.
 
-    They transform components in the rotated frame to the original frame, and suit the argument
-    `orientation` of `body_state`, joints and drives. Scene files use a table instead: ``orientation
-    = {axis = [0, 0, 1], angle = "30 deg"}``.
+    They transform components in the rotated frame to the original frame, as an `orientation` of
+    `body_state`, joints and drives does. In scene files, write ``orientation = {axis = [0, 0, 1],
+    angle = "30 deg"}`` instead.
 
-    **Arguments:** `axis`: (3,), any length, in the frame before or after the rotation, which does
-    not change its components. `angle`: rad, right-handed.
+    **Arguments:** `axis`: (3,), any length; its components are the same in both frames. `angle`:
+    rad, right-handed.
 
     **Raises:** `ValueError` if the axis has zero length, a number is not finite, or a shape is
     wrong. **Warns:** `UnusualValueWarning` if the angle exceeds two revolutions.

@@ -3,11 +3,9 @@
 import abc
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import reduce
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from typing_extensions import override
 
@@ -16,10 +14,10 @@ from .._fields.types import Single
 from .._math.smoothing import norm_and_direction, polar_angle
 from .._math.vectors import Scalar, Vector, square_root
 from .contact.laws import Limit
+from .tree_dataclass import tree_dataclass
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True, slots=True)
+@tree_dataclass
 class FilmGap:
     """Position and motion of a journal in its bearing, as inputs of a film law.
 
@@ -28,9 +26,8 @@ class FilmGap:
     - `axis`: of the bearing, a unit vector. `offset` and `rate` are perpendicular to it.
     - `offset`: vector from the bearing's axis to the journal's, divided by the clearance; its
       length is the eccentricity ratio, below 1.
-    - `rate`: of the offset, 1/s, as seen in axes that rotate with half the sum of the spins of
-      journal and bearing: the pressure in a film depends on the spins only through it (O. Reynolds
-      1886).
+    - `rate`: of the offset, 1/s, in axes that rotate at half the sum of the spins of journal and
+      bearing; the pressure depends on the spins only through this rate (O. Reynolds 1886).
     - `spin`: of the journal relative to the bearing about the axis, rad/s.
     - `bearing_radius`, radial `clearance`, and `length` of the film along the axis: m.
 
@@ -81,17 +78,13 @@ class AbstractFilm(AbstractConverting):
 
     @abc.abstractmethod
     def force(self, gap: FilmGap) -> Vector:
-        """Return the force on the journal, N, perpendicular to the axis.
-
-        Its scalar product with ``gap.rate`` must not be positive, because a film dissipates energy.
-        """
+        """Return the force on the journal, N, perpendicular to the axis. Its scalar product with
+        ``gap.rate`` must not be positive, because a film dissipates energy."""
 
     def drag(self, gap: FilmGap) -> Scalar:
-        """Return the moment on the journal about the bearing's axis, N m; it opposes the spin.
-
-        The default is that of a film around the whole circumference without cavitation, -2 pi mu
-        R^3 L spin/(c sqrt(1 - eps^2)), with the eccentricity ratio eps (A. Sommerfeld 1904).
-        """
+        """Return the moment on the journal about the bearing's axis, N m; it opposes the spin. The
+        default is that of a film around the whole circumference without cavitation, -2 pi mu R^3 L
+        spin/(c sqrt(1 - eps^2)), with the eccentricity ratio eps (A. Sommerfeld 1904)."""
         # The viscous stress mu R spin/h acts on the journal's surface. The film's height is
         # h = c (1 + eps cos angle). The mean of 1/h around the bearing is 1/(c sqrt(1 - eps^2)).
         height = gap.clearance * square_root(1.0 - gap.offset.dot(gap.offset))
@@ -100,9 +93,7 @@ class AbstractFilm(AbstractConverting):
 
     def limits(self, bearing_radius: Scalar, length: Scalar) -> tuple[Limit, ...]:
         """Return limits of validity for a bearing's radius and a film's length, m; none by default.
-
-        A warning is issued for a value outside its range when a joint with the film is made.
-        """
+        A joint with values beyond them warns when it is made."""
         return ()
 
 
@@ -111,14 +102,13 @@ class CaponeFilm(AbstractFilm):
 
     $$F = -\frac{\mu R L^3}{2 c^2 \rho} (3 V |u| x + G u + 2 Q\, n \times u)$$
 
-    Here x is `FilmGap.offset` and u `FilmGap.rate`; e is the unit vector along u, and n the axis.
-    The abbreviations are rho = 1 - x.x, d = x.e, q = n.(x cross e), G = 2/sqrt(rho) (pi/2 +
-    atan(d/sqrt(rho))), V = (2 + d G)/rho and Q = q/(1 - q^2). G. Adiletta, A. R. Guido, C. Rossi
-    1996 give it in components along fixed axes.
+    With x = `FilmGap.offset`, u = `FilmGap.rate`, the unit vector e along u and the axis n: rho = 1
+    - x.x, d = x.e, q = n.(x cross e), G = 2/sqrt(rho) (pi/2 + atan(d/sqrt(rho))), V = (2 + d G)/rho
+    and Q = q/(1 - q^2). G. Adiletta, A. R. Guido, C. Rossi 1996 give it in components along fixed
+    axes.
 
-    Choose it for short bearings: it is exact in the limit of a small length-to-diameter ratio L/D,
-    with D = 2R. At an eccentricity ratio of 0.5 the force is too large by 6 % for L/D = 1/4, and by
-    69 % for L/D = 1.
+    Choose it for short bearings: it is exact in the limit of small L/D, with the diameter D = 2R.
+    At an eccentricity ratio of 0.5 the force is too large by 6 % for L/D = 1/4, by 69 % for 1.
 
     >>> offset, rate = extend.Vector(0.5, 0.0, 0.0), extend.Vector(0.0, -100.0, 0.0)
     >>> gap = extend.FilmGap(extend.UNIT_Z, offset, rate, 200.0, 25e-3, 50e-6, length=12.5e-3)
@@ -205,14 +195,14 @@ class PinkusSternlichtFilm(AbstractFilm):
 
 
 NEARLY_CENTRED = 1e-3
-"""Eccentricity ratio below which the direction of the line of centres fades out in
-`ButenschoenFilm`, since a centred journal has none: its length is 0.71 there."""
+"""Eccentricity ratio at which the vector along the line of centres, which `ButenschoenFilm` fades
+to zero for a centred journal, has the length 0.71 instead of 1."""
 LOAD = (
     (1.1642, -1.9456, 7.1161, -10.1073, 5.0141),
     (-1.000026, -0.023634, -0.4215, -0.038817, -0.090551),
 )
-"""Coefficients of a1 and a2, for the load that rotation carries: as below, polynomials of the
-width-to-diameter ratio, lowest power first."""
+"""Coefficients of the source's a1 and a2, for the load that rotation carries; these and those below
+are polynomials of the width-to-diameter ratio, lowest power first."""
 ATTITUDE = (
     (1.152624, -0.104565),
     (-2.5905, 0.798745),
@@ -220,7 +210,7 @@ ATTITUDE = (
     (-13.3414, 3.424337),
     (6.6294, -1.591732),
 )
-"""Coefficients of a3 to a7, for the angle between the load and the line of centres."""
+"""Coefficients of a3 to a7, for the angle between load and line of centres."""
 SQUEEZE = (
     (0.70038, 3.2415, -12.2486, 18.895, -9.3561),
     (-0.999935, 0.0157434, -0.74224, 0.42278, -0.368928),
@@ -286,11 +276,10 @@ class ButenschoenFilm(AbstractFilm):
 
 
 def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
-    """Return the load number of rotation So_D of `ButenschoenFilm` divided by the eccentricity
-    ratio. The quotient is finite for a centred journal, for which So_D is zero.
+    """Return the load number of rotation So_D of `ButenschoenFilm` over the eccentricity ratio;
+    this quotient is finite for a centred journal, for which So_D is zero.
 
-    **Arguments:** `width`: width of the film over the diameter of the bearing, B/D; `ratio`:
-    eccentricity ratio eps.
+    **Arguments:** `width`: B/D. `ratio`: eccentricity ratio eps.
     """
     numerator, shift = (polynomial(fit, width) for fit in LOAD)  # a1 and a2
     square = ratio * ratio
@@ -319,5 +308,5 @@ def squeeze_load(width: Scalar, ratio: Scalar) -> Scalar:
 
 
 def polynomial(coefficients: Sequence[Scalar], x: Scalar) -> Scalar:
-    """Return the value of a polynomial at x, from its coefficients, lowest power first."""
+    """Return the value at x of a polynomial whose coefficients are given lowest power first."""
     return reduce(lambda value, coefficient: value * x + coefficient, reversed(coefficients))

@@ -26,8 +26,7 @@ NONE = (0.0, 0.0, 0.0)
 class SpringDamper(AbstractPairAtPoints, AbstractForce):
     """A linear spring and damper between a point of one body and a point of another.
 
-    The force acts along the line between the points. It is zero where they coincide, because it has
-    no direction there.
+    The force acts along the line between the points; where they coincide, it is zero.
 
     **Arguments:**
 
@@ -81,16 +80,14 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
 class TorsionalSpring(AbstractDriveAboutAxis, AbstractDriveTorque):
     """A linear torsional spring and damper about a common axis of two bodies.
 
-    The twist, the angle between the bodies less the rest angle, is taken within half a revolution,
-    because the bodies' positions don't determine the number of revolutions. The torque therefore
-    jumps where the twist is half a revolution.
+    The twist is the angle between the bodies less the rest angle, within half a revolution since
+    positions don't tell revolutions apart. The torque jumps where the twist is half a revolution.
 
     **Arguments:**
 
-    - `axis`: of rotation, (3,) in the first body's axes, any length.
     - `stiffness`: N m/rad. `damping`: N m s/rad, zero by default. Neither is negative.
     - `rest_angle`: angle of the unloaded spring, rad; zero by default.
-    - `orientation`: of the second body at angle zero, as in `PrescribedRotation`.
+    - `axis`, `orientation`: as in `PrescribedRotation`.
 
     >>> spring = cj.TorsionalSpring("ground", "lever", (0, 0, 1), stiffness=5.0, damping=0.1)
     >>> spring.body_names()
@@ -129,10 +126,9 @@ class AppliedLoad(AbstractForce):
 
     - `body`: its name.
     - `force`: (3,) N. `torque`: (3,) N m. Both are zero by default. Each component is a number, a
-      function of time such as `PiecewiseConstant`, or a Python function of the time in s. Instead
-      of three components, you may pass one function of time that returns three numbers, such as a
-      `PiecewiseConstant` with values (N, 3) for N times. Python functions can't declare the times
-      of their jumps and kinks.
+      function of time such as `PiecewiseConstant`, or a Python function of the time in s, which
+      can't declare the times of its jumps and kinks. One function that returns three numbers will
+      do too, such as a `PiecewiseConstant` with values (N, 3).
     - `point`: where the force acts, (3,) m in body axes; the centre of mass by default.
 
     >>> weight = cj.AppliedLoad("rod", force=(0.0, -20.0, 0.0), point=(0.1, 0.0, 0.0))
@@ -178,8 +174,8 @@ def _require_none_negative(argument: str, value: ArrayLike) -> None:
 class _Strain(NamedTuple):
     """Deformation of a bushing and its rate, with components along the bushing's axes.
 
-    - `point_in_first`: the first body's material point at the place of the second body's point, m
-      from the centre of mass in body axes.
+    - `point_in_first`: the point of the first body where the second body's point is, m from the
+      centre of mass in body axes.
     - `axes`: matrix that transforms components along the bushing's axes to global components.
     - `shift`: displacement of the second body's point from the first body's, m.
     - `rotation`: rotation vector from the bushing's axes to those of `orientation_second`, rad.
@@ -201,9 +197,8 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
     axes to those that `orientation_second` defines on the second body. With the stiffnesses k and c
     and the dampings d and b below, force and moment derive from the energy (k s^2 + c r^2)/2 and
     the dissipated power d s'^2 + b r'^2, each summed over the axes. Rotations may therefore be
-    large: about one axis the moment is exactly c times the angle, the order of rotations about
-    several axes doesn't matter, and the elastic forces are conservative. The rotation must stay
-    below half a revolution, where a rotation vector is singular.
+    large: the elastic forces are conservative, and about one axis the moment is exactly c times the
+    angle. Half a revolution, where r is singular, must not be reached.
 
     **Arguments:**
 
@@ -211,10 +206,10 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
     - `stiffness`, `damping`: k, N/m, and d, N s/m, along each axis, (3,), not negative.
     - `rotational_stiffness`, `rotational_damping`: c, N m/rad, and b, N m s/rad, about each axis,
       (3,), not negative. All but `stiffness` are zero by default.
-    - `orientation_first`, `orientation_second`: (4,) Euler parameters, scalar first, each of which
-      defines axes on its body: they transform components along these axes to the body's frame. By
-      default these are the body's axes. Those on the first body are the bushing's axes. In the
-      relaxed bushing, the axes on the two bodies are parallel, and the two points coincide.
+    - `orientation_first`, `orientation_second`: (4,) Euler parameters, scalar first, that transform
+      components along axes on each body to the body's frame; by default the body's axes. Those on
+      the first body are the bushing's axes. In the relaxed bushing, both are parallel and the
+      points coincide.
 
     >>> ends = (0.3, 0.0, 0.0), (-0.2, 0.0, 0.0)
     >>> liner = cj.Bushing("frame", "arm", *ends, stiffness=(2e6, 2e6, 4e5))

@@ -111,13 +111,11 @@ class AbstractPen(abc.ABC):
         length: Single,
         profiles: tuple[AbstractProfile | None, AbstractProfile | None] = (None, None),
     ) -> None:
-        """Draw a journal in a bearing, each along the axis of its marker.
-
-        A joint draws at most one: a view shows the forces of all its contacts at this journal.
+        """Draw a journal in a bearing, each along the axis of its marker; a joint draws at most
+        one, at which a view shows the forces of all its contacts.
 
         **Arguments:** `radius`: of the bearing, m, or ``None`` if unknown. `clearance`: radial, m.
-        `length`: of the journal, m. `profiles`: deviations of the bearing and of the journal from
-        circles; ``None`` for a circle.
+        `length`: of the journal, m. `profiles`: of bearing and journal; ``None`` for a circle.
         """
 
     @abc.abstractmethod
@@ -127,17 +125,13 @@ class AbstractPen(abc.ABC):
     @abc.abstractmethod
     def walls(self, middle: Marker, runner: Marker, normal: Triple, *, distance: Single) -> None:
         """Draw two walls around the marker `middle`, as long as the path of the marker `runner`.
-
-        `normal` is that of the walls, (3,) in the axes of the body of `middle`, any length.
-        """
+        `normal` is that of the walls, (3,) in the axes of the body of `middle`, any length."""
 
     @abc.abstractmethod
     def wall(self, plane: Marker, runner: Marker, *, radius: Single) -> None:
-        """Draw a wall, as long as the path of a ball of a `radius`, m, at the marker `runner`.
-
-        Its surface is the plane through the marker `plane`, perpendicular to the marker's axis,
-        which points out of the wall.
-        """
+        """Draw a wall, as long as the path of a ball of a `radius`, m, at the marker `runner`. Its
+        surface is the plane through the marker `plane`, perpendicular to the marker's axis, which
+        points out of the wall."""
 
     @abc.abstractmethod
     def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:
@@ -153,9 +147,6 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def gear(self, centre: Marker, *, radius: Single, teeth: Single, phase: Single) -> None:
-        """Draw a spur gear with its pitch circle's `radius`, m, which is negative for an internal
-        gear.
-
-        `phase` is the angle of the middle of a tooth, rad, from the first vector that
-        `clearjoint._math.rotations.transverse_axes` returns for the gear's axis.
-        """
+        """Draw a spur gear with the pitch circle's `radius`, m, negative for an internal gear.
+        `phase` is the angle of the middle of a tooth, rad, from the first of the axis's
+        `transverse_axes`."""

@@ -26,11 +26,10 @@ from .._math.smoothing import polar_angle
 from .._math.vectors import Scalar, library
 
 NEWTON_STEPS = 4
-"""Number of Newton steps in the search for the angle at which journal and wall come closest. Its
-start is at most a sixteenth of a wave from the result. Each step roughly squares this error, so
-that four steps reach rounding accuracy."""
+"""Number of Newton steps in the search for the closest approach. It starts at most a sixteenth of a
+wave from the result, and each step roughly squares this error, down to rounding after four."""
 ANGLES_PER_WAVE = 8
-"""Number of angles per wave of the highest harmonic at which the search begins. The best of them is
+"""Number of angles, per wave of the highest harmonic, of which the best starts the search: it is
 within a sixteenth of a wave from the maximum, so that Newton's method converges to it."""
 
 
@@ -39,10 +38,9 @@ NumberOrArray: TypeAlias = Float[Any, "..."]
 
 
 class Deviation(NamedTuple):
-    """Distance of a profile's tangent from the centre less that of its circle, at a normal's angle.
-
-    `value` is in m; `slope` and `bend` are its first and second derivative by the angle, m/rad and
-    m/rad^2.
+    """A profile's `value` at an angle, m (the distance from the centre to the tangent that is
+    perpendicular to this direction, less the circle's radius), with its first derivative by the
+    angle, `slope`, m/rad, and its second, `bend`, m/rad^2.
 
     >>> cj.profiles.Harmonics([2e-6]).at(0.0)._fields
     ('value', 'slope', 'bend')
@@ -83,11 +81,9 @@ class AbstractProfile(AbstractConverting):
 
     @abc.abstractmethod
     def angles(self) -> int:
-        """Return how many evenly spaced angles resolve the waves of the profile.
-
-        The search for the closest approach begins at the best of 16 to 48 such angles: for waves
-        above the sixth harmonic, it may find a penetration that is not the largest.
-        """
+        """Return how many evenly spaced angles resolve the waves of the profile. The search for the
+        closest approach begins at the best of 16 to 48 such angles: for waves above the sixth
+        harmonic, it may find a penetration that is not the largest."""
 
 
 class Harmonics(AbstractProfile):
@@ -96,9 +92,7 @@ class Harmonics(AbstractProfile):
     The first harmonic shifts the circle, the second makes it oval, the third gives three lobes.
 
     **Arguments:** `cosines`: a_1, a_2, ..., a_K, (K,) m. `sines`: b_1, ..., b_K, (K,) m; zero by
-    default.
-
-    **Raises:** `ValueError` unless both are (K,) finite numbers, with K at least 1.
+    default. A `ValueError` unless both are (K,), K >= 1, and finite.
 
     >>> oval = cj.profiles.Harmonics([0.0, 5e-6])
     >>> print(f"{oval.at(0.0).value:.1e} m, {oval.at(np.pi / 2).value:.1e} m")
@@ -168,20 +162,17 @@ class AbstractPeriodicSpline(AbstractProfile):
     @abc.abstractmethod
     def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:
         """Return the coefficients from the one before a knot to the second after it, (..., 4) m.
-
-        The index of the knot is 0 to N - 1 for N knots, or N by rounding, which stands for knot 0.
-        """
+        The index of the knot is 0 to N - 1 for N knots, or N by rounding, which stands for knot
+        0."""
 
 
 class PeriodicSpline(AbstractPeriodicSpline):
-    """A periodic cubic spline with evenly spaced knots, such as a measured or a worn profile.
+    """A periodic cubic spline with evenly spaced knots, such as a measured or a worn profile. Use
+    `PeriodicSpline.through(values)` for given values.
 
-    Use `PeriodicSpline.through(values)` for a profile through given values.
-
-    **Arguments:** `coefficients`: (N,) m, of the cubic B-splines that are centred at the angles 0,
-    2 pi/N, 4 pi/N, ...; at least four.
-
-    **Raises:** `ValueError` unless the coefficients are (N,) finite numbers, with N at least 4.
+    **Arguments:** `coefficients`: (N,) m, N at least 4, of the cubic B-splines that are centred at
+    the angles 0, 2 pi/N, 4 pi/N, ...; a `ValueError` for another shape, or numbers that are not
+    finite.
 
     >>> values = 1e-6 * np.cos(2.0 * np.arange(64) * 2.0 * np.pi / 64)
     >>> profile = cj.profiles.PeriodicSpline.through(values)
@@ -241,10 +232,8 @@ class Approach(NamedTuple):
 
 
 class PlanarAxes(NamedTuple):
-    """Components of a journal's x and y axes along the x and y axes of its bearing.
-
-    The journal may be tilted, or its axis may point against the bearing's.
-    """
+    """Components of a journal's x and y axes along the x and y axes of its bearing. The journal may
+    be tilted, or its axis may point against the bearing's."""
 
     x_along_x: Scalar
     x_along_y: Scalar
@@ -274,8 +263,8 @@ class JournalInBearing(NamedTuple):
 
         The search begins at the best of evenly spaced angles and ends with Newton steps, so it
         finds the largest of several maxima of `overlap` if the angles resolve them. At least one
-        profile must be given, since two circles need no search. `clearance`, m, is the radius of
-        the bearing's circle less that of the journal's.
+        profile must be given. `clearance`, m, is the radius of the bearing's circle less that of
+        the journal's.
         """
         # JAX does not differentiate the search, except for its last Newton step.
         constant = jax.lax.stop_gradient(self)
@@ -302,14 +291,14 @@ class JournalInBearing(NamedTuple):
         # The derivative of one step is that of the maximum (implicit function theorem).
         angle = angle + self._newton_step(angle)
         cosine, sine = jnp.cos(angle), jnp.sin(angle)
-        part, _, _ = self._deviation_of_journal(cosine, sine)
+        part, _, _ = self._journal_deviation(cosine, sine)
         return Approach(cosine, sine, self.overlap(angle) - clearance, part)
 
     def overlap(self, angle: NumberOrArray) -> Scalar:
-        """Return the penetration at an angle, rad, if the clearance were zero, m."""
+        """Return the penetration, m, at an angle, rad, for a clearance of zero."""
         numpy = library((angle,))
         cosine, sine = numpy.cos(angle), numpy.sin(angle)
-        part, _, _ = self._deviation_of_journal(cosine, sine)
+        part, _, _ = self._journal_deviation(cosine, sine)
         return self.x * cosine + self.y * sine - self._wall(angle).value + part.value
 
     def _newton_step(self, angle: Scalar) -> Scalar:
@@ -317,7 +306,7 @@ class JournalInBearing(NamedTuple):
         # First and second derivative of the penetration by the angle. Those of the journal's
         # deviation contain the rate of the angle about the journal's own axis, which may be tilted.
         x, y, cosine, sine = self.x, self.y, jnp.cos(angle), jnp.sin(angle)
-        wall, (part, rate, change) = self._wall(angle), self._deviation_of_journal(cosine, sine)
+        wall, (part, rate, change) = self._wall(angle), self._journal_deviation(cosine, sine)
         slope = y * cosine - x * sine - wall.slope + part.slope * rate
         bend = part.bend * rate * rate + part.slope * change - wall.bend - x * cosine - y * sine
         # The inner `where` avoids a division by zero, whose derivative would be NaN even if unused.
@@ -326,11 +315,10 @@ class JournalInBearing(NamedTuple):
     def _wall(self, angle: NumberOrArray) -> Deviation:
         return _ROUND if self.bearing is None else self.bearing.at(angle)
 
-    def _deviation_of_journal(
-        self, cosine: Scalar, sine: Scalar
-    ) -> tuple[Deviation, Scalar, Scalar]:
-        """Return the journal's deviation in a direction, and the first and second derivatives of
-        the direction's angle about the journal's axis by that about the bearing's."""
+    def _journal_deviation(self, cosine: Scalar, sine: Scalar) -> tuple[Deviation, Scalar, Scalar]:
+        """Return the journal's deviation in a direction of the bearing's cross-section, and the
+        first and second derivatives of the angle about the journal's axis by that about the
+        bearing's."""
         if self.journal is None:
             return _ROUND, 0.0, 0.0
         axes = self.axes
@@ -364,12 +352,10 @@ def require_room(
 def caution_two_contacts(
     clearance: Scalar, bearing: AbstractProfile | None, journal: AbstractProfile | None
 ) -> None:
-    """Warn if the journal may touch the wall at two points that are close to each other.
-
-    The model has one contact, the deepest. The journal touches at one point at most if the smallest
-    radius of curvature of the wall exceeds the largest of the journal: R + h + h'' for a circle of
-    radius R and a deviation h.
-    """
+    """Warn if the journal may touch the wall at two points that are close to each other. The model
+    has one contact, the deepest. The journal touches at one point at most if the smallest radius of
+    curvature of the wall exceeds the largest of the journal: R + h + h'' for a circle of radius R
+    and a deviation h."""
     # Two circles touch at one point.
     if bearing is None and journal is None:
         return

@@ -20,8 +20,8 @@ from .joints.base import AbstractConstraint, AbstractContactJoint, AbstractEleme
 from .joints.joint_friction import JointFriction
 
 FARTHEST = 100.0
-"""Ratio of a point's distance from the centre of mass to the body's radius of gyration, above which
-a warning is issued, since a length in mm may have been given."""
+"""Distance of a point from the centre of mass, over the body's radius of gyration, above which a
+warning is issued: a length in mm may have been given."""
 KINDS = {
     "bodies": (Body,),
     "joints": (AbstractConstraint, AbstractContactJoint),
@@ -100,23 +100,17 @@ class Scene(AbstractReadable):
         for name, body in self.bodies.items():
             if not body.is_massless:
                 continue
-            joints = [
-                joint
-                for joint in self.joints.values()
-                if isinstance(joint, AbstractConstraint) and name in joint.body_names()
-            ]
+            ideal = [j for j in self.joints.values() if isinstance(j, AbstractConstraint)]
+            joints = [joint for joint in ideal if name in joint.body_names()]
             is_driven = any(getattr(joint, "armature", None) is not None for joint in joints)
             expected = "False unless the body is between two joints, or at one with an armature"
             argument, remedy = f"bodies[{name!r}].is_massless", "give that joint an `armature`"
             require(is_driven or len(joints) > 1, argument, True, expected, remedy)
         for name, joint in self.joints.items():
             if isinstance(joint, JointFriction) and joint.pressed_by is not None:
-                pressing = {
-                    n: other
-                    for n, other in {**self.joints, **self.forces}.items()
-                    if isinstance(other, AbstractContactJoint | TorsionalSpring)
-                    and not isinstance(other, JointFriction)
-                }
+                springs = {n: f for n, f in self.forces.items() if isinstance(f, TorsionalSpring)}
+                contacts = self.contact_joints().items()
+                pressing = {n: j for n, j in contacts if not isinstance(j, JointFriction)} | springs
                 expected = f"the name of a contact joint or torsional spring, one of {[*pressing]}"
                 argument, remedy = f"joints[{name!r}].pressed_by", "correct the name"
                 remedy = nearest(joint.pressed_by, pressing, remedy)
@@ -162,11 +156,8 @@ class Scene(AbstractReadable):
 
     def contact_joints(self) -> dict[str, AbstractContactJoint]:
         """Return the joints that have contacts, by name."""
-        return {
-            name: joint
-            for name, joint in self.joints.items()
-            if isinstance(joint, AbstractContactJoint)
-        }
+        joints = self.joints.items()
+        return {name: j for name, j in joints if isinstance(j, AbstractContactJoint)}
 
     def bristle_laws(self) -> dict[str, dict[str, AbstractBristleFriction]]:
         """Return the bristle laws of the joints that have such laws, ``laws[joint][contact]``."""
@@ -180,9 +171,7 @@ class Scene(AbstractReadable):
 
 def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
     names = {GROUND, *bodies}
-    for name in element.body_names():
-        if name in names:
-            continue
+    for name in [name for name in element.body_names() if name not in names]:
         remedy = nearest(name, names, "correct the name, or add the body to the scene")
         expected = f"between known bodies {sorted(names)}"
         # The message names the field that holds this very string.

@@ -27,31 +27,28 @@ from .._model.scene import Scene
 from .base import AbstractQuantity, Instant, require_known
 
 ARM = 1e-2
-"""Free length of the spring, m. It is much longer than the deflections, which are micrometres."""
+"""Free length of the spring, m: much longer than the deflections of micrometres."""
 SHARE = 1e-6
-"""Default ratio of the sensor's mass to the body's mass, so small that the sensor hardly affects
-the motion."""
+"""Default ratio of the sensor's mass to the body's, at which the sensor hardly affects the
+motion."""
 RADIUS = 1e-3
-"""Radius of gyration of the seismic mass, m. It has almost no effect, because the mass can't rotate
-relative to the body that carries it."""
+"""Radius of gyration of the seismic mass, m, which can't rotate relative to its body."""
 BUTTERWORTH = math.sqrt(0.5)
-"""Damping ratio of a second-order Butterworth filter, whose response is the flattest possible."""
+"""Damping ratio of a second-order Butterworth filter, with the flattest possible response."""
 SPRING = " spring"
 """Suffix of the name of a sensor's spring."""
 
 
 class AccelerometerReading(AbstractQuantity):
-    """Signal of an accelerometer that `clearjoint.accelerometer` has added to a scene, m/s^2: the
-    force of its spring on the seismic mass along its axis, without that of the damper, divided by
-    this mass.
-
-    `sensor` is the name of its body and joint in the scene.
+    """Signal of a `clearjoint.accelerometer` in the scene, m/s^2: the force of its spring, without
+    that of the damper, on the seismic mass along its axis, over this mass. `sensor` is the name of
+    its body and joint.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> sensor = cj.accelerometer(scene, state, "arm 2", axis=(0, 1, 0), frequency=2e3)
     >>> reading = cj.quantities.AccelerometerReading("arm 2 accelerometer")
-    >>> reading.unit, reading == sensor.reading
-    ('m/s^2', True)
+    >>> reading == sensor.reading
+    True
     """
 
     sensor: str = eqx.field(static=True)
@@ -103,13 +100,12 @@ def accelerometer(
     It measures the specific force along its axis, acceleration minus gravity, with a second-order
     low-pass 1 / (1 + 2 z s/w + s^2/w^2), where s is the variable of the Laplace transform, w = 2 pi
     `frequency`, and z is the damping ratio. The default z = sqrt(1/2) is a Butterworth filter.
-    Impacts that last microseconds thus become signals as long as the sensor's response, which can
-    be sampled and fitted.
+    Impacts of microseconds thus become signals as long as its response, which can be sampled and
+    fitted.
 
-    The sensor is part of the mechanism, so that derivatives of its signal by parameters are exact.
-    Its frequency and damping can be estimated, as the ``stiffness`` and ``damping`` of its spring.
-    It starts at rest on its body, with the deflection that gravity causes. Integration steps become
-    as short as a fraction of 1/w.
+    The sensor is part of the mechanism: derivatives of its signal by parameters are exact, and its
+    frequency and damping can be estimated, as ``stiffness`` and ``damping`` of its spring. It
+    starts at rest on its body, deflected by gravity. Steps become as short as a fraction of 1/w.
 
     ```python
     import clearjoint as cj
@@ -128,7 +124,7 @@ def accelerometer(
     - `axis`: direction of measurement, (3,) in body axes, any length.
     - `frequency`: natural frequency of the mass on its spring without damping, Hz. With the default
       damping ratio, the attenuation at this frequency is 3 dB.
-    - `damping_ratio`: damping ratio z of the mass on its spring and damper, positive.
+    - `damping_ratio`: z, positive.
     - `mass`: of the sensor, kg; by default a millionth of the body's mass, which hardly affects the
       motion.
     - `name`: of the sensor's body and of its joint; by default the body's name followed by "
@@ -154,35 +150,26 @@ def accelerometer(
     require_positive("mass", as_number(mass, "mass", "kg"), "give it in kg")
     # The spring's free length is long compared with its deflection, so that it acts linearly along
     # the axis although it is a spring between two points.
-    angular_frequency = 2.0 * math.pi * frequency
-    spring = SpringDamper(
-        body,
-        name,
-        position - ARM * direction,
-        np.zeros(3),
-        stiffness=mass * angular_frequency**2,
-        damping=2.0 * damping_ratio * mass * angular_frequency,
-        free_length=ARM,
-    )
+    omega = 2.0 * math.pi * frequency
+    stiffness, damping = mass * omega**2, 2.0 * damping_ratio * mass * omega
+    ends = position - ARM * direction, np.zeros(3)
+    spring = SpringDamper(body, name, *ends, stiffness, damping, free_length=ARM)
     slide = PrismaticJoint(body, name, position, np.zeros(3), direction)
     # Making the new scene checks all elements again: don't repeat the warnings of the given scene.
     with quiet():
         bodies = {**scene.bodies, name: Body(mass, np.full(3, mass * RADIUS**2))}
         joints, forces = {**scene.joints, name: slide}, {**scene.forces, name + SPRING: spring}
         with_sensor = replace(scene, bodies=bodies, joints=joints, forces=forces)
-    at_rest = _state_at_rest(state.bodies[body], scene, position, direction, angular_frequency)
+    at_rest = _state_at_rest(state.bodies[body], scene, position, direction, omega)
     start = replace(state, bodies={**state.bodies, name: at_rest})
     return Accelerometer(with_sensor, start, AccelerometerReading(name))
 
 
 def _state_at_rest(
-    body: BodyState,
-    scene: Scene,
-    position: np.ndarray,
-    direction: np.ndarray,
-    angular_frequency: float,
+    body: BodyState, scene: Scene, position: np.ndarray, direction: np.ndarray, omega: float
 ) -> BodyState:
-    """Return the state of the seismic mass, at rest on its body with its deflection by gravity."""
+    """Return the state of the seismic mass, at rest on its body with its deflection by gravity;
+    `omega` is its natural angular frequency, rad/s."""
     # The rotation q v q* of a vector v by the body's Euler parameters q, as two cross products.
     scalar, *vector = np.asarray(body.orientation, dtype=float)
     axis = np.array(vector)
@@ -193,7 +180,7 @@ def _state_at_rest(
 
     gravity = np.zeros(3) if scene.gravity is None else np.asarray(scene.gravity)
     # At rest the spring carries the weight: its deflection is the gravity along the axis over w^2.
-    arm = position + direction * float(gravity @ in_global_axes(direction)) / angular_frequency**2
+    arm = position + direction * float(gravity @ in_global_axes(direction)) / omega**2
     spin = np.asarray(body.spin)
     place = np.asarray(body.position) + in_global_axes(arm)
     velocity = np.asarray(body.velocity) + in_global_axes(np.cross(spin, arm))

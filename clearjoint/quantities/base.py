@@ -41,8 +41,8 @@ class Instant:
       bristles. Empty unless the run has ``Settings(ledger=True)``.
 
     Runs create instants. The example makes one from a `System`, which evaluates the equations of
-    motion, its `own_time` since the system's `origin`, s, and the variables of `system.encode`. An
-    instant is a PyTree; flattening drops the function that gives the instants `inside` its step.
+    motion, the time since the system's `origin`, s, and the variables of `system.encode`. An
+    instant is a PyTree; one that JAX has rebuilt has no instants `inside` its step.
 
     >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
@@ -68,18 +68,14 @@ class Instant:
         self.scene = system.scene
         """The scene, whose vectors are `Vector`s, not arrays."""
         self.entry_speeds = entry_speeds
-        """Entry speeds of the contacts, m/s, ``entry_speeds[joint][contact]``.
-
-        An entry speed is the penetration rate at the onset of a contact. It is zero while the
-        contact is open, and 1e9 m/s if it is unknown because the onset was before the start of the
-        run. Contacts whose law doesn't use it are left out.
-        """
+        """Entry speeds of the contacts, m/s, ``entry_speeds[joint][contact]``. An entry speed is
+        the penetration rate at the onset of a contact. It is zero while the contact is open, and
+        1e9 m/s if it is unknown because the onset was before the start of the run. Contacts whose
+        law doesn't use it are left out."""
         self.bristles = bristles
         """Bristle deflections, m, ``bristles[joint][contact]``; zero while the contact is open.
-
         Each is a vector in the axes of the joint's first body. Contacts without bristles are left
-        out.
-        """
+        out."""
         self._system, self._own_time, self._variables = system, own_time, variables
         self._inside = inside
         # What JAX may trace of an instant.
@@ -102,14 +98,14 @@ class Instant:
 
     @property
     def just_before(self) -> "Instant":
-        """The same end of a step, but before sampled forces such as a `Servo` change there: forces
-        and accelerations may jump."""
+        """The same end of a step, before the jumps of sampled forces, such as a `Servo`, and
+        accelerations there."""
         return self.inside(1.0)
 
     @cached_property
     def memory(self) -> Memories:
-        """Numbers that sampled forces, such as a `Servo`, remember, ``memory[force][name]``; those
-        with which a run would start here if none are known."""
+        """Numbers that sampled forces, such as a `Servo`, remember, ``memory[force][name]``; if
+        unknown, those with which a run would start here."""
         *_, memory = self._parts
         return memory or initial_memories(self._system, self._variables, self._own_time, {})
 
@@ -127,12 +123,9 @@ class Instant:
 
     @cached_property
     def contacts(self) -> dict[str, dict[str, LoadedContact]]:
-        """Geometry and forces of all contacts.
-
-        Each has its geometry in `contact`, such as the penetration ``contact.gap.depth``, m; the
-        `normal_force`, N; and the `friction` on the joint's second body, N in global axes, or
-        ``None`` without friction. Open contacts, whose force has not begun, have forces of zero.
-        """
+        """Geometry and forces of all contacts: `contact` with the geometry, such as the penetration
+        ``contact.gap.depth``, m; the `normal_force`, N; and the `friction` on the joint's second
+        body, N in global axes, or ``None``. Open contacts have forces of zero."""
         return self._system.contact_forces(self._variables, self.entry_speeds, self.bristles)
 
     @cached_property
@@ -151,11 +144,8 @@ class Instant:
     @cached_property
     def dynamics(self) -> Dynamics:
         """Solution of the equations of motion: accelerations, scalar constraint equations with
-        their Jacobians (`rows`), and Lagrange multipliers.
-
-        In joint coordinates, `rows` and `multipliers` have only the joints that the coordinates do
-        not satisfy by themselves.
-        """
+        their Jacobians (`rows`), and Lagrange multipliers. In joint coordinates, `rows` and
+        `multipliers` lack the joints that the coordinates satisfy by themselves."""
         return self._solved(self._system, self._variables)
 
     @cached_property
@@ -258,7 +248,7 @@ def require_quantity(argument: str, function: object) -> None:
 
 
 def require_known(argument: str, name: str, known: Collection[str]) -> None:
-    """Check that a name is among the scene's names; the error suggests the most similar one."""
+    """Check that a name is among the scene's; the error suggests the most similar one."""
     if name not in known:
         expected = f"one of the scene's {sorted(known)}"
         remedy = nearest(name, known, "correct the name, or add it to the scene")
@@ -266,7 +256,7 @@ def require_known(argument: str, name: str, known: Collection[str]) -> None:
 
 
 def one_of(argument: str, *allowed: T) -> Callable[[T], T]:
-    """Return a field's converter that raises a `ValueError` for a value that is not allowed."""
+    """Return a field's converter that refuses other than the allowed values."""
 
     def checked(value: T) -> T:
         require(value in allowed, argument, value, f"one of {allowed}", "pass one of these")
@@ -295,10 +285,8 @@ def optional_numbers(values: ArrayLike | None) -> Numbers | None:
 
 
 class AbstractVectorQuantity(AbstractQuantity):
-    """Base class of quantities that are a component of a vector, or with ``None`` its magnitude.
-
-    It is the first base of its subclasses, so that `component` follows the fields of the others.
-    """
+    """Base class of quantities that are a component of a vector or, with ``None``, its magnitude.
+    It comes first among the bases, so that `component` follows the fields of the others."""
 
     component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
 

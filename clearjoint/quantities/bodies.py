@@ -44,8 +44,7 @@ class AbstractBodyQuantity(AbstractQuantity):
 class Position(AbstractBodyQuantity):
     """Global coordinate of a body's centre of mass, m.
 
-    >>> cj.quantities.Position("arm 3", "z").unit
-    'm'
+    >>> height = cj.quantities.Position("arm 3", "z")
     """
 
     component: Component = eqx.field(static=True, converter=as_component)
@@ -59,8 +58,7 @@ class Position(AbstractBodyQuantity):
 class Velocity(AbstractVectorQuantity, AbstractBodyQuantity):
     """Velocity of a body's centre of mass, m/s: its magnitude or a global component.
 
-    >>> cj.quantities.Velocity("arm 3", "y").unit
-    'm/s'
+    >>> velocity = cj.quantities.Velocity("arm 3", "y")
     """
 
     unit: ClassVar[str | None] = "m/s"
@@ -73,8 +71,7 @@ class Velocity(AbstractVectorQuantity, AbstractBodyQuantity):
 class Acceleration(AbstractVectorQuantity, AbstractBodyQuantity):
     """Acceleration of a body's centre of mass, m/s^2: its magnitude or a global component.
 
-    >>> cj.quantities.Acceleration("arm 3", "y").unit
-    'm/s^2'
+    >>> shock = cj.quantities.Acceleration("arm 3", "y")
     """
 
     unit: ClassVar[str | None] = "m/s^2"
@@ -97,8 +94,7 @@ class AbstractPointQuantity(AbstractBodyQuantity):
 class PointPosition(AbstractPointQuantity):
     """Global coordinate of a point of a body, m.
 
-    >>> cj.quantities.PointPosition("arm 3", (0.5, 0, 0), "y").unit
-    'm'
+    >>> tip = cj.quantities.PointPosition("arm 3", (0.5, 0, 0), "y")
     """
 
     component: Component = eqx.field(static=True, converter=as_component)
@@ -112,8 +108,7 @@ class PointPosition(AbstractPointQuantity):
 class PointVelocity(AbstractVectorQuantity, AbstractPointQuantity):
     """Velocity of a point of a body, m/s: its magnitude or a global component.
 
-    >>> cj.quantities.PointVelocity("arm 3", (0.5, 0, 0), "y").unit
-    'm/s'
+    >>> velocity = cj.quantities.PointVelocity("arm 3", (0.5, 0, 0), "y")
     """
 
     unit: ClassVar[str | None] = "m/s"
@@ -190,19 +185,18 @@ class AngularAcceleration(AbstractVectorQuantity, AbstractBodyQuantity):
 class Angle(AbstractBodyQuantity):
     """Angle of a direction of a body about a fixed axis, rad within (-pi, pi], right-handed.
 
-    The body's direction is projected on the plane perpendicular to the fixed axis, and the angle is
-    measured in this plane from a fixed direction of zero angle. The angle is undefined while the
-    body's direction is parallel to `about`, and changes abruptly as the direction passes there.
+    The angle is measured in the plane perpendicular to the fixed axis, from a fixed direction to
+    the projection of the body's direction. It is undefined while the body's direction is parallel
+    to the fixed axis, and changes abruptly there.
 
     **Arguments:**
 
     - `about`: the fixed axis, (3,) in global axes, any length.
-    - `reference`: the fixed direction of zero angle, (3,) in global axes; by default its components
-      are those of `axis`. With this default, the angle of a body whose orientation is a rotation of
-      the global axes about the fixed axis is that of this rotation.
-    - `axis`: the body's direction, (3,) in body axes; by default its components are those of a
-      vector perpendicular to `about`, which is (1, 0, 0) for the z axis. Pass it if you pass
-      `reference`.
+    - `reference`: the fixed direction of zero angle, (3,) in global axes; by default with the
+      components of `axis`, so that the angle of a body that only rotates about the fixed axis is
+      zero while its axes are the global ones.
+    - `axis`: the body's direction, (3,) in body axes; by default with the components of a vector
+      perpendicular to `about`, (1, 0, 0) for the z axis. Pass it if you pass `reference`.
 
     **Raises:** `ValueError` for a direction that is not three finite numbers or has zero length,
     and for a `reference`, or an `axis` without a `reference`, whose components are proportional to
@@ -247,12 +241,9 @@ class Angle(AbstractBodyQuantity):
 
 
 class Distance(AbstractQuantity):
-    """Distance between a point of one body and a point of another, m: the signal of a displacement
-    sensor.
-
-    With `along`, a direction in the first body's axes of any length, it is the signed distance
-    along it, such as the stroke of a slider in its guide: positive if the second point is ahead of
-    the first.
+    """Distance between a point of one body and a point of another, m, as a displacement sensor
+    reads it; with `along`, a direction in the first body's axes of any length, the component of the
+    vector from the first to the second point, such as the stroke of a slider in its guide.
 
     >>> stretch = cj.quantities.Distance("ground", (0, 0, 0), "arm 2", (0.5, 0, 0))
     >>> stroke = cj.quantities.Distance("ground", (0, 0, 0), "slider", (0, 0, 0), along=(1, 0, 0))

@@ -64,8 +64,8 @@ class ContactForce(AbstractContactQuantity):
 
     The force of all contacts is the magnitude of their resultant, as in Newton's law: a journal
     that rests on both of its bases with 100 N each carries 200 N, and one that is jammed between
-    opposite walls carries the difference. Name a contact for the load on one base, which is what
-    the tables of impacts list, and about half of the joint's force in a parallel impact.
+    opposite walls the difference. Name a contact for the load on one base, as tables of impacts
+    list it: about half of the joint's force in a parallel impact.
 
     >>> of_joint = cj.quantities.ContactForce("shoulder")
     >>> of_base = cj.quantities.ContactForce("shoulder", "V")
@@ -98,8 +98,7 @@ class FrictionForce(AbstractContactQuantity):
 
     The moment of friction between two flat faces that rotate on each other is not part of it.
 
-    >>> cj.quantities.FrictionForce("shoulder", "V").unit
-    'N'
+    >>> friction = cj.quantities.FrictionForce("shoulder", "V")
     """
 
     unit: ClassVar[str | None] = "N"
@@ -113,8 +112,7 @@ class FrictionForce(AbstractContactQuantity):
 class Penetration(AbstractContactQuantity):
     """Penetration of a contact, m; negative while the surfaces are apart.
 
-    >>> cj.quantities.Penetration("shoulder", "V").unit
-    'm'
+    >>> depth = cj.quantities.Penetration("shoulder", "V")
     """
 
     unit: ClassVar[str | None] = "m"
@@ -128,8 +126,7 @@ class PenetrationRate(AbstractContactQuantity):
     """Rate of a contact's penetration, m/s, positive while the bodies approach; at an onset it
     equals the entry speed.
 
-    >>> cj.quantities.PenetrationRate("shoulder", "V").unit
-    'm/s'
+    >>> rate = cj.quantities.PenetrationRate("shoulder", "V")
     """
 
     unit: ClassVar[str | None] = "m/s"
@@ -143,12 +140,11 @@ class EntrySpeed(AbstractContactQuantity):
     """Entry speed of the current contact, the rate of the penetration at its onset, m/s; zero while
     the surfaces are apart.
 
-    It exists only for contacts whose law uses the entry speed. In a `Section` at the onset or end
-    of a contact, the value is that of this contact. For a contact that had begun before the start
-    of the run, the value is 1e9 m/s, unless the initial state contains the entry speed.
+    It exists only for contacts whose law uses it. In a `Section` at the onset or end of a contact,
+    the value is that of this contact. Of a contact from before the start of the run it is 1e9 m/s,
+    unless the initial state contains it.
 
-    >>> cj.quantities.EntrySpeed("shoulder", "V").unit
-    'm/s'
+    >>> speed = cj.quantities.EntrySpeed("shoulder", "V")
     """
 
     unit: ClassVar[str | None] = "m/s"
@@ -212,17 +208,14 @@ class AbstractJournalQuantity(AbstractJointQuantity):
 
 
 class JournalOffset(AbstractJournalQuantity):
-    """One component of the vector from the bearing's centre to the centre of the journal, or of one
-    of its ends, m: the signal of a proximity probe on the bearing.
+    """Component of the vector from the bearing's centre to the centre of the journal, or of one of
+    its ends, m: the signal of a proximity probe on the bearing.
 
-    The component is one of the bearing's frame, which moves with the bearing's body: z is the
-    bearing's axis, x and y are perpendicular to it. For a bearing axis of (0, 0, 1) they are the
-    axes of the body. For any other bearing axis, x and y are two directions fixed in the body, by
-    the formula of T. Duff et al. (Building an orthonormal basis, revisited, 2017).
+    It is taken in the bearing's frame, fixed in the bearing's body: z is the bearing's axis, x and
+    y are perpendicular to it, by the formula of T. Duff et al. (Building an orthonormal basis,
+    revisited, 2017). For a bearing axis of (0, 0, 1) the frame has the body's axes.
 
     >>> probes = {axis: cj.quantities.JournalOffset("shoulder", axis) for axis in ("x", "y")}
-    >>> probes["x"].unit
-    'm'
     """
 
     component: Component = eqx.field(static=True, converter=as_component)
@@ -255,16 +248,12 @@ class Multiplier(AbstractJointQuantity):
     N for a row whose value is in m, and N m for one in rad or without unit. For a driver, it is the
     driving force or moment, positive if it pushes the second body towards larger values.
 
-    Prefer `Reaction`, which is a force or moment in axes that you know, for all joints. Multipliers
-    belong to single rows, and depend on how the joint writes its equations. A joint that joint
-    coordinates eliminate has none. Among redundant constraints they are not unique; those of least
-    norm are computed.
+    Prefer `Reaction`, a force in known axes, for all joints. Multipliers depend on how the joint
+    writes its equations. A joint that joint coordinates eliminate has none. Among redundant
+    constraints they are not unique; those of least norm are computed.
 
-    `row` is the name of the constraint row, a key of the dictionary that the joint's method `rows`
-    returns.
-
-    **Raises:** `ValueError` when the quantity is evaluated, if the row is unknown or has no
-    multiplier.
+    `row` is a key of the dictionary that the joint's method `rows` returns. **Raises:**
+    `ValueError`, when evaluated, if the row is unknown or has no multiplier.
 
     >>> torque = cj.quantities.Multiplier("motor", "angle")
     >>> torque.check(cj.mechanisms.slider_crank()[0])  # does the scene have this joint?
@@ -305,8 +294,7 @@ class Reaction(AbstractVectorQuantity, AbstractReaction):
     unique, and the multipliers of least norm are used. For a joint with clearance the force is the
     sum of normal forces, friction, film force and axial reaction.
 
-    >>> cj.quantities.Reaction("elbow", "arm 3").unit
-    'N'
+    >>> load = cj.quantities.Reaction("elbow", "arm 3")
     """
 
     unit: ClassVar[str | None] = "N"
@@ -367,9 +355,8 @@ class ReactionMoment(AbstractVectorQuantity, AbstractReaction):
 class FilmForce(AbstractVectorQuantity, AbstractJointQuantity):
     """Force of a joint's lubricant film on its journal, N: its magnitude or a global component.
 
-    It is the force that the joint's method `film_wrenches` returns for the second body, which has
-    the journal, or zero if it returns none. The joint is a `LubricatedJoint`, or a user-defined
-    joint whose class overrides `film_wrenches`.
+    The joint is a `LubricatedJoint`, or a user-defined joint with a method `film_wrenches`: the
+    force is that on its second body, or zero without one.
 
     >>> force = cj.quantities.FilmForce("bearing", "y")
     >>> force.check(cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02))[0])
@@ -396,12 +383,9 @@ class HasRelativeAngle(Protocol):
     """Interface of a joint or force element that defines an angle between its two bodies."""
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the second body's angle relative to the first, in the form of a constraint row.
-
-        The `value` of the row is the angle, rad. Its `jacobian` has the derivatives of the angle's
-        rate by the bodies' velocities. Its `bias`, rad/s^2, is the second time derivative that the
-        angle would have if the accelerations of the bodies were zero.
-        """
+        """Return the second body's angle relative to the first as a constraint row: with the angle
+        as `value`, rad, the derivatives of its rate by the bodies' velocities as `jacobian`, and as
+        `bias` the second time derivative at zero accelerations of the bodies, rad/s^2."""
         ...
 
 
@@ -486,7 +470,5 @@ class JointAngularAcceleration(AbstractJointAngle):
 
 def elements_with_angle(scene: Scene) -> dict[str, HasRelativeAngle]:
     """Return the scene's joints and forces with a method `relative_angle`."""
-    elements = {**scene.joints, **scene.forces}
-    return {
-        name: element for name, element in elements.items() if isinstance(element, HasRelativeAngle)
-    }
+    elements = {**scene.joints, **scene.forces}.items()
+    return {name: part for name, part in elements if isinstance(part, HasRelativeAngle)}

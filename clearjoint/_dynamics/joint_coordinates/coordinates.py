@@ -12,18 +12,18 @@ acceleration that remains if all u' are zero is left out, so that all r are zero
 a translation, r = u'.
 
 The purpose is accuracy. With the unknowns u', the inertia of the carried bodies about the axis
-enters the carrier's equations twice, with opposite signs. With the unknowns r, it does not enter
-them at all. In the double pendulum of `clearjoint.mechanisms`, arm 2 has 0.001 kg m^2 about the
-hinge and arm 3, which it carries, has 2.3 kg m^2; the rounding errors of the cancelling terms cost
-two digits of the last impacts of a run. If the axes are coordinate axes, the entries from which
-this inertia has disappeared are exact zeros, which the compiled program omits.
+enters the carrier's equations twice, with opposite signs; with r, it does not enter them. In the
+double pendulum of `clearjoint.mechanisms`, arm 2 has 0.001 kg m^2 about the hinge, and arm 3, which
+it carries, 2.3 kg m^2: the rounding errors of the cancelling terms cost two digits of the last
+impacts of a run. For coordinate axes, entries without this inertia are exact zeros, which the
+compiled program omits.
 
 Lists of the type `Speeds` have one entry for each speed: those of the first tree from its root to
 its leaves, then those of the second, and so on. Rates, changes of speeds and displacements of this
 type have the form of r.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from functools import cached_property, reduce
 from itertools import accumulate, chain, pairwise
 from typing import TypeAlias
@@ -48,6 +48,7 @@ from ..coordinates import (
 from .inertia import (
     AbstractTreeSolver,
     Evaluate,
+    LinkLoads,
     accelerated,
     along_columns,
     central_inertia,
@@ -129,7 +130,7 @@ class JointMechanics(AbstractMechanics):
     def solved(self, forces: Speeds) -> Speeds:
         return self._rates({}, self._by_link(forces))
 
-    def _rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> Speeds:
+    def _rates(self, loads: LinkLoads, forces: Sequence[Speeds]) -> Speeds:
         """Return the rates r that loads on links, and generalised forces in their joints, cause."""
         rates: list[Speeds] = []
         for (i, j), solver in zip(pairwise(self._starts), self._solvers, strict=True):
@@ -140,15 +141,9 @@ class JointMechanics(AbstractMechanics):
     def free_rates(self, wrenches: Wrenches) -> Speeds:
         loads = {}
         for k, branch in enumerate(self._branches):
-            loads[k] = self._evaluate[k](
-                _effective_load,
-                wrenches.get(branch.body, NO_WRENCH),
-                self._links[k],
-                self._axes[k],
-                self._central[k],
-                self._bodies[branch.body].mass,
-                self._weights[k],
-            )
+            wrench, mass = wrenches.get(branch.body, NO_WRENCH), self._bodies[branch.body].mass
+            place = self._links[k], self._axes[k], self._central[k]
+            loads[k] = self._evaluate[k](_effective_load, wrench, *place, mass, self._weights[k])
         return self._rates(loads, self._by_link([0.0] * self._firsts[-1]))
 
     @override
@@ -177,17 +172,15 @@ class JointMechanics(AbstractMechanics):
         return reduce(add, sums.values(), 0.0)
 
     def _per_link(self, rates: Speeds) -> Iterator[tuple[Twist, Speeds]]:
-        """Yield for each link, from the root to the leaves, its acceleration without the part at
+        """Yield for each link, from the roots to the leaves, its acceleration without the part at
         constant speeds, and its rates u' relative to its carrier."""
         twists: list[Twist] = []
         for k, (link, part) in enumerate(zip(self._links, self._by_link(rates), strict=True)):
             parent = self._parents[k]
             carrier = REST if parent is None else twists[parent]
-            twist, relative = self._evaluate[k](
-                accelerated, link.columns, part, link.offset, carrier
-            )
-            twists.append(twist)
-            yield twist, relative
+            both = self._evaluate[k](accelerated, link.columns, part, link.offset, carrier)
+            twists.append(both[0])
+            yield both
 
     @override
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
@@ -200,32 +193,23 @@ class JointMechanics(AbstractMechanics):
 
     @override
     def variable_rates(self, rates: Speeds) -> TreeVariables:
-        return {
-            branch.body: branch.rates(state, part, axes, self._gravity)
-            for branch, state, part, axes in self._per_branch(rates)
-        }
+        return {b.body: b.rates(*own, self._gravity) for b, own in self._per_branch(rates)}
 
     @override
     def after_displacement(self, changes: Speeds) -> TreeVariables:
-        return {
-            branch.body: branch.after_displacement(state, part, axes)
-            for branch, state, part, axes in self._per_branch(changes)
-        }
+        return {b.body: b.after_displacement(*own) for b, own in self._per_branch(changes)}
 
     @override
     def after_speed_change(self, changes: Speeds) -> TreeVariables:
-        return {
-            branch.body: branch.after_speed_change(state, part, axes)
-            for branch, state, part, axes in self._per_branch(changes)
-        }
+        return {b.body: b.after_speed_change(*own) for b, own in self._per_branch(changes)}
 
     def _per_branch(
         self, rates: Speeds
-    ) -> Iterator[tuple[TreeBranch, MotionVariables, Speeds, Matrix]]:
-        """Yield each branch with its variables, its rates u', and the axes of its tree."""
+    ) -> Iterator[tuple[TreeBranch, tuple[MotionVariables, Speeds, Matrix]]]:
+        """Yield each branch, with its variables, its rates u', and the axes of its tree."""
         links = zip(self._branches, self._per_link(rates), self._axes, strict=True)
         for branch, (_, part), axes in links:
-            yield branch, self._variables[branch.body], part, axes
+            yield branch, (self._variables[branch.body], part, axes)
 
 
 def _link(
@@ -258,15 +242,15 @@ def _body_acceleration(twist: Twist, link: Link, axes: Matrix, fall: Vector) -> 
 class JointCoordinates(AbstractCoordinates):
     """Positions and speeds in ideal joints, each of a body relative to the one before it in a tree.
 
-    A clearance joint is a force element, so in most mechanisms with clearances the bodies and ideal
-    joints form trees, which have no multipliers, no drift and no redundant constraints in these
-    coordinates. Ideal joints that close a loop remain constraints. The first body of a tree that no
-    ideal joint connects to the ground has the same variables as in absolute coordinates.
+    A clearance joint is a force element, so that in most mechanisms with clearances the bodies and
+    ideal joints form trees, without multipliers, drift and redundant constraints in these
+    coordinates. Ideal joints that close a loop remain constraints. The first body of a tree without
+    an ideal joint to the ground has the same variables as in absolute coordinates.
 
-    These coordinates are the default, because they are faster on every mechanism measured: one
-    evaluation of the equations of motion takes 0.14 µs for the double pendulum with clearance and
-    0.25 µs for a double four-bar, against 0.24 and 50 µs in absolute coordinates. The large ratio
-    arises because fewer constraints are left, and their equations need no LAPACK.
+    They are the default, since they are faster on every mechanism measured: one evaluation of the
+    equations of motion takes 0.14 µs for the double pendulum with clearance and 0.25 µs for a
+    double four-bar, against 0.24 and 50 µs in absolute coordinates, with more constraints, whose
+    equations need LAPACK.
 
     >>> cj.Settings(coordinates=cj.JointCoordinates()).coordinates
     JointCoordinates()
@@ -313,12 +297,11 @@ class JointCoordinates(AbstractCoordinates):
 
     @override
     def without_drift(self, scene: Scene, variables: TreeVariables) -> TreeVariables:
-        return {
-            branch.body: evaluate(
-                type(branch).without_drift, branch.nameless(), variables[branch.body]
-            )
-            for branch, evaluate in _branches(forest(scene))
-        }
+        kept = {}
+        for branch, evaluate in _branches(forest(scene)):
+            state = variables[branch.body]
+            kept[branch.body] = evaluate(type(branch).without_drift, branch.nameless(), state)
+        return kept
 
     @override
     def with_speeds(

@@ -7,9 +7,9 @@ the number of operations is proportional to that of bodies.
 """
 
 import abc
+import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from heapq import heapify, heappop, heappush
 from itertools import accumulate, chain, pairwise
 from typing import TypeAlias, TypeVar
@@ -23,19 +23,21 @@ from ..._math.linear_solvers import Factorisation
 from ..._math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector, add, multiply, subtract
 from ..._model.bodies import Body
 from ..._model.joints.motion_subspaces import REST, Twist
+from ..._model.tree_dataclass import tree_dataclass
 from ..coordinates import Speeds
 from .trees import Link
 
 Result = TypeVar("Result")
+LinkLoads: TypeAlias = Mapping[int, Twist]
+"""Loads on links by their index, each as moment and force about the reference point."""
 Parents: TypeAlias = Sequence[int | None]
 """Index of the parent of each link in its tree, ``None`` for the root."""
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True, slots=True)
+@tree_dataclass
 class Inertia:
-    """Inertia of a body and of the bodies that it carries, as far as their joints transmit it,
-    about the body's reference point and in the tree's axes.
+    """Inertia of a body and of those that it carries, as far as their joints transmit it, about the
+    body's reference point and in the tree's axes.
 
     It maps a twist of angular velocity w and velocity v to the angular momentum I w + C v and the
     momentum C^T w + M v, with I = `angular` (kg m^2), C = `coupling` (kg m) and M = `mass` (kg),
@@ -47,9 +49,8 @@ class Inertia:
     angular: Matrix
 
     def __add__(self, other: "Inertia") -> "Inertia":
-        return Inertia(
-            self.mass + other.mass, self.coupling + other.coupling, self.angular + other.angular
-        )
+        mass, coupling = self.mass + other.mass, self.coupling + other.coupling
+        return Inertia(mass, coupling, self.angular + other.angular)
 
     def momentum(self, twist: Twist) -> Twist:
         """Return angular momentum (kg m^2/s) and momentum (kg m/s) for a twist."""
@@ -62,16 +63,15 @@ class Inertia:
         self, columns: Sequence[Twist], wholes: Sequence[Twist], rests: Sequence[Twist]
     ) -> "Inertia":
         """Return the part of this inertia, of the bodies that a joint carries, that acts on the
-        joint's carrier (its parent) while all rates r of the joint are zero.
+        joint's carrier while all rates r of the joint are zero.
 
-        `wholes` and `rests` are results of `momenta`. In these unknowns, the carried bodies do not
-        follow the carrier's angular acceleration about the joint's axis (see `.coordinates`), so
-        that their inertia about this axis does not act on the carrier. Let M be the 6x6 matrix of
-        this inertia, column the twist for a unit of the joint's speed, axis the angular part of the
-        column with a linear part of zero, and whole = M column. The matrix P = 1 - column axis^T
-        removes the rotation about the axis from a twist. The result is P^T M P = M - axis whole^T -
-        rest axis^T with rest = P^T whole. For a joint of several axes, P removes the rotations
-        about all of them, and their terms are subtracted.
+        In these unknowns, the carried bodies do not follow the carrier's angular acceleration about
+        the joint's axis (see `.coordinates`), so that their inertia about it does not act on the
+        carrier. Let M be the 6x6 matrix of this inertia, column the twist for a unit of the joint's
+        speed, axis the angular part of the column with a linear part of zero, and whole = M column.
+        The matrix P = 1 - column axis^T removes the rotation about the axis from a twist. The
+        result is P^T M P = M - axis whole^T - rest axis^T with rest = P^T whole. `momenta` returns
+        `wholes` and `rests`, one for each axis of the joint: all their terms are subtracted.
         """
         angular, coupling = self.angular, self.coupling
         for column, whole, rest in zip(columns, wholes, rests, strict=True):
@@ -82,7 +82,8 @@ class Inertia:
         return Inertia(self.mass, coupling, angular)
 
     def minus_outer(self, first: Twist, second: Twist) -> "Inertia":
-        """Return this inertia minus the outer product of two momenta, a term of a symmetric sum."""
+        """Return this inertia minus the outer product of two momenta. Only lower triangles are
+        computed, since the sum of all products that are subtracted is symmetric."""
         return Inertia(
             _minus_symmetric(self.mass, first.linear, second.linear),
             self.coupling.minus_outer(first.angular, second.linear),
@@ -109,7 +110,8 @@ def _minus_symmetric(matrix: Matrix, first: Vector, second: Vector) -> Matrix:
 
 
 def central_inertia(body: Body, rotation: Matrix) -> Matrix:
-    """Return a body's inertia about its centre of mass, in axes to which `rotation` leads."""
+    """Return a body's inertia about its centre of mass in the axes to which `rotation`
+    transforms."""
     images = [body.angular_momentum(row) for row in rotation.rows]
     return _symmetric(lambda i, j: rotation.rows[i].dot(images[j]))
 
@@ -133,9 +135,8 @@ def inertia(mass: Scalar, arm: Vector, central: Matrix) -> Inertia:
         Vector(h.z, 0.0, subtract(0.0, h.x)),
         Vector(subtract(0.0, h.y), h.x, 0.0),
     )
-    return Inertia(
-        Matrix(*(row * mass for row in IDENTITY.rows)), coupling, central + _symmetric(shift)
-    )
+    masses = Matrix(*(row * mass for row in IDENTITY.rows))
+    return Inertia(masses, coupling, central + _symmetric(shift))
 
 
 def _symmetric(entry: Callable[[int, int], Scalar]) -> Matrix:
@@ -144,9 +145,9 @@ def _symmetric(entry: Callable[[int, int], Scalar]) -> Matrix:
 
 
 def product(first: Twist, second: Twist) -> Scalar:
-    """Return the sum of the products of the components, angular times angular and linear times
-    linear: for a load and a twist, this is the power. A column is the twist for a unit of a joint's
-    speed, so its product with a load is the generalised force."""
+    """Return the sum of the products of the components, angular by angular and linear by linear: of
+    a load and a twist, the power; of a load and a column (the twist for a unit of a joint's speed),
+    the generalised force."""
     return add(first.angular.dot(second.angular), first.linear.dot(second.linear))
 
 
@@ -164,14 +165,11 @@ def constrained(columns: Sequence[Twist], load: Twist, along: Speeds) -> Twist:
     """Return the part of a load or momentum of carried bodies that acts on their carrier, in the
     equations for the rates r, with the rates of the joint given.
 
-    If the carrier's acceleration changes, but the r of the joint does not, then the carried bodies
-    do not follow an angular acceleration of the carrier about a free axis, so a moment on them
-    about this axis does not act on the carrier. They do follow an acceleration of the carrier along
-    a free translation. The result therefore has all forces, but no moments about the free axes;
+    If the carrier's acceleration changes, but the r of the joint do not, the carried bodies follow
+    it except for the angular acceleration about free axes: a moment on them about these does not
+    act on the carrier. The result therefore has all forces, but no moments about the free axes;
     about the axis of a screw it has the moment -pitch times the force along the axis, with the
-    pitch in m/rad.
-
-    `along` are the products of the load with each of the columns.
+    pitch in m/rad. `along` are the products of the load with each of the columns.
     """
     moment = load.angular
     for column, part in zip(columns, along, strict=True):
@@ -188,13 +186,13 @@ def projected(columns: Sequence[Twist], offset: Vector, load: Twist) -> tuple[Sp
 def momenta(
     columns: Sequence[Twist], carried: Inertia, armature: Scalar | None
 ) -> tuple[list[Twist], list[Speeds], list[Twist]]:
-    """Return, for a unit of each speed, the momentum of the carried bodies, its products with the
-    columns, and the part of this momentum that acts on the carrier; the latter two with that of a
-    rotor.
+    """Return three lists with an entry for a unit of each speed: the momentum of the carried
+    bodies; its products with the columns; and the part of it that acts on the carrier. The last two
+    include the inertia of a rotor, the `armature` a.
 
-    A rotor's inertia a, the `armature`, resists u' = r - axis . (angular acceleration of the
-    carrier). So it adds a to the product of a column with itself, and -a axis to the part that acts
-    on the carrier, with which `Inertia.without` also adds a axis axis^T to the carrier's inertia.
+    A rotor resists u' = r - axis . (angular acceleration of the carrier). So a is added to the
+    product of a column with itself, and -a axis to the part that acts on the carrier, with which
+    `Inertia.without` also adds a axis axis^T to the carrier's inertia.
     """
     wholes = [carried.momentum(column) for column in columns]
     block = [[product(column, whole) for column in columns] for whole in wholes]
@@ -218,16 +216,15 @@ jax.tree_util.register_pytree_node(
 )
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True, slots=True)
+@tree_dataclass
 class LoadedJoint:
     """A joint with the inertia of all bodies that it carries.
 
     - `factors`: of the inertia in the joint's free directions, D = columns^T M columns.
-    - `rests`: momentum of the carried bodies for a unit of each speed, as far as it acts on the
+    - `rests`: part of the carried bodies' momentum, for a unit of each speed, that acts on the
       carrier; empty for a root.
-    - `gains`: D^-1 `rests`. Their products with the acceleration of the carrier are the rates r by
-      which the joint yields to it.
+    - `gains`: D^-1 `rests`, whose products with the carrier's acceleration are the rates r by which
+      the joint yields to it.
     """
 
     columns: tuple[Twist, ...]
@@ -235,14 +232,6 @@ class LoadedJoint:
     factors: Factorisation
     rests: tuple[Twist, ...]
     gains: tuple[Twist, ...]
-
-    @staticmethod
-    def of_root(
-        columns: tuple[Twist, ...], carried: Inertia, armature: Scalar | None
-    ) -> "LoadedJoint":
-        """Return the joint between the root of a tree and the ground, which does not accelerate."""
-        _, block, _ = momenta(columns, carried, armature)
-        return LoadedJoint(columns, ZERO, Factorisation(block), rests=(), gains=())
 
     @staticmethod
     def under(
@@ -258,7 +247,8 @@ class LoadedJoint:
         transmitted = carried.without(columns, wholes, rests)
         # `rests` has a twist for each speed of the joint. Their transpose has a row for each of the
         # six components of a twist, for which the factors solve.
-        solved = [factors.solve(row) for row in zip(*map(_components, rests), strict=True)]
+        components = [(*rest.angular, *rest.linear) for rest in rests]
+        solved = [factors.solve(row) for row in zip(*components, strict=True)]
         gains = tuple(Twist(Vector(*g[:3]), Vector(*g[3:])) for g in zip(*solved, strict=True))
         for rest, gain in zip(rests, gains, strict=True):
             transmitted = transmitted.minus_outer(rest, gain)
@@ -269,12 +259,9 @@ class LoadedJoint:
 def absorbed(
     joint: LoadedJoint, load: Twist, carrier: Twist, forces: Speeds
 ) -> tuple[Speeds, Twist]:
-    """Return the rates r of a joint if its carrier does not accelerate, and the total load on the
-    carrier: `carrier`, the load on it so far, plus what the joint transmits to it.
-
-    `load` is the total load on the carried body, and `forces` are the generalised forces in the
-    joint.
-    """
+    """Return the rates r of a joint whose carrier does not accelerate, under the total `load` on
+    the carried body and the generalised `forces` in the joint; and the load on the carrier, which
+    is `carrier` plus what the joint transmits."""
     along = [product(column, load) for column in joint.columns]
     alone = joint.factors.solve([add(f, a) for f, a in zip(forces, along, strict=True)])
     transmitted = constrained(joint.columns, load, along)
@@ -284,8 +271,8 @@ def absorbed(
 
 
 def followed(joint: LoadedJoint, alone: Speeds, carrier: Twist) -> tuple[Speeds, Twist]:
-    """Return the rates of a joint, `alone` if the carrier did not accelerate, and the acceleration
-    of its body, for an acceleration of the `carrier`."""
+    """Return the rates of a joint and the acceleration of its body for an acceleration of the
+    `carrier`; without the latter, the rates are `alone`."""
     twist, rates = at_offset(carrier, joint.offset), alone
     if joint.gains:
         pairs = zip(alone, joint.gains, strict=True)
@@ -296,8 +283,8 @@ def followed(joint: LoadedJoint, alone: Speeds, carrier: Twist) -> tuple[Speeds,
 def accelerated(
     columns: Sequence[Twist], rates: Speeds, offset: Vector, carrier: Twist
 ) -> tuple[Twist, Speeds]:
-    """Return a body's acceleration, and its joint's rates u', from its rates r and the carrier's
-    acceleration."""
+    """Return a body's acceleration and its joint's rates u' from the joint's rates r and the
+    acceleration of the `carrier`."""
     pairs = zip(columns, rates, strict=True)
     relative = [subtract(rate, column.angular.dot(carrier.angular)) for column, rate in pairs]
     twist = at_offset(carrier, offset)
@@ -306,18 +293,14 @@ def accelerated(
     return twist, relative
 
 
-def _components(twist: Twist) -> tuple[Scalar, ...]:
-    return *twist.angular, *twist.linear
-
-
 LARGEST_DENSE = 4
 """Number of bodies up to which a tree gets a mass matrix.
 
-For four bodies, the matrix takes between 0.8 (Bricard's linkage) and 1.14 times (planar chain of
-hinges) as many operations as the recursion; for eight, between 0.95 and 1.8 times. Its rounding
-errors in random chains are equal for two bodies, and twice as large for four, six times for ten and
-twenty times for thirty, since it refers all inertias of a tree to one point, and those of distant
-bodies cancel in its factorisation.
+For four bodies, the matrix takes 0.8 (Bricard's linkage) to 1.14 times (planar chain of hinges) as
+many operations as the recursion; for eight, 0.95 to 1.8 times. It refers all inertias of a tree to
+one point, so that those of distant bodies cancel in its factorisation: in random chains, its
+rounding errors equal the recursion's for two bodies, and are two, six and twenty times as large for
+four, ten and thirty.
 """
 
 
@@ -327,17 +310,13 @@ def is_small(bodies: int) -> bool:
 
 
 Evaluate: TypeAlias = Callable[..., PyTree]
-"""Function that returns ``function(*arguments)`` for its arguments ``function, *arguments``."""
+"""Function that applies its first argument, a function, to the others."""
 
 
 def evaluation(bodies: int) -> Evaluate:
-    """Return the way to evaluate functions of the branches of a tree with a number of bodies: in a
+    """Return how to evaluate functions of the branches of a tree with this number of bodies: in a
     large tree, JAX traces each function once for all branches of a kind."""
-    return _written_out if is_small(bodies) else _traced_once
-
-
-def _written_out(function: Callable[..., Result], *arguments: PyTree) -> Result:
-    return function(*arguments)
+    return operator.call if is_small(bodies) else _traced_once
 
 
 def _traced_once(function: Callable[..., Result], *arguments: PyTree) -> Result:
@@ -362,7 +341,7 @@ class AbstractTreeSolver(abc.ABC):
         """Factorise the equations. `carried` has the inertia of each link, and may be changed."""
 
     @abc.abstractmethod
-    def rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> list[Speeds]:
+    def rates(self, loads: LinkLoads, forces: Sequence[Speeds]) -> list[Speeds]:
         """Return the rates r that loads on links, and generalised forces in all joints, cause."""
 
 
@@ -389,8 +368,8 @@ class MassMatrix(AbstractTreeSolver):
         self._factors = Factorisation(matrix)
 
     def _fill_row(self, row: list[Scalar], k: int | None, momentum: Twist) -> None:
-        """Fill the row of one speed with the products of the carried bodies' momentum with the
-        columns of link k and of all its carriers."""
+        """Fill the row of one speed, given the momentum for a unit of it, with the products of the
+        momentum with the columns of link k and of all its carriers."""
         while k is not None:
             columns, first = self._links[k].columns, self._firsts[k]
             for j, column in enumerate(columns, first):
@@ -399,7 +378,7 @@ class MassMatrix(AbstractTreeSolver):
             k = self._parents[k]
 
     @override
-    def rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> list[Speeds]:
+    def rates(self, loads: LinkLoads, forces: Sequence[Speeds]) -> list[Speeds]:
         evaluate = [self._evaluate] * len(self._links)
         along = along_columns(self._links, self._parents, loads, evaluate)
         pairs = zip(chain(*forces), chain(*along), strict=True)
@@ -414,21 +393,19 @@ class ArticulatedBodies(AbstractTreeSolver):
         for k in reversed(range(len(self._links))):
             link, parent = self._links[k], self._parents[k]
             if parent is None:
-                self._joints.append(LoadedJoint.of_root(link.columns, carried[k], link.armature))
+                # The ground does not accelerate.
+                _, block, _ = momenta(link.columns, carried[k], link.armature)
+                joint = LoadedJoint(link.columns, ZERO, Factorisation(block), rests=(), gains=())
             else:
+                pair = carried[k], carried[parent]
                 joint, carried[parent] = self._evaluate(
-                    LoadedJoint.under,
-                    link.columns,
-                    link.offset,
-                    carried[k],
-                    carried[parent],
-                    link.armature,
+                    LoadedJoint.under, link.columns, link.offset, *pair, link.armature
                 )
-                self._joints.append(joint)
+            self._joints.append(joint)
         self._joints.reverse()
 
     @override
-    def rates(self, loads: Mapping[int, Twist], forces: Sequence[Speeds]) -> list[Speeds]:
+    def rates(self, loads: LinkLoads, forces: Sequence[Speeds]) -> list[Speeds]:
         # From the leaves to the root, rates as if no carrier accelerated; then from the root to the
         # leaves, the accelerations of the bodies and the rates with them.
         totals = [loads.get(k, REST) for k in range(len(self._links))]
@@ -453,7 +430,7 @@ class ArticulatedBodies(AbstractTreeSolver):
 def tree_solver(
     links: Sequence[Link], parents: Parents, bodies: Sequence[Body], central: Sequence[Matrix]
 ) -> AbstractTreeSolver:
-    """Return the solver for a tree, which depends on its size; `central` are the inertias of the
+    """Return the solver for a tree, which depends on its size; `central` has the inertias of the
     bodies about their centres of mass, in the tree's axes."""
     evaluate = evaluation(len(links))
     inertias = [
@@ -465,10 +442,7 @@ def tree_solver(
 
 
 def along_columns(
-    links: Sequence[Link],
-    parents: Parents,
-    loads: Mapping[int, Twist],
-    evaluate: Sequence[Evaluate],
+    links: Sequence[Link], parents: Parents, loads: LinkLoads, evaluate: Sequence[Evaluate]
 ) -> list[Speeds]:
     """Return the generalised forces that loads on some links cause in the joint of each link."""
     totals = dict(loads)

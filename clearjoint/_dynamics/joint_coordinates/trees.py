@@ -47,11 +47,11 @@ from ..._model.joints.base import AbstractConstraint
 from ..._model.joints.ideal import AbstractDriveableJoint
 from ..._model.joints.motion_subspaces import AbstractMotionSubspace, JointState, Relative, Twist
 from ..._model.scene import Scene
+from ..._model.tree_dataclass import tree_dataclass
 from ..coordinates import Speeds, anchors, free_motion
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True, slots=True)
+@tree_dataclass
 class Link:
     """A body of a tree at one instant; all vectors are in the tree's axes.
 
@@ -107,13 +107,10 @@ BodyPose: TypeAlias = tuple[EulerParameters, Motion]
 @partial(jax.tree_util.register_dataclass, data_fields=["anchor"], meta_fields=["body"])
 @dataclass(frozen=True)
 class FreeBranch:
-    """A free body, the root of a tree, whose variables are a `BodyState`, as in absolute
-    coordinates.
-
+    """A free body, the root of a tree, with a `BodyState` as variables as in absolute coordinates.
     The six speeds are velocity (m/s) and spin (rad/s), both in body axes. Rates of the velocity are
-    relative to free fall, since gravity accelerates all bodies of a free tree alike. The methods
-    are those of `JointedBranch`; the parent is the ground, whose motion they ignore.
-    """
+    relative to free fall, since gravity accelerates all bodies of a free tree alike. Methods are
+    those of `JointedBranch`, and ignore the motion of the parent, the ground."""
 
     body: str
     anchor: tuple[Vector, Vector] | None
@@ -139,30 +136,19 @@ class FreeBranch:
     def link(self, parent: Link | None, state: BodyState, one_point: bool) -> Link:
         """Return the body as the root link of its tree, about its centre of mass."""
         axes = UNIT_X, UNIT_Y, UNIT_Z
-        columns = [Twist(ZERO, axis) for axis in axes] + [Twist(axis, ZERO) for axis in axes]
+        columns = *(Twist(ZERO, axis) for axis in axes), *(Twist(axis, ZERO) for axis in axes)
         gradient = _gradient(state.spin, ZERO)
-        return Link(
-            rotation=IDENTITY,
-            offset=ZERO,
-            arm=ZERO,
-            spin=state.spin,
-            angular_bias=ZERO,
-            bias=ZERO,
-            gradient=gradient,
-            columns=tuple(columns),
-        )
+        return replace(GROUND_LINK, spin=state.spin, gradient=gradient, columns=columns)
 
-    def rates(
-        self, state: BodyState, speed_rates: Speeds, axes: Matrix, gravity: Vector
-    ) -> BodyState:
+    def rates(self, state: BodyState, rates: Speeds, axes: Matrix, gravity: Vector) -> BodyState:
         shift = self._shift(axes, state.velocity, state.spin)
         orientation = euler_parameter_rates(state.orientation, state.spin)
-        acceleration = axes @ Vector(*speed_rates[:3]) + gravity
-        return BodyState(shift, orientation, acceleration, Vector(*speed_rates[3:]))
+        acceleration = axes @ Vector(*rates[:3]) + gravity
+        return BodyState(shift, orientation, acceleration, Vector(*rates[3:]))
 
     def _shift(self, axes: Matrix, velocity: Vector, spin: Vector) -> Vector:
-        """Return the velocity of the point that the position variable describes, or its
-        displacement for a displacement and a rotation vector in place of velocity and spin."""
+        """Return the rate of the position variable, m/s, for a velocity and spin of the body; or
+        its change, m, for a displacement and a rotation vector in their place."""
         if self.anchor is None:
             return velocity
         return velocity + axes @ spin.cross(self.anchor[0])
@@ -195,9 +181,9 @@ class JointedBranch:
     """A body that an ideal joint carries on a parent. The variables are a `JointState`: the
     relative positions and speeds in this joint.
 
-    In all methods, `state` is the variables of the body, and `axes` is the rotation matrix from the
-    axes of the tree's root body to global ones. Lists of the type `Speeds` have one entry for each
-    speed of the joint, relative to the parent.
+    In all methods, `state` is these variables, and `axes` the rotation matrix from the axes of the
+    tree's root body to global ones. Lists of the type `Speeds` have an entry for each speed of the
+    joint.
     """
 
     body: str
@@ -238,10 +224,8 @@ class JointedBranch:
 
     def link(self, parent: Link | None, state: JointState, one_point: bool) -> Link:
         """Return the body as a link of its tree; `parent` is ``None`` for a joint on the ground.
-
-        With `one_point`, the reference point is that of the parent, and so one point for the whole
-        tree; otherwise it is the joint's point on the parent.
-        """
+        With `one_point`, the reference point is the parent's, and so one for the whole tree;
+        otherwise it is the joint's point on the parent."""
         subspace = self.motion_subspace
         # `rotation` leads from the body's axes to the tree's, and `offset`, m, from the parent's
         # reference point to the joint's point on the parent. `bias`, m/s^2, is the acceleration of
@@ -259,9 +243,8 @@ class JointedBranch:
         twist, joint_bias = subspace.twist(state), subspace.bias(state)
         angular, linear = rotation @ twist.angular, rotation @ twist.linear
         spin = parent.spin + angular
-        angular_bias = (
-            parent.angular_bias + parent.spin.cross(angular) + rotation @ joint_bias.angular
-        )
+        turning = parent.spin.cross(angular)
+        angular_bias = parent.angular_bias + turning + rotation @ joint_bias.angular
         gradient = _gradient(spin, angular_bias)
         # From the joint's point on the parent, via the joint's point on the body, to the body's
         # centre of mass. The displacement has its components, and their rates `linear`, in the axes
@@ -283,10 +266,8 @@ class JointedBranch:
             rotation, offset, arm, spin, angular_bias, bias, gradient, tuple(columns), self.armature
         )
 
-    def rates(
-        self, state: JointState, speed_rates: Speeds, axes: Matrix, gravity: Vector
-    ) -> JointState:
-        return JointState(self.motion_subspace.rates(state), tuple(speed_rates))
+    def rates(self, state: JointState, rates: Speeds, axes: Matrix, gravity: Vector) -> JointState:
+        return JointState(self.motion_subspace.rates(state), tuple(rates))
 
     def after_displacement(self, state: JointState, changes: Speeds, axes: Matrix) -> JointState:
         position = self.motion_subspace.after_displacement(state.position, tuple(changes))
@@ -351,13 +332,12 @@ def topology(scene: Scene) -> Topology:
 
 def forest(scene: Scene) -> list[list[TreeBranch]]:
     """Return the trees of a scene, each as a list of branches with the root first, and each parent
-    before its children.
+    before its children. They depend on types and names, but on no numbers.
 
     Ideal joints that would close a loop, and constraints without a `motion_subspace`, such as
     drivers, belong to no tree. Bodies are visited breadth first, so that chains are short. Of
-    connected bodies without a joint to the ground, one becomes a free root; a body with an `Anchor`
-    is preferred, since the anchor preserves digits of its position. The trees depend on types and
-    names, but on no numbers.
+    connected bodies without a joint to the ground, one becomes a free root, preferably one with an
+    `Anchor`, which preserves digits of its position.
     """
     points = anchors(scene)
     return [[_branch(scene, points, *place) for place in tree] for tree in topology(scene).trees]

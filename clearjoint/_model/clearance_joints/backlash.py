@@ -4,7 +4,6 @@ import math
 from dataclasses import replace
 from typing import Annotated
 
-import equinox as eqx
 from typing_extensions import override
 
 from ..._fields.checks import as_number, require, require_axis, require_numbers, require_positive
@@ -15,30 +14,25 @@ from ..._math.smoothing import wrapped
 from ..._math.vectors import ZERO, Scalar
 from ..contact.hunt_crossley import ExactRestitution
 from ..contact.laws import AbstractContactLaw, Gap
-from ..joints.base import AbstractPair, Contact, Motions, Row
+from ..joints.base import AbstractNamedPair, Contact, Motions, Row
 from ..joints.constraint_rows import relative_angle_row, row_rate
 from .common import FLANKS, AbstractFlankJoint
 
 TURN = 2.0 * math.pi
 DEFAULT_RADIUS = 0.01
-"""Radius of the flanks, m, if only a torsional stiffness and an angle `play` are given. It then has
-no influence on the motion."""
+"""Radius of the flanks, m, with a torsional stiffness and an angle `play`: it does not influence
+the motion then."""
 
 
-class Backlash(AbstractPair, AbstractFlankJoint):
+class Backlash(AbstractNamedPair, AbstractFlankJoint):
     """Angular play about an axis: the second body rotates freely between two flanks.
 
-    Let theta be the second body's angle about the axis, measured from the middle of the play, and r
-    the radius of the flanks. The penetrations are
-
-        delta = r (theta - play/2) at the upper flank, delta = r (-theta - play/2) at the lower
-        flank.
-
-    The normal force F of a flank acts on the bodies as a couple F r without a net force, so that
-    every normal law can be used (M. Nordin, P.-O. Gutman, Controlling mechanical systems with
-    backlash: a survey, Automatica 38, 2002). A torsional stiffness of k N m/rad corresponds to
-    k/r^2 N/m. Angles are taken modulo 2 pi from the middle of the play: the number of revolutions
-    is unlimited.
+    With the second body's angle theta about the axis, from the middle of the play, and the radius r
+    of the flanks, the penetrations are r (theta - play/2) at the upper and r (-theta - play/2) at
+    the lower flank. The normal force F of a flank acts on the bodies as a couple F r without a net
+    force, so that every normal law can be used (M. Nordin, P.-O. Gutman, Controlling mechanical
+    systems with backlash: a survey, Automatica 38, 2002). A torsional stiffness of k N m/rad
+    corresponds to k/r^2 N/m. Angles are taken modulo 2 pi: revolutions are unlimited.
 
     Backlash doesn't hold the axis. Add a `RevoluteJoint`, or another joint that allows the relative
     rotation. For two gears with separate axes use `GearBacklash`.
@@ -50,8 +44,8 @@ class Backlash(AbstractPair, AbstractFlankJoint):
       length; z by default.
     - `play`: rad, total angle from flank to flank. Alternatively `play_length`: m, the arc length
       at `radius`, as specified for gears. The joint stores the angle.
-    - `radius`: m, of the flanks. With a `torsional_stiffness` and an angle `play` it is optional
-      and has no influence on the motion; 0.01 m by default.
+    - `radius`: m, of the flanks. Optional, and without influence on the motion, with a
+      `torsional_stiffness` and an angle `play`; 0.01 m by default.
     - `middle`: rad, the joint's angle (`quantities.JointAngle`) in the middle of the play, zero by
       default. If `axis_first` and `axis_second` have the same components, the joint's angle is zero
       when the body axes of both bodies are parallel.
@@ -69,8 +63,6 @@ class Backlash(AbstractPair, AbstractFlankJoint):
     ['lower flank', 'upper flank']
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
     axis_first: Triple = quantity("1", check=require_axis)
     axis_second: Triple = quantity("1", check=require_axis)
     play: Single = quantity(
@@ -149,8 +141,8 @@ class Backlash(AbstractPair, AbstractFlankJoint):
         return 0.25 * self.radius * (TURN - self.play)
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the second body's angle about the axis, rad in [-pi, pi], which is `middle` in the
-        middle of the play, as a `Row`."""
+        """Return the second body's angle about the axis, rad in [-pi, pi], as a `Row`; in the
+        middle of the play it is `middle`."""
         return relative_angle_row(*self._between(motions), self.axis_first, self.axis_second)
 
     @override

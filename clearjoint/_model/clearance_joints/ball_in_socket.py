@@ -84,16 +84,8 @@ class BallInSocket(AbstractCentredJoint):
         on_ball = self.ball_point + ball.components(normal * subtract(gap.journal_radius, shift))
         slip = self._slip(socket, ball, on_socket, on_ball, normal)
         # Without friction the force acts at the two centres, which are on its line of action.
-        contact = Contact(
-            gap,
-            normal,
-            on_socket,
-            on_ball,
-            slip,
-            line_first=self.socket_point,
-            line_second=self.ball_point,
-        )
-        return {CONTACT: contact}
+        centres = self.socket_point, self.ball_point
+        return {CONTACT: Contact(gap, normal, on_socket, on_ball, slip, *centres)}
 
     @override
     def deepest_penetration(self) -> Scalar:
@@ -105,7 +97,7 @@ class BallInSocket(AbstractCentredJoint):
 
     @override
     def centred_joint(self) -> AbstractConstraint:
-        return SphericalJoint(self.socket_body, self.ball_body, self.socket_point, self.ball_point)
+        return SphericalJoint(*self.pair(), self.socket_point, self.ball_point)
 
     @override
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:

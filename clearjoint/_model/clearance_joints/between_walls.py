@@ -25,17 +25,16 @@ from .common import (
 from .journal_bases import SIDES
 
 WALLS, ENDS = ("lower wall", "upper wall"), ("lower end", "upper end")
-"""Labels of the contacts with the two walls and with the two ends of the slot; "upper" is on the
-positive side of the slot's normal or axis."""
+"""Labels of the contacts with the walls and the ends of the slot; "upper" is on the positive side
+of its normal or axis."""
 
 
 class PinInSlot(AbstractFrictionJoint):
     """A cylindrical pin in a straight slot, in which the pin slides and rotates, with play across.
 
-    The pin touches one of two parallel walls when its centre is half the play from the middle, and
-    one of two flat ends when its centre is half the travel from the middle. The contacts are called
-    "lower wall" and "upper wall", along the normal, and "lower end" and "upper end", along the
-    axis.
+    The pin touches one of two parallel walls half the play from the middle, and one of two flat
+    ends half the travel from the middle. The contacts are called "lower wall" and "upper wall",
+    along the normal, and "lower end" and "upper end", along the axis.
 
     Each contact is a line along the pin, perpendicular to axis and normal, and its force acts at
     the middle of the line. On a flat wall a line of length L has the stiffness (pi/4) E* L N/m with
@@ -55,8 +54,7 @@ class PinInSlot(AbstractFrictionJoint):
     - `play`: m, the slot's width minus the pin's diameter.
     - `travel`: m, total distance that the pin can move between the ends; ``None``, the default, for
       a slot without ends.
-    - `law`: normal law of walls and ends; its stiffness must be given as a number, because they are
-      flat.
+    - `law`: normal law of the flat walls and ends; its stiffness must be given as a number.
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
 
     >>> law = cj.laws.HuntCrossley(0.8, 1e9, exponent=1.0)
@@ -124,16 +122,13 @@ class PinInSlot(AbstractFrictionJoint):
         return None if offset is None else self._ideal(self.slot_point + offset)
 
     def _ideal(self, point: Triple) -> AbstractConstraint:
-        return PointInPlaneJoint(
-            self.slot_body, self.pin_body, point, self.pin_point, self.slot_normal
-        )
+        return PointInPlaneJoint(*self.pair(), point, self.pin_point, self.slot_normal)
 
     @override
     def draw(self, pen: AbstractPen) -> None:
         slot = Marker(self.slot_body, self.slot_point, self.slot_axis)
         pin = Marker(self.pin_body, self.pin_point)
-        room = 2.0 * self.pin_radius + self.play
-        pen.walls(slot, pin, self.slot_normal, distance=room)
+        pen.walls(slot, pin, self.slot_normal, distance=2.0 * self.pin_radius + self.play)
         pen.roller(pin, radius=self.pin_radius)
 
 
@@ -157,9 +152,9 @@ class SliderInGuide(AbstractFrictionJoint):
     Leine and C. Glocker, Multibody System Dynamics 23, 2010; their corners 1 to 4 are the contacts
     in this order). The walls have no ends.
 
-    The walls act on the slider only within the plane of its axis and normal. Other joints, such as
-    a `RevoluteJoint` at the slider's pin, have to keep it in this plane. The angle between slider
-    and guide has to stay below 90 degrees.
+    The walls act only within the plane of the slider's axis and normal, in which other joints, such
+    as a `RevoluteJoint` at its pin, have to keep it. Its angle to the guide has to stay below 90
+    degrees.
 
     **Arguments:**
 
@@ -172,8 +167,7 @@ class SliderInGuide(AbstractFrictionJoint):
       (3,), any length.
     - `half_length`, `half_height`: half the slider's size along its axis and its normal, m.
     - `clearance`: m, on either side of a centred slider, smaller than `half_height`.
-    - `law`: normal law of a corner; its stiffness must be given as a number, because the walls are
-      flat.
+    - `law`: normal law of a corner at a flat wall; its stiffness must be given as a number.
     - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
 
     >>> law, sizes = cj.laws.ExactRestitution(0.4, 1e9), {"half_length": 0.05, "half_height": 0.025}
@@ -241,14 +235,8 @@ class SliderInGuide(AbstractFrictionJoint):
         return None if offset is None else self._ideal(self.guide_point + offset)
 
     def _ideal(self, point: Triple) -> AbstractConstraint:
-        return LineInPlaneJoint(
-            self.guide_body,
-            self.slider_body,
-            point_first=point,
-            point_second=self.slider_point,
-            normal=self.guide_normal,
-            axis=self.slider_axis,
-        )
+        points = point, self.slider_point
+        return LineInPlaneJoint(*self.pair(), *points, self.guide_normal, self.slider_axis)
 
     @override
     def draw(self, pen: AbstractPen) -> None:

@@ -63,11 +63,11 @@ from .journal_bases import BASES, SIDES, AxialPoint, JournalBase, axial_points
 class AbstractAxialPolicy(AbstractConverting):
     """Axial behaviour of a `ClearanceJoint`: a free, held or stopped journal.
 
-    A subclass sets ``holds_centre = True``, so that an ideal constraint keeps the journal's centre
-    in the bearing's middle plane. Or it defines two shoulders, which stop the journal at the ends
-    of the bearing: `shoulder_law` returns their law, `shoulder_gap` defines the play and
-    `shoulder_friction` the friction, if there is any. A subclass that does neither leaves the
-    journal free. This example defines washers at different distances:
+    A subclass may set ``holds_centre = True``: an ideal constraint then keeps the journal's centre
+    in the bearing's middle plane. Or it may define two shoulders, which stop the journal at the
+    ends of the bearing, by `shoulder_law`, `shoulder_gap` for the play, and perhaps
+    `shoulder_friction`. Otherwise the journal is free. This example defines washers at different
+    distances:
 
     ```python
     import clearjoint as cj
@@ -193,16 +193,16 @@ SHOULDERS = ("lower shoulder", "upper shoulder")
 """Contact labels of the shoulders; the upper one is at the end to which the bearing's axis
 points."""
 MOST_POINTS = 64
-"""Largest number of points along the journal. Each is a contact, whose force is computed at every
-evaluation of the equations of motion."""
+"""Largest number of points along the journal; the force at each is computed at every evaluation of
+the equations of motion."""
 
 
 class ClearanceJoint(AbstractCentredJoint):
     """A revolute joint with clearance: a journal inside a slightly larger bearing.
 
     The journal's bases V and W are the circles at its two ends. Each base can touch the bearing's
-    wall and then applies the full normal law. The tilt between journal and bearing is assumed
-    small, so that the bases' circles lie in the bearing's cross-section (as in Flores et al. 2006).
+    wall and then applies the full normal law. The tilt between journal and bearing is taken as
+    small: the bases' circles lie in the bearing's cross-section (Flores et al. 2006).
 
     **Arguments:**
 
@@ -223,19 +223,17 @@ class ClearanceJoint(AbstractCentredJoint):
       `EndPlay(...)` or `FixedAxially()` if not.
     - `bearing_profile`, `journal_profile`: deviations of the wall and of the journal from their
       circles, positive outward, such as `clearjoint.profiles.Harmonics`; ``None``, the default, for
-      circles. Laws get the radii of the circles. Where the wall is curved more strongly than the
-      journal, the two can touch at two points at once. Only the deeper point has a force then; a
-      warning tells of such a wall.
+      circles. Laws get the radii of the circles. A wall that is curved more strongly than the
+      journal, of which a warning tells, can touch it at two points; only the deeper one has a
+      force.
     - `line_points`: ``None``, the default, for contact at the two bases only. A number of points n,
       from 2 to 64, for contact along the whole length: `law` at the local penetration, divided by
       the length, is then the force per unit of length, which the Gauss-Lobatto rule with n points
-      integrates. Each point is a contact: "V", "point 2", "point 3" and so on, "W";
-      `cj.quantities.Reaction` gives their sum. The wall thus presses a parallel journal with the
-      force of `law`, not with that of two bases, which is twice as large. The error of force and
-      moment is largest if a journal touches along a part of its length only. It then decreases as
-      n^-2 for a linear law and as n^-2.5 for one with the exponent 1.5. With 5 points it is
-      typically 3 % of the force that the penetration of the deepest point would cause along the
-      whole length, and 1 % with 8 points.
+      integrates. Each point is a contact, "V", "point 2", ..., "W"; `cj.quantities.Reaction` gives
+      their sum. A parallel journal thus has the force of `law` once, and not at each of two bases.
+      The error of force and moment is largest if a part of the length touches: it decreases as n^-2
+      for a linear law and as n^-2.5 for the exponent 1.5. With 5 points it is typically 3 % of the
+      force at the deepest penetration along the whole length, with 8 points 1 %.
 
     **Raises:** `ValueError` if a value is invalid, such as profiles that leave a centred journal no
     room. **Warns:** `UnusualValueWarning` for a clearance of more than a tenth of the bearing's
@@ -418,17 +416,13 @@ class ClearanceJoint(AbstractCentredJoint):
         return Contact(gap, normal, on_bearing, on_journal, slip, on_axis, base.local)
 
     def _profile_contact(self, motions: Motions, base: JournalBase) -> Contact:
-        """Return the contact of a base if the wall or the journal is no circle."""
+        """Return the contact of a base with the wall if one of the two has a profile."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         x_axis, y_axis = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
         eccentricity = base.centre + base.arm
-        near = JournalInBearing(
-            eccentricity.dot(x_axis),
-            eccentricity.dot(y_axis),
-            self.bearing_profile,
-            self.journal_profile,
-            self.planar_axes(bearing, journal),
-        ).closest_approach(self.clearance)
+        x, y = eccentricity.dot(x_axis), eccentricity.dot(y_axis)
+        parts = self.bearing_profile, self.journal_profile, self.planar_axes(bearing, journal)
+        near = JournalInBearing(x, y, *parts).closest_approach(self.clearance)
         normal = x_axis * near.cosine + y_axis * near.sine
         # The force acts on both bodies at one point, midway between the surfaces. A profile is
         # given by its support function, the distance from the centre to the tangent that is
@@ -456,12 +450,10 @@ class ClearanceJoint(AbstractCentredJoint):
         return PlanarAxes(*(mine.dot(axis) for mine, axis in itertools.product(own, axes)))
 
     def _depth(self, base: JournalBase, eccentricity: Scalar) -> Scalar:
-        """Return the penetration e - c, m, of the eccentricity e, computed as (e^2 - c^2)/(e + c).
-
-        A direct subtraction would round differently at the two bases, and repeated impacts amplify
-        the difference to a misalignment. In the difference of the squares, the term with the
-        largest rounding error is the same for both bases.
-        """
+        """Return the penetration e - c, m, of the eccentricity e, as (e^2 - c^2)/(e + c). A direct
+        difference would round differently at the two bases, which repeated impacts amplify to a
+        misalignment. In e^2 - c^2, the term with the largest rounding error is the same for
+        both."""
         common = base.centre.dot(base.centre) - self.clearance * self.clearance
         difference = base.arm.dot(base.centre * 2.0 + base.arm)
         return (common + difference) / (eccentricity + self.clearance)
@@ -489,7 +481,8 @@ class ClearanceJoint(AbstractCentredJoint):
         return friction.force(normal_force, contact.slip)
 
     def journal_bases(self, motions: Motions) -> Callable[[Scalar], JournalBase]:
-        """Return a function of a position on the journal's axis, -1 for base V, 1 for base W."""
+        """Return the function that computes the `JournalBase` at a position on the journal's axis,
+        -1 for base V and 1 for base W."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axis, half = bearing.direction(unit(self.bearing_axis)), self._half()
         centre, half_arm = self._offset(motions), journal.direction(half)
@@ -515,12 +508,12 @@ class ClearanceJoint(AbstractCentredJoint):
     def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
         """Return the vector from the bearing's centre to the journal's centre or to a base, m.
 
-        Components are in the bearing's frame: z along its axis, x and y across it as in
-        `clearjoint.quantities.JournalOffset`. For a `bearing_axis` of (0, 0, 1), the frame's axes
-        are the axes of the bearing's body.
+        Components are in the bearing's frame (see `clearjoint.quantities.JournalOffset`), whose z
+        axis is the bearing's; for a `bearing_axis` of (0, 0, 1) it has the axes of the bearing's
+        body.
 
-        **Arguments:** `base`: "V" or "W", or the label of a point between them, or ``None``, the
-        default, for the journal's centre; a `ValueError` for another label.
+        **Arguments:** `base`: "V", "W", or the label of a point between them; ``None``, the
+        default, for the journal's centre. A `ValueError` for another label.
         """
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         offset = self._offset(motions)
@@ -535,12 +528,9 @@ class ClearanceJoint(AbstractCentredJoint):
         return Vector(offset.dot(first), offset.dot(second), offset.dot(axis))
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the journal's angle about the bearing's axis, rad in [-pi, pi], as a `Row`.
-
-        It is zero if the bodies' frames differ by the shortest rotation that makes the axes
-        parallel, or antiparallel if the scalar product of `bearing_axis` and `journal_axis` is
-        negative.
-        """
+        """Return the journal's angle about the bearing's axis, rad in [-pi, pi], as a `Row`. It is
+        zero if the bodies' frames differ by the shortest rotation that makes the axes parallel, or
+        antiparallel if the scalar product of `bearing_axis` and `journal_axis` is negative."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axes = self.bearing_axis, self.journal_axis
         return relative_angle_row(self.pair(), bearing, journal, *axes)
@@ -588,14 +578,8 @@ class ClearanceJoint(AbstractCentredJoint):
     def _ideal(self, centre: Triple) -> AbstractConstraint:
         """Return the ideal joint with the journal's centre at `centre`, m in the bearing's body."""
         kind = CylindricalJoint if self._is_free() else RevoluteJoint
-        return kind(
-            self.bearing_body,
-            self.journal_body,
-            point_first=centre,
-            point_second=self.journal_point,
-            axis_first=self.bearing_axis,
-            axis_second=self.journal_axis,
-        )
+        axes = self.bearing_axis, self.journal_axis
+        return kind(*self.pair(), centre, self.journal_point, *axes)
 
     def _half(self) -> Vector:
         """Return the vector from the journal's centre to base W, m, in the journal's body axes."""

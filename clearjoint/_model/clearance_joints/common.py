@@ -35,10 +35,11 @@ from ..joints.base import (
 FLANKS = {"lower flank": -1.0, "upper flank": 1.0}
 """Labels of two flanks, and the sign of the second body's rotation that each flank stops."""
 LEAST_DEPTH = 1e-18
-"""Smallest depth in `resting_depth`, m, from the onset of the force; it is far below rounding."""
+"""Smallest penetration that `resting_depth` tries, m from the onset of the force: far below
+rounding."""
 LEAST_TRANSVERSE_LOAD = 1e-6
-"""Fraction of a load up to which its component towards a wall counts as rounding error: across a
-bearing's axis, or along the normal of flat walls."""
+"""Component of a load towards a wall (across a bearing's axis, or along the normal of flat walls),
+as a fraction of the load, up to which it counts as a rounding error."""
 
 
 class AbstractOneLawJoint(AbstractContactJoint):
@@ -79,8 +80,8 @@ class AbstractOneLawJoint(AbstractContactJoint):
         return {}
 
     def _gap(self, depth: Scalar, rate: Scalar) -> Gap:
-        """Return the gap of a contact in `contact_labels`, with the radii of its surfaces, on which
-        the stiffness of the law may depend; without radii by default."""
+        """Return the gap of a contact in `contact_labels` from depth, m, and rate, m/s, with the
+        radii on which the law's stiffness may depend; without radii by default."""
         return Gap(depth, rate)
 
     @override
@@ -89,8 +90,8 @@ class AbstractOneLawJoint(AbstractContactJoint):
 
 
 class AbstractFlankJoint(AbstractOneLawJoint):
-    """Base class of joints with two flat flanks, which the second body touches as it rotates; they
-    have no friction."""
+    """Base class of joints with two flat flanks without friction, which stop the second body's
+    rotation."""
 
     friction: ClassVar[None] = None
 
@@ -134,8 +135,8 @@ class AbstractFrictionJoint(AbstractOneLawJoint):
     def _slip(
         self, first: Motion, second: Motion, on_first: Vector, on_second: Vector, normal: Vector
     ) -> Vector | None:
-        """Return the tangential velocity of the second surface relative to the first, m/s, global;
-        ``None`` without friction."""
+        """Return the tangential velocity of the second body relative to the first at a contact, m/s
+        in global axes; ``None`` without friction."""
         if self.friction is None:
             return None
         sliding = second.velocity_at(on_second) - first.velocity_at(on_first)
@@ -150,13 +151,13 @@ class AbstractFrictionJoint(AbstractOneLawJoint):
         centre: Vector,
         radius: Scalar,
     ) -> Contact:
-        """Return the contact of a cylinder, sphere or corner (of `radius` 0.0) of the second body
-        with a flat wall of the first body.
+        """Return the contact of a part of the second body (a cylinder, a sphere, or a corner of
+        `radius` zero) with a flat wall of the first body.
 
         **Arguments:** `origin`: a point in front of the wall, m in the first body's axes. `normal`:
-        unit vector in these axes, from the origin to the wall. `room`: distance along the normal
-        from the origin to the part's centre, when the part touches the wall, m. `centre`: of the
-        part, m in the second body's axes.
+        unit vector in these axes, from there to the wall. `room`: distance along it, m, from the
+        origin to the centre of the part when it touches. `centre`: of the part, m in the second
+        body's axes.
         """
         first, second = (motions[name] for name in self.pair())
         outward = first.direction(normal)
@@ -193,10 +194,8 @@ def require_right_angle(argument: str, direction: Triple, other: str, axis: Trip
 
 
 class AbstractCentredJoint(AbstractFrictionJoint):
-    """Base class of joints that hold a point of one body near a point of another.
-
-    The two points are those of `attachments`, of the first and of the second body.
-    """
+    """Base class of joints that hold a point of one body near a point of another. The two points
+    are those of `attachments`, of the first and of the second body."""
 
     @override
     def pair(self) -> tuple[str, str]:
@@ -227,13 +226,13 @@ def offset_at_flat_wall(
     laws: Iterable[AbstractContactLaw],
     deepest: Scalar,
 ) -> Float[np.ndarray, "3"] | None:
-    """Return the displacement, (3,) m, by which a load presses a centred part against one of two
-    parallel walls, including the penetration that carries the load; ``None`` if the load presses it
-    to neither wall. All vectors are in the axes of the walls' body.
+    """Return the displacement, (3,) m in the axes of the walls' body, by which a load presses a
+    centred part against one of two parallel walls and into it; ``None`` if it presses it to
+    neither.
 
-    **Arguments:** `normal`: of the walls, any length. `clearance`: of the centred part on either
-    side, m. `load`: force of the part on the walls' body, N. `laws`: those of the contacts that
-    share the load; `deepest`: their largest penetration, m.
+    **Arguments:** `normal`: of the walls, (3,), any length. `clearance`: of the centred part on
+    either side, m. `load`: force of the part on the walls' body, (3,) N in its axes. `laws`: of the
+    contacts that share the load. `deepest`: their largest penetration, m.
     """
     upward = np.asarray(normal) / np.linalg.norm(normal)
     component = load @ upward
@@ -249,8 +248,8 @@ def resting_depth(
     deepest: Scalar,
     gap: Callable[[Scalar, Scalar], Gap] = Gap,
 ) -> float:
-    """Return the penetration, m, at most `deepest`, at which contacts side by side carry a load, N,
-    at rest; `gap` makes a gap from depth and rate."""
+    """Return the penetration, m, at most `deepest`, at which contacts with the same depth and the
+    given laws together carry a load, N, at rest. `gap` makes a gap from depth and rate."""
     # Importing it takes long, and few programs need it.
     from scipy.optimize import root_scalar
 

@@ -2,7 +2,9 @@
 
 import math
 import operator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 from typing_extensions import override
 
@@ -36,11 +38,11 @@ def involute(sine: Scalar, cosine: Scalar) -> Scalar:
 
 @dataclass(frozen=True)
 class LineOfCentres:
-    """The line from the first gear's centre to the second's, in the plane across the first's axis.
+    """The line from the first gear's centre to the second's, projected along the first gear's axis.
 
-    `axis` (of the first gear), `along` (the line) and `across` are global unit vectors of a
-    right-handed frame along, across, axis. `distance` is the length of the line, and `height` that
-    of the second gear's centre above the first's along the axis, m.
+    Global unit vectors form a right-handed frame: `along` the line, `across` it, and `axis` of the
+    first gear. `distance` is the length of the line, m, and `height` the distance of the second
+    centre from the first along the axis, m.
     """
 
     axis: Vector
@@ -50,57 +52,23 @@ class LineOfCentres:
     height: Scalar
 
     def angle_in(self, gear: Motion, axis: Vector) -> Scalar:
-        """Return the angle of `along` about a gear's axis, rad in [-pi, pi], from the first of its
-        `transverse_axes`."""
+        """Return the angle of `along` about a gear's axis, rad in [-pi, pi], measured from the
+        first of the axis's `transverse_axes`."""
         start, quarter = transverse_axes(unit(axis))
         line = gear.components(self.along)
         return polar_angle(line.dot(quarter), line.dot(start))
 
 
-@dataclass(frozen=True)
-class MeshCycle:
-    """What varies over the mesh cycle, at one instant.
-
-    - `arms`: the second gear's centre, m from each body's centre of mass in its axes.
-    - `gradient`: global vector, rad/m, whose product with the velocity there of the second gear
-      relative to the first is `rate`, the rate of the mesh angle, rad/s.
-    - `error_slope`: derivative of the transmission error, m/rad; ``None`` without one.
-    - `factor`: of the law's force, and its derivative, 1/rad; ``None`` if it does not vary.
-    """
-
-    arms: tuple[Vector, Vector]
-    gradient: Vector
-    rate: Scalar
-    error_slope: Scalar | None
-    factor: tuple[Scalar, Scalar] | None
-
-    def varied(self, gap: Gap, side: float, law: AbstractContactLaw) -> tuple[Gap, SideForce]:
-        """Return the gap of a flank with the parts due to the mesh cycle, and its `SideForce`.
-
-        **Arguments:** `gap`: its depth includes the transmission error, its rate does not; `side`:
-        of the flank, as in `FLANKS`; `law`: that of the mesh, without the factor.
-        """
-        slope = elastic = ZERO
-        if self.error_slope is not None:
-            by_angle = -side * self.error_slope
-            gap = replace(gap, rate=gap.rate + by_angle * self.rate)
-            slope = self.gradient * by_angle
-        if self.factor is not None:
-            factor, factor_slope = self.factor
-            elastic = self.gradient * (-factor_slope * law.stored_energy(gap))
-            gap = replace(gap, factor=Slope(factor, factor_slope * self.rate))
-        return gap, SideForce(*self.arms, slope, elastic)
+AtFlank: TypeAlias = Callable[[Gap, float], tuple[Gap, SideForce | None]]
+"""Function of a flank's gap and of the flank's sign in `FLANKS` that returns the complete gap and
+the `SideForce`. The depth of the given gap includes the transmission error, but its rate does
+not."""
 
 
 def _require_teeth(argument: str, value: ArrayLike) -> None:
     require_shape(argument, value, (), "pass a number of teeth")
-    require_numbers(
-        lambda number: (number == number.round()) & (abs(number) >= 1.0),
-        argument,
-        (value,),
-        "a whole number",
-        "count the teeth; use a negative number for an internal second gear",
-    )
+    whole = "a whole number", "count the teeth; use a negative number for an internal second gear"
+    require_numbers(lambda n: (n == n.round()) & (abs(n) >= 1.0), argument, (value,), *whole)
 
 
 class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
@@ -115,8 +83,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     pressure angle alpha' follows from cos(alpha') = |r1 + r2|/a at the distance a of the centres,
     and inv(x) = tan(x) - x (involute gearing after ISO 21771). The displacement along the line of
     action is s = r1 (theta1 - phase) + r2 theta2, modulo the base pitch pi m cos(alpha), with the
-    gears' angles theta from the line of centres about the first gear's axis. The number of
-    revolutions is therefore unlimited.
+    gears' angles theta from the line of centres about the first gear's axis. Revolutions are thus
+    unlimited.
 
     The normal force acts along the line of action in the plane of the first gear. It drives the
     gears in the ratio of their teeth, and loads their bearings with its radial component too. The
@@ -131,17 +99,16 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     energy k U(delta) then depends on phi too, and so do the forces that are its gradient: in
     addition to the normal force F, a moment z1 (F' de/dphi - U dk/dphi) acts on the first gear,
     where F' is F on the upper flank and -F on the lower. Its reaction acts on the centres, across
-    the line between them. Energy is thus conserved (S. Oh, K. Grosh, J. R. Barber, Energy
-    conserving equations of motion for gear systems, J. Vib. Acoust. 127, 2005). Classical equations
-    of the relative displacement, such as those of Kahraman and Singh, prescribe phi as a function
-    of time and lack the moment. They are exact if the first gear turns at constant speed.
+    the line between them. This conserves energy (S. Oh, K. Grosh, J. R. Barber, Energy conserving
+    equations of motion for gear systems, J. Vib. Acoust. 127, 2005). Classical equations of the
+    relative displacement, such as those of Kahraman and Singh, prescribe phi(t) and lack the
+    moment; they are exact for a constant speed of the first gear.
 
     **Arguments:**
 
     - `point_first`, `point_second`: the gears' centres, (3,) m from each body's centre of mass in
-      its axes.
-    - `axis_first`, `axis_second`: the gears' axes of rotation, (3,) in body axes. They have to be
-      parallel, in the same or in opposite directions.
+      its axes. `axis_first`, `axis_second`: their axes, (3,) in body axes, parallel or
+      antiparallel.
     - `teeth_first`, `teeth_second`: z1 and z2, whole numbers of teeth; `teeth_second` is negative
       for an internal second gear, as in ISO 21771, which must be larger than the first.
     - `module`: m, in m.
@@ -152,13 +119,13 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     - `pressure_angle`: alpha, rad, 0.1 to 0.8; 20 degrees by default.
     - `phase`: rad, rotation of the first gear from its reference position; zero by default. At
       phase 0, the gears are in the middle of the play if, in both bodies, the line from the first
-      centre to the second has the direction x of the frame of which the axis is z (see
-      `clearjoint.quantities.JournalOffset`).
+      centre to the second is along x of the frame with the axis as z (see
+      `quantities.JournalOffset`).
     - `stiffness`: the factor k over the mesh cycle, such as `clearjoint.profiles.TeethInMesh` for a
       contact ratio; ``None``, the default, for 1.
     - `transmission_error`: the static transmission error e over the mesh cycle, m, positive where
-      the teeth of the first gear are behind, such as `clearjoint.profiles.Harmonics` or
-      `clearjoint.profiles.PeriodicSpline`, at the angle phi; ``None``, the default, for none.
+      the teeth of the first gear are behind, such as `clearjoint.profiles.Harmonics`, at the angle
+      phi; ``None``, the default, for none.
 
     **Warns:** `UnusualValueWarning` for a module of more than 0.1 m, or a backlash of more than 0.2
     times the pitch.
@@ -284,7 +251,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         nominal = sine(self.pressure_angle), cosine(self.pressure_angle)
         change = involute(radial, tangential) - involute(*nominal)
         opening = radii * change + 0.5 * self.backlash * nominal[1]
-        cycle = self._mesh_cycle(line, first, second)
+        varied = self._mesh_cycle(line, first, second)
         contacts = {}
         for label, side in FLANKS.items():
             # `push` is a unit vector along the line of action, which has the angle alpha' from the
@@ -295,9 +262,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
             normal = push * -sense
             # An infinite penetration is beyond every limit, so that a run refuses such gears.
             depth = where(meshes, side * displacement - opening, math.inf)
-            gap, side_force = Gap(depth, sliding.dot(normal)), None
-            if cycle is not None:
-                gap, side_force = cycle.varied(gap, side, self.law)
+            gap, side_force = varied(Gap(depth, sliding.dot(normal)), side)
             # The mesh has no friction, so that its slip is ``None``.
             contacts[label] = Contact(gap, normal, at_first, at_second, None, side=side_force)
         return contacts
@@ -307,22 +272,34 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         law = self.law if self.stiffness is None else VaryingLaw(self.law)
         return dict.fromkeys(self.contact_labels(), law)
 
-    def _mesh_cycle(self, line: LineOfCentres, first: Motion, second: Motion) -> "MeshCycle | None":
-        """Return the state of the mesh cycle; ``None`` if nothing varies with it."""
-        if self.stiffness is None and self.transmission_error is None:
-            return None
+    def _mesh_cycle(self, line: LineOfCentres, first: Motion, second: Motion) -> AtFlank:
+        """Return the function that adds what varies over the mesh cycle to the gap of a flank."""
+        error, stiffness = self.transmission_error, self.stiffness
+        if error is None and stiffness is None:
+            return lambda gap, side: (gap, None)
         angle = self._mesh_angle(line, first)
-        # The mesh angle changes as the second centre moves across the line in the first gear.
+        # The mesh angle changes as the second centre moves across the line in the first gear: its
+        # rate, rad/s, is the product of `gradient`, rad/m, with the velocity of this centre.
         to_second = line.along * line.distance + line.axis * line.height
         arms = self.point_first + first.components(to_second), self.point_second
         gradient = line.across * (-self.teeth_first / line.distance)
         relative = second.velocity_at(arms[1]) - first.velocity_at(arms[0])
-        slope, factor = None, None
-        if self.transmission_error is not None:
-            slope = self.transmission_error.at(angle).slope
-        if self.stiffness is not None:
-            factor = self.stiffness.factor_and_slope(angle)
-        return MeshCycle(arms, gradient, gradient.dot(relative), slope, factor)
+        error_slope = None if error is None else error.at(angle).slope
+        factor = None if stiffness is None else stiffness.factor_and_slope(angle)
+        rate = gradient.dot(relative)
+
+        def varied(gap: Gap, side: float) -> tuple[Gap, SideForce]:
+            slope = elastic = ZERO
+            if error_slope is not None:
+                by_angle = -side * error_slope
+                gap = replace(gap, rate=gap.rate + by_angle * rate)
+                slope = gradient * by_angle
+            if factor is not None:
+                elastic = gradient * (-factor[1] * self.law.stored_energy(gap))
+                gap = replace(gap, factor=Slope(factor[0], factor[1] * rate))
+            return gap, SideForce(*arms, slope, elastic)
+
+        return varied
 
     @override
     def centred_rows(self, motions: Motions) -> dict[str, Row]:

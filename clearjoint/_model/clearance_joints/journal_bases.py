@@ -14,8 +14,7 @@ from ..._math.vectors import Scalar, Vector
 from ..joints.base import Motions
 
 BASES = ("V", "W")
-"""Names of the bases: V at the end of the journal against the direction of its axis, W at the other
-end."""
+"""Names of a journal's bases; its axis points from V to W."""
 SIDES = (-1.0, 1.0)
 """Signs of the two ends of a journal or bearing: 1 for the end in the direction of its axis."""
 BETWEEN = "point "
@@ -24,10 +23,8 @@ BETWEEN = "point "
 
 @dataclass(frozen=True)
 class AxialPoint:
-    """A point of a Gauss-Lobatto rule of quadrature along a journal.
-
-    `position` is -1 at base V and 1 at base W, and `weight` the share of the journal's length.
-    """
+    """A point of a Gauss-Lobatto rule of quadrature along a journal. `position` is -1 at base V and
+    1 at base W, and `weight` the share of the journal's length."""
 
     position: float
     weight: float
@@ -75,7 +72,7 @@ class HasJournal(Protocol):
         ...
 
     def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
-        """Return the vector from the bearing's centre to the journal's centre or to a base, m."""
+        """Return what `ClearanceJoint.journal_offset` returns."""
         ...
 
 
@@ -87,8 +84,8 @@ class JournalBase:
     - `height`: of the base above the bearing's centre along the axis, m.
     - `centre`: from the bearing's axis to the journal's centre, perpendicular to the axis, m,
       global.
-    - `arm`: component across the axis of the vector from the journal's centre to the base, m,
-      global. The eccentricity vector of the base is ``centre + arm``.
+    - `arm`: from the journal's centre to the base, without its component along the axis, m, global.
+      The eccentricity vector of the base is ``centre + arm``.
     - `local`, `on_bearing`: the base's centre on the journal's and on the bearing's body, m from
       the centre of mass in body axes.
     - `velocity`: of the base's centre relative to the point `on_bearing`, m/s, global.

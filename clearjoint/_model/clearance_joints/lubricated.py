@@ -33,8 +33,8 @@ from .clearance import ClearanceJoint
 from .journal_bases import SIDES, JournalBase
 
 NODES, WEIGHTS = gauss_rule(8)
-"""Nodes and weights for the energy of `BlendedContactLaw`: exact for the exponents 1 and 1.5 of a
-power law, for which the integrand is a polynomial of degree 9 and 10."""
+"""Gauss quadrature for the energy of `BlendedContactLaw`, exact for a power law with the exponent 1
+or 1.5: the integrand is then a polynomial of degree 9 or 10."""
 
 
 def blending_factor(depth: Scalar, transition: Scalar) -> Scalar:
@@ -95,18 +95,17 @@ class LubricatedJoint(AbstractContactJoint):
     """A clearance joint with a lubricant film and wall contact when the film is squeezed out.
 
     The film extends over the journal's length. It is computed in two halves, one at each base (end
-    of the journal), from the eccentricity of that base. Force and reaction act at one point midway
-    between the two axes, so that the film conserves angular momentum. The energy ledger of a run
-    lists the energy that the film dissipates as "film". The film is that of circular surfaces, even
-    if `dry` has profiles.
+    of the journal), from the eccentricity there, for circular surfaces even if `dry` has profiles.
+    Force and reaction act at one point midway between the two axes, so that the film conserves
+    angular momentum. The energy ledger lists what it dissipates as "film".
 
     If `transition` is given, contact begins when the journal touches the wall, and smoothly
     replaces the film as the penetration grows from zero to `transition`. This is the blend of P.
     Flores et al. 2006, but with a continuous derivative. If `transition` is ``None``, film and
     contact act together.
 
-    With a film the journal touches the wall slowly. A law that divides by the entry speed then
-    gives very large damping: if the wall has to carry load, use a law without entry speed in `dry`.
+    With a film the journal touches the wall slowly, where laws with an entry speed have very large
+    damping: if the wall has to carry load, use a law without it in `dry`.
 
     **Arguments:**
 
@@ -230,17 +229,16 @@ class LubricatedJoint(AbstractContactJoint):
         # centre, where the excess is zero.
         excess = ramp(ratio - self.largest_ratio, near)
         offset = offset * (1.0 - excess / jnp.maximum(ratio, 0.5 * self.largest_ratio))
-        return FilmGap(
-            axis, offset, rate, spin, dry.bearing_radius, dry.clearance, dry.journal_length
-        )
+        sizes = dry.bearing_radius, dry.clearance, dry.journal_length
+        return FilmGap(axis, offset, rate, spin, *sizes)
 
 
 TOLERANCE = 1e-12
-"""Relative tolerance of the equilibrium: residual force over load, and change of the offset over
-the clearance."""
+"""Relative tolerance of the equilibrium: of the force over the load, and of the offset over the
+clearance."""
 NEARLY_CENTRED = 1e-3
-"""Eccentricity ratio in each direction at which the search for the equilibrium starts. The force of
-a film may not be differentiable for a centred journal."""
+"""Eccentricity ratio in each direction at which the search for the equilibrium starts: a film's
+force may not be differentiable for a centred journal."""
 
 
 class CarriedJournal(NamedTuple):
@@ -270,9 +268,7 @@ class CarriedJournal(NamedTuple):
 
     def growth(self, mass: Scalar) -> Complex[jax.Array, "4"]:
         """Return the eigenvalues, (4,) complex, 1/s, of small motions of a body of this mass, kg.
-
-        The equilibrium is stable if all of them have negative real parts.
-        """
+        The equilibrium is stable if all of them have negative real parts."""
         # The motion is that of a linear system whose variables are the offset and its rate.
         inverse_mass = jnp.eye(2) / mass
         by_offset, by_rate = -inverse_mass @ self.stiffness, -inverse_mass @ self.damping
@@ -284,16 +280,14 @@ def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> C
     """Compute the equilibrium of a loaded journal in its film, and the stiffness and damping there.
 
     The bearing is at rest, and the axes are parallel. The search for the equilibrium is limited to
-    eccentricities below the clearance, but not to the joint's `largest_ratio`. For a joint with a
-    `transition`, contact with the wall does not add to the force. For a joint without a
-    `transition`, contact adds the normal force of the joint's law between circles, and friction. Of
-    a law that uses the entry speed only the elastic force counts.
+    eccentricities below the clearance, but not to the joint's `largest_ratio`. Without a
+    `transition`, contact adds the normal force of the joint's law between circles (of a law with an
+    entry speed, its elastic part) and friction; with one, it adds nothing.
 
     **Arguments:**
 
     - `joint`: the lubricated joint; without a `transition`, its dry joint may not have profiles.
-    - `load`: (2,) N, external force on the journal along x and y, two directions across the axis z
-      that form a right-handed frame.
+    - `load`: (2,) N, external force on the journal along x and y, as in `CarriedJournal`.
     - `speed`: angular velocity of the journal about z, rad/s, positive.
 
     **Raises:** `ValueError` for an invalid argument; `RuntimeError` if the search for the
@@ -344,11 +338,9 @@ def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array
 def _load(
     joint: LubricatedJoint, speed: Scalar, offset: jax.Array, velocity: jax.Array
 ) -> tuple[jax.Array, Scalar]:
-    """Return the force on the journal, (2,) N, and the moment about its axis, N m.
-
-    `offset` and `velocity`, (2,) m and m/s, are those of the journal's axis relative to the
-    bearing's, and `speed` is the angular velocity of the journal, rad/s.
-    """
+    """Return the force on the journal, (2,) N, and the moment about its axis, N m, from the
+    position and velocity of its axis relative to the bearing's, (2,) m and m/s, and from the
+    journal's speed, rad/s."""
     dry = joint.dry
     position, own_velocity = (Vector(row[0], row[1], 0.0) for row in (offset, velocity))
     eccentricity = position * (1.0 / dry.clearance)
@@ -356,15 +348,8 @@ def _load(
     # surfaces, which is half the journal's, since the bearing is at rest. `_half_of_film` gets the
     # same rate from the relative velocity midway between the two axes.
     rate = own_velocity * (1.0 / dry.clearance) - UNIT_Z.cross(eccentricity) * (0.5 * speed)
-    film = FilmGap(
-        axis=UNIT_Z,
-        offset=eccentricity,
-        rate=rate,
-        spin=speed,
-        bearing_radius=dry.bearing_radius,
-        clearance=dry.clearance,
-        length=dry.journal_length,
-    )
+    sizes = dry.bearing_radius, dry.clearance, dry.journal_length
+    film = FilmGap(UNIT_Z, eccentricity, rate, speed, *sizes)
     force, moment = joint.film.force(film), joint.film.drag(film)
     # As in `_half_of_film`, the force acts midway between the axes.
     moment = moment - 0.5 * UNIT_Z.dot(position.cross(force))

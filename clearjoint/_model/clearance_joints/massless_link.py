@@ -19,11 +19,11 @@ from .journal_bases import BASES
 class MasslessLink(AbstractConstraint):
     """A `ClearanceJoint` in permanent contact: the eccentricity of both bases equals the clearance.
 
-    The bases are the circles at the journal's two ends. At each base the eccentricity vector acts
-    as a massless rod between the axes (S. W. E. Earles, C. L. S. Wu 1973; R. S. Haines 1985), which
-    is one constraint. There are no impacts and no separation. The wall pushes the journal towards
-    the bearing's axis, as a rod in tension does. A positive Lagrange multiplier of a constraint, a
-    rod in compression, indicates that the journal would leave the wall: the model is then invalid.
+    At each base (end of the journal) the eccentricity vector acts as a massless rod between the
+    axes, which is one constraint (S. W. E. Earles, C. L. S. Wu 1973; R. S. Haines 1985). There are
+    no impacts and no separation. The wall pushes the journal towards the bearing's axis, as a rod
+    in tension does. At a positive Lagrange multiplier, a rod in compression, the journal would
+    leave the wall, and the model is invalid.
 
     **Arguments:**
 

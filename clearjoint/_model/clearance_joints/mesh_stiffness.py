@@ -56,13 +56,12 @@ def require_positive_factor(stiffness: AbstractMeshStiffness) -> None:
 class TeethInMesh(AbstractMeshStiffness):
     r"""The number of pairs of teeth in contact over its mean, the contact ratio.
 
-    At a contact ratio of 1.6, two pairs are in contact in 60 % of the mesh cycle, and one in the
-    rest. All pairs are equally stiff, so that the stiffness is proportional to their number. The
-    law's stiffness is then the mean mesh stiffness, such as that of ISO 6336. With the whole part n
-    of the contact ratio and the rest d, the factor is
+    At a contact ratio of 1.6, two equally stiff pairs are in contact in 60 % of the mesh cycle, and
+    one in the rest. The law's stiffness is the mean mesh stiffness, such as that of ISO 6336. With
+    the whole part n of the contact ratio and the rest d, the factor is
 
-    $$\frac{n + \frac12 (1 + \tanh a_+ \tanh a_-)}{n + d}, \quad a_\pm = \frac{2}{w} \sin
-    \frac{\pi d \pm (\varphi - \varphi_0)}{2}$$
+    $$\frac{n + \frac12 (1 + \tanh a_+ \tanh a_-)}{n + d}, \quad a_\pm = \frac{2}{w} \sin \frac{\pi
+    d \pm (\varphi - \varphi_0)}{2}$$
 
     **Arguments:**
 
@@ -114,9 +113,7 @@ class StiffnessHarmonics(AbstractMeshStiffness):
     """Waves over the mesh cycle: 1 plus the sum over k of a_k cos(k angle) + b_k sin(k angle).
 
     **Arguments:** `cosines`: a_1, a_2, ..., a_K, (K,). `sines`: b_1, ..., b_K, (K,); zero by
-    default.
-
-    **Raises:** `ValueError` unless both are (K,) finite numbers, with K at least 1.
+    default. A `ValueError` unless both are (K,), K >= 1, and finite.
 
     >>> print(f"{cj.profiles.StiffnessHarmonics([0.2]).factor(np.pi):.1f}")
     0.8
@@ -142,14 +139,12 @@ class StiffnessHarmonics(AbstractMeshStiffness):
 
 
 class StiffnessSpline(AbstractMeshStiffness):
-    """A periodic cubic spline over the mesh cycle, such as a table of computed stiffnesses.
+    """A periodic cubic spline over the mesh cycle, such as a table of computed stiffnesses. Use
+    `StiffnessSpline.through(values)` for given values.
 
-    Use `StiffnessSpline.through(values)` for a table of given values.
-
-    **Arguments:** `coefficients`: (N,), of the cubic B-splines that are centred at the mesh angles
-    0, 2 pi/N, 4 pi/N, ...; at least four.
-
-    **Raises:** `ValueError` unless the coefficients are (N,) finite numbers, with N at least 4.
+    **Arguments:** `coefficients`: (N,), N at least 4, of the cubic B-splines that are centred at
+    the mesh angles 0, 2 pi/N, 4 pi/N, ...; a `ValueError` for another shape, or numbers that are
+    not finite.
 
     >>> table = 1.0 + 0.2 * np.cos(2.0 * np.arange(32) * np.pi / 32)
     >>> print(f"{cj.profiles.StiffnessSpline.through(table).factor(np.pi):.3f}")
@@ -164,10 +159,8 @@ class StiffnessSpline(AbstractMeshStiffness):
 
     @staticmethod
     def through(values: ArrayLike) -> "StiffnessSpline":
-        """Return the spline through values (N,) at the mesh angles 0, 2 pi/N, 4 pi/N, ...
-
-        Divide stiffnesses by that of the law.
-        """
+        """Return the spline through values (N,) at the mesh angles 0, 2 pi/N, 4 pi/N, ... Divide
+        stiffnesses by that of the law."""
         return StiffnessSpline(PeriodicSpline.through(values).coefficients)
 
     @override

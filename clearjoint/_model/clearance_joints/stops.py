@@ -2,7 +2,6 @@
 
 from dataclasses import KW_ONLY
 
-import equinox as eqx
 import numpy as np
 from typing_extensions import override
 
@@ -14,16 +13,16 @@ from ..._math.smoothing import norm_and_direction
 from ..._math.vectors import Scalar, add
 from ..contact.friction import FrictionLaw
 from ..contact.laws import AbstractContactLaw, Gap, require_flat_law, require_round_law
-from ..joints.base import AbstractConstraint, AbstractPair, Contact, Motions
+from ..joints.base import AbstractConstraint, AbstractNamedPair, Contact, Motions
 from ..joints.ideal import DistanceJoint, LineInPlaneJoint, PointInPlaneJoint, SphericalJoint
 from ..pen import AbstractPen, Marker
 from .common import LEAST_TRANSVERSE_LOAD, AbstractFrictionJoint, resting_depth
 
 POINT, END_POINT, BALLS = "point", "end point", "balls"
-"""Labels of the contacts of a `Stop`, the second one of an edge only, and of a `BallOnBall`."""
+"""Labels of the contacts of a `Stop`, the second one for an edge, and of a `BallOnBall`."""
 
 
-class Stop(AbstractPair, AbstractFrictionJoint):
+class Stop(AbstractNamedPair, AbstractFrictionJoint):
     """A plane of the first body that stops a point, a sphere or an edge of the second body.
 
     The plane is unbounded and moves with the first body; the wall is behind it, on the side to
@@ -56,8 +55,6 @@ class Stop(AbstractPair, AbstractFrictionJoint):
     (['point'], ['point', 'end point'])
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
     _: KW_ONLY
     normal: Triple = quantity("1", check=require_axis)
     law: AbstractContactLaw  # pyright: ignore[reportGeneralTypeIssues]
@@ -116,18 +113,17 @@ class Stop(AbstractPair, AbstractFrictionJoint):
         size = float(load @ into_wall)
         if not size > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
             return None
-        laws = list(self.laws().values())
-        return self._ideal(resting_depth(laws, size, self.deepest_penetration(), self._gap))
+        laws, deepest = self.laws().values(), self.deepest_penetration()
+        return self._ideal(resting_depth(laws, size, deepest, self._gap))
 
     def _ideal(self, depth: Scalar) -> AbstractConstraint:
         outward = np.asarray(self.normal) / np.linalg.norm(self.normal)
         height = (0.0 if self.radius is None else self.radius) - depth
-        bodies = self.first, self.second
         points = self.point + height * outward, self.point_second
         if self.end_point_second is None:
-            return PointInPlaneJoint(*bodies, *points, self.normal)
+            return PointInPlaneJoint(*self.pair(), *points, self.normal)
         along = np.asarray(self.end_point_second) - np.asarray(self.point_second)
-        return LineInPlaneJoint(*bodies, *points, self.normal, along)
+        return LineInPlaneJoint(*self.pair(), *points, self.normal, along)
 
     @override
     def draw(self, pen: AbstractPen) -> None:
@@ -141,7 +137,7 @@ class Stop(AbstractPair, AbstractFrictionJoint):
             pen.mark(tip) if self.radius is None else pen.sphere(tip, radius=radius)
 
 
-class BallOnBall(AbstractPair, AbstractFrictionJoint):
+class BallOnBall(AbstractNamedPair, AbstractFrictionJoint):
     """Two spheres that strike each other from outside.
 
     The joint has one contact, "balls", along the line of centres. Its penetration is the sum of the
@@ -163,8 +159,6 @@ class BallOnBall(AbstractPair, AbstractFrictionJoint):
     0.012 m
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
     _: KW_ONLY
     radius_first: Single = quantity("m", positive=True)
     radius_second: Single = quantity("m", positive=True)
@@ -215,9 +209,7 @@ class BallOnBall(AbstractPair, AbstractFrictionJoint):
     @override
     def centred_joint(self) -> AbstractConstraint:
         distance = self.radius_first + self.radius_second
-        return DistanceJoint(
-            self.first, self.second, self.point_first, self.point_second, length=distance
-        )
+        return DistanceJoint(*self.pair(), self.point_first, self.point_second, length=distance)
 
     @override
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:

@@ -76,10 +76,8 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
 
     def deepest(self, gap: Gap) -> Scalar | None:
         """Return the largest penetration for which the formula is valid, m; ``None`` by default.
-
         Beyond 0.99 of it the force continues along its tangent. A run that records impacts warns of
-        deeper ones.
-        """
+        deeper ones."""
         return None
 
     @override
@@ -121,9 +119,8 @@ class LiuCylinder(AbstractCylinder):
 
     $$F = \frac{\pi}{2} E^* L \delta \sqrt{\frac{\delta}{2 (\Delta R + \delta)}}$$
 
-    >>> cylinder = cj.laws.LiuCylinder(207e9, 0.3, length=20e-3)
-    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
-    >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
+    >>> law = cj.laws.Hertz(cj.laws.LiuCylinder(207e9, 0.3, length=20e-3))
+    >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")
     251 N
     """
 
@@ -143,9 +140,8 @@ class PereiraCylinder(AbstractCylinder):
     dR))^-0.151 for clearances dR below 0.34954 mm, and 0.0151 dR + 1.151 above. The authors use the
     damping of `LankaraniNikravesh`.
 
-    >>> cylinder = cj.laws.PereiraCylinder(207e9, 0.3, length=20e-3)
-    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
-    >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
+    >>> law = cj.laws.Hertz(cj.laws.PereiraCylinder(207e9, 0.3, length=20e-3))
+    >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")
     1009 N
     """
 
@@ -168,8 +164,8 @@ class PereiraCylinder(AbstractCylinder):
 
 
 _MOST_CONTACT = 0.8
-"""Largest b^2 = tan^2(half-angle/2) for which the formula of `PerssonCylinder` counts as valid; at
-0.8346 the force is infinite."""
+"""Largest b^2 = tan^2(half-angle/2) for which `PerssonCylinder` counts as valid; at 0.8346 the
+force is infinite."""
 
 
 class PerssonCylinder(AbstractCylinder):
@@ -204,10 +200,8 @@ class PerssonCylinder(AbstractCylinder):
         return jnp.arccos(clearance / (clearance + jnp.maximum(gap.depth, 0.0)))
 
     def load(self, half_angle: Scalar, clearance: Scalar) -> Scalar:
-        """Return the force in N for a contact half-angle, rad, and a radial clearance, m.
-
-        At a half-angle of 84.8 degrees the force is infinite, and beyond, the result is negative.
-        """
+        """Return the force, N, for a half-angle of the contact, rad, and a radial clearance, m. At
+        84.8 degrees it is infinite; beyond, the result is negative."""
         return self.length * self._line_load(jnp.tan(0.5 * half_angle) ** 2, clearance)
 
     def _line_load(self, square: Scalar, clearance: Scalar) -> Scalar:
@@ -223,10 +217,8 @@ class PerssonCylinder(AbstractCylinder):
 
 @jax.custom_jvp
 def inverse_of_load(ratio: Scalar) -> Scalar:
-    """Return the solution u > 1 of u exp(1 - u) = ratio, for a ratio between zero and one.
-
-    The ratio is the penetration over the largest valid one, and u is ln(A/P) + k.
-    """
+    """Return the solution u > 1 of u exp(1 - u) = ratio, for a ratio between zero and one: that of
+    the penetration to the largest valid one. In `AbstractLogarithmicCylinder`, u is ln(A/P) + k."""
     q = -jnp.log(ratio)
     # Newton's method for u - 1 - ln u = q, started from an upper bound.
     u = 1.0 + jnp.sqrt(2.0 * q) + q
@@ -244,11 +236,9 @@ def _inverse_along(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Sca
 
 
 class AbstractLogarithmicCylinder(AbstractCylinder):
-    """Base class of line contacts with delta = P S [ln(A/P) + k], where S = 1/(pi E*), 1/Pa.
-
-    A subclass declares the dimensionless `constant` k, and may declare the `factor`, 4 pi by
-    default, in the load A = factor E* dR, N/m; for another A, it defines `reference_load` instead.
-    """
+    """Base class of line contacts with delta = P S [ln(A/P) + k], where S = 1/(pi E*), 1/Pa (see
+    `AbstractCylinder`). A subclass declares the `constant` k, and the `factor` of the load A =
+    factor E* dR, N/m, unless it is 4 pi; for another A it defines `reference_load`."""
 
     constant: ClassVar[float]
     factor: ClassVar[float] = 4.0 * math.pi
@@ -280,9 +270,8 @@ class JohnsonCylinder(AbstractLogarithmicCylinder):
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{4 \pi E^* \Delta R}{P} - 1\right)$$
 
-    >>> cylinder = cj.laws.JohnsonCylinder(207e9, 0.3, length=20e-3)
-    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
-    >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
+    >>> law = cj.laws.Hertz(cj.laws.JohnsonCylinder(207e9, 0.3, length=20e-3))
+    >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")
     1032 N
     """
 
@@ -294,9 +283,8 @@ class EsduCylinder(AbstractLogarithmicCylinder):
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{4 \pi E^* \Delta R}{P} + 1\right)$$
 
-    >>> cylinder = cj.laws.EsduCylinder(207e9, 0.3, length=20e-3)
-    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
-    >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
+    >>> law = cj.laws.Hertz(cj.laws.EsduCylinder(207e9, 0.3, length=20e-3))
+    >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")
     776 N
     """
 
@@ -310,13 +298,11 @@ class RadzimovskyCylinder(AbstractLogarithmicCylinder):
     R_j}{b}\right), \quad b = 1.60 \sqrt{\frac{P R}{E^*}}$$
 
     b is the width of the contact, and R = R_i R_j/dR the relative radius. The formula is used as
-    printed, although the factor 1.60 of Roark's handbook belongs to a formula with diameters, while
-    R consists of radii. With the factor for radii, 2.26, the penetration would be smaller by P/(pi
-    E*) ln 2.
+    printed, although the factor 1.60 of Roark's handbook belongs to diameters; with that for radii,
+    2.26, the penetration would be smaller by P/(pi E*) ln 2.
 
-    >>> cylinder = cj.laws.RadzimovskyCylinder(207e9, 0.3, length=20e-3)
-    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
-    >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
+    >>> law = cj.laws.Hertz(cj.laws.RadzimovskyCylinder(207e9, 0.3, length=20e-3))
+    >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")
     888 N
     """
 
@@ -326,7 +312,7 @@ class RadzimovskyCylinder(AbstractLogarithmicCylinder):
 
 
 class AbstractLoadByLength(AbstractLogarithmicCylinder):
-    """Base class of line contacts with k = 1 and A = L^2 dR/(R_i R_j S), N/m."""
+    """Base class of line contacts with k = 1 and A = L^2 dR/(R_i R_j S), N/m, S = 1/(pi E*)."""
 
     constant = 1.0
 
@@ -343,9 +329,8 @@ class DubowskyFreudensteinCylinder(AbstractLoadByLength):
 
     S is 1/(pi E*). The formula is valid for penetrations up to L^2 dR/(R_i R_j).
 
-    >>> cylinder = cj.laws.DubowskyFreudensteinCylinder(207e9, 0.3, length=20e-3)
-    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
-    >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
+    >>> law = cj.laws.Hertz(cj.laws.DubowskyFreudensteinCylinder(207e9, 0.3, length=20e-3))
+    >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")
     775 N
     """
 
@@ -356,21 +341,20 @@ class GoldsmithCylinder(AbstractLoadByLength):
     The exponent of L in the formula is printed as 1, which is dimensionally inconsistent; here it
     is 3.
 
-    >>> cylinder = cj.laws.GoldsmithCylinder(207e9, 0.3, length=20e-3)
-    >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
-    >>> print(f"{cj.laws.Hertz(cylinder).elastic_force(gap):.0f} N")
+    >>> law = cj.laws.Hertz(cj.laws.GoldsmithCylinder(207e9, 0.3, length=20e-3))
+    >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")
     775 N
     """
 
 
 REACH = 4.0
-"""Ratio of the mean planes' distance to the roughness, below which asperities touch."""
+"""Distance of the mean planes, over the roughness, below which asperities touch."""
 FIT, EXPONENT = 4.4086e-5, 6.804
 """Constants of the fit F_5/2 = FIT (4 - ratio)^EXPONENT for distance over roughness (Arcoumanis et
 al. 1997)."""
 AROUND = math.sqrt(math.pi) * math.gamma(EXPONENT + 1.0) / math.gamma(EXPONENT + 1.5)
-"""Integral of (1 - x^2)^EXPONENT from -1 to 1: that of the pressure over the arc of contact,
-relative to its maximum and to half the arc."""
+"""Integral of (1 - x^2)^EXPONENT from -1 to 1: that of the pressure, over its maximum, along the
+arc of contact, over half the arc."""
 
 
 class GreenwoodTripp(AbstractConverting):
@@ -415,15 +399,16 @@ class GreenwoodTripp(AbstractConverting):
         return self._scale() * positive_power(REACH - distance / self.roughness, EXPONENT)
 
     def force(self, depth: Scalar, radius: Scalar, clearance: Scalar, length: Scalar) -> Scalar:
-        """Return the force on a journal that touches its bearing with asperities, N.
+        """Return the force on a journal that touches its bearing with asperities, N: the integral
+        of the pressure along the arc of contact.
 
-        The pressure is integrated along the arc of contact. At an angle phi from the closest point,
-        the distance of the surfaces is taken as the smallest distance plus clearance phi^2/2, with
-        a relative error of the order of roughness over clearance.
+        At an angle phi from the closest point, the distance of the surfaces is taken as the
+        smallest distance plus clearance phi^2/2, with a relative error of about roughness over
+        clearance.
 
-        **Arguments:** in m. `depth`: `reach` minus the smallest distance; the force is zero for a
-        negative depth. `radius`: of the bearing. `clearance`: radial, between the mean surfaces.
-        `length`: of the journal.
+        **Arguments:** in m. `depth`: `reach` minus the smallest distance; no force if negative.
+        `radius`: of the bearing. `clearance`: radial, between the mean surfaces. `length`: of the
+        journal.
         """
         # At an angle phi from the closest point, 4 - distance/sigma is
         # (depth - clearance phi^2/2)/sigma, which is zero at phi = sqrt(2 depth/clearance), the end

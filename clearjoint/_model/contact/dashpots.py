@@ -30,8 +30,7 @@ class AbstractDashpotLaw(AbstractPowerLaw):
     """Base class of laws F = max(0, K delta^n + D delta^m rate) for a penetration delta > 0.
 
     The force is zero as soon as the dashpot would pull more strongly in the rebound than the spring
-    pushes. The delivered restitution, the ratio of rebound speed to entry speed in a free impact,
-    depends on this rule.
+    pushes. The ratio of rebound speed to entry speed in a free impact depends on this rule.
 
     A subclass declares the field `stiffness`, K, and the class constants `exponent`, n, and
     `damping_exponent`, m, and defines `damping`, which returns D. If m is zero, the force jumps at
@@ -104,10 +103,8 @@ def clamped_restitution(ratio: Scalar) -> Scalar:
 
 
 class AbstractTunedDashpotLaw(AbstractDashpotLaw):
-    """Base class of dashpot laws whose damping follows from a requested restitution.
-
-    Arguments are those of `KelvinVoigt`. The stiffness must be that of a power law.
-    """
+    """Base class of dashpot laws whose damping follows from a requested restitution. Arguments are
+    those of `KelvinVoigt`. The stiffness must be that of a power law."""
 
     restitution: Single = quantity("1", within=(0.0, 1.0), remedy="1 is elastic")
     stiffness: AbstractElasticity = eqx.field(converter=as_stiffness)
@@ -210,11 +207,9 @@ class Jankowski(AbstractTunedDashpotLaw):
 
 
 class AbstractGivenDashpotLaw(AbstractDashpotLaw):
-    """Base class of dashpot laws with a given damping coefficient.
-
-    `stiffness` is K, a number in N/m^n, or an `AbstractElasticity`, whose force replaces K delta^n;
-    `damping_coefficient` is D, N s/m^(1+m), not negative.
-    """
+    """Base class of dashpot laws with a given damping coefficient. `stiffness` is K, a number in
+    N/m^n, or an `AbstractElasticity`, whose force replaces K delta^n; `damping_coefficient` is D, N
+    s/m^(1+m), not negative."""
 
     stiffness: AbstractElasticity = eqx.field(converter=as_stiffness)
     damping_coefficient: Single = quantity(
@@ -300,10 +295,8 @@ class Ristow(AbstractGivenDashpotLaw):
 
 class AbstractBoundedDampingLaw(AbstractPowerLaw):
     """Base class of laws with the elastic force K delta^n and a damping force that begins at zero.
-
     `stiffness` is K, a number in N/m^n, or an `AbstractElasticity`, whose force replaces K delta^n;
-    `exponent` is n, at least 1.
-    """
+    `exponent` is n, at least 1."""
 
     uses_entry_speed = False
     force_jumps = False
@@ -366,9 +359,9 @@ class FloresKelvinVoigt(AbstractBoundedDampingLaw):
 
     $$F = K \delta^n \;(\dot\delta > 0), \quad F = c K \delta^n \;(\dot\delta < 0)$$
 
-    A free impact delivers the restitution sqrt(c), not c, the `restitution`. Where the rate changes
-    its sign, a hyperbolic tangent blends the two forces, because integration steps don't end there.
-    Impacts that are not much faster than the `transition_speed`, m/s, 1e-3 by default, lose less
+    With c, the argument `restitution`, a free impact delivers the restitution sqrt(c). Steps don't
+    end where the rate changes its sign: a hyperbolic tangent blends the two forces there, so that
+    impacts which are not much faster than the `transition_speed`, m/s, 1e-3 by default, lose less
     energy. n is 1 by default. The law is that of the program DyS (github.com/ladisk/DyS),
     generalised to any exponent.
 

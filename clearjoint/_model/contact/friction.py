@@ -47,10 +47,8 @@ class AbstractFriction(AbstractConverting):
         """Return the ratio of friction to normal force at a slip speed, m/s; zero at zero speed."""
 
     def force(self, normal_force: Scalar, slip: Vector) -> Vector:
-        """Return the friction force on the second body, N.
-
-        `slip` is the tangential velocity of the second body relative to the first, m/s.
-        """
+        """Return the friction force on the second body, N. `slip` is the tangential velocity of the
+        second body relative to the first, m/s."""
         speed, _ = norm_and_direction(slip)
         rests = speed == 0.0
         _, slope = value_and_slope(self.ratio, jnp.zeros_like(speed))
@@ -60,11 +58,9 @@ class AbstractFriction(AbstractConverting):
 
 
 class AbstractRegularisedFriction(AbstractFriction):
-    """Base class of Coulomb friction that is regularised at low speed.
-
-    `coefficient` is mu, and `regularisation_speed` v_d, m/s, 1e-3 by default. With a smaller one
-    surfaces creep less, but the equations of motion are stiffer.
-    """
+    """Base class of Coulomb friction that is regularised at low speed. `coefficient` is mu, and
+    `regularisation_speed` v_d, m/s, 1e-3 by default. With a smaller one surfaces creep less, but
+    the equations of motion are stiffer."""
 
     coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")
     regularisation_speed: Single = quantity(
@@ -77,8 +73,7 @@ class RegularisedCoulomb(AbstractRegularisedFriction):
 
     $$\mu(v) = \mu \tanh\frac{v}{v_d}$$
 
-    >>> friction = cj.frictions.RegularisedCoulomb(0.1, regularisation_speed=1e-3)
-    >>> print(f"{friction.ratio(1e-3):.4f}")  # 0.1 tanh(1)
+    >>> print(f"{cj.frictions.RegularisedCoulomb(0.1).ratio(1e-3):.4f}")  # 0.1 tanh(1)
     0.0762
     """
 
@@ -92,8 +87,7 @@ class LinearCoulomb(AbstractRegularisedFriction):
 
     $$\mu(v) = \mu \min\left(\frac{v}{v_d}, 1\right)$$
 
-    >>> friction = cj.frictions.LinearCoulomb(0.1, regularisation_speed=1e-3)
-    >>> print(f"{friction.ratio(0.5e-3):.4f}")
+    >>> print(f"{cj.frictions.LinearCoulomb(0.1, 1e-3).ratio(0.5e-3):.4f}")
     0.0500
     """
 
@@ -109,8 +103,7 @@ class Threlfall(AbstractRegularisedFriction):
 
     Above v_d it is 0.9502 mu. With 0.95 mu, which is often printed, the law would jump at v_d.
 
-    >>> friction = cj.frictions.Threlfall(0.1, regularisation_speed=1e-3)
-    >>> print(f"{friction.ratio(0.5):.4f}")  # 0.1 (1 - exp(-3))
+    >>> print(f"{cj.frictions.Threlfall(0.1).ratio(0.5):.4f}")  # 0.1 (1 - exp(-3))
     0.0950
     """
 
@@ -159,10 +152,8 @@ def require_breakaway(breakaway: Single, kinetic: Single) -> None:
 
 class AbstractFallingFriction(AbstractFriction):
     """Base class of friction that falls with the slip speed from a maximum to a lower limit.
-
     `breakaway` is mu_S, the maximum of the ratio, which some laws reach only approximately, and
-    `kinetic` mu_C <= mu_S, its limit at high speed.
-    """
+    `kinetic` mu_C <= mu_S, its limit at high speed."""
 
     breakaway: Single = quantity("1", positive=True, zero=True, remedy="give mu_S")
     kinetic: Single = quantity("1", positive=True, zero=True, remedy="give mu_C")
@@ -302,32 +293,27 @@ class AbstractBristleFriction(AbstractConverting):
 
     @abc.abstractmethod
     def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
-        """Return the vector of friction over normal force, along the slip in steady sliding.
-
-        The friction force on the second body is minus this vector times the normal force.
-        """
+        """Return the vector of friction over normal force, along the slip in steady sliding. The
+        friction force on the second body is minus this vector times the normal force."""
 
     @abc.abstractmethod
     def sliding_ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return friction over normal force in steady sliding at a speed, without a viscous
-        part."""
+        """Return friction over normal force in steady sliding at a speed, m/s, without
+        viscosity."""
 
     @abc.abstractmethod
     def full_deflection(self) -> Scalar:
-        """Return the approximate deflection in steady sliding, m: the scale of its error
+        """Return the approximate deflection in steady sliding, m, which scales its error
         control."""
 
     def stored_energy(self, deflection: Vector) -> Scalar:
-        """Return the recoverable energy over the normal force, m; zero, all dissipated, by
-        default."""
+        """Return the recoverable energy over the normal force, m; by default zero: all is
+        dissipated."""
         return 0.0
 
     def force(self, normal_force: Scalar, slip: Vector) -> Vector:
         """Return the friction force on the second body in steady sliding, N, without a viscous
-        part.
-
-        It serves where deflections are not integrated, as for rigid contacts.
-        """
+        part. It serves where deflections are not integrated, as for rigid contacts."""
         speed, direction = norm_and_direction(slip)
         return direction * (-normal_force * self.sliding_ratio(speed))
 
@@ -376,9 +362,7 @@ class Dahl(AbstractBristleFriction):
 
 class AbstractDampedBristles(AbstractBristleFriction):
     """Base class of damped bristles whose friction in steady sliding follows Stribeck's curve.
-
-    Formulas and arguments are those of `LuGre`.
-    """
+    Formulas and arguments are those of `LuGre`."""
 
     stiffness: eqx.AbstractVar[Single]
     damping: eqx.AbstractVar[Single]
@@ -444,9 +428,8 @@ class ElastoPlastic(AbstractDampedBristles):
     $$\dot z = v - \alpha(z, v) \frac{\sigma_0 |v|}{g(v)} z$$
 
     The factor alpha is 0 for |z| <= z_ba and 1 for |z| >= g(v)/sigma0; between these deflections it
-    rises as half a period of a cosine. It is 0 at any deflection if the slip is against the
-    deflection, so that the bristles relax. In two dimensions alpha is also multiplied by the cosine
-    of the angle between slip and deflection, or by 0 where the cosine is negative. Choose this law
+    rises as half a period of a cosine. It is multiplied by the cosine of the angle between slip and
+    deflection, or by 0 where this is negative, so that bristles relax elastically. Choose this law
     where an oscillating load must not cause a drift: below z_ba there is none.
 
     **Arguments:** those of `LuGre`, and `elastic_deflection`: z_ba, m, below mu_C/sigma0.

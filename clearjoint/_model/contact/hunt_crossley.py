@@ -28,8 +28,8 @@ from .laws import (
 )
 
 _SERIES_BELOW = 1e-5
-"""Damping factor chi below which the series 1 - 2 chi/3 is more accurate than the numerical
-solution, which is rounded."""
+"""Damping factor chi below which the series 1 - 2 chi/3 is more accurate than the rounded
+solution."""
 _NEWTON = optimistix.Newton(rtol=1e-14, atol=1e-14)
 
 
@@ -63,11 +63,9 @@ def _solve_restitution(damping_factor: jax.Array) -> jax.Array:
     loss = chi - jnp.log1p(chi)
     start = loss + jnp.sqrt(2.0 * loss)
     # It converges in a few steps for every damping factor.
-    root = optimistix.root_find(
-        _residual, _NEWTON, start, args=loss, max_steps=32, throw=False
-    ).value
+    solution = optimistix.root_find(_residual, _NEWTON, start, args=loss, max_steps=32, throw=False)
     series = 1.0 - 2.0 * damping_factor / 3.0
-    return jnp.where(small, series, -jnp.expm1(-root) / chi)
+    return jnp.where(small, series, -jnp.expm1(-solution.value) / chi)
 
 
 def _residual(y: Scalar, loss: Scalar) -> Scalar:
@@ -91,8 +89,8 @@ def exact_damping_factor(restitution: Float[ArrayLike, ""]) -> Scalar:
 
 @jax.custom_jvp
 def _logarithm(e: Scalar) -> Scalar:
-    """Return y = -ln(1 - chi e) for the damping factor chi that delivers the restitution e; unlike
-    chi, y doesn't lose digits where chi e rounds to one."""
+    """Return y = -ln(1 - chi e) for the damping factor chi that delivers the restitution e. Where
+    chi e rounds to one, y keeps the digits that chi loses."""
 
     def step(_: int, y: Scalar) -> Scalar:
         value, slope = value_and_slope(lambda y: _relation(y, e), y)
@@ -114,12 +112,10 @@ def _logarithm_along(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[S
 
 
 def _relation(y: Scalar, e: Scalar) -> Scalar:
-    """Return a residual that increases with y and is zero for the unknown y = -ln(1 - chi e).
-
-    The equation chi (1 + e) = ln[(1 + chi)/(1 - chi e)] states that x - ln(1 + x) is the same for x
-    = chi and x = -chi e. The residual is the difference of the square roots of twice these two
-    values, divided by chi and thus without the trivial root chi = 0.
-    """
+    """Return a residual that increases with y and is zero for the unknown y = -ln(1 - chi e). The
+    equation chi (1 + e) = ln[(1 + chi)/(1 - chi e)] states that x - ln(1 + x) is the same for x =
+    chi and x = -chi e. The residual is the difference of the square roots of twice these two
+    values, divided by chi and thus without the trivial root chi = 0."""
     # `loss` is chi e here.
     loss = -jnp.expm1(-y)
     return e * _chord(-loss, -y) - _chord(loss / e, jnp.log1p(loss / e))
@@ -356,8 +352,7 @@ class HerbertMcWhannell(AbstractDampedLaw):
 
     It delivers nearly c for c near 1, and 0.59 for c = 0.5.
 
-    >>> law = cj.laws.HerbertMcWhannell(restitution=0.8, stiffness=1e9)
-    >>> print(f"{law.delivered_restitution():.4f}")
+    >>> print(f"{cj.laws.HerbertMcWhannell(0.8, stiffness=1e9).delivered_restitution():.4f}")
     0.8070
     """
 
@@ -390,8 +385,7 @@ class LankaraniNikravesh(AbstractDampedLaw):
 
     It delivers nearly c for c near 1, and 0.73 for c = 0.5.
 
-    >>> law = cj.laws.LankaraniNikravesh(restitution=0.8, stiffness=1e9)
-    >>> print(f"{law.delivered_restitution():.4f}")
+    >>> print(f"{cj.laws.LankaraniNikravesh(0.8, stiffness=1e9).delivered_restitution():.4f}")
     0.8471
     """
 
@@ -405,8 +399,7 @@ class ZhiyingQishao(AbstractDampedLaw):
 
     $$\chi = \frac{3}{4} (1 - c^2) e^{2 (1 - c)}$$
 
-    >>> law = cj.laws.ZhiyingQishao(restitution=0.8, stiffness=1e9)
-    >>> print(f"{law.delivered_restitution():.4f}")
+    >>> print(f"{cj.laws.ZhiyingQishao(0.8, stiffness=1e9).delivered_restitution():.4f}")
     0.7874
     """
 
@@ -422,8 +415,7 @@ class CarvalhoMartins(AbstractDampedLaw):
 
     The delivered restitution differs from c by at most 2e-4 for c >= 0.5.
 
-    >>> law = cj.laws.CarvalhoMartins(restitution=0.8, stiffness=1e9)
-    >>> print(f"{law.delivered_restitution():.4f}")
+    >>> print(f"{cj.laws.CarvalhoMartins(0.8, stiffness=1e9).delivered_restitution():.4f}")
     0.8000
     """
 
@@ -480,8 +472,7 @@ class GharibHurmuzlu(AbstractReboundingLaw):
 
     The delivered restitution never exceeds 0.594, its value for c = 1.
 
-    >>> law = cj.laws.GharibHurmuzlu(restitution=0.2, stiffness=1e9)
-    >>> print(f"{law.delivered_restitution():.4f}")
+    >>> print(f"{cj.laws.GharibHurmuzlu(0.2, stiffness=1e9).delivered_restitution():.4f}")
     0.1970
     """
 
@@ -509,8 +500,7 @@ class SafaeifarFarshidianfar(AbstractReboundingLaw):
 
     $$\chi = \frac{5 (1 - c)}{4 c}$$
 
-    >>> law = cj.laws.SafaeifarFarshidianfar(restitution=0.8, stiffness=1e9)
-    >>> print(f"{law.delivered_restitution():.4f}")
+    >>> print(f"{cj.laws.SafaeifarFarshidianfar(0.8, stiffness=1e9).delivered_restitution():.4f}")
     0.8271
     """
 
@@ -575,8 +565,7 @@ class ExactRestitution(AbstractReboundingLaw):
     The equation holds for any elastic force (J. Zhang, I. Sharf 2009). It is solved numerically for
     chi.
 
-    >>> law = cj.laws.ExactRestitution(restitution=0.8, stiffness=1e9)
-    >>> print(f"{law.delivered_restitution():.4f}")
+    >>> print(f"{cj.laws.ExactRestitution(0.8, stiffness=1e9).delivered_restitution():.4f}")
     0.8000
     """
 

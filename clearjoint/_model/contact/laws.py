@@ -6,11 +6,9 @@ The journal is the inner surface of a joint, and the bearing is the outer one.
 import abc
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 from typing_extensions import override
@@ -22,10 +20,10 @@ from ..._fields.types import Single
 from ..._math.interpolation import Slope
 from ..._math.smoothing import positive_power
 from ..._math.vectors import Scalar, Vector
+from ..tree_dataclass import tree_dataclass
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True, slots=True)
+@tree_dataclass
 class Gap:
     """Penetration of a contact, its rate, and the radii of the surfaces.
 
@@ -35,9 +33,9 @@ class Gap:
       instead of the journal's radius, because a difference of radii would lose digits.
     - `reduced_radius`: m, for spheres that touch from outside: R1 R2/(R1 + R2) of two, and the
       radius of a sphere on a plane; otherwise ``None``.
-    - `factor`: by which the law's force is multiplied, with the factor's time derivative, 1/s, for
-      a stiffness that varies with the pose, such as that of meshing teeth; ``None`` for 1. A joint
-      that sets it applies its law through a `VaryingLaw`.
+    - `factor`: of the law's force, as value and time derivative, 1/s, for a stiffness that varies
+      with the pose, such as that of meshing teeth; ``None`` for 1. A joint that sets it wraps its
+      law in a `VaryingLaw`.
 
     >>> gap = extend.Gap(depth=1e-6, rate=0.05, bearing_radius=10e-3, clearance=0.5e-3)
     >>> print(f"{gap.journal_radius:.4f} m")
@@ -80,10 +78,8 @@ def slip_velocity(relative: Vector, normal: Vector, rate: Scalar) -> Vector:
 
 
 class Limit(NamedTuple):
-    """A quantity of a contact, such as "penetration", and its range for which a law is valid.
-
-    `law` is the name of the class of the law, and `unit` the unit of `value` and of the ends of the
-    range, `least` and `most`.
+    """The range from `least` to `most` of a quantity, such as "penetration", in which a law is
+    valid, and the quantity's `value` at a contact. `law` is the name of the law's class.
 
     >>> cylinder = cj.laws.JohnsonCylinder(207e9, 0.3, length=10e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -100,7 +96,7 @@ class Limit(NamedTuple):
 
 
 def exceeded(limits: tuple[Limit, ...], quantity: str) -> list[str]:
-    """Return a sentence on each limit of a `quantity` whose value is outside its range."""
+    """Return a sentence for each limit of a `quantity` whose value is outside its range."""
     sentences = []
     for limit in limits:
         numbers = [concrete(number) for number in (limit.value, limit.least, limit.most)]
@@ -149,8 +145,7 @@ class AbstractElasticity(AbstractConverting):
 
     def begins_flat(self, exponent: float) -> bool:
         """Return whether the derivative of the force by the penetration is zero at the onset, for
-        the law's `exponent` n; ``False`` by default. The solver then needs no correction at the
-        onset and the end of a contact (see `AbstractContactLaw.slope_jumps`)."""
+        the law's `exponent` n; ``False`` by default. See `AbstractContactLaw.slope_jumps`."""
         return False
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
@@ -213,10 +208,8 @@ class GivenStiffness(AbstractStiffness):
 
 
 class AbstractMaterialPair(AbstractConverting):
-    """Base class of elasticities that depend on the materials of bearing and journal.
-
-    Arguments are those of `RavnStiffness`.
-    """
+    """Base class of elasticities that depend on the materials of bearing and journal. Arguments are
+    those of `RavnStiffness`."""
 
     young_modulus: Single = quantity("Pa", positive=True, usual=SOLIDS, remedy=_GIVE_MODULUS)
     poisson_ratio: Single = quantity("1", within=(-1.0, 0.5), remedy="give nu of the material")
@@ -229,8 +222,7 @@ class AbstractMaterialPair(AbstractConverting):
 
     def compliance(self) -> Scalar:
         """Return 1/E*, 1/Pa: the sum of (1 - nu^2)/E of both materials."""
-        modulus = self.journal_young_modulus
-        ratio = self.journal_poisson_ratio
+        modulus, ratio = self.journal_young_modulus, self.journal_poisson_ratio
         modulus = self.young_modulus if modulus is None else modulus
         ratio = self.poisson_ratio if ratio is None else ratio
         return (1 - self.poisson_ratio**2) / self.young_modulus + (1 - ratio**2) / modulus
@@ -242,10 +234,10 @@ class RavnStiffness(AbstractMaterialPair, AbstractStiffness):
     $$K = \frac{4}{3 (s_i + s_j)} \sqrt{\frac{R_i R_j}{R_i - R_j}}, \quad s = \frac{1 - \nu^2}{E}$$
 
     Here i is the bearing and j the journal. The stiffness K, N/m^1.5, depends on the radii R and
-    thus on the clearance R_i - R_j. For two spheres that touch from outside, as in `BallOnBall`, it
-    is R_i + R_j that takes the place of the clearance, and for a sphere on a plane, as in `Stop`,
-    the square root is that of the sphere's radius (H. Hertz). For cylinders that touch along a
-    line, choose an `AbstractCylinder` instead.
+    thus on the clearance R_i - R_j. For two spheres that touch from outside, as in `BallOnBall`,
+    R_i + R_j takes the place of the clearance; for a sphere on a plane, as in `Stop`, the square
+    root is that of its radius (H. Hertz). For cylinders that touch along a line, choose an
+    `AbstractCylinder` instead.
 
     **Arguments:** `young_modulus`, `poisson_ratio`: E, Pa, and nu of the bearing.
     `journal_young_modulus`, `journal_poisson_ratio`: of the journal; those of the bearing by
@@ -271,9 +263,8 @@ def as_stiffness(value: object) -> AbstractElasticity:
 
 
 UNKNOWN_ENTRY_SPEED = 1e9
-"""Entry speed, m/s, of a closed contact whose onset was not recorded, such as one that is closed
-when the motion starts. Damping is proportional to rate over entry speed, so that this large value
-makes the contact elastic."""
+"""Entry speed, m/s, of a closed contact whose onset was not recorded, such as one from before the
+start. Damping, proportional to rate over entry speed, is then negligible."""
 
 
 class AbstractContactLaw(AbstractConverting):
@@ -324,10 +315,8 @@ class AbstractContactLaw(AbstractConverting):
 
     @abc.abstractmethod
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-        """Return the normal force, N, never negative.
-
-        `entry_speed` is in m/s, and ``None`` for a law that doesn't use it.
-        """
+        """Return the normal force, N, never negative. `entry_speed` is in m/s, and ``None`` for a
+        law that doesn't use it."""
 
     @abc.abstractmethod
     def elastic_force(self, gap: Gap) -> Scalar:
@@ -338,41 +327,34 @@ class AbstractContactLaw(AbstractConverting):
         """Return the elastic energy at a gap, J, zero before the force begins."""
 
     def onset_offset(self) -> Scalar:
-        """Return the distance of the surfaces at which the force begins, m; 0 by default.
-
-        It is positive for a law that is smoothed over a width, or for rough surfaces, whose
-        asperities touch first.
-        """
+        """Return the distance of the surfaces at which the force begins, m; 0 by default. It is
+        positive for a law that is smoothed over a width, or for rough surfaces, whose asperities
+        touch first."""
         return 0.0
 
     def slope_jumps(self) -> bool:
         """Return whether the derivative of the force by the penetration may jump at the onset, as
-        for a linear spring; ``True`` by default.
-
-        If it may, the solver corrects for the kink after each step that ends at the onset or the
-        end of a contact, at the cost of one evaluation of the equations of motion.
-        """
+        for a linear spring; ``True`` by default. The solver then corrects for the kink after each
+        step that ends at an onset or end of a contact, by one more evaluation of the equations of
+        motion."""
         return True
 
     def prepared(self) -> "AbstractContactLaw":
-        """Return an equal law that has computed what depends on its parameters alone; by default
-        the law itself. A run calls this before its steps. Override it if that takes long, as a
-        search for a damping factor does."""
+        """Return an equal law that has computed what depends on its parameters alone, such as a
+        damping factor found by a search; by default the law itself. Runs call this before their
+        steps."""
         return self
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the limits of validity of the law at a gap; none by default.
-
-        A joint with a clearance outside its range, and a run that records impacts with a
-        penetration outside its range, warn.
-        """
+        """Return the limits of validity of the law at a gap; none by default. A joint with a
+        clearance outside its range, and a run that records impacts with a penetration outside its
+        range, warn."""
         return ()
 
 
 class AbstractElasticLaw(AbstractContactLaw):
-    """Base class of laws whose field `stiffness` defines the elastic force.
-
-    It may be given as a number or an `AbstractElasticity`.
+    """Base class of laws whose field `stiffness`, a number or an `AbstractElasticity`, defines the
+    elastic force.
 
     >>> issubclass(cj.laws.Hertz, extend.AbstractElasticLaw), cj.laws.Hertz(1e9).stiffness
     (True, GivenStiffness(stiffness=1000000000.0))
@@ -392,10 +374,8 @@ class AbstractElasticLaw(AbstractContactLaw):
 
 class AbstractPowerLaw(AbstractElasticLaw):
     """Base class of laws with the elastic force K delta^n, N, for the penetration delta, m.
-
     `stiffness` is K in N/m^n, or an `AbstractElasticity` whose force replaces K delta^n. `exponent`
-    is n.
-    """
+    is n."""
 
     exponent: eqx.AbstractVar[float]
 
@@ -424,8 +404,8 @@ def require_rebound(restitution: Single) -> None:
 
 
 def require_instance(argument: str, value: object, *kinds: type, remedy: str = "") -> None:
-    """Raise a `ValueError` unless a value is an object of one of the classes `kinds`. The default
-    remedy is to define a subclass or to pass an object of this package."""
+    """Raise a `ValueError` unless a value is an object of one of the classes `kinds`; by default
+    with the remedy to define a subclass or to pass an object of this package."""
     names = " or ".join(kind.__name__ for kind in kinds)
     if isinstance(value, type):
         remedy = f"call the class with its numbers, {value.__name__}(...)"
@@ -435,10 +415,8 @@ def require_instance(argument: str, value: object, *kinds: type, remedy: str = "
 
 
 def require_flat_law(law: object, surfaces: str) -> None:
-    """Raise a `ValueError` unless a law can be used between flat `surfaces`, such as "flanks".
-
-    The stiffness of an `AbstractElasticLaw` must be a number, since others may depend on radii.
-    """
+    """Raise a `ValueError` unless a law can be used between flat `surfaces`, such as "flanks". The
+    stiffness of an `AbstractElasticLaw` must be a number, since others may depend on radii."""
     require_instance("law", law, AbstractContactLaw)
     # Whether a law of another class reads the radii is not visible from outside.
     if isinstance(law, AbstractElasticLaw):
@@ -460,8 +438,7 @@ def require_round_law(law: object) -> None:
 def contact_normal_force(law: AbstractContactLaw, gap: Gap, entry_speed: Scalar | None) -> Scalar:
     """Return the normal force of a contact, N.
 
-    An `entry_speed` of 0 means that the onset has not been recorded yet: the current rate then
-    replaces it, since at the onset the rate is the entry speed.
+    An `entry_speed` of 0 stands for an onset just now: the current rate replaces it.
 
     >>> law, gap = cj.laws.HuntCrossley(0.8, 1e9), extend.Gap(depth=1e-4, rate=0.1)
     >>> print(f"{extend.contact_normal_force(law, gap, entry_speed=0.1):.1f} N")  # 1000 (1 + 0.3)
@@ -522,7 +499,7 @@ class AbstractFactorLaw(AbstractLawAround):
 
     @property
     def delivered_restitution(self) -> Callable[[], Scalar]:
-        """Method of the law; a property, so that ``hasattr`` tells whether the law has it."""
+        """Method of the law, as a property, so that ``hasattr`` tells whether the law has it."""
         return self.law.delivered_restitution  # pyright: ignore[reportAttributeAccessIssue]
 
 
@@ -546,11 +523,9 @@ class VaryingLaw(AbstractFactorLaw):
 
 
 def whole_law(law: AbstractContactLaw) -> AbstractContactLaw:
-    """Return the law that the user gave, without any `AbstractLawAround` around it.
-
-    A `ClearanceJoint` with `line_points`, or a `LubricatedJoint` with a `transition`, computes with
-    a law around it.
-    """
+    """Return the law that the user gave, without any `AbstractLawAround` around it. A
+    `ClearanceJoint` with `line_points`, or a `LubricatedJoint` with a `transition`, computes with a
+    law around it."""
     while isinstance(law, AbstractLawAround):
         law = law.law
     return law

@@ -20,6 +20,7 @@ from ..joints.base import (
     PARALLEL,
     AbstractConstraint,
     AbstractForce,
+    AbstractNamedPair,
     AbstractPair,
     AbstractPairAtPoints,
     Motions,
@@ -40,11 +41,9 @@ from .functions_of_time import (
 
 class AbstractDrive(AbstractPair):
     """Base class of elements that prescribe a body's angle about an axis, or apply a torque to it.
-
     They do not hold the bodies on the axis: add a revolute joint, ideal or with clearance. `axis`
     is in the first body's axes, any length, and `orientation` that of the second body in the
-    first's at angle zero, as Euler parameters.
-    """
+    first's at angle zero, as Euler parameters."""
 
     axis: eqx.AbstractVar[Triple]
     orientation: eqx.AbstractVar[Quadruple]
@@ -63,12 +62,10 @@ class AbstractDrive(AbstractPair):
         return row_rate(self.relative_angle(motions), motions)
 
 
-class AbstractDriveAboutAxis(AbstractDrive):
-    """Base class of drives whose first fields are the names of the bodies and the axis. Subclasses
-    declare `orientation` last, because it has a default."""
+class AbstractDriveAboutAxis(AbstractNamedPair, AbstractDrive):
+    """Base class of drives whose first fields are the bodies' names and the axis; subclasses
+    declare `orientation` last, since it has a default."""
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
     axis: Triple = quantity("1")
 
 
@@ -103,11 +100,8 @@ class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
 
     @abc.abstractmethod
     def angle(self, t: Scalar) -> Scalar:
-        """Return the angle in rad at a time in s.
-
-        It must be continuous, and JAX must be able to differentiate it twice between the
-        `breakpoints`.
-        """
+        """Return the angle in rad at a time in s. It must be continuous, and JAX must be able to
+        differentiate it twice between the `breakpoints`."""
 
     @override
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
@@ -122,7 +116,7 @@ class PrescribedRotation(AbstractDriveAboutAxis, AbstractRotationDriver):
 
     **Arguments:**
 
-    - `axis`: (3,) in the first body's axes, any length.
+    - `axis`: of rotation, (3,) in the first body's axes, any length.
     - `speed`: rad/s, right-handed about the axis.
     - `initial_angle`: rad, at time zero; zero by default.
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
@@ -180,13 +174,14 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
         return torque_about(self.relative_angle(motions), self.present_torque(motions, t))
 
     def present_torque(self, motions: Motions, t: Scalar) -> Scalar:
-        """Return the torque on the second body in N m, at time `t` in s."""
+        """Return the torque on the second body at time `t` in s, N m."""
         angle = self.relative_angle(motions)
         return self.torque_at(angle.value, row_rate(angle, motions), t)
 
 
 def torque_about(angle: Row, torque: Scalar) -> dict[str, Wrench]:
-    """Return the wrenches of a torque, N m, that acts on an angle."""
+    """Return the wrench on each body of a torque, N m, about the axis of an angle, given as a
+    `Row`."""
     # The Jacobian of the angle is the wrench of a torque of 1 N m on each body.
     return {name: Wrench(pair.force, pair.moment * torque) for name, pair in angle.jacobian.items()}
 
@@ -198,13 +193,12 @@ class DriveTorque(AbstractDriveAboutAxis, AbstractDriveTorque):
 
     **Arguments:**
 
-    - `axis`: of rotation, (3,) in the first body's axes, any length.
-    - `torque`: N m, positive towards larger angles: a number, or a function of time such as
+    - `torque`: N m, positive towards larger angles: a number, or a function of time such as a
       `PiecewiseConstant`, `PiecewiseLinear`, `Spline`, `Polynomial`, a user-defined
       `AbstractFunctionOfTime`, or a Python function that JAX can trace. A Python function is part
       of the compiled program, can't be saved in a scene file, and can't declare the times of its
       jumps and kinks.
-    - `orientation`: of the second body at angle zero, as in `PrescribedRotation`.
+    - `axis`, `orientation`: as in `PrescribedRotation`.
 
     >>> axis, steps = (0, 0, 1), cj.PiecewiseConstant([0, 0.2], [2.0, 0.0])
     >>> switched = cj.DriveTorque("ground", "crank", axis, steps)
@@ -228,13 +222,12 @@ class PrescribedAngle(AbstractDriveAboutAxis, AbstractRotationDriver):
 
     **Arguments:**
 
-    - `axis`: (3,) in the first body's axes, any length.
     - `function`: the angle in rad as a continuous function of time in s: a `Spline` or
       `PiecewiseLinear` table, a `Polynomial`, a user-defined `AbstractFunctionOfTime`, or a Python
       function that JAX can differentiate twice; or a number for a constant angle. A Python function
       is part of the compiled program, has no parameters to vary or fit, and can't be saved in a
       scene file.
-    - `orientation`: of the second body at angle zero, as in `PrescribedRotation`.
+    - `axis`, `orientation`: as in `PrescribedRotation`.
 
     >>> measured = cj.Spline.through([0.0, 0.1, 0.2, 0.3], [0.0, 0.4, 0.1, 0.0])
     >>> replayed = cj.PrescribedAngle("ground", "crank", (0, 0, 1), measured)
@@ -260,9 +253,8 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
     """Prescribes the distance of two points along an axis of the first body as a function of time.
 
     It constrains neither the motion across the axis nor rotations: add a prismatic or cylindrical
-    joint. The Lagrange multiplier of its one constraint is the driving force in N, positive if it
-    pushes the second body along the axis. The energy ledger of a run lists the work of this force
-    as "supplied".
+    joint. The Lagrange multiplier of its one constraint is the driving force, N, positive if it
+    pushes the second body along the axis; its work is "supplied" in the energy ledger of a run.
 
     **Arguments:**
 
@@ -299,12 +291,13 @@ class PrescribedTranslation(AbstractPairAtPoints, AbstractConstraint):
 
 
 ROUNDING = 0.02
-"""Distance from a torque limit, as a fraction of it, within which a parabola replaces the kink."""
+"""Distance from a torque limit, over the limit, within which a parabola replaces the kink."""
 SI = "give it in SI units"
 
 
 def limited(torque: Scalar, lowest: Scalar, highest: Scalar, width: Scalar) -> Scalar:
-    """Return a torque between limits, N m, within a `width` of which it is rounded."""
+    """Return a torque, N m, limited to a range, at whose ends parabolas of a `width` replace the
+    kinks."""
     # The excess above the upper limit is subtracted, and the shortfall below the lower limit is
     # added. Ramps make both zero between the limits; they are smooth, so that the torque has no
     # kinks.
@@ -324,12 +317,11 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
 
     **Arguments:**
 
-    - `axis`: of rotation, (3,) in the first body's axes, any length.
     - `target`: desired angle in rad: a number, or a function as for `PrescribedAngle`. It may also
       be a `PiecewiseConstant`, whose rate counts as zero.
     - `proportional`, `derivative`: gains, N m/rad and N m s/rad, not negative.
     - `torque_limit`: N m, positive; ``None``, the default, for no limit.
-    - `orientation`: of the second body at angle zero, as in `PrescribedRotation`.
+    - `axis`, `orientation`: as in `PrescribedRotation`.
 
     >>> axis, target = (0, 0, 1), cj.Polynomial((0.0, 50.0))  # 50 rad/s
     >>> motor = cj.Motor("ground", "crank", axis, target, 20.0, derivative=0.5, torque_limit=3.0)

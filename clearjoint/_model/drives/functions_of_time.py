@@ -50,12 +50,9 @@ class AbstractFunctionOfTime(AbstractConverting):
 
     def breakpoints(self) -> PyTree:
         """Return the times in s of the function's kinks and jumps, at which steps end; none by
-        default.
-
-        The result may be a number, an array, or a tuple of both. Runs that compute derivatives,
-        such as those of `sensitivities`, raise an error for a function that compares, rounds or
-        clips the time, unless its class defines this method.
-        """
+        default. The result may be a number, an array, or a tuple of both. Runs that compute
+        derivatives, such as those of `sensitivities`, raise an error for a function that compares,
+        rounds or clips the time, unless its class defines this method."""
         return ()
 
 
@@ -72,11 +69,8 @@ class PlainFunction(AbstractFunctionOfTime):
 class Polynomial(AbstractFunctionOfTime):
     """A polynomial in time, c_0 + c_1 t + c_2 t^2 + ...
 
-    **Arguments:** `coefficients`: (N,), at least one, the constant first. The unit of c_k is the SI
-    unit of the value, divided by s^k.
-
-    **Raises:** `ValueError` if the coefficients are not one-dimensional, there are none, or one is
-    not a finite number.
+    **Arguments:** `coefficients`: (N,), N at least 1, the constant first; the unit of c_k is the SI
+    unit of the value over s^k. A `ValueError` for another shape, or numbers that are not finite.
 
     >>> cj.Polynomial((0.1, 50.0))(2.0).item()  # 0.1 + 50 t
     100.1
@@ -101,11 +95,9 @@ class Polynomial(AbstractFunctionOfTime):
 
 
 class AbstractTable(AbstractFunctionOfTime):
-    """Base class of functions of time given by a table.
-
-    `times` are (N,) s, increasing, at least two, and `values` (N,), or (N, 3) for a force or torque
-    vector, in the SI unit of what the function prescribes.
-    """
+    """Base class of functions of time given by a table. `times` are (N,) s, increasing, at least
+    two, and `values` (N,), or (N, 3) for a force or torque vector, in the SI unit of what the
+    function prescribes."""
 
     times: Column = quantity("s", table=True)
     values: TableRows = quantity("1", table=True)
@@ -119,9 +111,9 @@ class Spline(AbstractTable):
     """A cubic spline through a table of values and their rates.
 
     Between two times it is the cubic polynomial with the given values and rates at both (Hermite
-    interpolation). `Spline.through(times, values)` computes the rates of the natural spline. Before
-    the first and after the last time, the function continues along its tangent at that time. Choose
-    it for densely sampled signals: steps need not end at its times.
+    interpolation), and outside the table its tangent. `Spline.through(times, values)` computes the
+    rates of the natural spline. Choose it for densely sampled signals: steps need not end at its
+    times.
 
     **Arguments:** `times`, `values`: as in `PiecewiseConstant`. `rates`: time derivatives of the
     values, of the same shape.
@@ -142,11 +134,9 @@ class Spline(AbstractTable):
 
     @staticmethod
     def through(times: ArrayLike, values: ArrayLike) -> "Spline":
-        """Return the natural cubic spline through a table, from SciPy's `CubicSpline`.
-
-        Its second derivative is continuous, and zero at both ends. JAX may not trace the arguments,
-        since SciPy can't use traced numbers.
-        """
+        """Return the natural cubic spline through a table, from SciPy's `CubicSpline`. Its second
+        derivative is continuous, and zero at both ends. JAX may not trace the arguments, since
+        SciPy can't use traced numbers."""
         from scipy.interpolate import CubicSpline
 
         times, values = as_number(times, "times", "s"), as_number(values, "values")
@@ -175,7 +165,8 @@ class Spline(AbstractTable):
 
 
 class Increasing(eqx.Module):
-    """Breakpoints of a table, (N,) s, known to be increasing: bisection finds the next one."""
+    """Breakpoints of a table, (N,) s, known to be increasing, so that bisection finds the next
+    one."""
 
     times: ArrayLike
 
@@ -251,8 +242,8 @@ class PiecewiseLinear(AbstractTable):
     """Linear interpolation of a table, such as ramps and trapezoids.
 
     The first value holds before the first time, the last value after the last time. A step ends at
-    each time: for a densely sampled signal `Spline.through(times, values)` needs fewer steps. The
-    arguments are those of `PiecewiseConstant`.
+    each time: for a densely sampled signal `Spline.through` needs fewer. Arguments are those of
+    `PiecewiseConstant`.
 
     >>> ramp = cj.PiecewiseLinear([0.0, 0.1, 0.4, 0.5], [0.0, 50.0, 50.0, 0.0])  # N
     >>> print(f"{ramp(0.05):.1f}")
@@ -285,39 +276,33 @@ ALTERNATIVES = "a table (PiecewiseConstant, PiecewiseLinear or Spline), or a fun
 
 
 def single_in_time(unit: str, **options: PyTree) -> PyTree:
-    """Declare a field that holds a number or a function of time; `options` are those of
-    `quantity`."""
-    return quantity(
-        unit, converter=as_single_in_time, check=partial(_require_single, unit), **options
-    )
+    """Declare a field for a number or a function of time; `options` are those of `quantity`."""
+    check = partial(_require_single, unit)
+    return quantity(unit, converter=as_single_in_time, check=check, **options)
 
 
 def triple_in_time(unit: str, **options: PyTree) -> PyTree:
-    """Declare a field that holds a `TripleInTime`; `options` are those of `quantity`."""
-    return quantity(
-        unit, converter=as_triple_in_time, check=partial(_require_triple, unit), **options
-    )
+    """Declare a field for a `TripleInTime`; `options` are those of `quantity`."""
+    check = partial(_require_triple, unit)
+    return quantity(unit, converter=as_triple_in_time, check=check, **options)
 
 
 def as_single_in_time(value: FunctionOfTime) -> SingleInTime:
-    """Convert a number or function to the form in which a field declared by `single_in_time` stores
-    it. An array of another shape than () is refused later, when the element is made."""
+    """Convert a number or function to what a field of `single_in_time` stores. An array of another
+    shape than () is refused later, when the element is made."""
     return as_function_of_time(value) if callable(value) else as_number(value)
 
 
 def as_triple_in_time(value: PyTree) -> PyTree:
-    """Convert a vector to the form in which a field declared by `triple_in_time` stores it.
-
-    Components become a tuple if at least one of them is a function, otherwise an array. Their
-    number is checked later, when the element is made.
-    """
+    """Convert a vector to what a field of `triple_in_time` stores: a tuple if a component is a
+    function, otherwise an array. Their number is checked later, when the element is made."""
     if isinstance(value, tuple | list) and any(map(callable, value)):
         return tuple(map(as_single_in_time, value))
     return as_single_in_time(value)  # pyright: ignore[reportArgumentType]
 
 
 def value_at(content: SingleInTime, t: Scalar) -> Scalar:
-    """Return the value that a field declared by `single_in_time` has at the time `t`, s."""
+    """Return the value at the time `t`, s, of what a field of `single_in_time` stores."""
     if not isinstance(content, AbstractFunctionOfTime):
         return content
     value = content(t)
@@ -333,7 +318,7 @@ def value_and_rate(function: FunctionOfTime, t: Scalar) -> tuple[Scalar, Scalar]
 
 
 def vector_at(content: PyTree, t: Scalar) -> Vector:
-    """Return the vector that a field declared by `triple_in_time` has at the time `t`, s."""
+    """Return the vector at the time `t`, s, of what a field of `triple_in_time` stores."""
     if isinstance(content, Vector):
         return content
     # Three separate components, of which at least one is a function.
@@ -355,11 +340,8 @@ def _shape(value: PyTree) -> tuple[int, ...] | None:
 
 
 def breakpoints_of(*contents: PyTree) -> PyTree:
-    """Return the breakpoints, s, of all functions of time in the given fields, one entry for each.
-
-    Those of the tables of this module are `Increasing`. The entry of a Python function is empty,
-    because its breakpoints are unknown.
-    """
+    """Return the breakpoints, s, of each function of time in the given fields: `Increasing` for the
+    tables of this module, and empty for a Python function, whose breakpoints are unknown."""
     # A vector may be a tuple of three components.
     parts = [p for field in contents for p in (field if isinstance(field, tuple) else (field,))]
     return tuple(_breakpoints(p) for p in parts if isinstance(p, AbstractFunctionOfTime))

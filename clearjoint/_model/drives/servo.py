@@ -26,8 +26,7 @@ TURN = 2.0 * math.pi
 class Encoder(AbstractDriveAboutAxis):
     """Sensor of the angle of a second body relative to a first, for `Servo`.
 
-    **Arguments:** `axis`: (3,) in the first body's axes, any length. `orientation`: of the second
-    body at angle zero, as in `PrescribedRotation`.
+    **Arguments:** `axis`, `orientation`: as in `PrescribedRotation`.
 
     >>> on_link = cj.Encoder("upper arm", "forearm", axis=(0, 0, 1))
     """
@@ -38,11 +37,11 @@ class Encoder(AbstractDriveAboutAxis):
 class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
     """A sampled PD or PID position controller with the limits of its motor.
 
-    At multiples of its period, 1/`rate`, the servo reads its encoder and the target and computes a
-    torque, P (goal - angle) + D (goal's rate - speed) + integral, which acts, after the loop's
-    delay, until the next one replaces it. Choose it for a robot's joint whose measured goal and
-    position are to be predicted or fitted: `Motor` has neither sampling nor delay, and damps more
-    than a servo with the same gains.
+    At multiples of its period, 1/`rate`, the servo reads its encoder and the target and commands a
+    torque, P (goal - angle) + D (goal's rate - speed) + integral, which acts after the loop's delay
+    until the next replaces it. Choose it for a robot's joint whose measured goal and position are
+    to be predicted or fitted: `Motor` has neither sampling nor delay, and damps more than a servo
+    with the same gains.
 
     - **Start.** A run that starts without `State.memory` of the servo begins with a sample, whose
       torque acts at once, as if it had been commanded for longer than the delay.
@@ -69,8 +68,6 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
 
     **Arguments:**
 
-    - `axis`: of rotation, (3,) in the first body's axes, any length. The torque is that on the
-      second body, right-handed about it.
     - `target`: desired angle in rad, a number or a function of time, as for `Motor`.
     - `rate`: samples per second, Hz.
     - `proportional`, `derivative`, `integral`: gains, N m/rad, N m s/rad and N m/(rad s), not
@@ -84,7 +81,8 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
       behind a gear with play; by default it is between them.
     - `speed_from`: "difference" or "sensor".
     - `offset`: time of a sample, s; zero by default.
-    - `orientation`: of the second body at angle zero, as in `PrescribedRotation`.
+    - `axis`, `orientation`: as in `PrescribedRotation`. The torque acts on the second body,
+      right-handed about the axis.
 
     **Raises:** `ValueError` also for a delay of more than `delay_periods` periods, and if only one
     of stall torque and no-load speed is given.
@@ -204,8 +202,8 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
     def _commanded(
         self, memory: ForceMemory, angle: Scalar, speed: Scalar, motions: Motions, t: Scalar
     ) -> tuple[Scalar, dict[str, Scalar]]:
-        """Return the torque, N m, that the servo commands at a sample, and what changes in its
-        memory."""
+        """Return the torque, N m, that the servo commands at a sample, and the changed entries of
+        its memory."""
         changed: dict[str, Scalar] = {}
         goal, goal_speed = value_and_rate(self.target, t)
         if self.speed_limit is not None:
@@ -231,8 +229,8 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
         return (torque if largest is None else jnp.clip(torque, -largest, largest)), changed
 
     def _drivable(self, motions: Motions) -> tuple[Scalar, Scalar] | None:
-        """Return the least and the largest torque that the motor's voltage can drive at its present
-        speed, N m; ``None`` if there are no such limits."""
+        """Return the least and the largest torque, N m, that the motor's voltage can drive at its
+        present speed; ``None`` for no such limits."""
         if self.stall_torque is None or self.no_load_speed is None:
             return None
         lost = self.stall_torque * self.speed(motions) / self.no_load_speed

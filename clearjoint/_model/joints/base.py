@@ -7,12 +7,10 @@ so are the element's fields with three numbers.
 
 import abc
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar, TypeAlias, TypeVar
 
 import equinox as eqx
-import jax
 import numpy as np
 from jaxtyping import PyTree
 from typing_extensions import override
@@ -25,6 +23,7 @@ from ..bodies import Motion, Wrench
 from ..contact.friction import AbstractBristleFriction
 from ..contact.laws import AbstractContactLaw, Gap, Limit
 from ..pen import AbstractPen, Marker
+from ..tree_dataclass import tree_dataclass
 from .motion_subspaces import AbstractMotionSubspace
 
 T = TypeVar("T")
@@ -40,12 +39,11 @@ Motions: TypeAlias = Mapping[str, Motion]
 ByLabel: TypeAlias = dict[str, dict[str, T]]
 """Values of contacts or constraint rows, ``values[joint][label]``."""
 Attachment: TypeAlias = tuple[str, str, Triple]
-"""A point that an element has on a body: the name of the element's field that holds it, the name of
-the body, and the point, (3,) m from the centre of mass in body axes."""
+"""A point that an element has on a body: name of the field that holds it, name of the body, and the
+point, (3,) m from the centre of mass in body axes."""
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True, slots=True)
+@tree_dataclass
 class Row:
     """One scalar constraint equation Phi = 0, evaluated for given positions and velocities.
 
@@ -73,8 +71,7 @@ class Row:
 class AbstractElement(AbstractConverting):
     """Base class of joints, forces and drivers, which act on the bodies of a scene.
 
-    `point_fields` maps the name of each field that holds a point to the name of the field that
-    holds the name of the point's body.
+    `point_fields` maps each field with a point to the field with the name of the point's body.
     """
 
     point_fields: ClassVar[Mapping[str, str]] = MappingProxyType({})
@@ -88,11 +85,11 @@ class AbstractElement(AbstractConverting):
 
         They are the times of jumps and kinks of the force, or of kinks of the angle or distance
         that a driver prescribes: a number, an array, or a tuple of both, in any order. Compute them
-        from the element's fields to get derivatives by them. Integration steps end at breakpoints.
-        An undeclared jump of a force costs many short steps, and at an undeclared kink of a driver
-        a run ends with `RESULTS.not_followed`. `sensitivities` raises an error for a class that
-        inherits this method and compares, rounds or clips a number that depends on time; if it is
-        smooth in time all the same, let the class define this method and return an empty tuple.
+        from the element's fields to get derivatives by them. Steps end at breakpoints: an
+        undeclared jump of a force costs many short steps, and at an undeclared kink of a driver a
+        run ends with `RESULTS.not_followed`. `sensitivities` raises an error for a class without
+        this method that compares, rounds or clips a number that depends on time; a class that is
+        smooth all the same defines it to return ().
         """
         return ()
 
@@ -102,11 +99,9 @@ class AbstractElement(AbstractConverting):
         return tuple((point, getattr(self, body), getattr(self, point)) for point, body in fields)
 
     def draw(self, pen: AbstractPen) -> None:
-        """Draw the element with a pen; by default a marker at each point of `attachments`.
-
-        A first guess of a state, as `load` and `view` make it, places bodies such that the two
-        points at which a joint is drawn coincide.
-        """
+        """Draw the element with a pen; by default a marker at each point of `attachments`. A first
+        guess of a state, as `load` and `view` make it, places bodies such that the two points at
+        which a joint is drawn coincide."""
         for _, body, point in self.attachments():
             pen.mark(Marker(body, point))
 
@@ -149,10 +144,8 @@ class AbstractConstraint(AbstractElement):
         """Return the linearly independent constraint rows by label, at time `t` in s."""
 
     def motion_subspace(self, parent: str) -> AbstractMotionSubspace | None:
-        """Return the motion that the joint allows relative to the body `parent`.
-
-        In joint coordinates it replaces the constraint rows; ``None``, the default, keeps them.
-        """
+        """Return the motion that the joint allows relative to the body `parent`. In joint
+        coordinates it replaces the constraint rows; ``None``, the default, keeps them."""
         return None
 
 
@@ -189,32 +182,27 @@ class AbstractForce(AbstractElement):
         return 0.0
 
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
-        """Return the power in W by which the element changes the total energy, at time `t` in s.
-
-        It is the power of the wrenches, the default, plus the rate of `stored_energy`: zero for a
-        spring, negative for a damper.
-        """
+        """Return the power in W by which the element changes the total energy, at time `t` in s. It
+        is the power of the wrenches, the default, plus the rate of `stored_energy`: zero for a
+        spring, negative for a damper."""
         power: Scalar = 0.0
         for name, wrench in self.wrenches(motions, t).items():
             power = power + motions[name].power(wrench)
         return power
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True, slots=True)
+@tree_dataclass
 class SideForce:
-    """Additional force of a contact whose penetration or stiffness also varies with an angle of the
-    joint, such as that of meshing teeth.
+    """Force of a contact in addition to the normal force, if penetration or stiffness also varies
+    with an angle of the joint, such as that of meshing teeth: the gradient of the stored energy by
+    this angle. Opposite forces act on the two bodies at a common point.
 
-    Since the stored energy depends on this angle too, its gradient is not only the normal force: in
-    addition, opposite forces act on the two bodies at a common point.
-
-    - `arm_first`, `arm_second`: the point, m from each body's centre of mass in its axes.
-    - `slope`: global vector. Its product with the velocity of the second body's point relative to
-      the first's is the rate of the penetration due to the angle. With a normal force F, the force
-      -F times this vector therefore acts on the second body.
-    - `elastic`: force on the second body, N in global axes, by which the stored energy changes at
-      constant penetration.
+    - `arm_first`, `arm_second`: this point, m from each body's centre of mass in its axes.
+    - `slope`: global vector whose product with the velocity of the second body's point relative to
+      the first's is the rate of the penetration due to the angle; a normal force F causes the force
+      -F `slope` on the second body.
+    - `elastic`: force on the second body, N in global axes, due to the change of the stored energy
+      at constant penetration.
     """
 
     arm_first: Vector
@@ -227,8 +215,7 @@ class SideForce:
         return self.elastic - self.slope * normal_force
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True, slots=True)
+@tree_dataclass
 class Contact:
     """Geometry of one possible contact between two surfaces.
 
@@ -240,15 +227,15 @@ class Contact:
     - `slip`: tangential velocity of the second body relative to the first, m/s in global axes, or
       ``None`` without friction.
     - `line_first`, `line_second`: optional points on the normal force's line of action, such as the
-      centre of a ball, like `arm_first` and `arm_second`. Without friction the force acts there,
-      which has the same effect with less arithmetic and rounding.
+      centre of a ball, m in body axes. Without friction the force acts there, which saves
+      arithmetic and rounding.
     - `turning`: ``None``, except for a contact that acts as a couple: the derivatives of the
-      penetration's rate by the first and the second body's spin, m in body axes. A normal force F
-      acts as the moments -F times these vectors. `normal` is the axis about which the second body
-      rotates into the first, and there is no friction.
+      penetration's rate by the two bodies' spins, m in body axes. A normal force F is then the
+      moments -F times these vectors; `normal` is the axis about which the second body rotates into
+      the first, and there is no friction.
     - `face_radius`: ``None``, except for two flat faces whose friction also resists their relative
-      rotation: the mean radius of the faces, m. `slip` then has a component along the normal, this
-      radius times the spin of the second body relative to the first about the normal.
+      rotation: their mean radius, m. `slip` then has a component along the normal, this radius
+      times the relative spin of the second body about the normal.
     - `lever`: ``None``, except for friction in an ideal hinge or ball: the radius, m, by which the
       friction F acts as a couple with the moment `lever` F. `slip` is then `lever` times the
       angular velocity of the second body relative to the first.
@@ -334,9 +321,7 @@ class AbstractContactJoint(AbstractElement):
 
     def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
         """Return bristles that replace `friction_force`, by label of the contact; none by default.
-
-        The contact's `slip` must not be ``None``, and its `face_radius` must be ``None``.
-        """
+        The contact's `slip` must not be ``None``, and its `face_radius` must be ``None``."""
         return {}
 
     @abc.abstractmethod
@@ -357,41 +342,33 @@ class AbstractContactJoint(AbstractElement):
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
         """Return the limits of validity of a contact's law at a penetration, m; none by default.
-
-        After a run that has recorded impacts, they are checked at the largest penetration.
-        """
+        After a run that has recorded impacts, they are checked at the largest penetration."""
         return ()
 
     def slid_out(self, motions: Motions) -> Scalar | None:
-        """Return how far the second body has slid out of the first, m; ``None`` if it can't.
-
-        A run warns of positive values at its saved times and at its end.
-        """
+        """Return how far the second body has slid out of the first, m; ``None`` if it can't. Runs
+        warn if this is positive at a saved time or at the end."""
         return None
 
     def centred_joint(self) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the second body midway between its contacts.
-
-        `assemble` uses it for a body that starts outside its clearance; ``None`` by default.
-        """
+        """Return the ideal joint that holds the second body midway between its contacts. `assemble`
+        uses it for a body that starts outside its clearance; ``None`` by default."""
         return None
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        """Return the ideal joint that holds the second body where it rests under a load.
-
-        `assemble` uses it for the joints in its argument `resting`; ``None`` by default. At rest
-        the elastic forces of the contacts carry the load: force of the second body on the first,
-        (3,) N, an array in the first body's axes.
-        """
+        """Return the ideal joint that holds the second body where it rests under a load, for the
+        joints in the argument `resting` of `assemble`; ``None`` by default. The load, which the
+        contacts carry elastically, is the force of the second body on the first, (3,) N in the
+        first body's axes."""
         return None
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
-        """Return the body's name and the two points, on the body and on the ground, of a joint that
-        connects a body with the ground; ``None``, the default, for other joints.
+        """Return the name of a body that the joint connects with the ground, and two points near
+        each other: of the body, m in body axes, and of the ground, m; ``None``, the default,
+        without any.
 
-        The points are in m, in body axes and in global axes. The small vector between them may
-        replace the body's position as an integration variable: computed as a difference of large
-        coordinates, it would lose digits.
+        The vector between them may replace the body's position as an integration variable: as a
+        difference of large coordinates, it would lose digits.
         """
         return None
 
@@ -428,16 +405,17 @@ class AbstractPair(AbstractElement):
         return self.pair(), motions[self.first], motions[self.second]
 
 
-class AbstractPairAtPoints(AbstractPair):
-    """Base class of elements between a point of one body and a point of another.
-
-    `first` and `second` are names of bodies, one of which may be the ground. `point_first` and
-    `point_second` are (3,) m from each body's centre of mass in its axes; on the ground from the
-    origin.
-    """
+class AbstractNamedPair(AbstractPair):
+    """Base class of pairs whose first fields are the names of the bodies."""
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)
+
+
+class AbstractPairAtPoints(AbstractNamedPair):
+    """Base class of elements between a point of each of two bodies: `point_first`, `point_second`,
+    (3,) m from the body's centre of mass in its axes; on the ground from the origin."""
+
     point_first: Triple = quantity("m", check=require_point)
     point_second: Triple = quantity("m", check=require_point)
     point_fields = {"point_first": "first", "point_second": "second"}
@@ -450,10 +428,8 @@ class AbstractPairAtPoints(AbstractPair):
         return first, Marker(self.second, self.point_second, axis_second)
 
 
-def each_label(
-    function: Callable[[str, str], T], tables: Mapping[str, Iterable[str]]
-) -> ByLabel[T]:
-    """Return ``function(joint, label)`` for each label in ``tables[joint]``, by joint and label."""
+def each_label(function: Callable[[str, str], T], table: Mapping[str, Iterable[str]]) -> ByLabel[T]:
+    """Return ``function(joint, label)`` for each label in ``table[joint]``, by joint and label."""
     return {
-        name: {label: function(name, label) for label in labels} for name, labels in tables.items()
+        name: {label: function(name, label) for label in labels} for name, labels in table.items()
     }

@@ -34,7 +34,7 @@ Pair = tuple[str, str]
 
 
 def _along(motion: Motion, local: Vector, direction: Vector) -> tuple[Wrench, Scalar]:
-    """Return Jacobian and bias of the coordinate of a body's point along a global unit vector."""
+    """Return Jacobian and bias of the coordinate, along a global unit vector, of a body's point."""
     body_direction = motion.rotation.transposed_times(direction)
     centripetal = motion.spin.cross(motion.spin.cross(local))
     return Wrench(direction, local.cross(body_direction)), body_direction.dot(centripetal)
@@ -47,8 +47,8 @@ def coincident_points(
 
     Their values are the global components of the vector from the second point to the first, m.
 
-    **Arguments:** `names`, `first`, `second`: of the bodies, and their motions. `local_first`,
-    `local_second`: point of each body, m from its centre of mass in its axes.
+    **Arguments:** `local_first`, `local_second`: point of each body, m from its centre of mass in
+    its axes.
 
     >>> names, ground = ("ground", "ball"), still
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -178,12 +178,10 @@ def row_rate(row: Row, motions: Motions) -> Scalar:
 def relative_angle_row(
     names: Pair, first: Motion, second: Motion, axis_first: Vector, axis_second: Vector
 ) -> Row:
-    """Return the angle of the second body relative to the first about a common axis, as a row.
-
-    It is in rad in [-pi, pi], right-handed about the first body's axis, and zero if the bodies'
-    frames differ by the shortest rotation that makes the axes parallel; the second axis is reversed
-    if the scalar product of the two is negative.
-    """
+    """Return the angle of the second body relative to the first about a common axis, rad in [-pi,
+    pi], as a row: right-handed about the first body's axis, and zero if the frames differ by the
+    shortest rotation that makes the axes parallel, or antiparallel if their scalar product is
+    negative."""
     a, b = unit(axis_first), unit(axis_second)
     start, _ = transverse_axes(a)
     # An axis and its opposite define the same joint. Of b and -b, the one nearer to a is used, so
@@ -198,9 +196,7 @@ def angle_about(
     names: Pair, first: Motion, second: Motion, axis: Vector, orientation: EulerParameters
 ) -> Row:
     """Return the second body's angle about an axis of the first, rad in [-pi, pi], as a row.
-
-    `orientation` transforms components in the second body's axes to the first's at angle zero.
-    """
+    `orientation` transforms components in the second body's axes to the first's at angle zero."""
     axis = unit(axis)
     start, _ = transverse_axes(axis)
     direction = rotation_matrix(orientation).transposed_times(start)
@@ -229,16 +225,16 @@ def rows_from_residual(
 ) -> dict[str, Row]:
     """Return constraint rows by label, whose derivatives are found by automatic differentiation.
 
-    A joint of your own that calls this function needs to define only its constraint equations.
-    Hand-written Jacobians and biases are faster.
+    A joint that calls this function defines only its constraint equations. Hand-written Jacobians
+    and biases are faster.
 
     **Arguments:**
 
     - `labels`: of the rows, in the order of the residual's values.
     - `residual`: function of the poses of the first and the second body that returns a scalar for
       each label, zero if the constraint is satisfied. A pose is the position of the body's centre
-      of mass, m in global axes, and the rotation matrix from body to global axes. The function must
-      not depend explicitly on time, because it is differentiated by the poses only.
+      of mass, m in global axes, and the rotation matrix from body to global axes. It must not
+      depend explicitly on time.
 
     **Raises:** `ValueError` if the residual has another number of values than there are labels.
 
@@ -273,8 +269,8 @@ def rows_from_residual(
     rows = {}
     for k, label in enumerate(labels):
         # As in `_unit_velocities`: velocity and spin of the first body, then of the second.
-        v = [column[k] for column in columns]
-        vectors = [Vector(*v[j : j + 3]) for j in range(0, 12, 3)]
+        numbers = [column[k] for column in columns]
+        vectors = [Vector(*numbers[j : j + 3]) for j in range(0, 12, 3)]
         jacobian = {names[0]: Wrench(*vectors[:2]), names[1]: Wrench(*vectors[2:])}
         rows[label] = Row(values[k], jacobian, biases[k])
     return rows
@@ -294,9 +290,7 @@ def _unit_velocities() -> list[tuple[Velocities, Velocities]]:
 
 def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) -> Row:
     """Return the row (x^2 + y^2 + ... - length^2)/(2 length), m, which holds a vector at a length.
-
-    The vector's components x, y, ..., m, are the values of rows without `time_rate`.
-    """
+    The vector's components x, y, ..., m, are the values of rows without `time_rate`."""
     # The squared length is differentiable everywhere. Dividing by 2 length gives a row in m, whose
     # derivative along the vector is 1, so that the multiplier is the force in N.
     value, bias = -0.5 * length, 0.0
@@ -311,21 +305,22 @@ def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) ->
     return Row(value, jacobian, bias)
 
 
-def row_following(row: Row, function: Callable[[Scalar], Scalar], t: Scalar) -> Row:
-    """Return the row that makes the value of `row` follow a function of the time t, s, which JAX
-    differentiates twice."""
+def slope_and_curvature(function: Callable[[Scalar], Scalar], x: Scalar) -> tuple[Scalar, Scalar]:
+    """Return the first and the second derivative of a function at x."""
+    return value_and_slope(lambda x: value_and_slope(function, x)[1], x)
 
-    def rate(t: Scalar) -> Scalar:
-        return value_and_slope(function, t)[1]
+
+def row_following(row: Row, function: Callable[[Scalar], Scalar], t: Scalar) -> Row:
+    """Return the row that makes the value of `row` follow a function of the time t, s."""
 
     t = jnp.asarray(t, dtype=float)
-    prescribed, acceleration = value_and_slope(rate, t)
+    prescribed, acceleration = slope_and_curvature(function, t)
     time_rate = add(row.time_rate, -prescribed)
     return Row(row.value - function(t), row.jacobian, row.bias - acceleration, time_rate)
 
 
 def plus_multiple(first: Row, second: Row, factor: Scalar) -> Row:
-    """Return the row `first` plus a constant `factor` times the row `second`."""
+    """Return a row that is `first` plus a constant `factor` times `second`."""
     jacobian = dict(first.jacobian)
     for name, wrench in second.jacobian.items():
         jacobian[name] = jacobian.get(name, NO_WRENCH) + wrench * factor

@@ -21,12 +21,12 @@ from ..._fields.checks import (
 from ..._fields.objects import quantity
 from ..._fields.types import ArrayLike, Quadruple, Single, Triple
 from ..._math.rotations import composed, rotation_matrix, transverse_axes, unit, within_two_turns
-from ..._math.smoothing import cosine, polar_angle, sine, value_and_slope, where, wrapped
+from ..._math.smoothing import cosine, polar_angle, sine, where, wrapped
 from ..._math.vectors import ZERO, EulerParameters, Scalar, Vector
 from ..drives.functions_of_time import FunctionOfTime, as_function_of_time, require_continuous
 from ..pen import AbstractPen
 from .base import PARALLEL, AbstractConstraint, Motions, Row, require_distinct
-from .constraint_rows import angle_about, plus_multiple, row_rate
+from .constraint_rows import angle_about, plus_multiple, row_rate, slope_and_curvature
 from .ideal import AbstractAxisJoint, AbstractPairJoint, PrismaticJoint, RevoluteJoint
 from .motion_subspaces import (
     AbstractMotionAtPoints,
@@ -105,11 +105,9 @@ class GearJoint(AbstractConstraint):
 
     @override
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the row "mesh", angle_first + angle_second teeth_second/teeth_first - offset, rad.
-
-        For an internal gear the second term is subtracted. Whole multiples of 2 pi/teeth_first, the
-        angle of a tooth, are left out.
-        """
+        """Return the row "mesh": angle_first + r angle_second - offset, rad, without whole
+        multiples of 2 pi/teeth_first, the angle of a tooth; r is teeth_second/teeth_first, negative
+        for an internal gear."""
 
         def angle(gear: str, axis: Vector, orientation: EulerParameters) -> Row:
             names, carrier = (self.carrier, gear), motions[self.carrier]
@@ -127,7 +125,7 @@ class GearJoint(AbstractConstraint):
 
 
 class ScrewMotion(AbstractTurning):
-    """Rotation about an axis, with an advance of `pitch`, m/rad. The angle counts all
+    """Rotation about an axis with an advance of `pitch`, m/rad; its angle counts all
     revolutions."""
 
     pitch: Scalar
@@ -172,9 +170,6 @@ class ScrewJoint(AbstractAxisJoint):
     - `lead`: advance of the second body per revolution, m, positive for a right-handed thread and
       negative for a left-handed one.
 
-    **Raises:** `ValueError` if the bodies are the same, the lead is zero or not finite, or a point
-    or axis is invalid.
-
     >>> axes = (0, 0, 1), (0, 0, 1)
     >>> joint = cj.ScrewJoint("ground", "arm", (0, 0, 0), (0, 0, 0), *axes, lead=5e-3)
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
@@ -217,17 +212,15 @@ rad."""
 
 
 class UniversalMotion(AbstractMotionAtPoints):
-    """Rotation by two angles, rad, about the arms of a universal joint's cross.
-
-    The cross rotates in the parent about `arm_parent`, and the child rotates about `arm_child`,
-    perpendicular to it; each is a unit vector fixed to its body, in its axes.
-    """
+    """Rotation by two angles, rad, about the arms of a universal joint's cross. The cross rotates
+    in the parent about `arm_parent`, and the child rotates about `arm_child`, perpendicular to it;
+    each is a unit vector fixed to its body, in its axes."""
 
     arm_parent: Vector
     arm_child: Vector
 
     def _reference(self) -> EulerParameters:
-        """Return the orientation at zero angles, with the child's arm along a transverse axis."""
+        """Return the orientation at zero angles."""
         return aligning(transverse_axes(self.arm_parent)[0], self.arm_child)
 
     def _about_child(self, reference: EulerParameters) -> Hinge:
@@ -322,13 +315,12 @@ class JointCoupling(AbstractConstraint):
     """Makes the position of a hinge or slider a function of another's; one constraint.
 
     Examples are the fingers of a gripper that one motor drives (`mimic` in URDF files), a rack, and
-    a cam that drives a follower. The coupling holds neither joint: add both to the scene too. The
-    Lagrange multiplier is the moment (N m) or force (N) that the coupling exerts on the second body
-    of the follower.
+    a cam that drives a follower. The coupling holds neither joint: add both to the scene too. Its
+    Lagrange multiplier is the moment (N m) or force (N) on the second body of the follower.
 
-    An angle is known up to whole revolutions. That of the leader is taken within half a revolution;
-    it may exceed this if the follower is a hinge that turns by a whole number of revolutions for
-    each revolution of the leader. To couple gears at any ratio, use `GearJoint`.
+    A leader's angle is taken within half a revolution. Only if the follower is a hinge with a whole
+    number of revolutions for each revolution of the leader, the leader may turn further. For gears
+    of any ratio, use `GearJoint`.
 
     **Arguments:**
 
@@ -367,15 +359,11 @@ class JointCoupling(AbstractConstraint):
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         leader, follower = (joint.position(motions) for joint in (self.leader, self.follower))
         function = as_function_of_time(self.function)
-
-        def slope(x: Scalar) -> Scalar:
-            return value_and_slope(function, x)[1]
-
         # The row is the follower's position minus f of the leader's, x. Its rate contains -f' times
         # the leader's rate, and its second time derivative -f'' times the square of this rate.
         x = jnp.asarray(leader.value, dtype=float)
-        factor, curvature = value_and_slope(slope, x)
-        row = plus_multiple(follower, leader, -factor)
+        slope, curvature = slope_and_curvature(function, x)
+        row = plus_multiple(follower, leader, -slope)
         value = follower.value - function(x)
         # Angles are known up to whole revolutions.
         if isinstance(self.follower, RevoluteJoint):

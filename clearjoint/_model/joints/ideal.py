@@ -40,10 +40,8 @@ T = TypeVar("T")
 
 
 class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
-    """Base class of ideal joints between a point of one body and a point of another.
-
-    Its private methods return the constraint rows of which the joints are composed.
-    """
+    """Base class of ideal joints between a point of one body and a point of another. Its private
+    methods return the constraint rows of which the joints are composed."""
 
     def _ordered(self, parent: str, of_first: T, of_second: T) -> tuple[T, T]:
         """Return two values, one of each body, in the order parent, child."""
@@ -69,21 +67,15 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
 
     def _point_on_line(self, motions: Motions, axis: Vector) -> dict[str, Row]:
         """Return the rows of the second point's distances, m, from a line through the first."""
-        first, second = transverse_axes(unit(axis))
-        return {
-            "offset 1": self._in_plane(motions, first),
-            "offset 2": self._in_plane(motions, second),
-        }
+        across = transverse_axes(unit(axis))
+        return {f"offset {k}": self._in_plane(motions, a) for k, a in enumerate(across, 1)}
 
 
 class AbstractOrientedJoint(AbstractPairJoint):
     """Base class of ideal joints that hold the second body at an `orientation` in the first, (4,)
     Euler parameters, scalar first, that transform components in the second body's frame to the
-    first body's frame.
-
-    The values of its rows are also zero at a few other orientations, such as after half a
-    revolution about one of the axes; `assemble` and the check of an initial state refuse these.
-    """
+    first's. Its rows are also zero at a few other orientations, such as after half a revolution
+    about one of the axes, which `assemble` and the check of an initial state refuse."""
 
     orientation: eqx.AbstractVar[Quadruple]  # pyright: ignore[reportGeneralTypeIssues]
 
@@ -102,15 +94,16 @@ class AbstractOrientedJoint(AbstractPairJoint):
             )
         }
 
+    def _child_to_parent(self, parent: str) -> EulerParameters:
+        # The inverse of `orientation` if the second body is the parent.
+        return self._ordered(parent, self.orientation, conjugate(self.orientation))[0]
+
 
 class AbstractDriveableJoint(AbstractPairJoint):
-    """Base class of ideal joints with one degree of freedom, which may have the `armature` of a
-    drive.
-
-    The armature is the rotor's moment of inertia, kg m^2 (its mass, kg, for a translation), times
-    the square of the gear ratio; ``None`` for none. It adds the kinetic energy armature q'^2/2,
-    with the rate q' of the joint's `position`.
-    """
+    """Base class of ideal joints with one degree of freedom. The `armature` of a drive adds the
+    kinetic energy armature q'^2/2, with the rate q' of the joint's `position`: it is the rotor's
+    moment of inertia, kg m^2 (its mass, kg, for a translation), times the square of the gear ratio,
+    or ``None``."""
 
     armature: eqx.AbstractVar[Single | None]  # pyright: ignore[reportGeneralTypeIssues]
 
@@ -121,9 +114,7 @@ class AbstractDriveableJoint(AbstractPairJoint):
 
 class AbstractAxisJoint(AbstractPairJoint):
     """Base class of ideal joints that keep an axis of one body parallel to an axis of another.
-
-    `axis_first` and `axis_second` are the axes, (3,) in each body's axes, any length.
-    """
+    `axis_first` and `axis_second` are the axes, (3,) in each body's axes, any length."""
 
     axis_first: Triple = quantity("1", check=require_axis)
     axis_second: Triple = quantity("1", check=require_axis)
@@ -131,17 +122,12 @@ class AbstractAxisJoint(AbstractPairJoint):
     def _tilts(self, motions: Motions) -> dict[str, Row]:
         """Return the rows of the cosines between the first axis and the second's
         `transverse_axes`."""
-        axis, (first, second) = unit(self.axis_first), transverse_axes(unit(self.axis_second))
-        return {
-            "tilt 1": self._perpendicular(motions, axis, first),
-            "tilt 2": self._perpendicular(motions, axis, second),
-        }
+        axis, across = unit(self.axis_first), transverse_axes(unit(self.axis_second))
+        return {f"tilt {k}": self._perpendicular(motions, axis, a) for k, a in enumerate(across, 1)}
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the second body's angle about the first's axis, rad in [-pi, pi], as a `Row`.
-
-        It is zero if the frames differ by the shortest rotation that makes the axes parallel.
-        """
+        """Return the second body's angle about the first's axis, rad in [-pi, pi], as a `Row`. It
+        is zero if the frames differ by the shortest rotation that makes the axes parallel."""
         return relative_angle_row(*self._between(motions), self.axis_first, self.axis_second)
 
 
@@ -182,7 +168,7 @@ class RevoluteJoint(AbstractAxisJoint, AbstractDriveableJoint):
       in its axes.
     - `axis_first`, `axis_second`: the axis of rotation on each body, (3,) in its axes, any length.
     - `armature`: kg m^2, moment of inertia of a drive's rotor times the square of its gear ratio;
-      none by default. It adds the kinetic energy armature q'^2/2, with the speed q' of the joint.
+      none by default. It adds the kinetic energy armature speed^2/2.
 
     >>> joint = cj.RevoluteJoint("ground", "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
@@ -214,12 +200,9 @@ class RevoluteJoint(AbstractAxisJoint, AbstractDriveableJoint):
 class FixedJoint(AbstractOrientedJoint):
     """Holds two bodies rigidly together; six constraints.
 
-    **Arguments:**
-
-    - `point_first`, `point_second`: the joint's point on each body, (3,) m from its centre of mass
-      in its axes.
-    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
-      body's frame to the first body's frame; parallel frames by default.
+    **Arguments:** `point_first`, `point_second`: the joint's point on each body, (3,) m from its
+    centre of mass in its axes. `orientation`: (4,) Euler parameters, scalar first, that transform
+    components in the second body's frame to the first body's frame; parallel frames by default.
 
     >>> joint = cj.FixedJoint("ground", "arm", (0, 0, 0), (0, 0, 0))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
@@ -234,9 +217,7 @@ class FixedJoint(AbstractOrientedJoint):
 
     @override
     def motion_subspace(self, parent: str) -> Weld:
-        # From the child's axes to the parent's: the inverse if the second body is the parent.
-        orientation, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
-        return Weld(*self._points(parent), orientation)
+        return Weld(*self._points(parent), self._child_to_parent(parent))
 
     @override
     def draw(self, pen: AbstractPen) -> None:
@@ -249,11 +230,9 @@ class InlineJoint(AbstractPairJoint):
     Choose it as a pin of a planar mechanism whose other joints hold the bodies in the plane: with
     an axis perpendicular to the plane, no constraint is redundant.
 
-    **Arguments:**
-
-    - `point_first`, `point_second`: a point of the line, and the point that stays on it, (3,) m
-      from each body's centre of mass in its axes.
-    - `axis`: direction of the line, (3,) in the first body's axes, any length.
+    **Arguments:** `point_first`, `point_second`: a point of the line, and the point that stays on
+    it, (3,) m from each body's centre of mass in its axes. `axis`: direction of the line, (3,) in
+    the first body's axes, any length.
 
     >>> joint = cj.InlineJoint("ground", "arm", (0, 0, 0), (0, 0, 0), axis=(1, 0, 0))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
@@ -274,11 +253,9 @@ class InlineJoint(AbstractPairJoint):
 class CylindricalJoint(AbstractAxisJoint):
     """Allows rotation about a common axis and sliding along it; four constraints.
 
-    **Arguments:**
-
-    - `point_first`, `point_second`: a point of the axis on each body, (3,) m from its centre of
-      mass in its axes.
-    - `axis_first`, `axis_second`: the axis on each body, (3,) in its axes, any length.
+    **Arguments:** `point_first`, `point_second`: a point of the axis on each body, (3,) m from its
+    centre of mass in its axes. `axis_first`, `axis_second`: the axis on each body, (3,) in its
+    axes, any length.
 
     >>> joint = cj.CylindricalJoint("ground", "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
@@ -305,8 +282,7 @@ class PrismaticJoint(AbstractOrientedJoint, AbstractDriveableJoint):
     - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
       body's frame to the first body's frame; parallel frames by default.
     - `armature`: kg, mass of a drive's rotor, or its moment of inertia times the square of its
-      turns per metre, rad/m; none by default. It adds the kinetic energy armature q'^2/2, with the
-      speed q' of the joint.
+      turns per metre, rad/m; none by default. It adds the kinetic energy armature speed^2/2.
 
     >>> joint = cj.PrismaticJoint("ground", "arm", (0, 0, 0), (0, 0, 0), axis=(1, 0, 0))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
@@ -324,19 +300,13 @@ class PrismaticJoint(AbstractOrientedJoint, AbstractDriveableJoint):
         rotations = self._same_orientation(motions)
         return self._point_on_line(motions, self.axis) | rotations
 
-    def relative_distance(self, motions: Motions) -> Row:
-        """Return the distance, m, from the first to the second point along the axis, as a `Row`."""
+    @override
+    def position(self, motions: Motions) -> Row:
         return self._in_plane(motions, unit(self.axis))
 
     @override
-    def position(self, motions: Motions) -> Row:
-        return self.relative_distance(motions)
-
-    @override
     def motion_subspace(self, parent: str) -> Slider:
-        # From the child's axes to the parent's: the inverse if the second body is the parent.
-        orientation, _ = self._ordered(parent, self.orientation, conjugate(self.orientation))
-        axis = unit(self.axis)
+        orientation, axis = self._child_to_parent(parent), unit(self.axis)
         in_second = rotation_matrix(self.orientation).transposed_times(axis)
         _, in_child = self._ordered(parent, axis, in_second)
         return Slider(*self._points(parent), in_child, orientation)
@@ -351,11 +321,8 @@ class DistanceJoint(AbstractPairJoint):
 
     The Lagrange multiplier is the force in the rod in N, positive in compression.
 
-    **Arguments:**
-
-    - `point_first`, `point_second`: the end of the rod on each body, (3,) m from its centre of mass
-      in its axes.
-    - `length`: length of the rod, m, positive.
+    **Arguments:** `point_first`, `point_second`: the end of the rod on each body, (3,) m from its
+    centre of mass in its axes. `length`: length of the rod, m, positive.
 
     >>> rod = cj.DistanceJoint("ground", "arm", (0, 0, 0), (0.5, 0, 0), length=0.5)
     >>> rows = extend.unpack(rod).rows(motions, 0.0)
@@ -380,11 +347,9 @@ class PointInPlaneJoint(AbstractPairJoint):
 
     Choose it for a pin in a slot without clearance, with walls parallel to the plane.
 
-    **Arguments:**
-
-    - `point_first`, `point_second`: a point of the plane, and the point that stays in it, (3,) m
-      from each body's centre of mass in its axes.
-    - `normal`: normal of the plane, (3,) in the first body's axes, any length.
+    **Arguments:** `point_first`, `point_second`: a point of the plane, and the point that stays in
+    it, (3,) m from each body's centre of mass in its axes. `normal`: normal of the plane, (3,) in
+    the first body's axes, any length.
 
     >>> joint = cj.PointInPlaneJoint("ground", "arm", (0, 0, 0), (0, 0.1, 0), normal=(0, 1, 0))
     >>> rows = extend.unpack(joint).rows(motions, 0.0)
@@ -435,17 +400,15 @@ class LineInPlaneJoint(AbstractPairJoint):
 
 
 Position = tuple[Scalar, Scalar, Scalar]
-"""Coordinates of a planar joint: distances, m, along the `transverse_axes` of the normal in the
-parent, and the angle about the normal, rad."""
+"""Coordinates of a planar joint: distances, m, along the `transverse_axes` of the parent's normal,
+and the angle about it, rad."""
 
 
 class PlanarMotion(AbstractTurning):
     """Translation by two distances, m, in a plane of the parent, and rotation by an angle, rad.
-
     `axis` and `normal_parent` are the plane's normal in the child's and in the parent's axes. The
     distances are along the `transverse_axes` of `normal_parent`: along axes of the child they would
-    oscillate as the child rotates.
-    """
+    oscillate as the child rotates."""
 
     normal_parent: Vector
 
@@ -513,11 +476,9 @@ class PlanarJoint(AbstractAxisJoint):
     A state with opposite normals satisfies the constraints too, but can only be simulated in
     `AbsoluteCoordinates`.
 
-    **Arguments:**
-
-    - `point_first`, `point_second`: a point of the plane on each body, (3,) m from its centre of
-      mass in its axes.
-    - `axis_first`, `axis_second`: the plane's normal on each body, (3,) in its axes, any length.
+    **Arguments:** `point_first`, `point_second`: a point of the plane on each body, (3,) m from its
+    centre of mass in its axes. `axis_first`, `axis_second`: the plane's normal on each body, (3,)
+    in its axes, any length.
 
     >>> joint = cj.PlanarJoint("ground", "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1))
     >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
@@ -530,10 +491,8 @@ class PlanarJoint(AbstractAxisJoint):
 
     @override
     def motion_subspace(self, parent: str) -> PlanarMotion:
-        in_parent, in_child = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
-        return PlanarMotion(
-            *self._points(parent), in_child, aligning(in_parent, in_child), in_parent
-        )
+        normals = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
+        return PlanarMotion(*self._points(parent), normals[1], aligning(*normals), normals[0])
 
     @override
     def draw(self, pen: AbstractPen) -> None:

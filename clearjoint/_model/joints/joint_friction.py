@@ -12,12 +12,12 @@ from ..._math.vectors import ZERO, Scalar, Vector
 from ..bodies import Motion, Wrench
 from ..contact.friction import AbstractBristleFriction, AbstractFriction, FrictionLaw
 from ..contact.laws import AbstractContactLaw, Gap, require_instance
-from .base import AbstractContactJoint, AbstractPair, Contact, Motions
+from .base import AbstractContactJoint, AbstractNamedPair, Contact, Motions
 
 LABEL = "surface"
 """Label of the only contact of a `JointFriction`."""
 PRESSED = 1e-9
-"""Depth of the contact, m, which is closed for ever. Its value has no effect on the load."""
+"""Depth, m, of the contact, which stays closed. The load does not depend on it."""
 
 
 class Preload(AbstractContactLaw):
@@ -44,7 +44,7 @@ class Preload(AbstractContactLaw):
         return False
 
 
-class JointFriction(AbstractPair, AbstractContactJoint):
+class JointFriction(AbstractNamedPair, AbstractContactJoint):
     """Friction in an ideal joint, by any of the laws in `clearjoint.frictions`.
 
     Two surfaces, pressed together by a constant load, slip as the second body moves relative to the
@@ -84,8 +84,6 @@ class JointFriction(AbstractPair, AbstractContactJoint):
     ('ground', 'arm')
     """
 
-    first: str = eqx.field(static=True)
-    second: str = eqx.field(static=True)
     friction: FrictionLaw  # pyright: ignore[reportGeneralTypeIssues]
     load: Single = quantity("N", positive=True, zero=True, remedy="give the load in N")
     axis: Triple | None = optional_quantity("1", shape=(3,), check=require_axis)
@@ -110,7 +108,8 @@ class JointFriction(AbstractPair, AbstractContactJoint):
         require(are_both, "pressed_by", self.pressed_by, expected, remedy)
 
     def pressed_with(self, force: Scalar) -> "JointFriction":
-        """Return this friction with the further load of a force, N, of the element that presses."""
+        """Return this friction with its load increased by the force, N, of the element that
+        presses."""
         assert self.load_ratio is not None
         load = self.load + self.load_ratio * force
         # A constructor would convert vectors to arrays.

@@ -24,9 +24,7 @@ from ..._math.rotations import (
     turned,
     within_two_turns,
 )
-from ..._math.smoothing import cosine as cosine_of
-from ..._math.smoothing import norm_and_direction, polar_angle, where
-from ..._math.smoothing import sine as sine_of
+from ..._math.smoothing import cosine, norm_and_direction, polar_angle, sine, where
 from ..._math.vectors import (
     UNIT_X,
     UNIT_Y,
@@ -39,10 +37,10 @@ from ..._math.vectors import (
     add,
     is_zero,
 )
+from ..tree_dataclass import tree_dataclass
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True, slots=True)
+@tree_dataclass
 class Twist:
     """Velocity of a child body relative to its parent, in the child's axes.
 
@@ -143,19 +141,15 @@ class AbstractMotionSubspace(eqx.Module):
         return jax.tree.unflatten(jax.tree.structure(state.position), state.speeds)
 
     def after_displacement(self, position: PyTree, changes: tuple[Scalar, ...]) -> PyTree:
-        """Return the position after a small motion, the columns times `changes`, rad or m.
-
-        By default the changes are added to the numbers of the position, in order.
-        """
+        """Return the position after a small motion, the columns times `changes`, rad or m. By
+        default the changes are added to the numbers of the position, in order."""
         numbers, structure = jax.tree.flatten(position)
         return jax.tree.unflatten(structure, map(add, numbers, changes))
 
     def without_drift(self, position: PyTree) -> PyTree:
         """Return the position with angles reduced by whole turns and normalised Euler parameters,
-        so that rounding errors do not grow over a long run.
-
-        It is called at the end of each step; the default, the position itself, suits distances.
-        """
+        so that rounding errors do not grow over a long run. It is called at the end of each step;
+        the default, the position itself, suits distances."""
         return position
 
     def rotation(self, position: PyTree) -> Matrix:
@@ -176,8 +170,8 @@ class AbstractMotionSubspace(eqx.Module):
         return sum((column * speed for column, speed in parts), REST)
 
     def rotation_rate(self, state: JointState) -> Scalar | None:
-        """Return how fast the child rotates relative to its parent, rad/s, or ``None`` if this need
-        not limit the step, see `AbstractCoordinates.rotation_rates`."""
+        """Return how fast the child rotates relative to its parent, rad/s; ``None`` if this need
+        not limit the step (see `AbstractCoordinates.rotation_rates`)."""
         spin = self.twist(state).angular
         return None if all(map(is_zero, spin)) else norm_and_direction(spin)[0]
 
@@ -209,26 +203,21 @@ class Weld(AbstractMotionAtPoints):
 
 def rotation_about(axis: Vector, angle: Scalar) -> EulerParameters:
     """Return Euler parameters of a rotation by an angle, rad, about a unit vector."""
-    vector = axis * sine_of(0.5 * angle)
-    return EulerParameters(cosine_of(0.5 * angle), vector.x, vector.y, vector.z)
+    vector = axis * sine(0.5 * angle)
+    return EulerParameters(cosine(0.5 * angle), *vector)
 
 
 class AbstractTurning(AbstractMotionAtPoints):
-    """Base class of motion subspaces in which the child only rotates about one axis.
-
-    `axis` is a unit vector along this axis, in the child's axes, and `reference` the orientation at
-    angle zero, which `aligning` computes from the axis in both bodies. Subclasses may add
-    translations.
-    """
+    """Base class of motion subspaces in which the child only rotates about one axis, perhaps with
+    translations. `axis` is a unit vector in the child's axes, and `reference` the orientation at
+    angle zero, which `aligning` computes from the axis in both bodies."""
 
     axis: Vector
     reference: EulerParameters
 
     def angle(self, relative: Relative) -> Scalar:
-        """Return the angle of rotation, rad, within [-2 pi, 2 pi].
-
-        Euler parameters have the opposite sign after one revolution, and the same after two.
-        """
+        """Return the angle of rotation, rad in [-2 pi, 2 pi]: Euler parameters change their sign
+        after one revolution, and repeat after two."""
         rotation = composed(conjugate(self.reference), relative.orientation)
         vector = Vector(rotation.e1, rotation.e2, rotation.e3)
         return 2.0 * polar_angle(vector.dot(self.axis), rotation.e0)
@@ -241,14 +230,13 @@ class AbstractTurning(AbstractMotionAtPoints):
     def rotation(self, position: Scalar) -> Matrix:
         # R (b b^T + cos(angle) (I - b b^T) + sin(angle) ~b), with R of `reference` and the axis b.
         # This form has few products if the axis is along x, y or z.
-        b, cosine, sine = self.axis, cosine_of(position), sine_of(position)
+        b, c, s = self.axis, cosine(position), sine(position)
 
-        def row(reference: Vector) -> Vector:
-            along = b * reference.dot(b)
-            return along + (reference - along) * cosine + reference.cross(b) * sine
+        def rotated(row: Vector) -> Vector:
+            along = b * row.dot(b)
+            return along + (row - along) * c + row.cross(b) * s
 
-        matrix = rotation_matrix(self.reference)
-        return Matrix(row(matrix.row_x), row(matrix.row_y), row(matrix.row_z))
+        return Matrix(*map(rotated, rotation_matrix(self.reference).rows))
 
 
 class Hinge(AbstractTurning):
@@ -268,11 +256,8 @@ class Hinge(AbstractTurning):
 
 
 class Ball(AbstractMotionAtPoints):
-    """Free rotation of the child about the joint's point.
-
-    The position consists of the Euler parameters of the orientation. The three speeds are the
-    relative spin in the child's axes, rad/s.
-    """
+    """Free rotation of the child about the joint's point. The position is the orientation's Euler
+    parameters; the three speeds are the relative spin in the child's axes, rad/s."""
 
     @override
     def encode(self, relative: Relative) -> JointState:
@@ -306,10 +291,8 @@ class Ball(AbstractMotionAtPoints):
 
 
 class Slider(AbstractMotionAtPoints):
-    """Translation by a distance, m, along `axis`, with the constant orientation `reference`.
-
-    `axis` is a unit vector in the child's axes; the distance is the position.
-    """
+    """Translation by a distance, m, along `axis`, with the constant orientation `reference`. `axis`
+    is a unit vector in the child's axes; the distance is the position."""
 
     axis: Vector
     reference: EulerParameters
@@ -334,19 +317,15 @@ class Slider(AbstractMotionAtPoints):
 
 def aligning(first: Vector, second: Vector) -> EulerParameters:
     """Return Euler parameters, of any norm, of a rotation from the second unit vector to the first.
-
     For equal vectors they are exactly proportional to (1, 0, 0, 0). It is defined for opposite
-    vectors too, unlike the shortest rotation.
-    """
+    vectors too, unlike the shortest rotation."""
     return composed(_from_zeta(first), conjugate(_from_zeta(second)))
 
 
 def _from_zeta(axis: Vector) -> EulerParameters:
-    """Return Euler parameters, of any norm, of a rotation from the z axis to a unit vector.
-
-    It is the shortest rotation, whose formula is singular for -z. If the z component is negative,
-    half a revolution about x precedes the shortest rotation from -z.
-    """
+    """Return Euler parameters, of any norm, of a rotation from the z axis to a unit vector: the
+    shortest one or, since its formula is singular for -z, half a revolution about x and then the
+    shortest rotation from -z if the z component is negative."""
     forwards = EulerParameters(1.0 + axis.z, -axis.y, axis.x, 0.0)
     shortest = EulerParameters(1.0 - axis.z, axis.y, -axis.x, 0.0)
     backwards = composed(shortest, EulerParameters(0.0, 1.0, 0.0, 0.0))

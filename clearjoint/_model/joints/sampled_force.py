@@ -31,8 +31,8 @@ class Periodic(eqx.Module):
         return self.offset + number * self.period
 
     def latest(self, t: Scalar) -> Scalar:
-        """Return the latest instant that is not after a time t, s; an instant that is later by a
-        rounding error counts too."""
+        """Return the latest instant that is not after a time t, s, by more than a rounding
+        error."""
         return self.instant(jnp.floor((t - self.offset) / self.period + 1e-9))
 
 
@@ -73,15 +73,13 @@ class AbstractSampledForce(AbstractForce):
 
     @abc.abstractmethod
     def instants(self) -> dict[str, Periodic]:
-        """Return the instants at which the memory changes, by name; in the order of the dictionary
-        if several coincide."""
+        """Return the instants at which the memory changes, by name; coinciding ones in this
+        order."""
 
     @abc.abstractmethod
     def initial_memory(self, motions: Motions, t: Scalar) -> dict[str, Scalar]:
-        """Return the memory of a run that starts at `t` in s without one.
-
-        `State.memory` may give some or all of its numbers instead.
-        """
+        """Return the memory of a run that starts at `t` in s without one. `State.memory` may give
+        some or all of its numbers instead."""
 
     @abc.abstractmethod
     def updated_memory(

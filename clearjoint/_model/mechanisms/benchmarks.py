@@ -18,11 +18,9 @@ Point = tuple[float, float]
 
 
 class _Link(NamedTuple):
-    """A body of Andrews' mechanism, which is hinged to a parent body.
-
-    `inertia` is about Z through the centre of mass, kg m^2, and `angle` the initial rotation about
-    Z relative to the ground, rad. The hinge is in m from each body's centre of mass in its axes.
-    """
+    """A body of Andrews' mechanism, which is hinged to a parent body. `inertia` is about Z through
+    the centre of mass, kg m^2, and `angle` the initial rotation about Z relative to the ground,
+    rad. The hinge is in m from each body's centre of mass in its axes."""
 
     mass: float
     inertia: float

@@ -32,16 +32,14 @@ def turned_about_z(angle: float) -> tuple[float, float, float, float]:
     return math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)
 
 
-def planar_state(
-    centre: np.ndarray, angle: float, velocity: np.ndarray, speed: Scalar
-) -> BodyState:
+def planar_state(centre: np.ndarray, angle: float, velocity: np.ndarray, spin: Scalar) -> BodyState:
     """Return the state of a body that moves in the XY plane and rotates about Z."""
-    orientation, spin = turned_about_z(angle), np.array(Z_AXIS) * speed
-    return body_state((*centre, 0.0), orientation, (*velocity, 0.0), spin)
+    about_z = np.array(Z_AXIS) * spin
+    return body_state((*centre, 0.0), turned_about_z(angle), (*velocity, 0.0), about_z)
 
 
-def with_motor(joints: Joints, motor: Motor) -> tuple[Joints, dict[str, AbstractForce]]:
+def with_motor(joints: Joints, motor: Motor | None) -> tuple[Joints, dict[str, AbstractForce]]:
     """Return the joints and the forces of a mechanism, by name, including its "motor"."""
     if isinstance(motor, AbstractForce):
         return joints, {"motor": motor}
-    return {**joints, "motor": motor}, {}
+    return joints if motor is None else {**joints, "motor": motor}, {}

@@ -107,9 +107,7 @@ def four_bar(
             joints[pin] = InlineJoint(*pair, on_first, on_second, Z_AXIS)
         else:
             joints[pin] = RevoluteJoint(*pair, on_first, on_second, Z_AXIS, Z_AXIS)
-    forces: dict[str, AbstractForce] = {}
-    if motor is not None:
-        joints, forces = with_motor(joints, motor)
+    joints, forces = with_motor(joints, motor)
     bodies = {}
     for name, mass, length in zip(RODS, masses, lengths[:3], strict=True):
         across = mass * length**2 / 12

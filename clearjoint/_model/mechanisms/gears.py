@@ -55,14 +55,12 @@ def gear_pair(
     ['pinion bearing', 'wheel bearing', 'mesh']
     """
     # Radii of the pitch circles.
-    first, second = (0.5 * module * number for number in teeth)
+    radii = [0.5 * module * number for number in teeth]
     if law is None:
         # At a penetration of 5 um the force is 2 kN.
         law = ExactRestitution(restitution=restitution, stiffness=1.8e11)
     names, bodies, joints, states = ("pinion", "wheel"), {}, {}, {}
-    for name, radius, x, speed in zip(
-        names, (first, second), (0.0, first + second), speeds, strict=True
-    ):
+    for name, radius, x, speed in zip(names, radii, (0.0, sum(radii)), speeds, strict=True):
         mass = STEEL * math.pi * radius**2 * FACE_WIDTH
         across = mass * (3.0 * radius**2 + FACE_WIDTH**2) / 12.0
         bodies[name] = Body(mass, (across, across, 0.5 * mass * radius**2))
@@ -70,17 +68,7 @@ def gear_pair(
         joints[f"{name} bearing"] = RevoluteJoint(GROUND, name, centre, ORIGIN, Z_AXIS, Z_AXIS)
         states[name] = body_state(centre, spin=(0.0, 0.0, speed))
     joints["mesh"] = GearBacklash(
-        "pinion",
-        "wheel",
-        ORIGIN,
-        ORIGIN,
-        Z_AXIS,
-        Z_AXIS,
-        teeth_first=teeth[0],
-        teeth_second=teeth[1],
-        module=module,
-        backlash=backlash,
-        law=law,
+        *names, ORIGIN, ORIGIN, Z_AXIS, Z_AXIS, *teeth, module=module, backlash=backlash, law=law
     )
     return Scene(bodies, joints), State(states)
 
@@ -132,11 +120,10 @@ def cycloid_stage(
     """
     require_count("pins", pins, "give a number of pins")
     require_count("lobes", lobes, "give a number of lobes")
+    eccentric = np.array(X_AXIS) * eccentricity
     joints: Joints = {
         "shaft bearing": RevoluteJoint(GROUND, "shaft", ORIGIN, ORIGIN, Z_AXIS, Z_AXIS),
-        "disc bearing": RevoluteJoint(
-            "shaft", "disc", np.array(X_AXIS) * eccentricity, ORIGIN, Z_AXIS, Z_AXIS
-        ),
+        "disc bearing": RevoluteJoint("shaft", "disc", eccentric, ORIGIN, Z_AXIS, Z_AXIS),
         "output bearing": RevoluteJoint(GROUND, "output", ORIGIN, ORIGIN, Z_AXIS, Z_AXIS),
         # Seen from the shaft, the ring and the disc are a ring gear and a pinion inside it.
         "ring": GearJoint("shaft", GROUND, "disc", Z_AXIS, Z_AXIS, lobes + 1, lobes, internal=True),
@@ -170,12 +157,10 @@ def cycloid_stage(
     orientation, spin = turned_about_z(-angle / lobes), axis * (-speed / lobes)
     centre = outwards * eccentricity
     velocity = np.cross(axis, outwards) * (eccentricity * speed)
-    state = State(
-        {
-            "shaft": body_state(ORIGIN, turned_about_z(angle), spin=axis * speed),
-            "disc": body_state(centre, orientation, velocity, spin),
-            "output": body_state(ORIGIN, orientation, spin=spin),
-        }
-    )
+    states = {
+        "shaft": body_state(ORIGIN, turned_about_z(angle), spin=axis * speed),
+        "disc": body_state(centre, orientation, velocity, spin),
+        "output": body_state(ORIGIN, orientation, spin=spin),
+    }
     forces = {"load": DriveTorque(GROUND, "output", Z_AXIS, torque)}
-    return Scene(bodies, joints, forces), state
+    return Scene(bodies, joints, forces), State(states)

@@ -51,8 +51,9 @@ def quick_return(
     >>> list(scene.joints)
     ['crank bearing', 'lever bearing', 'motor', 'slot']
     """
-    foot = (-0.5 * LEVER, 0.0, 0.0)
+    crank_foot, lever_foot = (-0.5 * CRANK, 0.0, 0.0), (-0.5 * LEVER, 0.0, 0.0)
     pin, middle = (0.5 * CRANK, 0.0, 0.0), (BASE - 0.5 * LEVER, 0.0, 0.0)
+    axis = (0.0, -BASE, 0.0)
     if play is None:
         slot = PointInPlaneJoint("lever", "crank", middle, pin, Y_AXIS)
     else:
@@ -71,10 +72,8 @@ def quick_return(
         )
     # The driver's angle is that of the crank's x axis from X, while `angle` is from the vertical.
     joints = {
-        "crank bearing": RevoluteJoint(
-            GROUND, "crank", ORIGIN, (-0.5 * CRANK, 0.0, 0.0), Z_AXIS, Z_AXIS
-        ),
-        "lever bearing": RevoluteJoint(GROUND, "lever", (0.0, -BASE, 0.0), foot, Z_AXIS, Z_AXIS),
+        "crank bearing": RevoluteJoint(GROUND, "crank", ORIGIN, crank_foot, Z_AXIS, Z_AXIS),
+        "lever bearing": RevoluteJoint(GROUND, "lever", axis, lever_foot, Z_AXIS, Z_AXIS),
         "motor": PrescribedRotation(GROUND, "crank", Z_AXIS, speed, 0.5 * math.pi + angle),
         "slot": slot,
     }

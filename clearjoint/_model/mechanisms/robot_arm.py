@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import TypeAlias
 
 import numpy as np
@@ -98,6 +99,14 @@ class LinkFrame:
         axes = LinkFrame(self.origin, orientation).axes
         return LinkFrame(self.origin - axes @ link.joint(), orientation)
 
+    def state(self, centre: Components, velocity: Components, spin: Components) -> BodyState:
+        """Return the state of a body with its axes parallel to the frame's and its centre of mass
+        at `centre`, (3,) m in the frame, from the global `velocity`, m/s, of its point at the
+        frame's origin and its global `spin`, rad/s."""
+        arm, orientation = self.axes @ centre, np.asarray(pack(self.orientation))
+        position, velocity = self.origin + arm, velocity + np.cross(spin, arm)
+        return body_state(position, orientation, velocity, self.axes.T @ spin)
+
 
 BASE = LinkFrame(np.zeros(3), EulerParameters(1.0, 0.0, 0.0, 0.0))
 """The frame of the ground."""
@@ -105,10 +114,8 @@ BASE = LinkFrame(np.zeros(3), EulerParameters(1.0, 0.0, 0.0, 0.0))
 
 def frames(links: Sequence[ArmLink], angles: Sequence[float]) -> list[LinkFrame]:
     """Return `BASE`, from which a chain of links starts, and the frame of each link."""
-    frames = [BASE]
-    for link, angle in zip(links, angles, strict=True):
-        frames.append(frames[-1].after(link, angle))
-    return frames
+    steps = zip(links, angles, strict=True)
+    return list(accumulate(steps, lambda frame, step: frame.after(*step), initial=BASE))
 
 
 @dataclass(frozen=True)
@@ -139,35 +146,26 @@ def lumps() -> list[Lump]:
     return [*single[:2], Lump(mass, centre, inertia)]
 
 
+PARENTS = (GROUND, *LINKS[:2])
+"""Name of the parent body of each link."""
+LUMPS = lumps()
+
+
 def arm_states(angles: Sequence[float], speeds: Sequence[float]) -> dict[str, BodyState]:
     """Return the states of links and flanges by name, as if the joints had no backlash."""
     # The loop goes from the base outwards. Spin and velocity of the frame's origin, both in global
     # axes, are those of the preceding link until they are updated to those of link k.
     arm_frames, spin, velocity = frames(ARM, angles), np.zeros(3), np.zeros(3)
     states = {}
-    for k, (lump, speed) in enumerate(zip(lumps(), speeds, strict=True)):
+    for k, (lump, speed) in enumerate(zip(LUMPS, speeds, strict=True)):
         parent, frame = arm_frames[k], arm_frames[k + 1]
         spin = spin + speed * parent.axes[:, 2]
         # The flange only rotates about the parent's z axis; the link's frame is also tilted.
         flange = LinkFrame(parent.origin, parent.turned(angles[k]))
-        states[FLANGES[k]] = _state(flange, np.zeros(3), velocity, spin)
+        states[FLANGES[k]] = flange.state(np.zeros(3), velocity, spin)
         velocity = velocity + np.cross(spin, frame.origin - parent.origin)
-        states[LINKS[k]] = _state(frame, lump.centre, velocity, spin)
+        states[LINKS[k]] = frame.state(lump.centre, velocity, spin)
     return states
-
-
-def _state(
-    frame: LinkFrame, centre: Components, velocity: Components, spin: Components
-) -> BodyState:
-    """Return a body's state; `centre` is in `frame`, `velocity` (global) of its origin."""
-    arm, orientation = frame.axes @ centre, np.asarray(pack(frame.orientation))
-    position, velocity = frame.origin + arm, velocity + np.cross(spin, arm)
-    return body_state(position, orientation, velocity, frame.axes.T @ spin)
-
-
-PARENTS = (GROUND, *LINKS[:2])
-"""Name of the parent body of each link."""
-LUMPS = lumps()
 
 
 def robot_arm(
@@ -227,9 +225,8 @@ def robot_arm(
         motor = PrescribedRotation(parent, driven, Z_AXIS, speed, angle, orientation)
         joints[f"motor {k + 1}"] = motor
         if play is not None:
-            joints[f"play {k + 1}"] = Backlash(
-                flange, link, axis_second=axis, play=play, radius=0.05, law=law
-            )
+            backlash = Backlash(flange, link, axis_second=axis, play=play, radius=0.05, law=law)
+            joints[f"play {k + 1}"] = backlash
     states = arm_states(angles, speeds)
     scene = Scene(bodies, joints, gravity=(0.0, 0.0, -9.81))
     return scene, State({name: states[name] for name in bodies})

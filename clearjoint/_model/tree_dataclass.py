@@ -1,0 +1,15 @@
+"""Declaration of immutable dataclasses that are PyTrees, such as a force with a moment."""
+
+from dataclasses import dataclass
+from typing import TypeVar, dataclass_transform
+
+import jax
+
+T = TypeVar("T")
+
+
+@dataclass_transform(frozen_default=True)
+def tree_dataclass(kind: type[T]) -> type[T]:
+    """Make a class a frozen dataclass with slots, and register it as a PyTree node whose children
+    are its fields."""
+    return jax.tree_util.register_dataclass(dataclass(frozen=True, slots=True)(kind))
