@@ -2,7 +2,7 @@
 
 import dataclasses
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
@@ -32,17 +32,9 @@ from .._simulation.step.settings import Settings
 from .._sweeps.store.metadata import remove_abandoned, unfinished, write_dataset
 from ..quantities.base import require_known
 from .wear_depths import quadrature_times, wear_depths
-from .wear_derivatives import (
-    PARTS,
-    PROFILES,
-    MovingSpline,
-    ParameterDirection,
-    Part,
-    derivatives_in_spans,
-    directions_of,
-)
+from .wear_derivatives import MovingSpline, ParameterDirection, derivatives_in_spans, directions_of
 from .wear_growth import History, JointWear, contact_history, grow
-from .wear_rates import WearRates
+from .wear_rates import PARTS, PROFILES, Part, WearRates
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -422,15 +414,9 @@ class CycleRun:
         """
         first = self.start_time + self.settle * self.cycle
         middle, last = (first + part * self.measured * self.cycle for part in (0.5, 1.0))
+        start, settings, save = self.start_time, self.settings, Saving(steps=True)
         solution = simulate(
-            scene,
-            state,
-            last,
-            self.settings,
-            Saving(steps=True),
-            start_time=self.start_time,
-            throw=False,
-            progress=False,
+            scene, state, last, settings, save, start_time=start, throw=False, progress=False
         )
         result, shape = solution.result, (len(self.rates), len(PARTS), self.samples)
         halves = np.zeros((2, 1 + len(self.directions), *shape))
@@ -445,24 +431,16 @@ class CycleRun:
             times = [quadrature_times(solution, *span, longest) for span in spans]
             for k, instants in enumerate(times):
                 for j, (name, of_parts) in enumerate(rates.items()):
-                    halves[k, 0, j], extremes[k, j], signals = wear_depths(
-                        scene, solution, name, of_parts, instants, self.samples
-                    )
+                    of_half = wear_depths(scene, solution, name, of_parts, instants, self.samples)
+                    halves[k, 0, j], extremes[k, j], signals = of_half
                     joint = _clearance_joint(scene, name)
-                    histories[j].append(
-                        contact_history(joint, depths[j], instants, signals, self.measured)
-                    )
+                    history = contact_history(joint, depths[j], instants, signals, self.measured)
+                    histories[j].append(history)
             # `simulate` computes no derivatives. They need another run, which gives no wear.
             if self.directions:
+                along = self.directions
                 derivatives, result = derivatives_in_spans(
-                    scene,
-                    state,
-                    self.start_time,
-                    times,
-                    rates,
-                    self.directions,
-                    self.settings,
-                    self.samples,
+                    scene, state, start, times, rates, along, settings, self.samples
                 )
                 if derivatives is not None:
                     halves[:, 1:] = derivatives
@@ -643,9 +621,7 @@ class _Stages:
         return self.joint_wears(measured.histories, direct.swapaxes(0, 1))
 
     def joint_wears(
-        self,
-        histories: Sequence[History] | np.ndarray,
-        direct: Sequence[np.ndarray] | np.ndarray,
+        self, histories: Iterable[History], direct: Iterable[np.ndarray]
     ) -> list[JointWear]:
         rates = self.run.rates_of_parts
         unworn = _with_depths(self.scene, list(rates), np.zeros_like(self.depths[0][:1]))

@@ -7,7 +7,6 @@ profiles along the derivatives of their depths.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import equinox as eqx
 import jax
@@ -28,10 +27,8 @@ from .._result_codes import RESULTS
 from .._simulation.run.sensitivities import sensitivities
 from .._simulation.step.settings import Settings
 from .wear_depths import SIGNALS, Signal, depths_from_signals
+from .wear_rates import PARTS, PROFILES, Part
 
-Part = Literal["bearing", "journal"]
-PARTS: tuple[Part, Part] = ("bearing", "journal")
-PROFILES = tuple(f"{part}_profile" for part in PARTS)
 Rates = Mapping[str, tuple[float, float]]
 """Specific wear rates of bearing and journal, m^2/N, by name of the joint."""
 
@@ -130,7 +127,7 @@ def directions_of(
     return directions
 
 
-def rate_name(joint: str, part: str) -> str:
+def rate_name(joint: str, part: Part) -> str:
     """Name of a wear rate's logarithm as a parameter, such as "pin bearing rate"."""
     return f"{joint} {part} rate"
 

@@ -21,7 +21,7 @@ from .._model.clearance_joints.clearance import ClearanceJoint
 from .._model.clearance_joints.journal_bases import BASES
 from .._model.profiles import AbstractProfile, JournalInBearing, PeriodicSpline, PlanarAxes
 from .wear_depths import Signals, shares, wall_angles
-from .wear_derivatives import PROFILES
+from .wear_rates import PROFILES
 
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolution

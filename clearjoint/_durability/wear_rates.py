@@ -4,8 +4,10 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from .._fields.checks import nearest, require, require_positive
-from .wear_derivatives import PARTS, Part
 
+Part = Literal["bearing", "journal"]
+PARTS: tuple[Part, Part] = ("bearing", "journal")
+PROFILES = tuple(f"{part}_profile" for part in PARTS)
 Material = Literal[
     "brass",
     "copper-beryllium",

@@ -172,9 +172,7 @@ def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
 def moves(plan: Plan, lane: Lane, request: LaneRequest) -> Condition:
     """Return whether the next turn changes the lane; if not, it has ended or waits for the host."""
     goes = _tries_step(plan, lane, request)
-    if lane.saved is None:
-        return goes
-    return goes | _saves(lane, request)
+    return goes if lane.saved is None else goes | _saves(lane, request)
 
 
 def _tries_step(plan: Plan, lane: Lane, request: LaneRequest) -> Condition:
@@ -185,7 +183,7 @@ def _tries_step(plan: Plan, lane: Lane, request: LaneRequest) -> Condition:
         # With a full buffer the window's last time is the next one to save at. If it is infinite,
         # all states are saved, and the lane goes on.
         more = request.window[ROWS] < jnp.inf
-        goes = goes & jnp.logical_not(_save_is_due(lane, request))
+        goes = goes & jnp.logical_not(_next_save(lane, request) <= lane.run.step.t)
         goes = goes & jnp.logical_not(lane.saved.is_full() & more)
     # If further rows are wanted, a full buffer of crossings or impacts must be emptied first, or
     # the next row would be lost.
@@ -200,13 +198,9 @@ def _next_save(lane: Lane, request: LaneRequest) -> Scalar:
     return jnp.asarray(request.window)[lane.saved.count]
 
 
-def _save_is_due(lane: Lane, request: LaneRequest) -> Condition:
-    return _next_save(lane, request) <= lane.run.step.t
-
-
 def _saves(lane: Lane, request: LaneRequest) -> Condition:
     assert lane.saved is not None
-    return _save_is_due(lane, request) & jnp.logical_not(lane.saved.is_full())
+    return (_next_save(lane, request) <= lane.run.step.t) & jnp.logical_not(lane.saved.is_full())
 
 
 class Task(eqx.Module):
@@ -254,3 +248,20 @@ class Common(eqx.Module):
         """Return the scene of a lane, in scalar form."""
         tree = eqx.combine(task.varied, self.folded_scene.tree)
         return unpack(ConstantFolded(tree, self.folded_scene.patterns))
+
+    def begun(self, task: Task) -> Lane:
+        window = jnp.full(WINDOW, jnp.inf)
+        request = LaneRequest(task.end_time, task.first_step, window, self.capacity)
+        return begin_lane(self.plan, self.scene(task), task.state, self.start_time, request)
+
+    def after_turn(self, own: tuple[Task, LaneRequest], lane: Lane) -> Lane:
+        task, request = own
+        return step_lane(self.plan, self.scene(task), lane, request)
+
+    def status(self, own: tuple[Task, LaneRequest], lane: Lane) -> dict[str, PyTree]:
+        _, request = own
+        running, moving = lane.runs(self.plan, request.end_time), moves(self.plan, lane, request)
+        return {"moves": moving, "runs": running, "time": lane.run.step.t}
+
+    def outcome(self, task: Task, lane: Lane) -> Outcome:
+        return outcome(self.plan, self.scene(task), lane, task.end_time)

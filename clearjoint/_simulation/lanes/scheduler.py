@@ -32,19 +32,7 @@ from ..run.impact_recorder import ImpactRow
 from ..run.terminal import interruptions_deferred
 from ..step.dense_output import Snapshot
 from ..step.types import Numbers
-from .lane import (
-    SAVED,
-    WINDOW,
-    Common,
-    Lane,
-    LaneRequest,
-    Outcome,
-    Task,
-    begin_lane,
-    moves,
-    outcome,
-    step_lane,
-)
+from .lane import SAVED, WINDOW, Common, LaneRequest, Outcome, Task
 from .xla_lanes import XlaFunction, XlaLaneLoop, zeros_like
 
 PERIOD = 0.2
@@ -206,11 +194,12 @@ class _Programs:
         if native:
             lane = _begun(common, task)
             trees = common, (task, request), lane
-            self.loop = made_lane_loop(_lane_after_turn, _lane_status, trees)
+            self.loop = made_lane_loop(Common.after_turn, Common.status, trees)
         else:
             # XLA needs only the shapes of a lane's state, so no lane is computed for them.
             lane = zeros_like(eqx.filter_eval_shape(_begun.__wrapped__, common, task))
-            self.loop = XlaLaneLoop(_lane_after_turn, _lane_status, common, (task, request), lane)
+            functions = Common.after_turn, Common.status
+            self.loop = XlaLaneLoop(*functions, common, (task, request), lane)
 
         # Cells of the data and the state of a lane.
         self.own_cells, self.task_cells = Cells((task, request)), Cells(task).size
@@ -493,17 +482,7 @@ def _on_device(number: int) -> AbstractContextManager[object]:
     return jax.default_device(jax.local_devices()[number % jax.local_device_count()])
 
 
-@Native
-def _begun(common: Common, task: Task) -> Lane:
-    window = jnp.full(WINDOW, jnp.inf)
-    request = LaneRequest(task.end_time, task.first_step, window, common.capacity)
-    scene = common.scene(task)
-    return begin_lane(common.plan, scene, task.state, common.start_time, request)
-
-
-@Native
-def _outcome(common: Common, task: Task, lane: Lane) -> Outcome:
-    return outcome(common.plan, common.scene(task), lane, task.end_time)
+_begun, _outcome = Native(Common.begun), Native(Common.outcome)
 
 
 @Native
@@ -527,14 +506,3 @@ def _columns(
         return record.columns(system, common.channels.get(name, {}))
 
     return jax.lax.map(columns_of_row, rows)
-
-
-def _lane_after_turn(common: Common, own: tuple[Task, LaneRequest], lane: Lane) -> Lane:
-    task, request = own
-    return step_lane(common.plan, common.scene(task), lane, request)
-
-
-def _lane_status(common: Common, own: tuple[Task, LaneRequest], lane: Lane) -> dict[str, PyTree]:
-    _, request = own
-    running, moving = lane.runs(common.plan, request.end_time), moves(common.plan, lane, request)
-    return {"moves": moving, "runs": running, "time": lane.run.step.t}

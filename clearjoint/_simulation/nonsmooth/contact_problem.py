@@ -16,6 +16,7 @@ unilateral contact and friction boundary value problem, 1975). One computation o
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -28,7 +29,7 @@ from ..._dynamics.system import System
 from ..._fields.checks import require, require_range
 from ..._math.linear_solvers import inner
 from ..._math.rotations import transverse_axes
-from ..._math.smoothing import norm_and_direction
+from ..._math.smoothing import norm_and_direction, where
 from ..._math.vectors import ZERO, Condition, Scalar, Vector, add, multiply
 from ..._model.joints.base import AbstractContactJoint, Contact, Row, each_label
 from ..._model.joints.constraint_rows import row_rate
@@ -96,8 +97,8 @@ class Touch:
     gap: Scalar
     clearance: Scalar | None
     normal: Row
-    slip: tuple[Row, ...]
-    coefficient: Scalar
+    slip: tuple[Row, ...] = ()
+    coefficient: Scalar = 0.0
 
 
 def touches(scene: Scene, motions: Motions) -> list[Touch]:
@@ -142,15 +143,7 @@ def _touch(
         contact = replace(contact, side=replace(contact.side, elastic=ZERO))
     if contact.turning is not None or contact.side is not None:
         normal = Row(0.0, dict(contact_wrenches(joint, contact, 1.0, None, motions)), 0.0)
-    touch = Touch(
-        joint=name,
-        label=label,
-        gap=-contact.gap.depth,
-        clearance=contact.gap.clearance,
-        normal=normal,
-        slip=(),
-        coefficient=0.0,
-    )
+    touch = Touch(name, label, -contact.gap.depth, contact.gap.clearance, normal)
     if contact.slip is None:
         return touch
     along = _slip_direction(contact.slip, contact.normal)
@@ -168,9 +161,7 @@ def _slip_direction(slip: Vector, normal: Vector) -> Vector:
     `normal`."""
     speed, direction = norm_and_direction(slip)
     other, _ = transverse_axes(normal)
-    rests = speed == 0.0
-    parts = zip(direction, other, strict=True)
-    return Vector(*(jnp.where(rests, b, a) for a, b in parts))
+    return jax.tree.map(partial(where, speed == 0.0), other, direction)
 
 
 class ContactProblem:
@@ -303,17 +294,10 @@ class ContactProblem:
             changes = self.velocities_after([0.0] * count, change, normals, tangents)
             opening = largest_of(closed, changes) / scale
             residual = largest([normal_residual, slip_residual, opening])
+            # Tangential impulses for the next turn.
             factor, turns = _extrapolation(now, change), now.turns + 1
-            following = [a + factor * b for a, b in zip(tried, change, strict=True)]
-            return Alternation(
-                normal=normal,
-                tangential=tangential,
-                residual=residual,
-                turns=turns,
-                tried=following,
-                change=change,
-                factor=factor,
-            )
+            tried = [a + factor * b for a, b in zip(tried, change, strict=True)]
+            return Alternation(normal, tangential, residual, turns, tried, change, factor)
 
         def goes(now: Alternation) -> Condition:
             return (now.residual > TOLERANCE) & (now.turns < ALTERNATIONS)

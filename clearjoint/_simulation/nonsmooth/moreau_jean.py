@@ -33,6 +33,7 @@ from ..._dynamics.coordinates import MotionVariables
 from ..._dynamics.system import System
 from ..._math.rotations import normalised
 from ..._math.vectors import Condition, EulerParameters, Scalar, add, multiply
+from .bounded_lcp import Impulses
 from .contact_problem import ContactProblem, Touch, touches
 
 SOLVED = 1e-6
@@ -173,10 +174,7 @@ def _projection(
 
 
 def _contact_steps(
-    contacts: list[Touch],
-    impulses: Sequence[Scalar],
-    before: Sequence[Scalar],
-    after: Sequence[Scalar],
+    contacts: list[Touch], impulses: Impulses, before: Sequence[Scalar], after: Sequence[Scalar]
 ) -> dict[str, dict[str, ContactStep]]:
     # Positions move with the mean velocity, so that its product with the impulse is the work. With
     # the opposite sign, it is the energy dissipated.

@@ -165,14 +165,7 @@ def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: 
 
 def _first(rigid: Rigid, variables: MotionVariables, t: Scalar) -> RigidRun:
     zero, no_count = jnp.zeros(()), jnp.zeros((), int)
-    no_totals = ContactTotals(
-        impacts=no_count,
-        impulse=zero,
-        dissipated=zero,
-        hardest=zero,
-        fastest=zero,
-        penetration=zero,
-    )
+    no_totals = ContactTotals(no_count, zero, zero, zero, zero, zero)
     laws = rigid.system.scene.laws()
     return RigidRun(
         t=t,

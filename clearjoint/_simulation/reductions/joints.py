@@ -109,13 +109,9 @@ class AbstractLossReduction(AbstractWindowedReduction):
 
     @override
     def start(self, now: Instant) -> LossTally:
-        lost, whole = _lost(now), self._window(now).is_whole
-        return LossTally(
-            begin=now.time,
-            at_begin=lost,
-            time=None if whole else now.time,
-            at_end=None if whole else lost,
-        )
+        lost = _lost(now)
+        tally = LossTally(begin=now.time, at_begin=lost, time=now.time, at_end=lost)
+        return tally._replace(time=None, at_end=None) if self._window(now).is_whole else tally
 
     @override
     def update(self, tally: LossTally, now: Instant) -> LossTally:
@@ -130,11 +126,9 @@ class AbstractLossReduction(AbstractWindowedReduction):
             return jnp.where(now.time <= edge, lost, jnp.where(began < edge, at_edge, before))
 
         first, last = window.fractions(began, now.time)
-        return tally._replace(
-            at_begin=up_to(window.start, first, tally.at_begin),
-            time=now.time,
-            at_end=up_to(window.end, last, tally.at_end),
-        )
+        at_begin = up_to(window.start, first, tally.at_begin)
+        at_end = up_to(window.end, last, tally.at_end)
+        return tally._replace(at_begin=at_begin, time=now.time, at_end=at_end)
 
     def _inside(self, tally: LossTally, now: Instant) -> Scalar:
         return (_lost(now) if tally.at_end is None else tally.at_end) - tally.at_begin
@@ -308,20 +302,19 @@ class ArchardWear(AbstractWindowedReduction):
         return f"{base} {sector + 1}"
 
     def _rates(self, now: Instant) -> dict[str, list[Scalar]]:
-        return {base: self._rates_at(now, base) for base in BASES}
-
-    def _rates_at(self, now: Instant, base: str) -> list[Scalar]:
-        joint, force = now.scene.joints[self.joint], now.contacts[self.joint][base]
+        joint, rates = now.scene.joints[self.joint], {}
         assert isinstance(joint, HasJournal)
-        speed = sliding_speed(now, self.joint, base)
-        rate = jnp.asarray(self.coefficient / self.hardness * force.normal_force * speed, float)
-        offset = joint.journal_offset(now.motions, base)
-        # The angle about the axis, in turns, of which the whole turns are dropped.
-        turns = jnp.arctan2(offset.y, offset.x) / (2.0 * math.pi)
-        sector = jnp.floor((turns - jnp.floor(turns)) * self.sectors)
-        # Rounding may make the fraction of a turn exactly 1.
-        sector = jnp.minimum(sector, self.sectors - 1)
-        return [jnp.where(sector == k, rate, 0.0) for k in range(self.sectors)]
+        for base in BASES:
+            force, speed = now.contacts[self.joint][base], sliding_speed(now, self.joint, base)
+            rate = jnp.asarray(self.coefficient / self.hardness * force.normal_force * speed, float)
+            offset = joint.journal_offset(now.motions, base)
+            # The angle about the axis, in turns, of which the whole turns are dropped.
+            turns = jnp.arctan2(offset.y, offset.x) / (2.0 * math.pi)
+            sector = jnp.floor((turns - jnp.floor(turns)) * self.sectors)
+            # Rounding may make the fraction of a turn exactly 1.
+            sector = jnp.minimum(sector, self.sectors - 1)
+            rates[base] = [jnp.where(sector == k, rate, 0.0) for k in range(self.sectors)]
+        return rates
 
 
 def sliding_speed(now: Instant, joint: str, label: str) -> Scalar:

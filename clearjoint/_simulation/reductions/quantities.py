@@ -3,6 +3,7 @@ its quantiles over time."""
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from typing import NamedTuple, TypeAlias
 
 import equinox as eqx
@@ -15,6 +16,7 @@ from typing_extensions import override
 from ..._compilation import traced_once
 from ..._fields.checks import as_number, require, require_finite
 from ..._math.interpolation import Parabola, Point, highest_after
+from ..._math.smoothing import where
 from ..._math.vectors import Scalar
 from ...quantities.base import Instant, Quantity, numbers, require_quantity
 from .base import AbstractWindowedReduction
@@ -47,12 +49,9 @@ class PeakTally(NamedTuple):
     """Tally of `Peak`: the highest value in the window so far (minus infinity until the run reaches
     it) and its time, and the values and times at the end and at the start of the latest step."""
 
-    highest: Scalar
-    time: Scalar
-    end_value: Scalar
-    end_time: Scalar
-    start_value: Scalar
-    start_time: Scalar
+    highest: Point
+    end: Point
+    start: Point
 
 
 class Peak(AbstractQuantityReduction):
@@ -100,58 +99,46 @@ class Peak(AbstractQuantityReduction):
     @override
     def start(self, now: Instant) -> PeakTally:
         value, window = self._value(now), self._window(now)
-        highest = value
+        begin = highest = Point(now.time, value)
         if not window.is_whole:
-            highest = jnp.where(window.holds(now.time), value, -jnp.inf)
-        return PeakTally(
-            highest=highest,
-            time=now.time,
-            end_value=value,
-            end_time=now.time,
-            start_value=value,
-            start_time=now.time,
-        )
+            highest = Point(now.time, jnp.where(window.holds(now.time), value, -jnp.inf))
+        return PeakTally(highest, begin, begin)
 
     @override
     def update(self, tally: PeakTally, now: Instant) -> PeakTally:
-        # Positions of points are fractions of this step, which begins where the previous one ended.
-        # The search also uses the value at the start of the previous step: a parabola through it
-        # and both ends of this step gives the first guess of the peak. A rejected attempt has the
-        # length zero; its tally is computed too, and discarded.
-        length = now.time - tally.end_time
-        position = (tally.start_time - tally.end_time) / jnp.where(length > 0.0, length, 1.0)
-        before = Point(position, tally.start_value)
+        # Here the positions of points are fractions of this step, which begins where the previous
+        # one ended, and not times as in the tally. The search also uses the value at the start of
+        # the previous step: a parabola through it and both ends of this step gives the first guess
+        # of the peak. A rejected attempt has the length zero; its tally is computed too, and
+        # discarded.
+        length = now.time - tally.end.x
+        position = (tally.start.x - tally.end.x) / jnp.where(length > 0.0, length, 1.0)
+        before = Point(position, tally.start.value)
         value_before, value = self._at_end(now)
-        start, end = Point(0.0, tally.end_value), Point(1.0, value_before)
+        start, end = Point(0.0, tally.end.value), Point(1.0, value_before)
         # The quantity is evaluated at several instants, but traced only once.
         value_of = traced_once(self._value)
         first, last, window = start, end, self._window(now)
         if not window.is_whole:
-            a, b = window.fractions(tally.end_time, now.time)
+            a, b = window.fractions(tally.end.x, now.time)
             first = Point(a, jnp.where(a > 0.0, value_of(now.inside(a)), start.value))
             last = Point(b, jnp.where(b < 1.0, value_of(now.inside(b)), end.value))
         # The search is made even if no part of the step is in the window, because runs that
         # compiled code computes side by side cannot branch. The peak is then not used.
         peak = highest_after(lambda x: value_of(now.inside(x)), before, first, last)
-        time = tally.end_time + peak.x * length
-        rises = peak.value > tally.highest
+        rises = peak.value > tally.highest.value
         if not window.is_whole:
             rises = rises & (last.x > first.x)
-        return PeakTally(
-            highest=jnp.where(rises, peak.value, tally.highest),
-            time=jnp.where(rises, time, tally.time),
-            end_value=value,
-            end_time=now.time,
-            start_value=start.value,
-            start_time=tally.end_time,
-        )
+        peak = Point(tally.end.x + peak.x * length, peak.value)
+        highest = jax.tree.map(partial(where, rises), peak, tally.highest)
+        return PeakTally(highest, Point(now.time, value), tally.end)
 
     @override
     def results(self, tally: PeakTally, now: Instant) -> dict[str, Scalar]:
-        results = {"": tally.highest, "time": tally.time}
+        results = {"": tally.highest.value, "time": tally.highest.x}
         if self._window(now).is_whole:
             return results
-        reached = tally.highest > -jnp.inf
+        reached = tally.highest.value > -jnp.inf
         return {name: jnp.where(reached, value, jnp.nan) for name, value in results.items()}
 
     @override

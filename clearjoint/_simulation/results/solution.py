@@ -65,40 +65,35 @@ def by_contact(tables: Mapping[str, Mapping[str, T]]) -> dict[str, T]:
 def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict[str, Labelled]:
     """Return states as arrays by name of variable, with the names `rows` of additional first
     dimensions, such as ("time",), and with `prefix` in front of each variable's name."""
-    # Arrays of single bodies or contacts are stacked along a new dimension, before that of the
-    # components of vectors.
     arrays = {}
     for field in fields(BodyState):
         values = [np.asarray(getattr(body, field.name)) for body in states.bodies.values()]
         dims = (*rows, "body", STATE_PARTS[field.name][0])
         arrays[prefix + field.name] = Labelled(dims, np.stack(values, -2), *field.metadata.values())
-    if entry_speeds := by_contact(states.entry_speeds):
-        values = np.stack([*entry_speeds.values()], -1)
-        text = "speed of approach at the onset of the contact; zero in flight"
-        arrays[f"{prefix}entry_speed"] = Labelled((*rows, CONTACTS), values, "m/s", text)
-    if bristles := by_contact(states.bristles):
-        text = "deflection of the bristles, in the axes of the joint's first body"
-        dims = (*rows, BRISTLES, COMPONENT)
-        values = np.stack([*bristles.values()], -2)
-        arrays[f"{prefix}bristle_deflection"] = Labelled(dims, values, "m", text)
-    if memory := by_contact(states.memory):
-        values = np.stack([*memory.values()], -1)
-        text = "numbers that sampled forces remember, in SI units"
-        arrays[f"{prefix}memory"] = Labelled((*rows, MEMORY), values, None, text)
-    if states.work:
-        text = "integrals of the energy ledger; friction includes the elastic energy of bristles"
-        values = np.stack([np.asarray(integral) for integral in states.work.values()], -1)
-        arrays[f"{prefix}ledger"] = Labelled((*rows, "integral"), values, "J", text)
+    of_entry = "speed of approach at the onset of the contact; zero in flight"
+    of_bristle = "deflection of the bristles, in the axes of the joint's first body"
+    of_memory = "numbers that sampled forces remember, in SI units"
+    of_ledger = "integrals of the energy ledger; friction includes the elastic energy of bristles"
+    # Arrays of single contacts are stacked along a new dimension, before that of the components of
+    # vectors.
+    for name, parts, dims, unit, text in (
+        ("entry_speed", by_contact(states.entry_speeds), (CONTACTS,), "m/s", of_entry),
+        ("bristle_deflection", by_contact(states.bristles), (BRISTLES, COMPONENT), "m", of_bristle),
+        ("memory", by_contact(states.memory), (MEMORY,), None, of_memory),
+        ("ledger", states.work, ("integral",), "J", of_ledger),
+    ):
+        if parts:
+            values = np.stack([np.asarray(part) for part in parts.values()], -len(dims))
+            arrays[prefix + name] = Labelled((*rows, *dims), values, unit, text)
     return arrays
 
 
 def state_labels(states: State) -> dict[str, Labelled]:
     """Return the labels along each dimension of the arrays of `state_arrays`."""
-    labels = {"body": [*states.bodies], **LABELS}
-    labels[CONTACTS] = [*by_contact(states.entry_speeds)]
-    labels[BRISTLES] = [*by_contact(states.bristles)]
-    labels[MEMORY] = [*by_contact(states.memory)]
-    labels["integral"] = [*states.work]
+    labels = {"body": [*states.bodies], **LABELS, "integral": [*states.work]}
+    of_contacts = states.entry_speeds, states.bristles, states.memory
+    for dim, parts in zip((CONTACTS, BRISTLES, MEMORY), of_contacts, strict=True):
+        labels[dim] = [*by_contact(parts)]
     return {name: Labelled((name,), texts(own)) for name, own in labels.items() if own}
 
 
@@ -440,16 +435,15 @@ def run_text(
         lines = [*lines, f"redundant constraints: {names}"]
     bodies = list(final.bodies.items())
     for name, body in bodies[:SHOWN_BODIES]:
-        position, velocity = (_triple(vector) for vector in (body.position, body.velocity))
+        position, velocity = (
+            f"({', '.join(f'{number:.6g}' for number in np.asarray(vector))})"
+            for vector in (body.position, body.velocity)
+        )
         lines = [*lines, f"{name!r} at {position} m with {velocity} m/s"]
     if len(bodies) > SHOWN_BODIES:
         lines = [*lines, f"... and {len(bodies) - SHOWN_BODIES} more in `final.bodies`"]
     head = f"{type(run).__name__} at t = {float(run.time):.9g} s: {RESULTS[run.result]}"
     return "\n  ".join([head, *lines])
-
-
-def _triple(vector: Numbers) -> str:
-    return f"({', '.join(f'{number:.6g}' for number in np.asarray(vector))})"
 
 
 class SimulationError(RuntimeError):

@@ -20,7 +20,7 @@ from jaxtyping import PyTree
 from typing_extensions import override
 
 from ..._compilation import traced_once
-from ..._math.vectors import Scalar
+from ..._math.vectors import Condition, Scalar
 from ..._model.bodies import State
 from ..._native import Native
 from ..._parametrisation.parametrised_scene import DirectedScene
@@ -133,14 +133,8 @@ class Adjoint(eqx.Module):
         systems = self.systems(values)
         reductions = {name: ReductionRecorder(of) for name, of in self.reductions.items()}
         recorders = {STEPS: AcceptedSteps(rows), REDUCTIONS: reductions}
-        return RunLoop(
-            self.scheme.method,
-            systems.system(),
-            self.own_end,
-            recorders,
-            family=systems,
-            attempt=traced_once(attempt),
-        )
+        method, system, tried = self.scheme.method, systems.system(), traced_once(attempt)
+        return RunLoop(method, system, self.own_end, recorders, family=systems, attempt=tried)
 
     def start(self, values: PyTree, rows: int) -> Progress:
         family = replace(self.family, values=values)
@@ -162,12 +156,12 @@ def segment(
     """Continue a run to its end, a failure, the limit of attempts, or a full buffer of steps."""
     loop = run.loop(values, ROWS)
     rows = loop.recorders[STEPS].start(RunStart(loop, step))
-    now = loop.until(
-        run.own_end,
-        Progress(step, {STEPS: rows, REDUCTIONS: tallies}),
-        run.max_steps,
-        lambda now: jnp.logical_not(now.records[STEPS].is_full()),
-    )
+
+    def has_room(now: Progress) -> Condition:
+        return jnp.logical_not(now.records[STEPS].is_full())
+
+    begin = Progress(step, {STEPS: rows, REDUCTIONS: tallies})
+    now = loop.until(run.own_end, begin, run.max_steps, has_room)
     return now.step, now.records[REDUCTIONS], now.records[STEPS]
 
 

@@ -195,18 +195,10 @@ class Run:
         # The end is a further time to save at, so that the run continues after the last of the
         # requested times.
         times = None if save_at is None else jnp.append(save_at, self.end)
-        program = self.scheme, self.folded_scene
-        rest = (
-            self.recorders,
-            step,
-            records,
-            times,
-            self.end,
-            jnp.asarray(max_steps),
-            self.requested.quantities,
-        )
+        program, quantities = (self.scheme, self.folded_scene), self.requested.quantities
+        rest = step, records, times, self.end, jnp.asarray(max_steps), quantities
+        run = segment(*program, self.recorders, *rest)
         # JAX's own error about the loops of steps does not say what to call instead.
-        run = segment(*program, *rest)
         step, _, _, saved = eqxi.nondifferentiable_backward(run, msg=REVERSE_MODE)
         final, result, _, _ = _end_of(*program, {}, {}, step, self.end)
         trajectory, count, values = None, None, {}

@@ -4,9 +4,9 @@ Runs at several values of the parameters are computed side by side, in lanes of 
 are the transposes of their steps.
 """
 
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
 from typing import NamedTuple, TypeVar
@@ -44,7 +44,6 @@ when the backward loop needs them."""
 LANE_ROWS = 256
 """Largest number of steps of a lane between two visits of Python. Eight lanes then occupy some
 megabytes, which is near to the size of the processor's second cache."""
-L = TypeVar("L")
 T = TypeVar("T")
 
 
@@ -122,7 +121,10 @@ class Recorder:
             return runs[number].pulled_outputs(cotangents[number])
 
         slopes = None
-        if len(runs) > 1 and self.has_lanes and all(run.is_kept() for run in runs):
+        # Lanes need all rows at once.
+        segments = [segment for run in runs for segment in run.segments]
+        is_kept = all(segment.rows is not None for segment in segments)
+        if len(runs) > 1 and self.has_lanes and is_kept:
             slopes = self._or_refused(lambda: _gradients_in_lanes(self, runs, seeds_of))
         return slopes or [run.gradient(seeds_of(number)) for number, run in enumerate(runs)]
 
@@ -182,9 +184,8 @@ class RecordedRun:
         for name, reduction in self.recorder.outputs.reductions.items():
             instants[name] = reduction.instants(self._results.get(name, {}), (origin, end))
             # Instants of a window that the run does not reach don't increase, or are not finite.
-            is_reached = bool(
-                np.all(np.diff(instants[name]) > 0.0) & np.all(np.isfinite(instants[name]))
-            )
+            row = np.asarray(instants[name])
+            is_reached = bool((np.diff(row) > 0.0).all() and np.isfinite(row).all())
             argument, remedy = f"outputs[{name!r}]", "give a window that the run reaches"
             require(is_reached, argument, reduction, "a reduction over a part of the run", remedy)
         further = [t - origin for group in instants.values() for t in group]
@@ -258,12 +259,6 @@ class RecordedRun:
     def places(self) -> np.ndarray:
         """Numbers of the steps in which quantities are evaluated."""
         return self._samples.places
-
-    def is_kept(self) -> bool:
-        return all(segment.rows is not None for segment in self.segments)
-
-    def rows(self) -> np.ndarray:
-        return np.concatenate([self.rows_of(segment) for segment in self.segments])
 
     def gradient(self, seeds: "Seeds") -> PyTree:
         """Return the derivatives, by all parameters, of the sum of the run's tangents times
@@ -408,36 +403,30 @@ def _status_of_pulled_lane(shared: PyTree, own: PyTree, now: Pulled) -> dict[str
 def _through(
     loop: LaneLoop,
     shared: PyTree,
-    lanes: Sequence[L],
-    begin: Callable[[L], tuple[np.ndarray, np.ndarray]],
-    serve: Callable[[L, np.ndarray, bool], bool],
+    count: int,
+    begin: Callable[[int], tuple[np.ndarray, np.ndarray]],
+    serve: Callable[[int, np.ndarray, bool], bool],
 ) -> None:
     """Run lanes in the columns of a loop, one after the other. `begin` returns the cells of a
     lane's own data and of its state. Each time that the loop has returned, `serve` is called for
     each lane, with the cells of its column and whether it moves; it returns whether the lane goes
     on."""
-    columns, waiting = loop.columns(shared), deque(lanes)
+    columns, waiting = loop.columns(shared), deque(range(count))
     # The lane in each column; ``None`` for an empty one.
-    slots: list[L | None] = [None] * loop.width
+    slots: list[int | None] = [None] * loop.width
     while True:
-        for number, lane in enumerate(slots):
+        for column, lane in enumerate(slots):
             if lane is None and waiting:
-                lane = slots[number] = waiting.popleft()
-                loop.write_lane(columns, number, *begin(lane))
+                lane = slots[column] = waiting.popleft()
+                loop.write_lane(columns, column, *begin(lane))
         if all(lane is None for lane in slots):
             return
         loop.run(columns)
         moves = loop.status_of(columns)["moves"].tolist()
-        for number, lane in enumerate(slots):
-            if lane is not None and not serve(lane, columns.floats[:, number], moves[number]):
-                loop.leave(columns, number)
-                slots[number] = None
-
-
-@dataclass
-class _RunningLane:
-    number: int
-    rows: list[np.ndarray] = field(default_factory=list)
+        for column, lane in enumerate(slots):
+            if lane is not None and not serve(lane, columns.floats[:, column], moves[column]):
+                loop.leave(columns, column)
+                slots[column] = None
 
 
 def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Recording]:
@@ -445,6 +434,8 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
     that are too long to be kept."""
     run, own = recorder.run, Cells(values[0])
     recordings: dict[int, _Recording] = {}
+    # Rows that the host has read so far, by the number of the run.
+    rows_of_runs: dict[int, list[np.ndarray]] = defaultdict(list)
     begin_rows = _begun_lane.native.bound(run, values[0])
     stacked = jax.tree.map(lambda *leaves: np.stack(leaves), *values)
     numbers, cells = own.rows(stacked), begin_rows.results
@@ -456,31 +447,34 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
     rows_from, count_at = start + int(places.rows[0, 0]), start + int(places.count)
     runs_at = loop.status["runs"].start
 
-    def begin(lane: _RunningLane) -> tuple[np.ndarray, np.ndarray]:
-        numbers_of_lane = numbers[lane.number]
-        return numbers_of_lane, begin_rows(numbers_of_lane[None])[0]
+    def begin(number: int) -> tuple[np.ndarray, np.ndarray]:
+        return numbers[number], begin_rows(numbers[number][None])[0]
 
-    def serve(lane: _RunningLane, column: np.ndarray, moves: bool) -> bool:
+    def serve(number: int, column: np.ndarray, moves: bool) -> bool:
         integers = column.view(np.int64)
         count = int(integers[count_at])
         # Lanes that will soon be full are emptied with those that are, since they would stop all.
         if moves and count < LANE_ROWS // 2:
             return True
         rows = column[rows_from : rows_from + count * width].reshape(count, width)
-        lane.rows.append(np.array(rows))
+        read = rows_of_runs[number]
+        read.append(np.array(rows))
         integers[count_at] = 0
         # The run goes on with an empty buffer, unless it has too many steps to be kept.
         if integers[runs_at]:
-            return sum(rows.nbytes for rows in lane.rows) <= KEPT_BYTES
+            if sum(rows.nbytes for rows in read) <= KEPT_BYTES:
+                return True
+            del rows_of_runs[number]
+            return False
         last = cells.tree(column[loop.state_cells])
-        rows = np.concatenate(lane.rows)
+        rows = np.concatenate(rows_of_runs.pop(number))
         # All rows are kept, so that no segment is computed again from a `start`.
         pieces = (rows[k : k + adjoint.ROWS] for k in range(0, len(rows), adjoint.ROWS))
         segments = [_Segment(np.zeros(0), piece[:, -1].copy(), piece) for piece in pieces]
-        recordings[lane.number] = _Recording(segments, last.step, last.records[REDUCTIONS])
+        recordings[number] = _Recording(segments, last.step, last.records[REDUCTIONS])
         return False
 
-    _through(loop, run, [_RunningLane(k) for k in range(len(values))], begin, serve)
+    _through(loop, run, len(values), begin, serve)
     return recordings
 
 
@@ -532,7 +526,7 @@ def _gradients_in_lanes(
 
     def begin(number: int) -> tuple[np.ndarray, np.ndarray]:
         run, seeds = runs[number], seeds_of(number)
-        rows = run.rows()
+        rows = np.concatenate([run.rows_of(segment) for segment in run.segments])
         lane = lanes[number] = _PulledLane(run, rows, seeds, seeds.steps_needed())
         steps, count = lane.next_steps(0, room)
         after = Pulled(np.asarray(count), np.zeros(tangents), seeds.total)
@@ -553,7 +547,7 @@ def _gradients_in_lanes(
         return True
 
     lanes: dict[int, _PulledLane] = {}
-    _through(loop, shared, range(len(runs)), begin, serve)
+    _through(loop, shared, len(runs), begin, serve)
     return slopes
 
 

@@ -209,14 +209,8 @@ def sensitivities(
     coordinates = coordinates_of(scene, state, parameters)
     family = parametrised(scene, state, in_scene(parameters), coordinates)
     span = start_time, end_time, settings.length_of_first_step(start_time, end_time)
-    arguments = (
-        scheme,
-        family,
-        quantities,
-        run_times,
-        *(np.asarray(t, float) for t in span),
-        np.asarray(settings.max_steps, int),
-    )
+    numbers = *(np.asarray(t, float) for t in span), np.asarray(settings.max_steps, int)
+    arguments = scheme, family, quantities, run_times, *numbers
     with compiling_bar(progress):
         run = recorded_run(arguments, requested.recorders(), saved is not None, save.impacts)
         values, derivatives = run.values, run.derivatives
@@ -224,6 +218,13 @@ def sensitivities(
             numbers = values, derivatives, run_times - start_time, coordinates
             values, derivatives = with_sensor_errors(sensors, *numbers)
     rows = _reached_rows(run, all_times, sample_times)
+    states, impacts = None, None
+    if saved is not None:
+        saved_rows = _reached_rows(run, all_times, saved)
+        states = pack(jax.tree.map(lambda leaf: leaf[saved_rows], run.states))
+        states = Trajectory(saved[: len(saved_rows)], states)
+    if save.impacts:
+        impacts = Impacts.of_rows(impact_rows_of(run.records[IMPACTS], start_time))
     result = Sensitivities(
         parameters=tuple(parameters),
         times=sample_times[: len(rows)],
@@ -234,10 +235,8 @@ def sensitivities(
         result=run.result,
         attempts=int(run.attempts),
         accepted=int(run.accepted),
-        saved=None if saved is None else _saved_states(run, all_times, saved),
-        impacts=Impacts.of_rows(impact_rows_of(run.records[IMPACTS], start_time))
-        if save.impacts
-        else None,
+        saved=states,
+        impacts=impacts,
         units={n: q.unit for n, q in quantities.items() if getattr(q, "unit", None)},
         scales=tuple(p.scale.label(name) for name, p in parameters.items()),
         settings=setting_notes(vars(settings)),
@@ -263,14 +262,6 @@ def _reached_rows(
     """Return the indices in `all_times`, those of a run, of the `times` that the run reached."""
     rows = np.searchsorted(all_times, times)
     return rows[run.reached[rows]]
-
-
-def _saved_states(
-    run: Sampled, all_times: Float[np.ndarray, " N"], times: Float[np.ndarray, " some"]
-) -> Trajectory:
-    rows = _reached_rows(run, all_times, times)
-    states = jax.tree.map(lambda leaf: leaf[rows], run.states)
-    return Trajectory(times[: len(rows)], pack(states))
 
 
 AMPLIFIED = 1.0

@@ -277,8 +277,13 @@ def settle(
     shown = {"desc": "settle", "bar_format": text, "leave": False, "disable": not progress}
     with ProgressBar(total=periods, **shown) as bar:
         while kind is None:
+            # `PHASES` states in each of the `BLOCK` periods, the last one at the end.
+            times = time + length * np.arange(1, PHASES * BLOCK + 1) / PHASES
+            # A run may have more than `BLOCK` crossings, because the span is a rough guess.
+            outputs = {} if section is None else {SECTION: replace(section, count=ROOM, after=time)}
+            options = {"outputs": outputs, "start_time": time, "throw": False, "progress": False}
             try:
-                block = _block(scene, state, settings, time, length, section)
+                block = simulate(scene, state, float(times[-1]), settings, Saving(times), **options)
             except RunInterrupted as stopped:
                 raise RunInterrupted(_joined([*blocks, stopped.solution])) from stopped
             state, time, result = block.final, float(block.time), block.result
@@ -325,24 +330,6 @@ def _kind(strobe: Strobe, multiple: int | None, is_last: bool) -> Settling | Non
         return None
     # Statistics need all periods, so they are compared only after the last block.
     return Settling.STATIONARY if strobe.statistics_settled() else Settling.UNSETTLED
-
-
-def _block(
-    scene: Scene,
-    state: State,
-    settings: Settings,
-    time: float,
-    length: float,
-    section: Section | None,
-) -> Solution:
-    # `PHASES` states in each of the `BLOCK` periods, the last one at the end.
-    times = time + length * np.arange(1, PHASES * BLOCK + 1) / PHASES
-    outputs = {}
-    if section is not None:
-        # A run may have more than `BLOCK` crossings, because the span is a rough guess.
-        outputs[SECTION] = replace(section, count=ROOM, after=time)
-    options = {"outputs": outputs, "start_time": time, "throw": False, "progress": False}
-    return simulate(scene, state, float(times[-1]), settings, Saving(times), **options)
 
 
 def _require_few_crossings(block: Solution, span: float | None) -> None:

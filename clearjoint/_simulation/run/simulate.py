@@ -23,16 +23,9 @@ from ..step.dense_output import require_dense
 from ..step.method import Scheme
 from ..step.settings import Settings, check_span, settings_or
 from ..step.types import Numbers
+from . import run_checks
 from .host_run import Run, begin, recorders_of
 from .outputs import RECORDED, Output, requested_by
-from .run_checks import (
-    check_numbers,
-    check_precision,
-    check_start,
-    flattened_arrays,
-    in_domain,
-    is_traced,
-)
 from .saving import EXCEPT_TIMES, Saving
 from .terminal import RunInterrupted
 
@@ -109,17 +102,17 @@ def simulate(
     settings, requested = settings_or(settings, presets.default), requested_by(outputs, save)
     requested.check_names()
     save = requested.save
-    check_precision(settings.allow_float32)
+    run_checks.check_precision(settings.allow_float32)
     # 1. Checks of the arguments.
-    flat = flattened_arrays(scene, state)
+    flat = run_checks.flattened_arrays(scene, state)
     scene, state = flat.arguments
-    traced = flat.traced or is_traced((end_time, start_time, settings.numbers))
+    traced = flat.traced or run_checks.is_traced((end_time, start_time, settings.numbers))
     redundant: tuple[str, ...] = ()
     times: Numbers | None = None
     admissible = None
 
     def check_all_numbers() -> None:
-        check_numbers(scene, state)
+        run_checks.check_numbers(scene, state)
         check_span(start_time, end_time)
         settings.check_numbers()
         save.times_between(scene, start_time, end_time)
@@ -128,11 +121,11 @@ def simulate(
         # Values are unknown while JAX traces: their checks become a condition of the program.
         save.require_none(EXCEPT_TIMES, UNDER_JAX, LEAVE_OUT)
         requested.refuse(RECORDED, f"a quantity {UNDER_JAX}", LEAVE_OUT)
-        times, admissible = save.at(scene), in_domain(check_all_numbers)
+        times, admissible = save.at(scene), run_checks.in_domain(check_all_numbers)
     else:
         check_span(start_time, end_time)
         times = save.times_between(scene, start_time, end_time)
-        redundant = check_start(scene, state, start_time, settings.coordinates, flat)
+        redundant = run_checks.check_start(scene, state, start_time, settings.coordinates, flat)
     requested.check(scene, settings.ledger)
     # 2. The run before its first step. Vector components that are exactly 0 or 1 are constants of
     # the compiled program.

@@ -14,17 +14,11 @@ from ..._fields.types import Single
 from ..._math.stacked import stacked, unstacked
 from ..._math.vectors import Condition, Scalar
 from ..._result_codes import RESULTS
+from . import step_length
 from .discontinuities import has_undeclared_jump, may_have_undeclared_jump
 from .landing import Landing
 from .rotation_limit import LARGEST, TARGET, rotation_in
 from .settings import DEFAULT_RTOL
-from .step_length import (
-    length_after_breakpoints,
-    lengths_after_contacts,
-    magnitudes,
-    tangent_sizes,
-    with_relative_bristles,
-)
 from .step_state import ControllerState, Method, Proposal, Rejection, Step, choose
 from .trial_step import Trial, error_order, may_jump, slopes_may_jump
 
@@ -99,7 +93,7 @@ def decide_step(
             decision, method.landing, step, trial, full_length
         )
     elif has_breakpoints(system.scene) or method.rotating:
-        full_length = length_after_breakpoints(step, t1, decision.keep, full_length)
+        full_length = step_length.length_after_breakpoints(step, t1, decision.keep, full_length)
         start = jnp.where(decision.keep, t1, step.t)
         decision = decision._replace(t_next=start + full_length)
     keep = decision.keep
@@ -161,7 +155,7 @@ def _landed(
     passes, landing_time = landing.retry(step.contact_gaps, after, step.t, t1)
     lands = decision.keep & passes
     decision = decision.repeated(Rejection.CONTACT, lands, landing_time, step.proposal)
-    lengths = lengths_after_contacts(step, after, t1, decision.keep, lands, full_length)
+    lengths = step_length.lengths_after_contacts(step, after, t1, decision.keep, lands, full_length)
     following = jnp.where(decision.keep, t1, step.t) + lengths[0]
     return decision._replace(t_next=jnp.where(lands, landing_time, following)), *lengths
 
@@ -193,37 +187,32 @@ def _controller_decision(method: Method, system: System, step: Step, trial: Tria
     both, errors of tangents are first divided by `method.derivative_tolerance`."""
 
     def scaled(y: PyTree) -> PyTree:
-        return with_relative_bristles(unstacked(y), system.scene) if has_bristles else y
+        return step_length.with_relative_bristles(unstacked(y), system.scene) if has_bristles else y
 
     has_bristles = bool(system.scene.bristle_laws())
 
     # Deflections of bristles are micrometres: they and their errors are divided by the deflection
     # at full friction, so that the same tolerance suits them.
-    before, after = (magnitudes(scaled(y)) for y in (step.y, trial.outcome.y))
+    before, after = (step_length.magnitudes(scaled(y)) for y in (step.y, trial.outcome.y))
     error = scaled(trial.outcome.error)
     if trial.tangents is not None:
         assert step.tangents is not None and method.derivative_tolerance is not None
         tolerance = method.derivative_tolerance
         along_before, along_after = (
-            magnitudes(scaled(t)) for t in (step.tangents.y, trial.tangents.y)
+            step_length.magnitudes(scaled(t)) for t in (step.tangents.y, trial.tangents.y)
         )
-        before = stacked(before), stacked(tangent_sizes(system, before, along_before))
-        after = stacked(after), stacked(tangent_sizes(system, after, along_after))
+        before = stacked(before), stacked(step_length.tangent_sizes(system, before, along_before))
+        after = stacked(after), stacked(step_length.tangent_sizes(system, after, along_after))
         along = jax.tree.map(lambda e: e / tolerance, scaled(trial.tangents.error))
         error = stacked(error), stacked(along)
     else:
         before, after, error = map(stacked, (before, after, error))
     # `wrap(1)` tells diffrax's controller that time runs forward. Its second result, the start of
     # the next step, is not used: each step begins where the last accepted one has ended.
-    keep, _, t_next, made_jump, state, result = method.controller.wrap(1).adapt_step_size(
-        step.t,
-        trial.t1,
-        before,
-        after,
-        (system, step.entry_speeds),
-        error,
-        error_order(method),
-        step.proposal.controller_state,
+    controller, last_state = method.controller.wrap(1), step.proposal.controller_state
+    args, order = (system, step.entry_speeds), error_order(method)
+    keep, _, t_next, made_jump, state, result = controller.adapt_step_size(
+        step.t, trial.t1, before, after, args, error, order, last_state
     )
     too_long = jnp.logical_not(keep)  # of a controller with fixed steps, `keep` is a Python number
     reasons: dict[str, Condition] = {

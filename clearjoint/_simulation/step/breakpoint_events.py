@@ -14,7 +14,6 @@ from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import PyTree
 from typing_extensions import override
 
 from ..._dynamics.breakpoints import (
@@ -24,7 +23,6 @@ from ..._dynamics.breakpoints import (
     since_breakpoints,
 )
 from ..._dynamics.contact_forces import EntrySpeeds
-from ..._dynamics.coordinates import MotionVariables
 from ..._dynamics.kinds import Kinds
 from ..._dynamics.sampled_forces import HeldForce, sampled_forces, updated_memory, with_forces
 from ..._dynamics.system import System
@@ -175,14 +173,13 @@ def _past_samples(
     time for which the changed forces have acted at t; both have only derivatives."""
     fixed, still, speeds = constant((system, y, entry_speeds))
 
-    def motions_at(motion: MotionVariables) -> PyTree[Scalar]:
-        return jax.tree.map(partial(jnp.asarray, dtype=float), fixed.motions(motion))
-
     forces, motions = sampled_forces(system.scene), system.motions(y.motion)
     kinds = Kinds(system.scene)
     if differentiated:
         rates = rates_of(fixed, still, speeds, before).motion
-        motion_rates = jax.jvp(motions_at, (still.motion,), (rates,))[1]
+        # `jax.jvp` demands floats, but components may be Python numbers.
+        as_floats = partial(jax.tree.map, partial(jnp.asarray, dtype=float))
+        motion_rates = jax.jvp(lambda y: as_floats(fixed.motions(y)), (still.motion,), (rates,))[1]
     now, changes = y.memory, []
     for name, instants in sampled.items():
         for key, (lands, at) in instants.items():

@@ -197,12 +197,8 @@ def attempt(
         inside = TangentsInside(step.tangents.entry_speeds, trial.tangents.information)
     # Both outcomes are computed and one is selected leaf by leaf: lanes of a batch accept and
     # reject independently, and an accepted step of one lane must not depend on another lane.
-    following = replace(
-        choose(keep, accepted, step),
-        proposal=proposal,
-        result=result,
-        attempts=step.attempts + 1,
-    )
+    chosen, attempts = choose(keep, accepted, step), step.attempts + 1
+    following = replace(chosen, proposal=proposal, result=result, attempts=attempts)
     return Attempt(
         step=following,
         accepted=keep,

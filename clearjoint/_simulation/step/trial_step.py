@@ -161,33 +161,28 @@ def solved_step(
     def advance(
         system: System, y: Variables, entry_speeds: EntrySpeeds, solver_state: SolverState
     ) -> tuple[SolverStep, diffrax.RESULTS]:
+        args = system, entry_speeds
         if slopes_may_jump(method, system.scene):
             # The solver has kept the rates at the end of the last step, computed with the contacts
             # that were closed in that step. If a contact has begun or ended, the kept rates still
             # hold, but their tangents do not, because the slope of a force jumps. The solver's
-            # state is then computed anew. In this function, `start` are the arguments of the
-            # solver's method `init` after the term.
-            kept, start = solver_state, (step.t, t1, y, (system, entry_speeds))
-            solver_state = jax.lax.cond(
-                step.proposal.made_jump,
-                lambda: method.solver.init(term_of(method, step, family), *start),
-                lambda: kept,
-            )
+            # state is then computed anew.
+            kept = solver_state
+
+            def computed_anew() -> SolverState:
+                return method.solver.init(term_of(method, step, family), step.t, t1, y, args)
+
+            made = step.proposal.made_jump
+            solver_state = jax.lax.cond(made, computed_anew, lambda: kept)
+        term = term_of(method, step, family)
         y1, error, information, solver_state, result = method.solver.step(
-            term_of(method, step, family),
-            step.t,
-            t1,
-            y,
-            (system, entry_speeds),
-            solver_state,
-            made_jump,
-            **options,
+            term, step.t, t1, y, args, solver_state, made_jump, **options
         )
         y1 = stabilised(system, y1, one_sided_time(system, step.t, t1))
         y1, solver_state = _without_drift(system, y1, solver_state)
         return SolverStep(y1, error, information, solver_state), result
 
-    # The arguments of `advance` after the system; not the tuple `start` inside of that function.
+    # The arguments of `advance` after the system.
     start = step.y, step.entry_speeds, step.solver_state
     tangents = None
     if family is None:
