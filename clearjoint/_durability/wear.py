@@ -41,15 +41,16 @@ if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
 FIRST_CHANGE = 0.2
-"""Change of the worn depth in the first stage, relative to the largest penetration beyond the onset
-of the force."""
+"""Change of the worn depth in the first stage, relative to the penetration from the force's
+onset."""
 GROWTH = 2.0
 """Largest number of cycles of a stage, divided by that of the stage before; the spline of
 `cycles_to_depth` through the stages then has an error of about 1e-3."""
 SHORTENED = 0.25
 """Number of cycles of a stage, divided by that of a stage after which the run failed."""
 FEWEST_CHANGE = 1e-3
-"""Change of the worn depth, relative to that of the first stage, below which none is shortened."""
+"""Change of the worn depth in a stage, relative to the first one's, below which it is not
+shortened."""
 SETTLING_RUNS = 8
 """Largest number of runs after a stage until the motion is periodic."""
 LEAST_PENETRATION = 1e-12
@@ -59,8 +60,8 @@ INTEGRATION = 0.02
 CONTACTS = ("contacts", "direct")
 """Variables of a store that are no part of the result: fields of `JointWear`."""
 FEWEST_SAMPLES = 8
-"""Smallest number of angles. With 8 of them a cubic B-spline, which is four spacings wide, covers
-half of the circumference."""
+"""Smallest number of angles: a cubic B-spline, four spacings wide, covers half of the
+circumference."""
 EXTREMES = {"penetration": "m", "force": "N"}
 """Unit of each quantity, by name, of which a result contains the largest value in each stage."""
 STEPS_PER_SAMPLE = 16
@@ -115,18 +116,18 @@ def wear(
       they must not select a number of a profile that wears. The logarithms of the positive wear
       rates are additional parameters, with names such as "pin bearing rate". For the derivatives,
       the number of cycles before each stage is held fixed. They are valid if the motion has settled
-      before the measured cycles.
+      before.
     - `settle`: number of cycles of a run before the wear is measured; `measured`: number of cycles
       that are measured, even. Their first and second half must agree to the relative `tolerance`:
       in the sum of the depths that wear off each joint, and in the sum of the derivatives with
       respect to each parameter. A motion that is not periodic needs many measured cycles.
     - `stage_error`: largest correction of the depths of a stage, relative to the joint's largest
       depth plus its penetration from the onset of the force. The corrected depths have a smaller
-      error. For differences between results take 1e-4, since the integration has a relative error
-      of about a fiftieth of it.
+      error. For differences between results take 1e-4: the integration is about fifty times as
+      accurate.
     - `largest_change`: largest change of depth in a stage, m; by default not limited. A stage has
-      at most twice the cycles of the one before, and the depth changes by a fifth of the
-      penetration in the first one.
+      at most twice the cycles of the one before, and the first changes the depth by a fifth of the
+      penetration.
     - `samples`: number of angles around the wall and around the journal, at least 8.
     - `stages`: largest number of stages.
     - `depth`: m; the computation also ends when the deepest point of a part has lost this depth.
@@ -296,12 +297,10 @@ def _reached(cycles: np.ndarray, depths: np.ndarray, depth: float) -> tuple["Cub
 def life_derivatives(
     found: "xr.Dataset", depth: float, joint: str, part: Part = "bearing"
 ) -> dict[str, float]:
-    """Return the derivatives of `clearjoint.cycles_to_depth` with respect to the parameters of a
-    result of `clearjoint.wear`.
+    """Return the derivatives of `clearjoint.cycles_to_depth` by the parameters of a wear result.
 
     They are numbers of cycles per unit of each parameter's coordinate, by name: for a parameter
-    with the scale `Log`, per unit of its natural logarithm. All are NaN if the depth was not
-    reached.
+    with the scale `Log`, per unit of its natural logarithm. NaN if the depth was not reached.
 
     **Raises:** `ValueError` if the result has no derivatives, or the depth is not positive.
 
@@ -342,9 +341,8 @@ def life_derivatives(
 class CycleRun:
     """Arguments of `wear`, checked by `check`; `measure` makes the run of a stage with them.
 
-    `directions` has, by name, the parameters and the logarithms of the wear rates. The `repr` and
-    `cycles` are parts of the digest of a store; the other fields may change when a stored
-    computation is continued.
+    `directions` has, by name, the parameters and the logarithms of the wear rates. A store is
+    recognised by the `repr` and the `cycles`; other fields may change when it is continued.
     """
 
     rates: Mapping[str, WearRates]
@@ -406,8 +404,7 @@ class CycleRun:
     def measure(
         self, scene: Scene, state: State, depths: Float[np.ndarray, "joints 2 samples"]
     ) -> "_Measured":
-        """Run the cycles of one stage and return the wear per cycle, its derivatives and the state
-        after the run.
+        """Return the wear per cycle by a run of a stage, its derivatives and the final state.
 
         The wear is zero if the run, or that of the derivatives, failed; `failure` of the result
         then says why. `depths` are those that the scene's joints have lost.
@@ -474,8 +471,7 @@ class _Measured(NamedTuple):
 
     - `halves`: (2, 1 + p, J, 2, samples) m, for each half of the measured cycles: the depths of
       bearing and journal per cycle, then their derivatives with respect to each of p parameters.
-    - `extremes`: (J, 2) largest penetration, m, and largest sum of the normal forces at the two
-      ends of the journal, N.
+    - `extremes`: (J, 2) largest penetration, m, and largest sum of the forces at both ends, N.
     - `failure`: text of the run's result code; empty for a successful run.
     """
 
@@ -657,8 +653,7 @@ class _Stages:
         return np.maximum(pressed, LEAST_PENETRATION)
 
     def _cycles_to_change(self, change: float) -> float:
-        """Number of cycles in which the depths of a joint change by a multiple of its
-        penetration."""
+        """Fewest cycles in which the depths of a joint change by `change` penetrations."""
         fastest = self.rates[-1][0].max(axis=(1, 2))
         cycles = change * self._pressed() / np.where(fastest > 0.0, fastest, 1.0)
         return float(np.min(np.where(fastest > 0.0, cycles, np.inf)))
@@ -787,8 +782,7 @@ class _Store:
 
     def write(self, result: "xr.Dataset", contacts: Mapping[str, tuple]) -> None:
         """Replace the store by one of a result of `wear` and of the contacts that continue it. At
-        any time, `_folder` returns the folder of a complete store, the old or the new one, even if
-        the process is killed."""
+        any time, `_folder` returns a complete store, even after the process is killed."""
         old = _old(self.path)
         remove_abandoned(self.path)
         with unfinished(self.path) as new:
@@ -849,8 +843,7 @@ def _version(folder: Path) -> int | None:
 
 
 def open_wear(path: str | PathLike[str]) -> "xr.Dataset":
-    """Read the result of `clearjoint.wear` from the `path` of its store, also while `wear` still
-    computes it.
+    """Read the result of `clearjoint.wear` from the `path` of its store, also while it grows.
 
     **Raises:** `ValueError` if there is no store of wear at the path.
 
@@ -895,8 +888,8 @@ def final_state(found: "xr.Dataset") -> State:
 
 
 def _stacked(found: "xr.Dataset", name: str) -> Float[np.ndarray, "stages rows joints 2 samples"]:
-    """Return the depths or rates of a result in row 0, and their derivatives by the parameters, if
-    any, in the other rows."""
+    """Return depths or rates of a result in row 0, and derivatives by parameters in further
+    rows."""
     dims = "stage", "parameter", "joint", "angle"
     of_parts = []
     for part in PARTS:
@@ -928,8 +921,7 @@ def _digest(scene: Scene, state: State, run: CycleRun) -> str:
 
 
 def _with_splines(scene: Scene, rates: Mapping[str, WearRates], samples: int) -> Scene:
-    """Replace the profiles of parts with a positive wear rate by periodic splines that interpolate
-    them at `samples` angles."""
+    """Replace profiles of parts that wear by periodic splines through them at `samples` angles."""
     joints = dict(scene.joints)
     for name, of_joint in rates.items():
         joint = joints[name]

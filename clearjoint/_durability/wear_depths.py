@@ -60,8 +60,7 @@ class Signal(eqx.Module):
 
 
 class AllSignals(eqx.Module):
-    """Quantity: the numbers that determine the wear of a joint, an array in the order of
-    `SIGNALS`."""
+    """Quantity: the signals of a joint, an array in the order of `SIGNALS`."""
 
     joint: str = eqx.field(static=True)
 
@@ -123,8 +122,8 @@ def depths_from_signals(
     The volume that wears off in a time dt is k F v dt, with the specific wear rate k of bearing or
     journal (`rates`), the normal force F of a base and the sliding speed v (J. F. Archard 1953).
     The volume is distributed over the angles in proportion to the overlap of the two profiles, as
-    if the wall were an elastic foundation, and evenly over the length of the journal. The wear of
-    both bases is added.
+    if the wall were an elastic foundation, and evenly over the length of the journal. Both bases
+    are added.
     """
     # The last time is repeated, so that few programs are compiled (see `TIMES_IN_PROGRAM`). The
     # added intervals have no length and add nothing to the integral. The number of times stays odd,

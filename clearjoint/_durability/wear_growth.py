@@ -69,8 +69,7 @@ def contact_history(
 def _unworn(
     joint: ClearanceJoint, depths: jax.Array, x: jax.Array, y: jax.Array, axes: PlanarAxes
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Return the angle of the contact, and the position that the journal would have without the
-    worn depths."""
+    """Return the contact's angle, and the journal's position if the depths had not worn off."""
 
     def angle_at(x: Scalar, y: Scalar, axes: PlanarAxes) -> Scalar:
         profiles = joint.bearing_profile, joint.journal_profile
@@ -212,8 +211,7 @@ def grow(
     atol: Float[np.ndarray, " rows"],
     depth: float | None = None,
 ) -> "OdeSolution":
-    """Return the depths and their derivatives over a number of cycles, flat, as a function of the
-    cycles from the first one.
+    """Return the depths and their derivatives, flat, as a function of the number of cycles.
 
     The contacts are those of `start` throughout, or change evenly from those of `start` to those of
     `end`. The depths are integrated by backward differentiation formulas, with a relative tolerance

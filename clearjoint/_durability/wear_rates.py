@@ -40,8 +40,7 @@ class WearRates:
 
     A rate is the worn volume divided by the normal force and by the sliding distance. It equals
     Archard's coefficient over the hardness, k/H. Tables often have mm^3/(N m), which is 1e-9 m^2/N.
-    A part with the rate zero, the default, doesn't wear. `WearRates.on_hard_steel` has typical
-    rates of some materials.
+    A part with the rate zero, the default, doesn't wear. `on_hard_steel` gives typical rates.
 
     **Raises:** `ValueError` if a rate is negative or not finite, or both are zero.
 

@@ -1,8 +1,5 @@
-"""One lane of a batch, in scalar arithmetic and without loops.
-
-The loop over lanes exists twice: as machine code in `clearjoint._native.lanes`, and for XLA in
-`.xla_lanes`.
-"""
+"""One lane of a batch, in scalar arithmetic and without loops. The loop over lanes exists twice: as
+machine code in `clearjoint._native.lanes`, and for XLA in `.xla_lanes`."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -38,8 +35,8 @@ from ..step.types import Integers, Numbers
 SAVED = "saved"
 """Name of the log of the states at the times to save at."""
 WINDOW = ROWS + 1
-"""Length of the array of save times in a `LaneRequest`: one more than a buffer has rows, so that a
-lane with a full buffer still knows whether more states are to be saved."""
+"""Length of `LaneRequest.window`: one more than a buffer has rows, so that a lane with a full
+buffer still knows whether more states are to be saved."""
 
 
 class Plan(eqx.Module):
@@ -73,12 +70,10 @@ class Plan(eqx.Module):
 
 
 class LaneRequest(eqx.Module):
-    """Data that the host gives a lane, and updates whenever it has emptied the lane's buffers.
+    """Data that the host gives a lane, and renews whenever it has emptied the lane's buffers.
 
-    - `window`: (`WINDOW`,) s, the next times to save at, for the rows of the emptied buffer and one
-      row more; infinite where no time is left.
-    - `wanted[log]`: number of rows that may be recorded from now on in a log of crossings or
-      impacts.
+    - `window`: (`WINDOW`,) s, the next times to save at; infinite where no time is left.
+    - `wanted[log]`: number of rows that a log of crossings or impacts may still record.
     """
 
     end_time: Scalar
@@ -88,8 +83,7 @@ class LaneRequest(eqx.Module):
 
 
 class Lane(eqx.Module):
-    """A run between two turns of the loop over lanes, and the `saved` states that the host has not
-    read yet; ``None`` unless states are saved."""
+    """A run between two turns, and the `saved` states, if any, that the host has not read yet."""
 
     run: Progress
     saved: RowBuffer[Snapshot] | None
@@ -113,8 +107,8 @@ def _under(prefix: str, wanted: Mapping[str, PyTree]) -> dict[str, PyTree]:
 
 
 def impact_log(name: str, joint: str, contact: str) -> str:
-    """Return the name of the log of one contact's impacts, such as "hits/pin V" for the output
-    "hits". Names of outputs contain no slash."""
+    """Return the name of the log of a contact's impacts, such as "hits/pin V" for the output
+    "hits"."""
     return f"{name}/{contact_label(joint, contact)}"
 
 
@@ -133,9 +127,9 @@ class Outcome(eqx.Module):
 def begin_lane(
     plan: Plan, scene: Scene, state: State, start_time: Scalar, request: LaneRequest
 ) -> Lane:
-    """Return a lane before its first step, from a packed `state`. If the state violates the
-    constraints, or cannot be represented by the coordinates of the run, the lane gets the result
-    code `not_assembled` and takes no step."""
+    """Return a lane before its first step, from a packed state. If the state violates the
+    constraints, or the run's coordinates cannot represent it, it ends with the result
+    `not_assembled`."""
     # A compiled lane cannot raise an error. The result code ends this lane, and the others run.
     coordinates = plan.scheme.formulation.coordinates
     fits = assembled(scene, state, start_time, coordinates)
@@ -225,11 +219,11 @@ class Common(eqx.Module):
 
     - `folded_scene`: the scene, of which each lane replaces the leaves in `Task.varied`.
     - `capacity[log]`: largest number of rows of each log of crossings or impacts.
-    - `channels[log][name]`: quantities that are reported for each recorded state of a log of
-      crossings, or of saved states, `SAVED`.
+    - `channels[log][name]`: quantities to report at each state of a log of crossings, or of saved
+      states, `SAVED`.
     - `tables[name]`: for each table of impacts, the names of the logs of its contacts.
-    - `programs`: pairs of name and digest of the traced programs; empty if unknown. Only a compiled
-      program with the same digests is reused, so that none is of code that has changed since.
+    - `programs`: name and digest of each traced program, or empty if unknown. Saved programs are
+      reused only if they agree.
     """
 
     plan: Plan

@@ -40,15 +40,12 @@ PERIOD = 0.2
 progress bar that moves evenly."""
 LONGEST_WAIT = 0.25
 """Time, s, for which lanes that have ended may wait to be handed over while other lanes begin. It
-limits what is lost if the process is killed while the caller stores results more slowly than they
-are computed."""
+limits what is lost if a process whose caller stores results slowly is killed."""
 KNOWN_SHARE = 0.01
-"""Share of all work that must be done before the time left is estimated, since an estimate from
-less would not be reliable."""
+"""Share of all work that must be done before the time left is estimated; less is unreliable."""
 BLOCK_ROWS = 256
-"""Largest number of recorded rows of a lane that a compiled function converts at once to columns of
-results. With fewer, long logs would take more calls; with more, more rows would be computed only to
-fill up the last block."""
+"""Largest number of recorded rows of a lane that a compiled function converts at once. With fewer,
+long logs would take more calls; with more, the last block would have more rows to fill up."""
 OnCells = BoundFunction | XlaFunction
 """A compiled function from the cells of n lanes, (n, cells), to the cells of n results."""
 
@@ -127,9 +124,8 @@ class Batch:
     ) -> None:
         """Run some lanes of the batch, in the given order.
 
-        **Arguments:** `on_ended`: receives lanes soon after they have ended; `on_progress`:
-        receives the progress several times a second. Both are called in the thread that calls
-        `run`.
+        **Arguments:** `on_ended`: receives lanes that have ended; `on_progress`: receives the
+        progress several times a second; both in the thread of the caller.
 
         **Raises:** `KeyboardInterrupt` after Ctrl-C, when `on_ended` has received all lanes that
         had ended. After a second Ctrl-C, some of them may be missing. An error in a thread or a
@@ -176,14 +172,12 @@ class Batch:
 class _Programs:
     """Compiled programs of a batch, and the layout of lanes in cells of 8 bytes.
 
-    - `own_cells`: layout of the data that Python gives a lane: the cells of its task, then those of
-      its request.
+    - `own_cells`: layout of a lane's data from Python: the cells of its task, then of its request.
     - `request`: a `LaneRequest` whose leaves are the indices of the request's cells in a column.
     - `begin`, `outcome`, `columns[log]`: functions that make a compiled function: for a lane's
       start, for its outcome, and for the columns of a log. Each thread makes functions of its own,
       because two threads must not call one at the same time.
-    - `buffers[log]`: indices of the cells of a buffer in a column: of its rows, (rows, numbers),
-      and of the count of rows.
+    - `buffers[log]`: indices in a column of a buffer's rows, (rows, numbers), and of their count.
     - `blocks[log]`: number of rows that are converted at once, and of numbers in each row.
     """
 
@@ -239,8 +233,7 @@ def _shifted(cells: PyTree, by: int) -> PyTree:
 
 @dataclass
 class _LaneSlot:
-    """A lane in a column: its number in the batch, and by log the arrays (n, numbers) of rows that
-    the host has read."""
+    """A lane in a column: its number, and by log the arrays of rows, (n, numbers), read so far."""
 
     number: int
     rows: dict[str, list[np.ndarray]] = field(default_factory=lambda: defaultdict(list))
@@ -262,7 +255,7 @@ class _Shared:
     - `records`: lanes that have ended and that were not handed over yet.
     - `own`: (L, cells), data of each lane: the cells of its task, then those of its request.
     - `times[number]`: s, simulated time that each running lane has reached.
-    - `handed_over`: value of `time.monotonic` at which all records until then had been handed over.
+    - `handed_over`: value of `time.monotonic` when records were handed over last.
     - `finished`: set when a group has ended; `stops`: whether all groups are to end.
     """
 
@@ -280,8 +273,7 @@ class _Shared:
         self._lanes, self._begun = len(self.waiting), time.monotonic()
 
     def next_lanes(self, count: int) -> list[int]:
-        """Remove the next lanes to begin from `waiting`, at most `count`, and return their
-        numbers."""
+        """Remove up to `count` numbers of the next lanes from `waiting`, and return them."""
         lanes: list[int] = []
         # Several threads take lanes at a time: to test for emptiness first would be a race.
         with suppress(IndexError):
@@ -311,8 +303,7 @@ class _Shared:
 
 
 class _Group:
-    """A group of columns, whose lanes one thread runs. Its `number`, from 0 on, selects its
-    accelerator."""
+    """Columns whose lanes one thread runs. The `number`, from 0 on, selects its accelerator."""
 
     def __init__(self, shared: _Shared, number: int):
         self._shared, self._number = shared, number
@@ -413,7 +404,7 @@ class _Group:
 
     def _log(self, name: str, rows: list[np.ndarray], task: np.ndarray) -> tuple[np.ndarray, int]:
         """Convert the recorded `rows` of one log of a lane, (n, numbers) each, to cells of the
-        columns of the sweep's results, (blocks, cells), and return these and the number of rows."""
+        result's columns, (blocks, cells), and return these and the number of rows."""
         rows_a_block, numbers = self._programs.blocks[name]
         count = sum(map(len, rows))
         # The compiled function takes blocks of a fixed size, so the last one is filled with zeros.
@@ -434,8 +425,7 @@ def _deliver(
     """Pass ended lanes and progress to the callbacks every `PERIOD` seconds, and as soon as a group
     has ended, until all groups have stopped.
 
-    **Raises:** the error of a group or of a callback. Lanes that ended shortly before the error may
-    then not have been passed on.
+    **Raises:** the error of a group or of a callback; lanes that ended just before may be lost.
     """
     groups_run = True
     while groups_run:

@@ -22,14 +22,12 @@ from ..._native.cells import Cells, Memory, Region
 from ..._native.lanes import AbstractLaneLoop
 
 ON_CPU, ON_ACCELERATOR = 64, 4096
-"""Number of lanes that one program computes side by side. An accelerator has many more arithmetic
-units to occupy than a core of a CPU."""
+"""Number of lanes of one program. An accelerator has many more arithmetic units to occupy."""
 TURNS = 256
-"""Number of turns after which a loop returns to Python at the latest, so that progress is shown and
-Ctrl-C is obeyed."""
+"""Largest number of turns between two returns to Python, which shows progress and obeys Ctrl-C."""
 WAITING = 8
-"""A loop returns to Python as soon as one in `WAITING` of its lanes waits. Returning later would
-leave more lanes idle, and returning earlier would copy the lanes more often."""
+"""A loop returns to Python as soon as one part in `WAITING` of its lanes waits. Returning later
+would leave more lanes idle, and returning earlier would copy the lanes more often."""
 
 
 def width() -> int:

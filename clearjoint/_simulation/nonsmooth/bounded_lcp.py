@@ -3,8 +3,7 @@
 Find impulses x (N s) between bounds, for which the velocities y = W x + q (m/s) satisfy y >= 0
 where x is at its lower bound, y <= 0 where x is at its upper bound, and y = 0 elsewhere. q are the
 velocities without impulses, and W is symmetric and positive semidefinite. Each row of the problem
-is one direction of a contact. The solution is the minimum of the energy x W x/2 + q x, in J,
-between the bounds.
+is one direction of a contact. The solution minimises the energy x W x/2 + q x, J.
 
 An iteration has two parts (J. J. More, G. Toraldo, On the solution of large quadratic programming
 problems with bound constraints, 1991). A sweep of projected Gauss-Seidel finds the rows at their
@@ -49,11 +48,10 @@ class BoxProblem:
         self._matrix = [[*row[:-1], d] for row, d in zip(matrix, self._diagonal, strict=True)]
 
     def solve(self, start: Sequence[Scalar], least: Scalar) -> tuple[Impulses, Scalar]:
-        """Return the n impulses x, N s, that solve the problem for the velocities q without
-        impulses, `start`, m/s, and the residual. The residual is the largest violation of a
-        condition, relative to the largest magnitude of q among rows that are not fixed, or to
-        `least`, m/s, if that is larger. A residual above `TOLERANCE` means that the iteration did
-        not converge."""
+        """Return the n impulses x, N s, for the velocities q without impulses, `start`, m/s, and
+        the residual: the largest violation of a condition, relative to the largest magnitude of q
+        among rows that are not fixed, but at least to `least`, m/s. If the residual is above
+        `TOLERANCE`, the iteration did not converge."""
         is_free = [lower < upper for lower, upper in self._bounds]
         scale = jnp.maximum(largest_of(is_free, start), least)
 
@@ -77,8 +75,8 @@ class BoxProblem:
         return [self._matrix[max(i, j)][min(i, j)] for j in range(len(self._matrix))]
 
     def _clipped(self, i: int, x: Scalar, velocity: Scalar) -> Scalar:
-        """Return the impulse of row i, N s, that satisfies the row's conditions while all other
-        impulses stay. Its present impulse is x, N s, and its present `velocity` is in m/s."""
+        """Return the impulse of row i, N s, that satisfies the row's conditions while all others
+        stay, from its present impulse x, N s, and `velocity`, m/s."""
         return jnp.clip(x - velocity / self._diagonal[i], *self._bounds[i])
 
     def _swept(self, x: Impulses, start: Sequence[Scalar]) -> Impulses:
@@ -89,9 +87,8 @@ class BoxProblem:
         return swept
 
     def _least_inside(self, x: Impulses, start: Sequence[Scalar]) -> Impulses:
-        """Return the impulses that minimise the energy over the free rows, found by Newton steps
-        from x. A row is free unless its impulse is at a bound and its velocity has the sign that
-        the conditions demand there."""
+        """Return the impulses that minimise the energy over the free rows, by Newton steps from x.
+        A row is free unless it is at a bound and its velocity has the sign demanded there."""
         velocities = self._velocities(x, start)
         free: list[Condition] = [
             jnp.logical_not(((a <= lower) & (y >= 0.0)) | ((a >= upper) & (y <= 0.0)))

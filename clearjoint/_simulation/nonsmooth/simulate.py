@@ -1,5 +1,4 @@
-"""Simulation with rigid contacts, whose impacts have no duration: the function
-`simulate_nonsmooth`."""
+"""Simulation with rigid contacts, whose impacts have no duration: `simulate_nonsmooth`."""
 
 from dataclasses import replace
 from functools import reduce
@@ -45,9 +44,9 @@ DRIVER_TOLERANCE = 1e-5
 
 
 class RigidRun(eqx.Module):
-    """A run between two steps: whether each contact was `touching` in the last step, that is, had
-    an impulse; its `totals` since the start; and the largest `residual` and the number of the
-    `steps` that did not fail."""
+    """A run between two steps. `touching`: whether each contact had an impulse in the last step;
+    `totals`: since the start of the run; `residual`, `steps`: largest residual and number of
+    steps."""
 
     t: Scalar
     variables: MotionVariables
@@ -108,9 +107,8 @@ run_compiled = Compiled(run)
 def _with_breakpoints(
     scene: Scene, stops: Float[jax.Array, " stops"]
 ) -> tuple[Float[jax.Array, " times"], Int[jax.Array, " rest"] | None]:
-    """Return the times at which steps must end, (T,) s: stops and breakpoints together, sorted, and
-    for each stop except the first its index in the times after the first; ``None`` if there are no
-    breakpoints."""
+    """Return the sorted stops and breakpoints, (T,) s, at which steps must end, and for each stop
+    except the first its index in the times after the first, or ``None`` without breakpoints."""
     elements = jax.tree.leaves(breakpoints(scene))
     if not elements:
         return stops, None
@@ -145,8 +143,7 @@ def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> Ri
 
 def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: Scalar) -> RigidRun:
     """Return the run after equal steps, not longer than `longest`, from `start` to `stop`, all in
-    s. If a step fails, the run stays as it was before this step, with the result code of the
-    failure."""
+    s. If a step fails, the run stays as it was before it, with the failure as result."""
     # The factor is slightly below 1, because rounding of the span could otherwise add a step.
     count = jnp.ceil((stop - start) / longest * (1.0 - 1e-9))
     h = (stop - start) / jnp.maximum(count, 1.0)
@@ -249,8 +246,7 @@ def simulate_nonsmooth(
     a step. The time of an impact is known to half a step, because impacts happen in the middle of a
     step; therefore the error of all states is of first order in the length of the step.
 
-    Where a driver makes velocities jump, the change of the velocities is the one of least kinetic
-    energy, as in `simulate`.
+    Where a driver makes velocities jump, their change is the one of least kinetic energy.
 
     The function works under `jax.vmap`, `jax.jit` and `jax.jvp`. It then raises no error for a
     traced number outside its range: the run ends before its first step with `RESULTS.domain`. But
@@ -270,8 +266,7 @@ def simulate_nonsmooth(
     - `redundant`: whether some constraints depend linearly on others. By default this is determined
       from the initial state; under a transformation of JAX the default is ``False``.
     - `throw`: whether to raise `SimulationError` if the run fails. If ``False``, and always if JAX
-      traces the run, the solution of a failed run is returned. Its `result` is the code of the
-      failure.
+      traces the run, its solution is returned, with the failure as `result`.
 
     **Returns:** a `NonsmoothSolution`.
 

@@ -22,8 +22,8 @@ LOSSES = ("normal damping", "friction", "film")
 
 
 class CountTally(NamedTuple):
-    """Tally of `ImpactCount`: the onsets in the window so far; by label, whether each contact
-    touches; and the end of the latest step, s, or ``None`` if the window is the whole run."""
+    """Tally of `ImpactCount`: the number of onsets in the window so far; by label, whether each
+    contact touches; and the end of the latest step, s, or ``None`` without a window."""
 
     count: Scalar
     touching: dict[str, Condition]
@@ -87,8 +87,7 @@ class ImpactCount(AbstractWindowedReduction):
 class LossTally(NamedTuple):
     """Tally of a reduction of losses: the start of the run, `begin`, and the end of the latest
     step, `time`, s; and the energies, J, dissipated up to the start and the end of the window, or
-    up to `time` if that is earlier. `time` and `at_end` are ``None`` for a window of the whole
-    run."""
+    up to `time` while that is earlier. Without a window, `time` and `at_end` are ``None``."""
 
     begin: Scalar
     at_begin: Scalar
@@ -97,8 +96,7 @@ class LossTally(NamedTuple):
 
 
 class AbstractLossReduction(AbstractWindowedReduction):
-    """Base class of reductions of the energy that joints dissipate in a window of time, from the
-    ledger."""
+    """Base class of reductions of the energy that joints dissipate in a window, by the ledger."""
 
     needs_ledger = True
     differentiated = ("",)
@@ -161,10 +159,9 @@ class DissipatedEnergy(AbstractLossReduction):
 
 
 class MeanPowerLost(AbstractLossReduction):
-    """Mean power, W, lost in joints to normal damping, friction and films, over the part of the
-    window that the run covers.
+    """Mean power, W, lost in joints to normal damping, friction and films, in the window.
 
-    It needs `Settings(ledger=True)`.
+    It needs `Settings(ledger=True)`. The mean is over the part of the window that the run covers.
 
     **Arguments:** `after`, `until`: s, the window of time, by default the whole run; see `Peak`.
 
@@ -199,8 +196,8 @@ def _lost(now: Instant) -> Scalar:
 
 
 WearTally = tuple[Scalar, dict[str, list[Scalar]], dict[str, list[Scalar]]]
-"""Tally of `ArchardWear`: the time at the end of the latest step, s; the rates of wear at that
-time, m^3/s, and the worn volumes so far, m^3, each a list by sector for each base."""
+"""Tally of `ArchardWear`: the end of the latest step, s; the rates of wear then, m^3/s; and the
+volumes worn so far, m^3. Rates and volumes are lists by sector for each base."""
 
 
 class ArchardWear(AbstractWindowedReduction):
@@ -216,8 +213,8 @@ class ArchardWear(AbstractWindowedReduction):
     Sectors have equal angles about the bearing's axis and are fixed to the bearing. Sector 1 begins
     at the x axis of the bearing's frame, whose z axis is the bearing's axis (see the quantity
     `JournalOffset`); the angle grows from x to y. The mean wear depth of a sector is its worn
-    volume over its area. Wear does not change the shape of the wall in the simulation. Only the dry
-    contact causes wear, not a film.
+    volume over its area. Wear does not change the simulated wall. Only the dry contact causes wear,
+    not a film.
 
     **Arguments:**
 
@@ -226,8 +223,7 @@ class ArchardWear(AbstractWindowedReduction):
     - `sectors`: number of sectors of each base.
     - `after`, `until`: s, the window of time, by default the whole run; see `Peak`.
 
-    **Raises:** `ValueError` if `coefficient` is negative, `hardness` not positive or `sectors` not
-    a positive integer.
+    **Raises:** `ValueError` for a negative `coefficient`, or `hardness` or `sectors` not positive.
 
     **Source:** J. F. Archard, Contact and rubbing of flat surfaces (1953).
 
@@ -318,8 +314,8 @@ class ArchardWear(AbstractWindowedReduction):
 
 
 def sliding_speed(now: Instant, joint: str, label: str) -> Scalar:
-    """Return the speed, m/s, at which the surfaces of a contact, such as "V", slide on each other.
-    It is computed from the motion, since contacts without friction have no `slip`."""
+    """Return the speed, m/s, at which the surfaces of a contact, such as "V", slide on each other,
+    computed from the motion, since contacts without friction have no `slip`."""
     contact = now.contacts[joint][label].contact
     pair = now.scene.contact_joints()[joint].pair()
     first, second = (now.motions[name] for name in pair)

@@ -1,5 +1,4 @@
-"""Reductions of a quantity, such as a contact force: its peak, its mean and other statistics, and
-its quantiles over time."""
+"""Reductions of a quantity, such as a contact force: peak, mean, other statistics and quantiles."""
 
 import math
 from collections.abc import Mapping
@@ -46,8 +45,8 @@ class AbstractQuantityReduction(AbstractWindowedReduction):
 
 
 class PeakTally(NamedTuple):
-    """Tally of `Peak`: the highest value in the window so far (minus infinity until the run reaches
-    it) and its time, and the values and times at the end and at the start of the latest step."""
+    """Tally of `Peak`: points of a time, s, and the value then, the highest in the window so far,
+    minus infinity before the window, and those at the end and the start of the latest step."""
 
     highest: Point
     end: Point
@@ -170,8 +169,7 @@ class AbstractIntegralReduction(AbstractQuantityReduction):
     def _updated(
         self, tally: IntegralTally, now: Instant
     ) -> tuple[IntegralTally, Parabola, Scalar, Scalar]:
-        """Return the tally after a step, its parabola, and where in the step, 0 to 1, its part in
-        the window begins and ends."""
+        """Return the tally after a step, its parabola, and the `fractions` of its part inside."""
         t0, t1, (end, value) = tally.time, now.time, self._at_end(now)
         # The parabola's variable is 0 at t0 and 1 at t1. A rejected attempt has t1 = t0; its tally
         # is computed too, and discarded.
@@ -246,8 +244,7 @@ class Statistics(AbstractIntegralReduction):
 
     The results are named "mean", "rms", "smallest" and "largest", all in the unit of the quantity.
     In each step the quantity is approximated by the parabola through both ends and the middle. A
-    `clearjoint.predictor` instead integrates the quantity and its square together with the motion,
-    and has only "mean" and "rms".
+    `clearjoint.predictor`, which has only "mean" and "rms", integrates them with the motion.
 
     **Arguments:** `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit;
     `after`, `until`: s, the window of time, by default the whole run; see `Peak`.
@@ -304,8 +301,8 @@ class Statistics(AbstractIntegralReduction):
 
 
 QuantilesTally: TypeAlias = tuple[tuple[Scalar, Scalar], Scalar, jax.Array]
-"""Tally of `Quantiles`: (latest time, s, and the value there), the duration inside the window, s,
-and the part of that duration for which the quantity was below each edge, s, (K,)."""
+"""Tally of `Quantiles`: (latest time, s, and the value there); the duration inside the window, s;
+and the part of it, s, for which the quantity was below each of the K edges, (K,)."""
 
 
 class Quantiles(AbstractQuantityReduction):
@@ -317,8 +314,7 @@ class Quantiles(AbstractQuantityReduction):
     below the first edge or above the last one it is NaN. In each step the quantity is approximated
     by the parabola through both ends and the middle.
 
-    For quantiles over impacts instead of over time, use `ImpactTable`, whose
-    quantiles are exact.
+    For quantiles over impacts instead of over time, use `ImpactTable`: they are exact.
 
     ```python
     import clearjoint as cj
@@ -332,15 +328,12 @@ class Quantiles(AbstractQuantityReduction):
     **Arguments:**
 
     - `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit.
-    - `edges`: (K,) increasing values in `unit`, K at least 2. Memory and time of a step grow with
-      K.
-    - `levels`: for each quantile, the part of the time, between 0 and 1, for which the quantity is
-      below it.
+    - `edges`: (K,) increasing values in `unit`, K at least 2. A step's cost grows with K.
+    - `levels`: for each quantile, the part of the time, 0 to 1, for which the quantity is below it.
     - `after`, `until`: s, the window of time, by default the whole run; see `Peak`.
 
     **Raises:** `ValueError` for edges that are not finite, do not increase, or are fewer than two;
-    and if there is no level, one that is not above 0 and below 1, or two that are equal in six
-    digits.
+    and for levels that are none, not between 0 and 1, or equal in six digits.
     """
 
     edges: tuple[float, ...] = eqx.field(static=True, converter=numbers)

@@ -2,8 +2,7 @@
 
 A segment is a number of steps that compiled code takes before it returns to Python. It ends at the
 end time, after the last time to save at, after a number of attempts, at a failure, or when a buffer
-of steps or impacts is full. Python then empties these buffers, shows progress and starts the next
-segment.
+of steps or impacts is full. Python then empties these buffers and shows progress.
 """
 
 from collections.abc import Mapping
@@ -41,13 +40,11 @@ from .run_loop import Progress, Recorders, Records, RunLoop, begin_run, final_re
 from .terminal import ProgressBar, interruptions_deferred, telling_of_compiling
 
 STEP_ROWS, IMPACT_ROWS = 4096, ROWS
-"""Numbers of rows of the buffer of accepted steps, and of the buffer of each contact's impacts,
-part of the compiled program. When one of them is full, compiled code returns to Python. The buffer
-of steps is larger, because every accepted step writes a row."""
+"""Numbers of rows of the buffers of accepted steps, and of each contact's impacts. When one is
+full, compiled code returns to Python. Every accepted step writes a row, but few end an impact."""
 LATEST, STEPS, IMPACTS = "latest", "steps", "impacts"
-"""Keys of the dictionaries of recorders and of records beside those of the outputs. `LATEST` is the
-latest accepted attempt, `STEPS` the states at the start and after accepted steps, `IMPACTS` the
-impacts of all contacts."""
+"""Keys of recorders and of records beside those of the outputs: the latest accepted attempt, the
+states at the start and after accepted steps, and the impacts of all contacts."""
 
 
 def recorders_of(requested: Requested) -> dict[str, Recorders]:
@@ -133,8 +130,8 @@ def _status(step: Step) -> Status:
 
 
 def emptied(records: Records) -> Records:
-    """Return the records of a run with empty buffers of steps and impacts. Buffers of sections
-    stay: they have room for all crossings to be kept."""
+    """Return the records with empty buffers of steps and impacts. Buffers of sections stay: they
+    have room for all crossings to be kept."""
     read = {key: records[key] for key in (STEPS, IMPACTS) if key in records}
     empty = jax.tree.map(
         lambda part: part.emptied() if _is_buffer(part) else part, read, is_leaf=_is_buffer
@@ -158,17 +155,15 @@ REVERSE_MODE = (
     "derivatives are those of the exact motion, or for few parameters clearjoint.sensitivities."
 )
 ATTEMPTS_A_SEGMENT = 50_000
-"""Largest number of attempts in a segment. The progress bar is updated, and Ctrl-C is obeyed, only
-between segments."""
+"""Largest number of attempts in a segment, after which progress is shown and Ctrl-C obeyed."""
 SAVES_A_SEGMENT = 512
-"""Number of times to save at that a segment receives, part of the compiled program."""
+"""Number of times to save at that a segment receives; compiled into the program."""
 segment_compiled = Native(segment)
 
 
 @dataclass(frozen=True)
 class Run:
-    """A run that is ready to start: packed scene, scheme, what is `requested` and its recorders,
-    end time, s, and names of redundant constraints."""
+    """A run that is ready to start. `end` is in s, and `redundant` are names of constraints."""
 
     folded_scene: ConstantFolded
     scheme: Scheme
@@ -233,12 +228,10 @@ class Run:
         notes: Notes,
     ) -> tuple[Solution, bool, bool]:
         """Run in segments to the end, or to a failure, the limit of attempts or an interruption,
-        from the start that `begin` has returned. The step stays in its flattened form, since Python
-        has no use for it.
+        from the results of `begin`. The step stays flattened, since Python has no use for it.
 
         **Returns:** the solution, with the settings `notes`; whether Ctrl-C was pressed, which
-        stops the run after the current segment; and whether a journal has slid out of its bearing
-        in the final state.
+        stops the run after the present segment; and whether a journal has slid out of its bearing.
         """
         start = float(status.t)
         # The end time in the precision of the run. Rounded to float32, an end time such as 0.02 s
@@ -284,8 +277,7 @@ class Run:
         saved: "_SavedBySegments",
         notes: Notes,
     ) -> tuple[Solution, bool]:
-        """Return the solution of a run that has ended after `step`, and whether a journal has slid
-        out of its bearing in the final state."""
+        """Return the solution of a run that has ended, and whether a journal has slid out."""
         reductions = self.requested.reductions, records[REDUCTIONS]
         ending = self.scheme, self.folded_scene, *reductions, step, self.end
         final, result, slid_out, results = (part.tree for part in _end_compiled.in_parts(*ending))
@@ -317,7 +309,7 @@ class Run:
 
 class _SavedBySegments:
     """What the segments of a run have saved: samples at the first `count` of the times `save_at`,
-    (N,) s, states after steps, and the rows of impacts."""
+    (N,) s, states after steps, and rows of impacts."""
 
     def __init__(self, save_at: np.ndarray | None) -> None:
         self.save_at = save_at
@@ -331,8 +323,7 @@ class _SavedBySegments:
         return self.save_at is None or self.count == len(self.save_at)
 
     def next_times(self, end: float) -> np.ndarray | None:
-        """Return the times to save at in the next segment, filled up with the end time, since a
-        segment receives a fixed number of times."""
+        """Return the next `SAVES_A_SEGMENT` times to save at, filled up with the end time."""
         if self.save_at is None:
             return None
         following = self.save_at[self.count :][:SAVES_A_SEGMENT]
@@ -385,8 +376,7 @@ def end_of(
     step: Step,
     end: Scalar,
 ) -> tuple[State, RESULTS, dict[str, dict[str, Scalar]]]:
-    """Return the final state, packed, the result code, and the results of the reductions, as
-    results[name][part], of a run to the time `end`, s."""
+    """Return the packed final state, the result code, and results[name][part] of the reductions."""
     final = Snapshot.of(step)
     instant = final.instant(system)
     results = {name: of.results(tallies[name], instant) for name, of in reductions.items()}

@@ -307,8 +307,7 @@ def predictor(
     *,
     start_time: float = 0.0,
 ) -> Predictor:
-    """Return a function of parameters that simulates a scene and returns outputs, with derivatives
-    in reverse mode.
+    """Return outputs of a run as a function of parameters, with derivatives in reverse mode.
 
     >>> import jax, optax
     >>> paths = {"stiffness": lambda scene: scene.forces["spring"].stiffness}
@@ -340,9 +339,8 @@ def predictor(
       an array, or a whole element, such as an `equinox.nn.MLP` inside of your friction law; of an
       element all arrays of floats are parameters.
     - `outputs`: quantities by name, as in `sensitivities`, and reductions `Integral`, `Statistics`
-      (mean and root mean square), `Peak` (the value), `DissipatedEnergy` and `MeanPowerLost`. A
-      quantity whose integral is taken must be a continuous function of time, and windows must have
-      fixed edges.
+      (mean and root mean square), `Peak` (the value), `DissipatedEnergy` and `MeanPowerLost`.
+      Integrated quantities must be continuous in time, and windows must have fixed edges.
     - `times`: (N,) s, not decreasing, between start and end, at which quantities are evaluated.
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.derivatives` unless given.
 

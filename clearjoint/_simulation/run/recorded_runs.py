@@ -49,8 +49,8 @@ T = TypeVar("T")
 
 class _Segment(NamedTuple):
     """A part of a run: the numbers of the `Step` before it, the `ends` of its M steps, s, and their
-    `rows`, (M, n). If the rows are to be computed again, these are ``None``, and `picked` has those
-    of some steps, by number in the segment."""
+    `rows`, (M, n). Rows that are not kept are ``None``, to be computed again; `picked` has some of
+    them, by number in the segment."""
 
     start: np.ndarray
     ends: np.ndarray
@@ -67,9 +67,9 @@ class _Recording(NamedTuple):
 
 
 class _Samples(NamedTuple):
-    """Times, (N,) s since the start of a run, at which quantities are evaluated, in steps of the
-    numbers `places`, whose rows are `rows`, (N, n). The first of the times are those of the
-    quantities that were asked for; the others are instants of reductions, `instants[name]`, s."""
+    """Times, (N,) s since the start of a run, at which quantities are evaluated; `places` are the
+    numbers of the steps in which they lie, and `rows`, (N, n), the rows of these. First come the
+    times of the requested quantities, then the `instants[name]`, s, of reductions."""
 
     times: np.ndarray
     places: np.ndarray
@@ -97,7 +97,7 @@ class Recorder:
         self.has_lanes = is_native()
 
     def example_like(self, step: Step) -> Step:
-        """Return the first step that was passed here, as an example of the steps of all runs."""
+        """Return the step of the first call, an example of the structure of all steps."""
         if self._example is None:
             self._example = keep_flattened(step)
         return self._example
@@ -121,10 +121,7 @@ class Recorder:
             return runs[number].pulled_outputs(cotangents[number])
 
         slopes = None
-        # Lanes need all rows at once.
-        segments = [segment for run in runs for segment in run.segments]
-        is_kept = all(segment.rows is not None for segment in segments)
-        if len(runs) > 1 and self.has_lanes and is_kept:
+        if len(runs) > 1 and self.has_lanes and all(run.is_kept() for run in runs):
             slopes = self._or_refused(lambda: _gradients_in_lanes(self, runs, seeds_of))
         return slopes or [run.gradient(seeds_of(number)) for number, run in enumerate(runs)]
 
@@ -140,8 +137,8 @@ class Recorder:
 class RecordedRun:
     """A run with its accepted steps, from which values and derivatives of outputs follow.
 
-    - `last`: the step at its end. If the run has failed, the values and derivatives at times that
-      it has not reached are meaningless.
+    - `last`: the step at its end. If it failed, results at times that it has not reached are
+      meaningless.
     - `bytes_kept`: bytes of the recorded steps.
     """
 
@@ -260,9 +257,11 @@ class RecordedRun:
         """Numbers of the steps in which quantities are evaluated."""
         return self._samples.places
 
+    def is_kept(self) -> bool:
+        return all(segment.rows is not None for segment in self.segments)
+
     def gradient(self, seeds: "Seeds") -> PyTree:
-        """Return the derivatives, by all parameters, of the sum of the run's tangents times
-        `seeds`."""
+        """Return the derivatives by all parameters of the sum of tangents times `seeds`."""
         now = Pulled(np.asarray(0), np.zeros(_count_of_tangents(self.example)), seeds.total)
         first = sum(len(segment.ends) for segment in self.segments)
         last = seeds.steps_needed()
@@ -279,8 +278,7 @@ class RecordedRun:
         return self.gradient_from(now)
 
     def gradient_from(self, start: Pulled) -> PyTree:
-        """Return the derivatives by all parameters; `start` has the cotangents of the tangents
-        before the first step."""
+        """Return the derivatives by all parameters from the cotangents before the first step."""
         before = jax.device_get(like(self.example.tangents, start.cotangents))
         first = self._rows_at(np.zeros(1, int))[0]
         along = adjoint.pulled_start(self.recorder.run, self.at, self.example, first, before)
@@ -357,8 +355,7 @@ def _recorded(recorder: Recorder, at: PyTree) -> _Recording:
 
 
 def _without_rows(segment: _Segment, times: np.ndarray) -> _Segment:
-    """Return a segment that keeps only the rows of the first step, and of the steps in which some
-    of the times lie."""
+    """Return a segment with the rows of its first step and of the steps in which `times` lie."""
     assert segment.rows is not None
     numbers = np.unique([0, *np.searchsorted(segment.ends, times)])
     last = len(segment.ends) - 1
@@ -407,10 +404,9 @@ def _through(
     begin: Callable[[int], tuple[np.ndarray, np.ndarray]],
     serve: Callable[[int, np.ndarray, bool], bool],
 ) -> None:
-    """Run lanes in the columns of a loop, one after the other. `begin` returns the cells of a
-    lane's own data and of its state. Each time that the loop has returned, `serve` is called for
-    each lane, with the cells of its column and whether it moves; it returns whether the lane goes
-    on."""
+    """Run the lanes 0 to `count` - 1 in the columns of a loop. `begin` returns the cells of a
+    lane's own data and of its state. Whenever the loop returns, `serve` gets the cells of each
+    lane's column and whether it moves, and returns whether it goes on."""
     columns, waiting = loop.columns(shared), deque(range(count))
     # The lane in each column; ``None`` for an empty one.
     slots: list[int | None] = [None] * loop.width
@@ -430,8 +426,7 @@ def _through(
 
 
 def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Recording]:
-    """Record runs side by side, and return their recordings by their numbers, without those of runs
-    that are too long to be kept."""
+    """Record runs side by side, and return recordings by number, except of too long runs."""
     run, own = recorder.run, Cells(values[0])
     recordings: dict[int, _Recording] = {}
     # Rows that the host has read so far, by the number of the run.
@@ -480,8 +475,8 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
 
 @dataclass
 class _PulledLane:
-    """A run whose cotangents are pulled back from its end. Of its steps, those from the number
-    `first` on are done, or have been given to the lane."""
+    """A run whose cotangents are pulled back from its end. Its steps from the number `first` on
+    have been given to the lane."""
 
     run: RecordedRun
     rows: np.ndarray
@@ -489,8 +484,8 @@ class _PulledLane:
     first: int
 
     def next_steps(self, left: int, room: int) -> tuple[PulledSteps, int]:
-        """Return the next steps to pull back through, and their number. `left` of the steps that
-        were given to the lane before are not done, and are among them."""
+        """Return the next steps to pull back through, and their number: first the `left` ones that
+        were given before and are not done."""
         last = self.first + left
         self.first = max(0, last - LANE_ROWS)
         rows = np.zeros((LANE_ROWS, self.rows.shape[1]))
@@ -552,15 +547,14 @@ def _gradients_in_lanes(
 
 
 def _parts_of(name: str, reduction: AbstractReduction) -> dict[str, Quantity]:
-    """Return the quantities by whose values the reduction of a name is differentiated, by names
-    that no output can have."""
+    """Return the quantities by which a reduction is differentiated, by names that no output has."""
     observed = {f"{name}/{k}": of for k, of in enumerate(reduction.observed())}
     integrals = {key: _Work(key) for key in integrands_of({name: reduction})}
     return {**observed, **integrals}
 
 
 class _Work(eqx.Module):
-    """An integral over the run, as a quantity."""
+    """Quantity: the integral of an integrand from the start of the run."""
 
     key: str = eqx.field(static=True)
 

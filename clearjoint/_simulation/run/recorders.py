@@ -29,9 +29,8 @@ run of a sweep has its own buffers."""
 
 
 class RowBuffer(eqx.Module, Generic[R]):
-    """A buffer of fixed size that compiled code fills with rows, each a PyTree of numbers, such as
-    finished impacts. The last of the `rows` is never read; `count` includes rows for which there
-    was no room."""
+    """A buffer of fixed size for rows, PyTrees of numbers such as finished impacts. The last of the
+    `rows` is never read; `count` includes rows for which there was no room."""
 
     rows: R
     count: jax.Array
@@ -133,8 +132,7 @@ class LatestDenseStep(AbstractRecorder[DenseStep]):
 
 
 class TimedState(eqx.Module):
-    """A time `t`, s, on the clock of the run's `System`, and the `state` at that time in scalar
-    form."""
+    """A time `t`, s, on the clock of the run, and the `state` then, in scalar form."""
 
     t: Numbers
     state: State

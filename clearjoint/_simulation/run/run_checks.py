@@ -46,8 +46,7 @@ BY_NUMPY = 16
 compiled, which checks each in microseconds. Compiling takes as long as thirty checks of a pendulum,
 or fourteen of a chain of thirty joints."""
 KEPT = 256
-"""Largest number of starts of the same structure for which results of the search for redundant
-constraints are cached."""
+"""Largest number of starts of one structure whose redundant constraints are cached."""
 
 
 def check_precision(allow_float32: bool) -> None:
@@ -89,8 +88,7 @@ def check_start(
 ) -> tuple[str, ...]:
     """Check all numbers of a scene and a state, and the state against the constraints at
     `start_time`, s, as `check_numbers` and `check_structure`, and return the names of the redundant
-    constraints. `flat` are scene and state, if they are flattened already and all leaves are arrays
-    of floats."""
+    constraints. `flat`: scene and state, if flattened, all leaves arrays of floats."""
     if not (isinstance(scene, Scene) and isinstance(state, State)):
         check_numbers(scene, state)
         return check_structure(scene, state, start_time, coordinates)
@@ -119,8 +117,7 @@ def check_structure(
 
     **Raises:** `ValueError` if the state violates a constraint, if a joint holds a wrong
     orientation, if a contact is deeper than its joint allows, as for a journal far outside its
-    bearing, if redundancy cannot be decided, or if the coordinates cannot represent the state or
-    have no variable.
+    bearing, if redundancy cannot be decided, or if the coordinates are none or cannot represent it.
 
     **Warns:** `UnusualValueWarning` for a contact that is deeper than the fraction `FAR_OUTSIDE` of
     the depth that its joint allows, and for one that approaches further without an entry speed.
@@ -141,13 +138,11 @@ def check_structure(
 def derivative_scheme(
     scene: Scene, state: State, settings: Settings, start_time: float = 0.0
 ) -> Scheme:
-    """Check scene, state and settings of a run with derivatives, and return its integration method
-    and formulation.
+    """Check the arguments of a run with derivatives, and return its method and formulation.
 
     **Raises:** `ValueError` for an invalid scene or state; for settings that derivatives do not
     support, such as a solver other than an explicit Runge-Kutta method, or a `landing_tolerance` of
-    ``None``; if JAX computes in 32 bits; and for an element that may change abruptly at some time
-    but declares no `breakpoints`.
+    ``None``; if JAX computes in 32 bits; and for an element with undeclared `breakpoints`.
 
     **Warns:** `UnusualValueWarning`, as `check_structure`.
     """
@@ -168,8 +163,7 @@ def derivative_scheme(
 
 
 _recheck = cached_by_numbers(recheck)
-"""Check all numbers in a scene, unless a scene of the same structure with the same numbers has
-passed the check recently."""
+"""Check all numbers in a scene, unless a scene equal to it has passed the check recently."""
 
 
 class StartValues(NamedTuple):

@@ -1,8 +1,7 @@
 """The loop of a run: begin, try a step, update the recorders, repeat, and return the final state.
 
 Single runs, runs with derivatives and lanes of sweeps all use `RunLoop` and differ in their
-recorders. In sweeps the scheduler of lanes repeats the body of the loop; in other runs JAX's loops
-do.
+recorders. In sweeps the scheduler repeats the loop's body; in other runs JAX does.
 """
 
 import abc
@@ -44,8 +43,7 @@ class RunStart:
 
     @cached_property
     def blank_attempt(self) -> Attempt:
-        """An `Attempt` that ends at the start with the initial state, and has zeros in its other
-        fields."""
+        """An `Attempt` that ends at the start with the initial state, otherwise of zeros."""
         loop = self.loop
         return blank_attempt(
             loop.method, loop.system, self.step, loop.t_end, loop.family, loop.attempt
@@ -55,8 +53,7 @@ class RunStart:
 @dataclass(frozen=True, eq=False)
 class StepOutcome:
     """The outcome of an attempt to take a step, as recorders receive it. If the step was not
-    accepted, or if a lane waits for Python to empty a full buffer, time and variables are the same
-    `before` and `after`."""
+    accepted, or a lane waits for Python, time and variables are the same `before` and `after`."""
 
     method: Method
     system: System
@@ -120,8 +117,7 @@ class RunLoop:
     """The loop of a run.
 
     - `t_end`: s, end of the run; no step goes past it.
-    - `family`: the system as a function of parameters, if the run carries derivatives with respect
-      to them; otherwise ``None``.
+    - `family`: the system as a function of parameters, in runs with derivatives by these.
     - `attempt`: the function that tries a step.
     """
 
@@ -137,8 +133,7 @@ class RunLoop:
         return Progress(step, _map_recorders(lambda r: r.start(start), self.recorders))
 
     def advance(self, now: Progress, goes: Condition | None = None) -> Progress:
-        """Return the run after one attempt to take a step; unchanged where `goes` is false, as in a
-        lane that waits."""
+        """Return the run after one attempt; unchanged if `goes` is false: a lane may wait."""
         family_if_any = () if self.family is None else (self.family,)
         method = self._method(now.step)
         tried = self.attempt(method, self.system, now.step, self.t_end, *family_if_any)

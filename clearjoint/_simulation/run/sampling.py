@@ -3,8 +3,7 @@
 
 Runge-Kutta methods commute with differentiation: the derivative of a step with respect to a
 parameter is the same step of the variational equations, error estimate included. Hence an attempt
-differentiates the solver's step for all parameters at once, and controls the errors of variables
-and tangents together.
+differentiates the step for all parameters at once, and controls the errors of both.
 """
 
 from collections.abc import Callable, Mapping
@@ -49,8 +48,7 @@ from .run_loop import Progress, Recorders, Records, RunLoop, final_result
 
 FEW_TIMES, GROWTH = 64, 8
 """The number of times in a compiled program is rounded up to 64, 512, 4096 ..., so that few
-programs are compiled. The additional times repeat the end time; quantities at repeated times are
-computed only once."""
+programs are compiled. The additional times repeat the end time, and cost nothing."""
 
 
 PEAK = "peak"
@@ -65,8 +63,7 @@ class Sampled(eqx.Module):
 
     - `values[name]`: (N,), `derivatives[name]`: (N, p), in the quantity's unit, with respect to the
       coordinates of the parameters on their scales, such as logarithms.
-    - `reached`: (N,), whether the run reached each time. What is kept at other times is
-      meaningless.
+    - `reached`: (N,), whether the run reached each time. Other rows are meaningless.
     - `amplification`: (p,), an upper bound of the ratio of the relative error of the positions'
       derivatives to that of the speeds' derivatives at their peak: this peak times the time since
       then, over the largest derivative of a position since then.
@@ -113,8 +110,7 @@ def first_tangents(
     t_end: Scalar,
     initial: tuple[Initial, Initial],
 ) -> Tangents:
-    """Return the derivatives of the state before the first step, from those of the `initial`
-    variables and entry speeds."""
+    """Return the tangents before the first step, from those of the `initial` variables."""
     (_, entry_speeds), (y_along, entry_speeds_along) = initial
 
     # The solver of an explicit method has a state of its own: the rates at the start of the step,
@@ -213,9 +209,8 @@ def _sampled_from(
     recorders: dict[str, Recorders],
     has_states: bool,
 ) -> Sampled:
-    """Integrate from the step `first`, the result of `first_step_of`; further arguments are those
-    of `sampled`. `times` and `t_end` are those of the scene, `own_times` and `own_end` those of the
-    run, which begins at zero."""
+    """Integrate from `first`, the result of `first_step_of`; see `sampled` for the other arguments.
+    In the code, times named `own` are on the clock of the run, which begins at zero."""
     method, systems = scheme.method, SystemFamily(family, scheme.formulation, t0)
     system, own_end, own_times = systems.system(), t_end - t0, times - t0
     all_recorders = {LATEST: LatestAttempt(), PEAK: TangentPeakRecorder(), **recorders}

@@ -98,8 +98,7 @@ class Sensitivities(AbstractTabular):
           parameters' coordinates are pure numbers (for the scale `Linear`, the value divided by the
           scale's `unit`), so that derivatives have the quantity's unit.
         - "coordinate" has the labels of the parameters' coordinates, such as "log clearance".
-        - Attributes are the time at which the run ended, s, its result, the numbers of steps, and
-          the settings.
+        - Attributes are the end of the run, s, its result, the numbers of steps, and the settings.
         """
         variables = {}
         for name, derivatives in self.derivatives.items():
@@ -158,8 +157,7 @@ def sensitivities(
     **Arguments:**
 
     - `scene`, `state`, `start_time`, `end_time`, `throw`: as in `simulate`, with `Sensitivities` in
-      place of the `Solution`. The derivatives are taken at the values that the parameters have
-      there.
+      place of the `Solution`. Derivatives are those at the parameters' values there.
     - `parameters`: the p `Parameter`s to differentiate with respect to, by names of your choice.
       Errors of sensors, such as `Parameter.bias("x")`, change the values of the output "x".
     - `outputs`: as in `simulate`, by names of your choice: quantities, scalar functions of an
@@ -167,20 +165,17 @@ def sensitivities(
       tables of impacts, which are not. Reductions such as `Peak` cannot be computed.
     - `times`: (N,) s, not decreasing, between start and end, at which quantities are evaluated.
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.derivatives` unless given.
-    - `save`: states at given times and the impacts, if requested; the states after every step
-      cannot be saved.
+    - `save`: states at given times, and impacts; the states after every step cannot be saved.
     - `progress`: show the time spent compiling.
 
     **Raises:** `ValueError` for invalid arguments, and for a joint, driver or force that may jump
     or have a kink at some time (it compares, rounds or clips a number that depends on time) but
     declares no `breakpoints`, because derivatives would lack the effect of a shift of these times;
-    `SimulationError` for a run that fails, if `throw` is true. A run fails with the result
-    `RESULTS.force_jumped` if the force of a user-defined class jumps at a time that depends on the
-    motion.
+    `SimulationError` for a run that fails, if `throw` is true. Its result is `RESULTS.force_jumped`
+    if the force of a user-defined class jumps at a time that depends on the motion.
 
     **Warns:** `UnusualValueWarning` for a journal that starts deep in the wall of its bearing, and
-    for derivatives that were far larger in an impact than after it, so that a loose `rtol` may make
-    them wrong by percents.
+    for derivatives so much larger in an impact than after it that a loose `rtol` may spoil them.
 
     >>> found = cj.sensitivities(scene, state, 0.3, {"stiffness": stiffness}, {"x": x}, times)
     >>> exact = -0.5 * times * np.sin(10.0 * times)  # d x/d log k
@@ -265,10 +260,9 @@ def _reached_rows(
 
 
 AMPLIFIED = 1.0
-"""Tolerance of derivatives times `Sampled.amplification` above which `sensitivities` warns. For a
-fall of 50 m onto stiff ground, errors of 5 to 30 % were measured at 3 to 20, and errors below 1e-4
-at 0.02. After a slow decay of the derivatives, those of positions are large too, and the product is
-small."""
+"""Product of the tolerance of derivatives and `Sampled.amplification` above which `sensitivities`
+warns. For a fall of 50 m onto stiff ground, derivatives were wrong by 5 to 30 % at 3 to 20, and by
+less than 1e-4 at 0.02."""
 
 
 def _caution_amplified(
@@ -298,8 +292,7 @@ derivatives grow about as the time or its square."""
 
 
 def _growth_of_derivatives(run: Sensitivities) -> str | None:
-    """Return the error message of a run that failed because its derivatives have grown, otherwise
-    ``None``."""
+    """Return the message of a run that failed because its derivatives have grown, or ``None``."""
     stuck = [RESULTS.max_steps_reached, RESULTS.step_too_small]
     growth = 1.0
     for rows in run.derivatives.values():

@@ -57,8 +57,7 @@ class Settled:
     - `time`, `state`: the time in s at which the last run ended, and the `State` then. Continue
       with ``simulate(scene, settled.state, end_time, start_time=settled.time)``. With a `period`,
       and if no run failed, the simulated time is a whole number of periods; if all drivers and
-      loads repeat with it, a further run may start from `state` at the first run's `start_time`
-      instead.
+      loads repeat with it, a further run may start from `state` at `start_time` instead.
     - `periods`: number of periods, or of times between crossings of the section, that were
       simulated in runs without a failure.
     - `multiple`: number of these periods in one period of the motion; ``None`` unless periodic.
@@ -155,8 +154,7 @@ class Strobe:
 
 def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]]:
     """Return positions (m), velocities (m/s), spins (rad/s) and orientations of all bodies in N
-    states, by name. Orientations are all products p_i p_j of Euler parameters, since these do not
-    depend on their common sign."""
+    states, by name. Orientations are all products p_i p_j of Euler parameters, without a sign."""
     parts = {
         name: np.stack([np.asarray(getattr(body, name)) for body in states.bodies.values()], axis=1)
         for name in ("position", "velocity", "spin", "orientation")
@@ -167,8 +165,7 @@ def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]
 
 
 def ranges(parts: dict[str, Float[np.ndarray, "N bodies components"]]) -> dict[str, float]:
-    """Return the largest range of any component of each array from `columns`, but at least `STILL`,
-    and 1 for orientations."""
+    """Return the largest range of each array, at least `STILL`; 1 for orientations."""
     sizes = {name: np.max(np.ptp(part, axis=0), initial=STILL) for name, part in parts.items()}
     return {**sizes, "orientation": 1.0}
 
@@ -245,13 +242,12 @@ def settle(
       ranges in the last three periods are at most `tolerance` times those of the whole motion.
       `settings.rtol` must be well below `tolerance`.
 
-    **Returns:** a `Settled`. A motion that does not settle, or a run that fails, raises no error;
-    `kind` of the result tells.
+    **Returns:** a `Settled`. Its `kind` tells if the motion does not settle or a run fails, without
+    error.
 
     **Raises:** `ValueError` unless either `period` alone, or `section` with `span`, is given; for a
     section that is crossed 160 times or more in ten spans; and for other invalid arguments, such as
-    an initial state that violates the constraints. `RunInterrupted`, a `KeyboardInterrupt` with the
-    motion so far, after Ctrl-C.
+    an initial state that violates the constraints. `RunInterrupted` after Ctrl-C.
 
     ```python
     import math

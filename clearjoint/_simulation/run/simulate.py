@@ -50,14 +50,12 @@ def simulate(
     """Integrate the equations of motion of a scene.
 
     The program is compiled once for each structure of the scene and each integration method. Other
-    values of a scene's numbers use the same program, unless a vector component changes to or from
-    exactly 0 or 1.
+    numbers use the same program, unless a vector component changes to or from exactly 0 or 1.
 
     The function works under `jax.vmap` and `jax.jvp`, not under `jax.grad` and `jax.vjp`. Put
     `jax.jit` around the outermost transformation, or each call compiles anew. A traced number that
     is invalid, such as a clearance that is NaN, raises no error: the run ends before its first step
-    with the result `RESULTS.domain`. A traced run does not check that the initial state satisfies
-    the constraints.
+    with the result `RESULTS.domain`. It does not check the initial state against the constraints.
 
     Derivatives by `jax.jvp` are derivatives of the computed steps, not of the exact motion. Their
     error is far above the error of the states, and falls slowly with the tolerance. Prefer
@@ -79,8 +77,7 @@ def simulate(
       transformation of JAX, only quantities.
     - `throw`: whether a run that fails raises `SimulationError`. If false, and always if JAX traces
       the run, a failed run returns a `Solution`, whose `result` is the code of the failure.
-    - `progress`: show a progress bar for runs that take longer than two seconds, and while
-      compiling.
+    - `progress`: show a progress bar for runs of more than two seconds, and while compiling.
 
     **Returns:** a `Solution`.
 

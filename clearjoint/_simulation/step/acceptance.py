@@ -29,9 +29,8 @@ DRIVER_TOLERANCE = 3.0
 """Tolerance of `drivers_are_smooth`, as a multiple of the relative tolerance of the step-size
 controller. It leaves room for the error of the quadrature there."""
 SHORTER = 0.2
-"""Length of the next trial, relative to the last one, after a trial that is rejected because a
-driver is not smooth. It is also the smallest factor by which diffrax's PID controller shortens a
-step."""
+"""Length of the trial after one that is rejected because a driver is not smooth, relative to it.
+diffrax's PID controller shortens a step by no smaller factor."""
 
 
 class _Decision(NamedTuple):
@@ -122,9 +121,8 @@ def decide_step(
 def _with_smooth_drivers(
     decision: _Decision, method: Method, system: System, step: Step, trial: Trial
 ) -> _Decision:
-    """Repeat a trial over which a driver is not smooth (see `drivers_are_smooth`). If no breakpoint
-    declares a kink or jump, the steps towards it become shorter and shorter, until `_result` stops
-    the run."""
+    """Repeat a trial over which a driver is not smooth (see `drivers_are_smooth`). Towards an
+    undeclared kink or jump, steps become ever shorter, until `_result` stops the run."""
     rtol = DRIVER_TOLERANCE * _relative_tolerance(method.controller)
     smooth = drivers_are_smooth(system, trial.outcome.y.motion, step.t, trial.t1, rtol)
     if smooth is None:
@@ -149,8 +147,8 @@ def _with_limited_rotation(
 def _landed(
     decision: _Decision, landing: Landing, step: Step, trial: Trial, full_length: Scalar
 ) -> tuple[_Decision, Scalar, Condition, Scalar]:
-    """Return the decision to repeat a trial up to the contact event that it passes, if any, because
-    its set of closed contacts was wrong, and the results of `lengths_after_contacts`."""
+    """Repeat a trial up to the contact event that it passes, if any: its set of closed contacts was
+    wrong. Return the decision and the results of `lengths_after_contacts`."""
     t1, after = trial.t1, trial.gaps
     passes, landing_time = landing.retry(step.contact_gaps, after, step.t, t1)
     lands = decision.keep & passes
@@ -163,8 +161,7 @@ def _landed(
 def _made_jump(
     decision: _Decision, method: Method, system: System, step: Step, trial: Trial
 ) -> Condition:
-    """Return whether the next step must compute the rates at its start anew, or can reuse those at
-    the end of this one."""
+    """Return whether the next step must compute the rates at its start anew."""
     jumps = may_jump(method, system.scene)
     if slopes_may_jump(method, system.scene):
         # Rates are continuous here. But where a contact begins or ends, their derivatives jump, so
@@ -227,8 +224,8 @@ def _result(
 ) -> RESULTS:
     """Return the result code of the run after a trial step. If several checks fail, the last of
     these decides: the step is too small, a journal is too deep in the wall, a driver or ideal joint
-    is not followed, a variable is not finite, the solver or the controller failed. If none fails,
-    the code in `step` stays."""
+    is not followed, a variable is not finite, the solver or the controller failed. Otherwise the
+    code stays."""
     keep, t_next = decision.keep, decision.t_next
     now = jnp.where(keep, trial.t1, step.t)
     eps = jnp.finfo(now.dtype).eps

@@ -1,5 +1,4 @@
-"""Corrections of a step that ends at a breakpoint: of velocities that jump, and of derivatives with
-respect to parameters.
+"""Corrections, at the end of a step at a breakpoint, of velocities that jump and of derivatives.
 
 As in `.saltation`, the change of the rates at the breakpoint, times the time since the breakpoint,
 is added to the variables. This time is zero except for rounding, but it has derivatives with
@@ -38,9 +37,8 @@ T = TypeVar("T")
 
 class SwitchedForce(AbstractForce):
     """A force whose wrenches and power are interpolated linearly between their values at two times,
-    `before` and `after`, s of the scene, by `share`, 0 to 1. With times just before and just after
-    a breakpoint, the derivative of the rates with respect to `share` is the change of the rates at
-    the breakpoint."""
+    `before` and `after`, s of the scene, by `share`, 0 to 1. With times just before and after a
+    breakpoint, the derivative of the rates by `share` is their change at the breakpoint."""
 
     force: AbstractForce
     before: Scalar
@@ -169,8 +167,8 @@ def _past_samples(
     differentiated: bool,
 ) -> Variables:
     """Return the variables with the memories that sampled forces have after their instants at the
-    time t, s. If an instant depends on parameters, so do the motion that is sampled there and the
-    time for which the changed forces have acted at t; both have only derivatives."""
+    time t, s. If an instant depends on parameters, the motion sampled there, and the time for which
+    the changed forces have acted at t, have derivatives, which are added if `differentiated`."""
     fixed, still, speeds = constant((system, y, entry_speeds))
 
     forces, motions = sampled_forces(system.scene), system.motions(y.motion)

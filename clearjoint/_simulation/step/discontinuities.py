@@ -196,9 +196,8 @@ def may_have_undeclared_jump(scene: Scene) -> bool:
 
 
 def has_undeclared_jump(method: Method, system: System, step: Step, trial: Trial) -> Condition:
-    """Return whether any rate of the motion jumps within a trial step from `step`. The check is
-    skipped if the step ends at the onset or the end of a contact whose force, or its slope, may
-    jump there."""
+    """Return whether any rate of the motion jumps within a trial step from `step`. It is ``False``
+    at the end of a step at a contact event where a force, or its slope, may jump."""
     term, fixed = term_of(method, step), (system, step.entry_speeds)
 
     def rates(t: Scalar, motion: object) -> object:

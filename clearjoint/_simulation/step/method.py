@@ -81,8 +81,7 @@ class SystemFamily(eqx.Module):
     """A scene's equations of motion (`System`) and initial state as functions of the coordinates of
     p parameters, such as the logarithm of a parameter on a logarithmic scale.
 
-    - `origin`: the scene's time, s, at which that of the systems is zero; ``None`` if both are
-      equal.
+    - `origin`: the scene's time, s, at which that of the systems is zero; ``None`` if equal.
     - `is_transposed`: whether JAX will transpose the derivatives.
     """
 

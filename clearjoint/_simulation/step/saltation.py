@@ -35,13 +35,12 @@ T = TypeVar("T")
 
 
 def contacts_jump(scene: Scene) -> bool:
-    """Return whether a contact force may jump where the contact begins or ends."""
+    """Return whether a contact force may jump where its contact begins or ends."""
     return any(law.force_jumps for family in scene.laws().values() for law in family.values())
 
 
 def slopes_jump(scene: Scene) -> bool:
-    """Return whether the slope of a contact force over the penetration may jump where the contact
-    begins or ends."""
+    """Return whether a contact force's slope over the penetration may jump at a contact event."""
     return any(law.slope_jumps() for family in scene.laws().values() for law in family.values())
 
 
@@ -125,8 +124,8 @@ def _changes(before: ContactGap, after: ContactGap) -> Condition:
 
 
 def any_changes(scene: Scene, before: ContactGaps, after: ContactGaps) -> Condition:
-    """Return whether a contact begins or ends between two instants, of those contacts whose force,
-    or its slope, may jump."""
+    """Return whether a contact whose force or slope may jump begins or ends between two
+    instants."""
     jumping = _jumping_contacts(scene)
     count = sum(map(len, jumping.values()))
     return any_of(
@@ -215,8 +214,7 @@ def _mean_force(
 
 
 def _multiplied(force: LoadedContact, factor: Scalar) -> LoadedContact:
-    """Return the contact with its forces and its friction moment multiplied by `factor`, and
-    without bristle rates."""
+    """Return the contact with its forces and moment times `factor`, without bristle rates."""
     forces = force.normal_force, force.elastic_force, force.friction, force.friction_moment
     # Friction and its moment may be ``None``, which has no leaves.
     normal, elastic, friction, moment = jax.tree.map(lambda number: number * factor, forces)

@@ -25,9 +25,8 @@ disregards cuts as small as rounding errors."""
 
 
 SHARE_OF_SPEED = 0.2
-"""Share of a speed that counts as the least size of its derivative in `tangent_sizes`, relative to
-the largest derivative of a position over the largest position. With smaller shares, derivatives of
-a fall from 50 m on a stiffness of 1e13 N/m^1.5 could not be computed."""
+"""Least relative size of a speed's derivative in `tangent_sizes`, divided by that of positions.
+With smaller ones, derivatives of a fall from 50 m on 1e13 N/m^1.5 could not be computed."""
 
 
 def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Scalar:
@@ -54,8 +53,7 @@ def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Sc
 def lengths_after_contacts(
     step: Step, after: ContactGaps, t1: Scalar, keep: Condition, lands: Condition, proposed: Scalar
 ) -> tuple[Scalar, Condition, Scalar]:
-    """Return the fields `full_length`, `begins_contact` and `entry_length` of the next `Proposal`,
-    in a scene with contacts.
+    """Return `full_length`, `begins_contact` and `entry_length` of the next `Proposal`.
 
     **Arguments:** `after`: the contact gaps at the end of the trial, at the time `t1`, s; `keep`:
     whether it is accepted; `lands`: whether it is rejected because it passes an event, and repeated
@@ -87,19 +85,16 @@ def length_after_breakpoints(step: Step, t1: Scalar, keep: Condition, proposed: 
 
 
 def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
-    """Return the length, s, that the next step would have without events: the `proposed` one, but
-    after a step that was cut short at least the length that the cut step would have had without
-    events."""
+    """Return the length, s, of the next step without events: the `proposed` one, but after a step
+    that was cut short at least the length that this would have had without events."""
     return jnp.where(is_cut, jnp.maximum(proposed, last.full_length), proposed)
 
 
 def magnitudes(y: Variables) -> Variables:
     """Return the numbers to which the step-size controller relates the errors of the variables y.
 
-    - Positions and velocities of bodies: the largest absolute component of the vector, for all
-      three components.
-    - Bristle deflections, dimensionless from `with_relative_bristles`: the absolute value, but at
-      least 1.
+    - Positions and velocities of bodies: the largest absolute component, for all three.
+    - Bristle deflections, from `with_relative_bristles`: the absolute value, but at least 1.
     - All other variables: the variable itself; the controller takes absolute values.
     """
 

@@ -57,8 +57,7 @@ from .trial_step import Trial, error_order, term_of, time_map_of, try_step
 Shapes = TypeVar("Shapes")
 
 MANY_OPERATIONS = 50_000
-"""Number of operations in the equations of motion above which `shapes_of` warns, because compiling
-takes half a minute or more.
+"""Number of operations in the equations of motion above which `shapes_of` warns of slow compiling.
 
 For chains of 12, 24 and 48 ideal revolute joints (2800, 11 000 and 55 000 operations), native code
 took 2, 5 and 23 s; XLA 53 and 264 s for the first two, and more than 8 GB for the last.
@@ -80,13 +79,12 @@ def start(
 
     **Arguments:**
 
-    - `term`: the equations by `term_of` the method, which JAX traces once if the caller uses them
-      again.
+    - `term`: the equations from `term_of`, which JAX traces once if the caller uses them again.
     - `first_step`: length of the first step, s; with ``None`` the controller chooses it.
     - `y`: the motion and, to continue an earlier run, integrals of the energy ledger, bristle
       deflections and memories; missing ones are initialised.
-    - `entry_speeds`: m/s; missing ones are derived from the contacts at `t0`, and those that no law
-      uses are left out.
+    - `entry_speeds`: m/s; missing ones follow from the contacts at `t0`, and those that no law uses
+      are left out.
     - `derivatives`: whether the caller will add tangents to the step.
     """
     contact_gaps = system.contact_gaps(y.motion)
@@ -220,8 +218,7 @@ def accepted_state(
     keep: Condition,
 ) -> Step:
     """Return the state after a trial step, with the `proposal`, `result` and `attempts` of the
-    state before it. If `keep` is false, the result is not used, and a single run skips parts of the
-    work."""
+    state before it. If `keep` is false, it is not used, and single runs skip parts of it."""
     y1, solver_state, gaps = trial.outcome.y, trial.outcome.solver_state, trial.gaps
     second_rates = _second_rates(method, system, y1, solver_state, gaps)
     # Second rates of a rejected trial may not be finite.
@@ -292,8 +289,7 @@ def _across_discontinuities(
 
     The corrections change the variables by rounding errors, or by as little as a step ends past an
     onset, with two exceptions: velocities jump where the angle or distance that a driver prescribes
-    has a kink, and bristle deflections become zero in open contacts. The corrections of the
-    tangents are not small.
+    has a kink, and bristle deflections become zero in open contacts. Tangents may change much.
     """
     y1, y_tangents = trial.outcome.y, None if trial.tangents is None else trial.tangents.y
     # Corrections that the scene cannot need are left out of the program. If only the slope of a
@@ -351,8 +347,7 @@ def _second_rates(
     method: Method, system: System, y: Variables, solver_state: SolverState, gaps: ContactGaps
 ) -> ByLabel[Scalar]:
     """Return the second time derivatives of all penetrations, m/s^2, from the variables and their
-    rates. `UnrolledExplicit` keeps these rates as its state; with other solvers the result is
-    zero."""
+    rates. Only `UnrolledExplicit` keeps these; otherwise the result is zero."""
     if gaps and isinstance(method.solver, UnrolledExplicit):
         return system.second_rates(y.motion, solver_state.motion)
     return each_label(lambda name, label: jnp.zeros_like(gaps[name][label].rate), gaps)
@@ -392,6 +387,6 @@ def blank_attempt(
 
 
 def running(step: Step, t_end: Scalar, attempts: Scalar) -> Condition:
-    """Return whether a run goes on after `step`: it is before its end, has not failed, and has made
-    fewer than `attempts` trials."""
+    """Return whether a run goes on: before its end, without failure, in fewer than `attempts`
+    trials."""
     return (step.t < t_end) & (step.result == RESULTS.successful) & (step.attempts < attempts)

@@ -86,9 +86,8 @@ def error_order(method: Method) -> Single:
 
 
 class SolverStep(eqx.Module):
-    """Result of a solver's step: variables, their error estimate, data for dense output, and solver
-    state. Error estimate and data are `Stacked` if the variables are many. Its tangents have the
-    same type."""
+    """Result of a solver's step, or its tangents: variables, their error estimate, data for dense
+    output, and solver state. Error estimate and data are `Stacked` if the variables are many."""
 
     y: Variables
     error: PyTree[Scalar]
@@ -111,8 +110,7 @@ class Trial(eqx.Module):
 
 
 def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | None:
-    """Return the time map of the step from `step` to `t1`, s; ``None`` if time is uniform in all
-    steps of the run."""
+    """Return the time map of the step from `step` to `t1`, s; ``None`` if the run has none."""
     if method.landing is None or not step.contact_gaps:
         return None
     if not isinstance(method.solver, UnrolledExplicit):
@@ -238,8 +236,7 @@ def may_jump(method: Method, scene: Scene) -> bool:
 
 def slopes_may_jump(method: Method, scene: Scene) -> bool:
     """Return whether rates are continuous from step to step, but their slopes may jump where a
-    contact begins or ends, so that the tangents of the rates that the solver has kept are not
-    valid."""
+    contact begins or ends, so that kept tangents of rates are not valid."""
     lands = method.landing is not None and isinstance(method.solver, UnrolledExplicit)
     return lands and slopes_jump(scene) and not may_jump(method, scene)
 
