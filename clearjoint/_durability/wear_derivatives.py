@@ -88,10 +88,9 @@ class ParameterDirection:
                 # A part that doesn't wear has a profile of another class, which doesn't move.
                 profile = getattr(scene.joints[name], field)
                 if isinstance(profile, MovingSpline):
+                    shifts = on_device(profile.shifts).at[self.index].add(value)
                     scene = eqx.tree_at(
-                        lambda s, n=name, f=field: getattr(s.joints[n], f).shifts,
-                        scene,
-                        on_device(profile.shifts).at[self.index].add(value),
+                        lambda s, n=name, f=field: getattr(s.joints[n], f).shifts, scene, shifts
                     )
         return scene, state
 

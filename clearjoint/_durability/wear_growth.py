@@ -124,11 +124,8 @@ def _moved(joint: ClearanceJoint, field: str, change: jax.Array) -> ClearanceJoi
     coefficients = getattr(profile, "coefficients", None)
     if coefficients is None or np.shape(coefficients) != change.shape:
         return joint  # a part that does not wear
-    return eqx.tree_at(
-        lambda j: getattr(j, field).coefficients,
-        joint,
-        jnp.asarray(coefficients) + PeriodicSpline.through(change).coefficients,
-    )
+    moved = jnp.asarray(coefficients) + PeriodicSpline.through(change).coefficients
+    return eqx.tree_at(lambda j: getattr(j, field).coefficients, joint, moved)
 
 
 @partial(jax.jit, static_argnames="rates")

@@ -53,16 +53,11 @@ class Plan(eqx.Module):
     def loop(self, system: System, request: "LaneRequest") -> RunLoop:
         # A section has one log, which has the name of the output. A table of impacts has a log for
         # each contact (see `impact_log`); its recorder expects the labels of the contacts as keys.
+        wanted, impacts = request.wanted, self.impacts.items()
         recorders: dict[str, Recorders] = {
             REDUCTIONS: {name: ReductionRecorder(of) for name, of in self.reductions.items()},
-            SECTIONS: {
-                name: replace(recorder, wanted=request.wanted.get(name))
-                for name, recorder in self.sections.items()
-            },
-            TABLES: {
-                name: replace(recorder, wanted=_under(f"{name}/", request.wanted))
-                for name, recorder in self.impacts.items()
-            },
+            SECTIONS: {n: replace(of, wanted=wanted.get(n)) for n, of in self.sections.items()},
+            TABLES: {n: replace(of, wanted=_under(f"{n}/", wanted)) for n, of in impacts},
         }
         if self.saves:
             recorders[LATEST] = LatestDenseStep()

@@ -185,14 +185,13 @@ class _Programs:
         # The first lane is an example of the structure, shapes and dtypes of all lanes.
         common = batch.common
         task, request = jax.tree.map(lambda leaf: np.asarray(leaf[0]), batch.own)
+        functions = Common.after_turn, Common.status
         if native:
             lane = _begun(common, task)
-            trees = common, (task, request), lane
-            self.loop = made_lane_loop(Common.after_turn, Common.status, trees)
+            self.loop = made_lane_loop(*functions, (common, (task, request), lane))
         else:
             # XLA needs only the shapes of a lane's state, so no lane is computed for them.
             lane = zeros_like(eqx.filter_eval_shape(_begun.__wrapped__, common, task))
-            functions = Common.after_turn, Common.status
             self.loop = XlaLaneLoop(*functions, common, (task, request), lane)
 
         # Cells of the data and the state of a lane.

@@ -8,6 +8,7 @@ one column of cells for each lane.
 
 from collections.abc import Callable
 from functools import partial
+from typing import TypeAlias
 
 import equinox as eqx
 import jax
@@ -21,6 +22,7 @@ from ..._compilation.xla import in_one_function
 from ..._native.cells import Cells, Memory, Region
 from ..._native.lanes import AbstractLaneLoop
 
+Function: TypeAlias = Callable[..., PyTree]
 ON_CPU, ON_ACCELERATOR = 64, 4096
 """Number of lanes of one program. An accelerator has many more arithmetic units to occupy."""
 TURNS = 256
@@ -45,12 +47,7 @@ class XlaLaneLoop(AbstractLaneLoop):
     """
 
     def __init__(
-        self,
-        turn: Callable[[PyTree, PyTree, PyTree], PyTree],
-        status: Callable[[PyTree, PyTree, PyTree], dict[str, PyTree]],
-        shared: PyTree,
-        own: PyTree,
-        state: PyTree,
+        self, turn: Function, status: Function, shared: PyTree, own: PyTree, state: PyTree
     ):
         self.width, self._functions = width(), (turn, status)
         self._take_turns = _TURNS_IN_ONE_FUNCTION
@@ -98,7 +95,7 @@ class XlaFunction:
     results are in cells of 8 bytes. The attribute `results` is the layout of the cells of a result.
     """
 
-    def __init__(self, function: Callable[..., PyTree], shared: PyTree, *examples: PyTree):
+    def __init__(self, function: Function, shared: PyTree, *examples: PyTree):
         self._function, self._shared = function, shared
         self._arguments, self._width = [Cells(tree) for tree in examples], width()
         shapes = eqx.filter_eval_shape(function, shared, *examples)
@@ -125,11 +122,7 @@ def zeros_like(shapes: PyTree) -> PyTree:
 
 
 def _turns(
-    functions: tuple[Callable[..., PyTree], Callable[..., dict[str, PyTree]]],
-    shared: PyTree,
-    own: PyTree,
-    state: PyTree,
-    occupied: jax.Array,
+    functions: tuple[Function, ...], shared: PyTree, own: PyTree, state: PyTree, occupied: jax.Array
 ) -> tuple[jax.Array, PyTree, dict[str, jax.Array]]:
     turn, status = (jax.vmap(partial(function, shared)) for function in functions)
 
@@ -152,5 +145,5 @@ _TURNS_AS_USUAL = Compiled(_turns, xla_cpu_use_fusion_emitters=False)
 
 
 @Compiled
-def _for_all(function: Callable[..., PyTree], shared: PyTree, *trees: PyTree) -> PyTree:
+def _for_all(function: Function, shared: PyTree, *trees: PyTree) -> PyTree:
     return jax.vmap(partial(function, shared))(*trees)

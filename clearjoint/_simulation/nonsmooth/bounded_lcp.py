@@ -33,6 +33,8 @@ alternation between normal and friction impulses."""
 RELATIVE_SHIFT = 1e-11
 """Relative increase of W's diagonal, which makes systems with linearly dependent rows solvable."""
 Impulses = Sequence[Scalar]
+Search = tuple[Impulses, Sequence[Condition], Condition]
+"""Impulses, whether each row is free, and whether the minimum is reached."""
 
 
 class BoxProblem:
@@ -95,12 +97,10 @@ class BoxProblem:
             for a, y, (lower, upper) in zip(x, velocities, self._bounds, strict=True)
         ]
 
-        def goes(now: tuple[Impulses, Sequence[Condition], Condition]) -> Condition:
+        def goes(now: Search) -> Condition:
             return jnp.logical_not(now[2])
 
-        def go(
-            now: tuple[Impulses, Sequence[Condition], Condition],
-        ) -> tuple[Impulses, Sequence[Condition], Condition]:
+        def go(now: Search) -> Search:
             x, free, _ = now
             change = self._to_least(x, free, start)
             # Go along the change until the first row meets a bound, and fix this row. If it were
@@ -113,14 +113,10 @@ class BoxProblem:
 
             # A row that meets a bound gets exactly this bound, so that later comparisons with the
             # bound do not depend on rounding.
-            def moved_impulse(
-                a: Scalar, d: Scalar, meet: Condition, bounds: tuple[Scalar, Scalar]
-            ) -> Scalar:
+            moved: list[Scalar] = []
+            for a, d, meet, bounds in zip(x, change, meets, self._bounds, strict=True):
                 bound = jnp.where(d < 0.0, *bounds)
-                return jnp.where(meet, bound, jnp.clip(a + share * d, *bounds))
-
-            rows = zip(x, change, meets, self._bounds, strict=True)
-            moved = [moved_impulse(*row) for row in rows]
+                moved.append(jnp.where(meet, bound, jnp.clip(a + share * d, *bounds)))
             still_free = [f & jnp.logical_not(meet) for f, meet in zip(free, meets, strict=True)]
             # A step of full length reaches the minimum over the rows that are still free.
             return moved, still_free, share >= 1.0

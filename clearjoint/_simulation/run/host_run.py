@@ -163,35 +163,31 @@ segment_compiled = Native(segment)
 
 @dataclass(frozen=True)
 class Run:
-    """A run that is ready to start. `end` is in s, and `redundant` are names of constraints."""
+    """A run that is ready to start, to the time `end`, s. `save_at`: (N,) s, times to save at;
+    `redundant`: names of constraints."""
 
     folded_scene: ConstantFolded
     scheme: Scheme
     requested: Requested
     recorders: Recorders
     end: Scalar
+    save_at: Numbers | None
+    max_steps: int
     redundant: tuple[str, ...]
 
-    def in_one_piece(
-        self,
-        step: Step,
-        records: Records,
-        admissible: Condition | None,
-        save_at: jax.Array | None,
-        max_steps: int,
-    ) -> Solution:
+    def in_one_piece(self, step: Step, records: Records, admissible: Condition | None) -> Solution:
         """Run to the end inside a computation that JAX traces, such as under `jax.vmap`, and return
         a `Solution` of traced arrays, without steps and impacts. Saved states and values of
-        quantities at times `save_at`, (N,) s, that the run did not reach are meaningless. With
-        numbers that are not `admissible`, the run ends at once, with the result `domain`."""
+        quantities at times that the run did not reach are meaningless. With numbers that are not
+        `admissible`, the run ends at once, with the result `domain`."""
         if admissible is not None:
             # With another result than `successful`, the loop of steps takes no step.
             step = replace(step, result=RESULTS.where(admissible, step.result, RESULTS.domain))
         # The end is a further time to save at, so that the run continues after the last of the
         # requested times.
-        times = None if save_at is None else jnp.append(save_at, self.end)
+        times = None if self.save_at is None else jnp.append(self.save_at, self.end)
         program, quantities = (self.scheme, self.folded_scene), self.requested.quantities
-        rest = step, records, times, self.end, jnp.asarray(max_steps), quantities
+        rest = step, records, times, self.end, jnp.asarray(self.max_steps), quantities
         run = segment(*program, self.recorders, *rest)
         # JAX's own error about the loops of steps does not say what to call instead.
         step, _, _, saved = eqxi.nondifferentiable_backward(run, msg=REVERSE_MODE)
@@ -201,7 +197,7 @@ class Run:
             # Leave out the last row, the state at the end of the run, which was added above.
             (states, values), reached = jax.tree.map(lambda leaf: leaf[:-1], saved)
             if self.requested.save.states:
-                trajectory, count = Trajectory(save_at, pack(states)), reached.sum()
+                trajectory, count = Trajectory(self.save_at, pack(states)), reached.sum()
         return Solution(
             time=step.t,
             final=final,
@@ -218,14 +214,7 @@ class Run:
         )
 
     def on_host(
-        self,
-        step: FlatArguments,
-        records: Records,
-        status: Status,
-        save_at: np.ndarray | None,
-        max_steps: int,
-        progress: bool,
-        notes: Notes,
+        self, step: FlatArguments, records: Records, status: Status, progress: bool, notes: Notes
     ) -> tuple[Solution, bool, bool]:
         """Run in segments to the end, or to a failure, the limit of attempts or an interruption,
         from the results of `begin`. The step stays flattened, since Python has no use for it.
@@ -237,7 +226,7 @@ class Run:
         # The end time in the precision of the run. Rounded to float32, an end time such as 0.02 s
         # may become smaller, and a run in float32 would never reach the unrounded number.
         end = float(np.asarray(self.end, status.t.dtype))  # pyright: ignore
-        saved = _SavedBySegments(save_at)
+        saved = _SavedBySegments(self.save_at)
         # No bar is shown in the first two seconds of computing (`delay`).
         bar = ProgressBar(
             total=end - start,
@@ -252,7 +241,7 @@ class Run:
             while not (ended or interrupted):
                 # Segments are short, because the bar is updated and Ctrl-C is obeyed only between
                 # them.
-                limit = np.asarray(min(int(status.attempts) + ATTEMPTS_A_SEGMENT, max_steps))
+                limit = np.asarray(min(int(status.attempts) + ATTEMPTS_A_SEGMENT, self.max_steps))
                 program = self.scheme, self.folded_scene, self.recorders
                 rest = saved.next_times(end), self.end, limit, self.requested.quantities
                 step, *others = segment_compiled.in_parts(*program, step, records, *rest)
@@ -260,7 +249,7 @@ class Run:
                 records = saved.add(records, sampled)
                 bar.update(float(status.t) - start - bar.n)
                 failed = result_number(status.result) != SUCCESSFUL
-                ended = failed or int(status.attempts) >= max_steps
+                ended = failed or int(status.attempts) >= self.max_steps
                 # A segment also ends after `SAVES_A_SEGMENT` saves. So the run may have reached its
                 # end time while states are still to be saved.
                 ended = ended or (float(status.t) >= end and saved.complete)
@@ -311,7 +300,7 @@ class _SavedBySegments:
     """What the segments of a run have saved: samples at the first `count` of the times `save_at`,
     (N,) s, states after steps, and rows of impacts."""
 
-    def __init__(self, save_at: np.ndarray | None) -> None:
+    def __init__(self, save_at: Numbers | None) -> None:
         self.save_at = save_at
         self.count = 0
         self.impact_rows: list[tuple[str | float, ...]] = []

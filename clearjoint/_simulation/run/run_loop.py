@@ -7,7 +7,7 @@ recorders. In sweeps the scheduler repeats the loop's body; in other runs JAX do
 import abc
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Generic, TypeAlias, TypeVar
 
 import equinox as eqx
@@ -99,6 +99,7 @@ class AbstractRecorder(eqx.Module, Generic[R]):
         return ()
 
 
+_map_recorders = partial(jax.tree.map, is_leaf=lambda tree: isinstance(tree, AbstractRecorder))
 Recorders: TypeAlias = PyTree[AbstractRecorder]
 """The recorders of a run, in nested dictionaries."""
 Records: TypeAlias = dict[str, PyTree]
@@ -177,14 +178,6 @@ class RunLoop:
             return more if goes is None else more & goes(now)
 
         return jax.lax.while_loop(continues, self.advance, now)
-
-
-def _map_recorders(
-    function: Callable[..., PyTree], recorders: Recorders, *records: Records
-) -> Records:
-    return jax.tree.map(
-        function, recorders, *records, is_leaf=lambda tree: isinstance(tree, AbstractRecorder)
-    )
 
 
 def begin_run(

@@ -145,16 +145,14 @@ def simulate(
     with one_call():
         step, records, status = begin_compiled.in_parts(*beginning)
         # 3. The steps, in one piece if JAX traces the run, otherwise in segments.
-        run = Run(folded_scene, scheme, requested, recorders, end, redundant)
-        if traced:
-            save_at = None if times is None else on_device(times)
-            return run.in_one_piece(
-                step.tree, records.tree, admissible, save_at, settings.max_steps
-            )
-        notes = setting_notes(vars(settings))
-        solution, interrupted, left_bearing = run.on_host(
-            step, records.tree, status.tree, times, settings.max_steps, progress, notes
+        save_at = on_device(times) if traced and times is not None else times
+        run = Run(
+            folded_scene, scheme, requested, recorders, end, save_at, settings.max_steps, redundant
         )
+        if traced:
+            return run.in_one_piece(step.tree, records.tree, admissible)
+        rest = records.tree, status.tree, progress, setting_notes(vars(settings))
+        solution, interrupted, left_bearing = run.on_host(step, *rest)
     _warn(scene, solution, left_bearing)
     if interrupted:
         raise RunInterrupted(solution)

@@ -7,6 +7,7 @@ and each lane has the same digits as a single run. The rest is diffrax's.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache, partial, reduce
 from typing import TypeAlias, TypeVar
 
@@ -278,20 +279,13 @@ def ready_solver(
     `atol`, unless their root finder has tolerances of its own."""
     solver = unrolled(solver)
     if isinstance(solver, diffrax.AbstractRungeKutta) and solver.scan_kind is None:
-        solver = eqx.tree_at(
-            lambda s: s.scan_kind, solver, "lax", is_leaf=lambda leaf: leaf is None
-        )
+        solver = replace(solver, scan_kind="lax")
     if isinstance(solver, diffrax.AbstractImplicitSolver):
         # The tolerances and the norm of the default root finder are markers, which only
         # `diffrax.diffeqsolve` replaces by those of the controller.
         marker = diffrax.with_stepsize_controller_tols(diffrax.VeryChord)().rtol
         usual = {"rtol": rtol, "atol": atol, "norm": largest_component}
         finder = solver.root_finder
-        marked = [name for name in usual if getattr(finder, name, None) is marker]
-        if marked:
-            solver = eqx.tree_at(
-                lambda s: [getattr(s.root_finder, name) for name in marked],
-                solver,
-                [usual[name] for name in marked],
-            )
+        marked = {n: value for n, value in usual.items() if getattr(finder, n, None) is marker}
+        solver = replace(solver, root_finder=replace(finder, **marked))
     return solver

@@ -16,7 +16,7 @@ from ..._dynamics.system import System
 from ..._math.vectors import Condition, Scalar, Vector
 from ..._model.bodies import BodyState
 from ..._model.scene import Scene
-from .rotation_limit import longest_step
+from .rotation_limit import TARGET, fastest_rotation
 from .step_state import Method, Proposal, Step, Variables
 
 CUT = 0.99
@@ -41,7 +41,8 @@ def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Sc
     if method.landing is not None and step.contact_gaps:
         lengths.append(method.landing.time_to_next_event(step.contact_gaps, step.second_rates))
     if method.rotating:
-        lengths.append(longest_step(method, system, step))
+        # A uniform rotation then covers the angle `TARGET`.
+        lengths.append(TARGET / fastest_rotation(method, system, step.y.motion))
     # A step cannot end at an event that is closer than a few spacings of floating-point times,
     # because it must still advance. The number 1e-300 keeps this bound positive at t = 0.
     resolution = 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(step.t), 1e-300)

@@ -188,8 +188,8 @@ def attempt(
     the given state with a new proposal, result code and number of attempts.
     """
     trial = try_step(method, system, step, end_of_step(method, system, step, t_end), family)
-    keep, proposal, result, reasons = decide_step(method, system, step, trial, t_end)
-    accepted = accepted_state(method, system, family, step, trial, keep)
+    keep, proposal, result, reasons = decide_step(method, system, trial, t_end)
+    accepted = accepted_state(method, system, family, trial, keep)
     inside = None
     if step.tangents is not None and trial.tangents is not None:
         inside = TangentsInside(step.tangents.entry_speeds, trial.tangents.information)
@@ -210,16 +210,12 @@ def attempt(
 
 
 def accepted_state(
-    method: Method,
-    system: System,
-    family: SystemFamily | None,
-    step: Step,
-    trial: Trial,
-    keep: Condition,
+    method: Method, system: System, family: SystemFamily | None, trial: Trial, keep: Condition
 ) -> Step:
     """Return the state after a trial step, with the `proposal`, `result` and `attempts` of the
     state before it. If `keep` is false, it is not used, and single runs skip parts of it."""
-    y1, solver_state, gaps = trial.outcome.y, trial.outcome.solver_state, trial.gaps
+    step, gaps = trial.step, trial.gaps
+    y1, solver_state = trial.outcome.y, trial.outcome.solver_state
     second_rates = _second_rates(method, system, y1, solver_state, gaps)
     # Second rates of a rejected trial may not be finite.
     second_rates = choose(keep, second_rates, step.second_rates)
@@ -237,7 +233,7 @@ def accepted_state(
             begun = keep & begins(before, gaps)
             at_onsets = jax.lax.cond(begun, end_second_rates, lambda: second_rates)
         entry_speeds = updated_entry_speeds(system.scene, entry_speeds, before, gaps, at_onsets)
-    y1, y_tangents = _across_discontinuities(method, system, family, step, trial, keep)
+    y1, y_tangents = _across_discontinuities(method, system, family, trial, keep)
     if any(name in system.scene.joints for name in breakpoints(system.scene)):
         # A driver with a kink makes velocities jump, and with them the rates of the gaps.
         gaps = system.contact_gaps(y1.motion)
@@ -277,12 +273,7 @@ Ends: TypeAlias = tuple[Variables, Variables | None]
 
 
 def _across_discontinuities(
-    method: Method,
-    system: System,
-    family: SystemFamily | None,
-    step: Step,
-    trial: Trial,
-    keep: Condition,
+    method: Method, system: System, family: SystemFamily | None, trial: Trial, keep: Condition
 ) -> Ends:
     """Return the variables at the end of a trial step and their tangents, corrected for
     discontinuities of forces there (see `.saltation` and `.breakpoint_events`).
@@ -291,7 +282,8 @@ def _across_discontinuities(
     onset, with two exceptions: velocities jump where the angle or distance that a driver prescribes
     has a kink, and bristle deflections become zero in open contacts. Tangents may change much.
     """
-    y1, y_tangents = trial.outcome.y, None if trial.tangents is None else trial.tangents.y
+    step, t1, y1 = trial.step, trial.t1, trial.outcome.y
+    y_tangents = None if trial.tangents is None else trial.tangents.y
     # Corrections that the scene cannot need are left out of the program. If only the slope of a
     # force jumps, the correction concerns the tangents alone, so a run without tangents skips it.
     slopes = family is not None and slopes_jump(system.scene)
@@ -300,7 +292,6 @@ def _across_discontinuities(
     jumps = has_breakpoints(system.scene)
     if not contacts and not jumps and not y1.bristles:
         return y1, y_tangents
-    t1 = trial.t1
 
     def corrected(correction: Callable[..., Variables], at: Ends) -> Ends:
         y, along = at

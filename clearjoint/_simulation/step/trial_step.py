@@ -96,10 +96,11 @@ class SolverStep(eqx.Module):
 
 
 class Trial(eqx.Module):
-    """A trial step as the solver computed it: its end `t1`, s, the results of the solver, and the
-    contact gaps at the end. If it is not `finite`, the variables are those at the start of the
-    step, and the errors are `REJECTED_ERROR`."""
+    """A trial step from the state `step` as the solver computed it: its end `t1`, s, results of the
+    solver, and the contact gaps at the end. If it is not `finite`, the variables are those at the
+    start of the step, and the errors are `REJECTED_ERROR`."""
 
+    step: Step
     t1: Scalar
     time_map: AbstractTimeMap | None
     outcome: SolverStep
@@ -191,7 +192,7 @@ def solved_step(
         assert step.tangents is not None
         along = step.tangents.y, step.tangents.entry_speeds, step.tangents.solver_state
         outcome, result, tangents = family.with_auxiliary(advance, start, along)
-    return Trial(t1, time_map, outcome, tangents, {}, jnp.asarray(True), result)
+    return Trial(step, t1, time_map, outcome, tangents, {}, jnp.asarray(True), result)
 
 
 def with_gaps(system: System, trial: Trial) -> Trial:
