@@ -207,9 +207,8 @@ class _Programs:
 
         # Functions from the cells of lanes to those of results.
         def bound(function: Native, shared: PyTree, *examples: PyTree) -> Callable[[], OnCells]:
-            if native:
-                return partial(function.native.bound, shared, *examples)
-            return partial(XlaFunction, function.__wrapped__, shared, *examples)
+            make = function.native.bound if native else partial(XlaFunction, function.__wrapped__)
+            return partial(make, shared, *examples)
 
         self.begin = bound(_begun, common, task)
         self.outcome = bound(_outcome, common, task, lane)

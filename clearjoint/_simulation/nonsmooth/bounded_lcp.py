@@ -135,7 +135,10 @@ class BoxProblem:
             for i, row in enumerate(self._matrix)
         ]
         right = [jnp.where(f, -y, 0.0) for f, y in zip(free, velocities, strict=True)]
-        return _solved(matrix, right)
+        n = len(right)
+        full = [[matrix[max(i, j)][min(i, j)] for j in range(n)] for i in range(n)]
+        identity = [[float(i == j) for j in range(n)] for i in range(n)]
+        return Exact().solving(gram_matrix(full, identity))(right)
 
     def _shares(self, x: Impulses, change: Impulses) -> list[Scalar]:
         """Return for each row the part, 0 to 1, of its `change` that its bounds allow."""
@@ -165,10 +168,3 @@ def largest(numbers: Sequence[Scalar]) -> Scalar:
 
 def largest_of(chosen: Sequence[Condition], numbers: Sequence[Scalar]) -> Scalar:
     return largest([jnp.where(is_one, x, 0.0) for is_one, x in zip(chosen, numbers, strict=True)])
-
-
-def _solved(matrix: Rows, right: Sequence[Scalar]) -> Impulses:
-    n = len(right)
-    full = [[matrix[max(i, j)][min(i, j)] for j in range(n)] for i in range(n)]
-    identity = [[float(i == j) for j in range(n)] for i in range(n)]
-    return Exact().solving(gram_matrix(full, identity))(right)

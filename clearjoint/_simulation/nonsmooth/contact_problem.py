@@ -223,12 +223,9 @@ class ContactProblem:
         """Return the velocities along `rows` after impulses along `columns`, from the `velocities`
         before them; both are ranges of indices in `self.rows`."""
         return [
-            add(velocity, inner([self._entry(i, j) for j in columns], impulses))
+            add(velocity, inner([self._matrix[max(i, j)][min(i, j)] for j in columns], impulses))
             for i, velocity in zip(rows, velocities, strict=True)
         ]
-
-    def _entry(self, i: int, j: int) -> Scalar:
-        return self._matrix[max(i, j)][min(i, j)]
 
     def normal_impulses(
         self, closed: Sequence[Condition], aims: Sequence[Scalar], least: Scalar = NEGLIGIBLE

@@ -9,12 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Float, Int
 
 from ..._compilation import Compiled
-from ..._dynamics.breakpoints import (
-    breakpoints,
-    drivers_are_smooth,
-    one_sided_time,
-    since_breakpoints,
-)
+from ..._dynamics import breakpoints
 from ..._dynamics.coordinates import AbstractCoordinates, MotionVariables
 from ..._dynamics.formulation import Formulation
 from ..._dynamics.joint_coordinates.coordinates import JointCoordinates
@@ -109,7 +104,7 @@ def _with_breakpoints(
 ) -> tuple[Float[jax.Array, " times"], Int[jax.Array, " rest"] | None]:
     """Return the sorted stops and breakpoints, (T,) s, at which steps must end, and for each stop
     except the first its index in the times after the first, or ``None`` without breakpoints."""
-    elements = jax.tree.leaves(breakpoints(scene))
+    elements = jax.tree.leaves(breakpoints.breakpoints(scene))
     if not elements:
         return stops, None
     # A breakpoint outside of the run is moved to its start or end, where it adds no step.
@@ -125,12 +120,12 @@ def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> Ri
     after it. They change only if a driver has a breakpoint at `stop`."""
     # For each joint with breakpoints, the first entry tells whether one of them is in the span,
     # and thus at its end, `stop`. Forces have breakpoints too, but prescribe no velocities.
-    since = since_breakpoints(system, start, stop)
+    since = breakpoints.since_breakpoints(system, start, stop)
     joints = [has_one for name, (has_one, _) in since.items() if name in system.scene.joints]
     if not joints:
         return now
     # Where a driver's velocity jumps, the change of the speeds has the least kinetic energy.
-    time = one_sided_time(system, stop, stop)
+    time = breakpoints.one_sided_time(system, stop, stop)
     # A run that failed stays where it is, before `stop`.
     variables = jax.lax.cond(
         reduce(jnp.logical_or, joints) & (now.result == RESULTS.successful),
@@ -203,7 +198,7 @@ def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
     good = finite & solved & end.shallow
     # Drivers enter the equations by their second derivatives, at single times of a step only.
     # Without this check, a kink or jump between these times would pass unnoticed.
-    smooth = drivers_are_smooth(rigid.system, end.variables, t, t + h, DRIVER_TOLERANCE)
+    smooth = breakpoints.drivers_are_smooth(rigid.system, end.variables, t, t + h, DRIVER_TOLERANCE)
     if smooth is not None:
         result = RESULTS.where(good & ~smooth, RESULTS.not_followed, result)
         good = good & smooth

@@ -19,6 +19,7 @@ from ..._math.vectors import Condition, Scalar
 from ..._model.scene import Scene
 from ...quantities.base import Instant, Quantity, check_quantity
 
+Times: TypeAlias = tuple[float, ...]
 Instants: TypeAlias = Annotated[float | Callable[[Scene], Scalar] | None, "s"]
 """A time in s, a function of the scene that returns one, or ``None`` for the run's start or end."""
 
@@ -76,16 +77,14 @@ class AbstractReduction(AbstractConverting):
         determine the `differentiated` results."""
         return ()
 
-    def instants(
-        self, results: Mapping[str, Scalar], span: tuple[float, float]
-    ) -> tuple[float, ...]:
+    def instants(self, results: Mapping[str, Scalar], span: tuple[float, float]) -> Times:
         """Return the instants, s, at which `observed` quantities are evaluated, and until which
         `integrands` are integrated, in a run over the time `span`, s. `results` are those of the
         run if the reduction `finds_instants`, otherwise empty."""
         raise NotImplementedError
 
     def combined(
-        self, values: Float[Array, "instants values"], instants: tuple[float, ...]
+        self, values: Float[Array, "instants values"], instants: Times
     ) -> dict[str, Scalar]:
         """Return the `differentiated` results, by operations of JAX. Row k of `values` has the
         `observed` quantities at instant k and the integrals of the `integrands` until then."""
@@ -216,9 +215,7 @@ class AbstractWindowedReduction(AbstractReduction):
         Window(self.after, self.until)  # which checks the times
 
     @override
-    def instants(
-        self, results: Mapping[str, Scalar], span: tuple[float, float]
-    ) -> tuple[float, ...]:
+    def instants(self, results: Mapping[str, Scalar], span: tuple[float, float]) -> Times:
         """Return the start and the end of that part of the window that the run covers."""
         for name in ("after", "until"):
             edge, remedy = getattr(self, name), "give a time in s, which derivatives hold fixed"

@@ -269,11 +269,11 @@ class ArchardWear(AbstractWindowedReduction):
             length, middle = length * (b - a), now.inside(0.5 * (a + b))
         # Simpson's rule: rates at both ends and in the middle of the part in the window.
         at_middle, sixth = self._rates(middle), length / 6.0
-        worn = jax.tree.map(
-            lambda volume, start, middle, end: volume + sixth * (start + 4.0 * middle + end),
-            *(volumes, at_start, at_middle, at_end),
-        )
-        return now.time, latest, worn
+
+        def worn(volume: Scalar, start: Scalar, middle: Scalar, end: Scalar) -> Scalar:
+            return volume + sixth * (start + 4.0 * middle + end)
+
+        return now.time, latest, jax.tree.map(worn, volumes, at_start, at_middle, at_end)
 
     @override
     def results(self, tally: WearTally, now: Instant) -> dict[str, Scalar]:

@@ -18,7 +18,7 @@ from ..._math.interpolation import Parabola, Point, highest_after
 from ..._math.smoothing import where
 from ..._math.vectors import Scalar
 from ...quantities.base import Instant, Quantity, numbers, require_quantity
-from .base import AbstractWindowedReduction
+from .base import AbstractWindowedReduction, Times
 
 GAUSS_NODES = (-math.sqrt(0.6), 0.0, math.sqrt(0.6))
 GAUSS_WEIGHTS = (5 / 18, 8 / 18, 5 / 18)
@@ -84,9 +84,7 @@ class Peak(AbstractQuantityReduction):
         return (self.quantity,)
 
     @override
-    def instants(
-        self, results: Mapping[str, Scalar], span: tuple[float, float]
-    ) -> tuple[float, ...]:
+    def instants(self, results: Mapping[str, Scalar], span: tuple[float, float]) -> Times:
         # A shift of the instant of the peak does not change its value to first order.
         super().instants(results, span)
         return (float(results["time"]),)
@@ -180,12 +178,9 @@ class AbstractIntegralReduction(AbstractQuantityReduction):
         # Three Gauss nodes integrate the parabola and its square exactly.
         values = [arc.at(0.5 * (a + b) + 0.5 * node * (b - a)) for node in GAUSS_NODES]
         pairs = list(zip(GAUSS_WEIGHTS, values, strict=True))
-        sums = (
-            tally.duration + h,
-            tally.first + h * sum(weight * value for weight, value in pairs),
-            tally.second + h * sum(weight * value * value for weight, value in pairs),
-        )
-        return IntegralTally(t1, value, *sums), arc, a, b
+        first = tally.first + h * sum(weight * v for weight, v in pairs)
+        second = tally.second + h * sum(weight * v * v for weight, v in pairs)
+        return IntegralTally(t1, value, tally.duration + h, first, second), arc, a, b
 
 
 class Integral(AbstractIntegralReduction):

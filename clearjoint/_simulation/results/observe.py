@@ -22,14 +22,7 @@ from ..._dynamics.equations_of_motion import Dynamics, constraint_wrenches
 from ..._dynamics.formulation import Formulation
 from ..._dynamics.sampled_forces import holding, initial_memories
 from ..._dynamics.system import System
-from ..._export.datasets import (
-    COMPONENT,
-    COMPONENTS,
-    AbstractTabular,
-    Labelled,
-    labelled_dataset,
-    texts,
-)
+from ..._export.datasets import COMPONENT, AbstractTabular, Labelled, labelled_dataset, texts
 from ..._fields.checks import as_shown, require
 from ..._fields.objects import described, with_arrays
 from ..._math.smoothing import norm_and_direction
@@ -42,7 +35,7 @@ from ..._native import Native, over_rows
 from ...quantities.base import Instant, Quantity, check_quantity
 from ..step.types import Flags, Integers, Numbers, Vectors
 from .nonsmooth_solution import NonsmoothSolution
-from .solution import CONTACTS, Solution, Trajectory, by_contact
+from .solution import CONTACTS, LABELS, Solution, Trajectory, by_contact
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -231,7 +224,7 @@ class Observation(eqx.Module, AbstractTabular):
             "body": self.accelerations,
             "joint": self.drift,
             "energy_term": self.energies,
-            COMPONENT: COMPONENTS,
+            **LABELS,
         }
         # A scene without contacts, for example, has no variable along "contact", and needs no
         # labels for it.

@@ -8,7 +8,6 @@ with the corrections at contact events of `..step.saltation`. The transposes of 
 from the last step to the first, give the derivatives by all parameters.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -25,9 +24,8 @@ from ..._model.bodies import State
 from ..._native import Native
 from ..._parametrisation.parametrised_scene import DirectedScene
 from ..._result_codes import RESULTS
-from ...quantities.base import Quantity
 from ..reductions.base import AbstractReduction
-from ..step.dense_output import look_inside
+from ..step.dense_output import Quantities, look_inside
 from ..step.method import Scheme, SystemFamily
 from ..step.solvers import DenseInformation, UnrolledExplicit
 from ..step.step_state import Attempt, Step, Tangents, TangentsInside
@@ -227,12 +225,7 @@ def _attempt_of(run: Adjoint, example: Step, numbers: Numbers) -> Attempt:
 
 @Native
 def values_at(
-    run: Adjoint,
-    values: PyTree,
-    example: Step,
-    outputs: Mapping[str, Quantity],
-    steps: Numbers,
-    times: Numbers,
+    run: Adjoint, values: PyTree, example: Step, outputs: Quantities, steps: Numbers, times: Numbers
 ) -> Values:
     """Return quantities, (N,) each, at N times, s since the start of the run. Row k of `steps`, the
     result of `repeated`, is the step in which time k lies."""
@@ -262,7 +255,7 @@ def pulled_outputs(
     run: Adjoint,
     values: PyTree,
     example: Step,
-    outputs: Mapping[str, Quantity],
+    outputs: Quantities,
     steps: Numbers,
     times: Numbers,
     cotangents: dict[str, Numbers],

@@ -134,10 +134,6 @@ class Requested:
     def tables(self) -> dict[str, ImpactTable]:
         return {n: output for n, output in self.outputs.items() if isinstance(output, ImpactTable)}
 
-    @cached_property
-    def rejections(self) -> dict[str, RejectedSteps]:
-        return {n: o for n, o in self.outputs.items() if isinstance(o, RejectedSteps)}
-
     def check(self, scene: Scene, ledger: bool) -> None:
         """Check that a scene has the elements that the outputs name, and that outputs which need
         the energy `ledger` have it; raise a `ValueError` that names the output."""
@@ -172,12 +168,12 @@ class Requested:
             require(is_possible, f"outputs[{name!r}]", output, expected, remedy)
 
     def recorders(self) -> dict[str, Recorders]:
-        tables = self.tables.items()
+        tables, outputs = self.tables.items(), self.outputs.items()
         return {
             SECTIONS: {name: section.recorder for name, section in self.sections.items()},
             REDUCTIONS: {name: ReductionRecorder(of) for name, of in self.reductions.items()},
             TABLES: {n: ImpactRecorder(o.joint, o.window(), o.count) for n, o in tables},
-            REJECTIONS: {name: output.recorder for name, output in self.rejections.items()},
+            REJECTIONS: {n: o.recorder for n, o in outputs if isinstance(o, RejectedSteps)},
         }
 
     def recorded(self, records: Records, origin: float = 0.0) -> dict[str, Table]:

@@ -6,7 +6,7 @@ parameter is the same step of the variational equations, error estimate included
 differentiates the step for all parameters at once, and controls the errors of both.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeAlias
 
@@ -34,8 +34,7 @@ from ..._parametrisation.parametrised_scene import (
     ParametrisedScene,
 )
 from ..._result_codes import RESULTS
-from ...quantities.base import Quantity
-from ..step.dense_output import Snapshot, at_end, dense_time, look_inside, stabilised
+from ..step.dense_output import Quantities, Snapshot, at_end, dense_time, look_inside, stabilised
 from ..step.method import Scheme, SystemFamily
 from ..step.step_state import Attempt, Method, SolverState, Step, Tangents, Variables, choose
 from ..step.stepping import attempt, start
@@ -162,11 +161,7 @@ def look_at_tangents(
 
 
 def values_and_derivatives(
-    method: Method,
-    systems: SystemFamily,
-    tried: Attempt,
-    time: Scalar,
-    quantities: Mapping[str, Quantity],
+    method: Method, systems: SystemFamily, tried: Attempt, time: Scalar, quantities: Quantities
 ) -> tuple[dict[str, Scalar], dict[str, Gradients]]:
     """Return quantities, and their derivatives along the tangents of the accepted step `tried`, at
     a time inside the step, s since the start of the run."""
@@ -201,7 +196,7 @@ def _sampled_from(
     first: Step,
     scheme: Scheme,
     family: ParametrisedScene,
-    outputs: Mapping[str, Quantity],
+    outputs: Quantities,
     times: jax.Array,
     t0: Scalar,
     t_end: Scalar,
@@ -288,7 +283,7 @@ sampled_compiled: Native[..., Sampled] = Native(_sampled_from)
 def sampled(
     scheme: Scheme,
     family: ParametrisedScene,
-    outputs: Mapping[str, Quantity],
+    outputs: Quantities,
     times: jax.Array,
     t0: Scalar,
     t_end: Scalar,

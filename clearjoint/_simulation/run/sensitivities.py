@@ -12,14 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from typing_extensions import override
 
-from ..._export.datasets import (
-    AbstractTabular,
-    Labelled,
-    Notes,
-    labelled_dataset,
-    setting_notes,
-    texts,
-)
+from ..._export import datasets
 from ..._fields.cautions import UnusualValueWarning, caution
 from ..._fields.checks import require
 from ..._fields.types import ArrayLike
@@ -54,7 +47,7 @@ FOR_REDUCTIONS = (
 
 
 @dataclass(frozen=True)
-class Sensitivities(AbstractTabular):
+class Sensitivities(datasets.AbstractTabular):
     """Values of quantities at N times of a motion, and derivatives with respect to p parameters.
 
     - `parameters`: the p names of the parameters.
@@ -87,7 +80,7 @@ class Sensitivities(AbstractTabular):
     impacts: Impacts | None = None
     units: Mapping[str, str] = field(default_factory=dict)
     scales: tuple[str, ...] = ()
-    settings: Notes = ()
+    settings: datasets.Notes = ()
 
     @override
     def to_xarray(self) -> "xr.Dataset":
@@ -104,16 +97,16 @@ class Sensitivities(AbstractTabular):
         for name, derivatives in self.derivatives.items():
             unit = self.units.get(name)
             description = f"derivative of {name} by a parameter's coordinate"
-            variables[name] = Labelled(("time",), self.outputs[name], unit)
-            variables[f"{name}_derivative"] = Labelled(
+            variables[name] = datasets.Labelled(("time",), self.outputs[name], unit)
+            variables[f"{name}_derivative"] = datasets.Labelled(
                 ("time", "parameter"), derivatives, unit, description
             )
         labels = {
-            "time": Labelled(("time",), self.times, "s", "time"),
-            "parameter": Labelled(("parameter",), texts(self.parameters)),
+            "time": datasets.Labelled(("time",), self.times, "s", "time"),
+            "parameter": datasets.Labelled(("parameter",), datasets.texts(self.parameters)),
         }
         if self.scales:
-            labels["coordinate"] = Labelled(("parameter",), texts(self.scales))
+            labels["coordinate"] = datasets.Labelled(("parameter",), datasets.texts(self.scales))
         notes = {
             "result": RESULTS[self.result],
             "time_reached": self.time,
@@ -121,7 +114,7 @@ class Sensitivities(AbstractTabular):
             "accepted": self.accepted,
             **dict(self.settings),
         }
-        return labelled_dataset("sensitivities", variables, labels, tuple(notes.items()))
+        return datasets.labelled_dataset("sensitivities", variables, labels, tuple(notes.items()))
 
 
 def sensitivities(
@@ -234,7 +227,7 @@ def sensitivities(
         impacts=impacts,
         units={n: q.unit for n, q in quantities.items() if getattr(q, "unit", None)},
         scales=tuple(p.scale.label(name) for name, p in parameters.items()),
-        settings=setting_notes(vars(settings)),
+        settings=datasets.setting_notes(vars(settings)),
     )
     _caution_amplified(np.asarray(run.amplification), result.parameters, settings)
     if throw:

@@ -157,17 +157,13 @@ def simulate(
     if interrupted:
         raise RunInterrupted(solution)
     if throw:
-        raise_failure(solution, causes=_causes(scene, solution))
+        is_short = result_number(solution.result) in map(result_number, SHORT_STEPS)
+        final = solution.final, solution.time
+        raise_failure(solution, causes=overdamped_contacts(scene, *final) if is_short else [])
     return solution
 
 
 begin_compiled = Native(begin)
-
-
-def _causes(scene: Scene, solution: Solution) -> list[str]:
-    if result_number(solution.result) not in map(result_number, SHORT_STEPS):
-        return []
-    return overdamped_contacts(scene, solution.final, solution.time)
 
 
 def _warn(scene: Scene, solution: Solution, left_bearing: bool) -> None:

@@ -23,7 +23,6 @@ from .trial_step import Trial, error_order, may_jump, slopes_may_jump
 
 Flag: TypeAlias = Bool[Any, ""]
 """A truth value, (), annotated as in diffrax."""
-
 DRIVER_TOLERANCE = 3.0
 """Tolerance of `drivers_are_smooth`, as a multiple of the relative tolerance of the step-size
 controller. It leaves room for the error of the quadrature there."""
@@ -187,9 +186,8 @@ def _controller_decision(method: Method, system: System, trial: Trial) -> _Decis
     if trial.tangents is not None:
         assert step.tangents is not None and method.derivative_tolerance is not None
         tolerance = method.derivative_tolerance
-        along_before, along_after = (
-            step_length.magnitudes(scaled(t)) for t in (step.tangents.y, trial.tangents.y)
-        )
+        tangents = step.tangents.y, trial.tangents.y
+        along_before, along_after = (step_length.magnitudes(scaled(y)) for y in tangents)
         before = stacked(before), stacked(step_length.tangent_sizes(system, before, along_before))
         after = stacked(after), stacked(step_length.tangent_sizes(system, after, along_after))
         along = jax.tree.map(lambda e: e / tolerance, scaled(trial.tangents.error))

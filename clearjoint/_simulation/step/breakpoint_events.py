@@ -15,12 +15,7 @@ import jax
 import jax.numpy as jnp
 from typing_extensions import override
 
-from ..._dynamics.breakpoints import (
-    SampledInstants,
-    one_sided_time,
-    sampled_instants,
-    since_breakpoints,
-)
+from ..._dynamics import breakpoints
 from ..._dynamics.contact_forces import EntrySpeeds
 from ..._dynamics.kinds import Kinds
 from ..._dynamics.sampled_forces import HeldForce, sampled_forces, updated_memory, with_forces
@@ -85,13 +80,13 @@ def across_breakpoints(
     at its start, m/s; `differentiated`: whether the caller differentiates the result.
     """
     scene = system.scene
-    since = since_breakpoints(system, start, t)
+    since = breakpoints.since_breakpoints(system, start, t)
     # By name of the element: whether the step ends at one of its breakpoints, and the time since.
     joints = {name: since[name] for name in scene.joints if name in since}
     forces = {name: since[name] for name in scene.forces if name in since}
     # Times just before and just after the breakpoint, at which elements are evaluated.
-    before, after = one_sided_time(system, start, t), one_sided_time(system, t, t)
-    sampled = sampled_instants(system, start, t)
+    before, after = (breakpoints.one_sided_time(system, from_, t) for from_ in (start, t))
+    sampled = breakpoints.sampled_instants(system, start, t)
 
     def rates(shares: Mapping[str, Scalar], y: Variables, time: Scalar) -> Variables:
         return rates_of(_with_shares(system, before, after, shares), y, entry_speeds, time)
@@ -158,7 +153,7 @@ def _zero(*arguments: object) -> Scalar:
 
 def _past_samples(
     system: System,
-    sampled: SampledInstants,
+    sampled: breakpoints.SampledInstants,
     y: Variables,
     entry_speeds: EntrySpeeds,
     before: Scalar,

@@ -4,6 +4,7 @@ stabilisation projects the ends of steps. Functions that take a `Method` need th
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import TypeAlias
 
 import diffrax
 import equinox as eqx
@@ -22,6 +23,8 @@ from ...quantities.base import Instant, Quantity
 from .solvers import DenseOutput, UnrolledExplicit
 from .step_state import Attempt, Method, Step, Variables, choose
 from .time_map import AbstractTimeMap
+
+Quantities: TypeAlias = Mapping[str, Quantity]
 
 
 def look_inside(method: Method, system: System, attempt: Attempt, t: Scalar) -> "Snapshot":
@@ -112,11 +115,11 @@ class Snapshot(eqx.Module):
         y = self.y
         return State(system.decode(y.motion), self.entry_speeds, y.work, y.bristles, y.memory)
 
-    def values(self, system: System, quantities: Mapping[str, Quantity]) -> dict[str, Scalar]:
+    def values(self, system: System, quantities: Quantities) -> dict[str, Scalar]:
         now = self.instant(system)
         return {name: jnp.asarray(of(now), dtype=float) for name, of in quantities.items()}
 
-    def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
+    def columns(self, system: System, channels: Quantities) -> dict[str, Scalar]:
         """Return a row of a table of recorded states, by name of the column: the scene's time in s
         as "time", and the value of each quantity in `channels`, in its unit."""
         return {"time": self.instant(system).time, **self.values(system, channels)}

@@ -168,9 +168,8 @@ class Settings:
 
     def length_of_first_step(self, start_time: Scalar, end_time: Numbers) -> Numbers:
         """Return the length of the first step, s; the default has the shape of `end_time`."""
-        if self.first_step is None:
-            return FIRST_SHARE * (end_time - start_time)
-        return self.first_step
+        length = self.first_step
+        return FIRST_SHARE * (end_time - start_time) if length is None else length
 
     def looser(self, factor: float) -> "Settings":
         """Return a copy of these settings with `rtol` and `atol` multiplied by `factor`. Raise a

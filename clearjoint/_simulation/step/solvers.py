@@ -196,9 +196,8 @@ def _weighted(weights: Weights, values: Sequence[Scalar]) -> Scalar:
 
 def unrolled(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
     """Return an explicit Runge-Kutta method as an `UnrolledExplicit`, another solver unchanged."""
-    if isinstance(solver, diffrax.AbstractERK) and isinstance(
-        solver.tableau, diffrax.ButcherTableau
-    ):
+    single = diffrax.ButcherTableau
+    if isinstance(solver, diffrax.AbstractERK) and isinstance(solver.tableau, single):
         return UnrolledExplicit(solver)
     return solver
 

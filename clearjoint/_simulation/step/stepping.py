@@ -52,7 +52,7 @@ from .step_state import (
     Variables,
     choose,
 )
-from .trial_step import Trial, error_order, term_of, time_map_of, try_step
+from .trial_step import Arguments, Trial, error_order, term_of, time_map_of, try_step
 
 Shapes = TypeVar("Shapes")
 
@@ -131,11 +131,7 @@ def start(
 
 
 def _initial_ledger(
-    term: diffrax.ODETerm,
-    args: tuple[System, EntrySpeeds],
-    t: Scalar,
-    y: Variables,
-    derivatives: bool,
+    term: diffrax.ODETerm, args: Arguments, t: Scalar, y: Variables, derivatives: bool
 ) -> dict[str, Scalar]:
     """Return the integrals of the energy ledger at the start of a run, J, by name; empty without a
     ledger. Those in `y.work` are kept."""

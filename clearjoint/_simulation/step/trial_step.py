@@ -1,6 +1,7 @@
 """One trial step of the solver with its tangents, before it is accepted or rejected."""
 
 from dataclasses import replace
+from typing import TypeAlias
 
 import diffrax
 import equinox as eqx
@@ -26,6 +27,8 @@ from .solvers import DenseInformation, UnrolledExplicit
 from .step_state import Method, SolverState, Step, Variables, choose
 from .time_map import AbstractTimeMap, FromOnset, WithinContact
 
+Arguments: TypeAlias = tuple[System, EntrySpeeds]
+"""The `args` of the differential equations."""
 REJECTED_ERROR = 1e30
 """Error assigned to a trial whose result is not finite; it is large enough for any controller that
 adapts the step to reject the trial."""
@@ -70,7 +73,7 @@ def term_of(
     lands = step is not None and method.landing is not None
     closed_contacts = closed(step.contact_gaps) if step is not None and lands else None
 
-    def rates(t: Single, y: Variables, args: tuple[System, EntrySpeeds]) -> Variables:
+    def rates(t: Single, y: Variables, args: Arguments) -> Variables:
         system, entry_speeds = args
         # At a breakpoint at the end of the step, forces have the values just before it.
         t = one_sided_time(system, t if step is None else step.t, t)
