@@ -19,10 +19,8 @@ from .._simulation.results.observe import values_along
 from .._simulation.results.solution import Solution
 from ..quantities.base import Instant
 
-OF_BASES = tuple(
-    (base, kind) for base in BASES for kind in ("force", "power", "x", "y", "penetration")
-)
-SIGNALS = tuple(f"{base} {kind}" for base, kind in OF_BASES) + PlanarAxes._fields
+OF_BASE = "force", "power", "x", "y", "penetration"
+SIGNALS = (*(f"{base} {kind}" for base in BASES for kind in OF_BASE), *PlanarAxes._fields)
 """Names of the numbers from which the wear of a joint follows at an instant.
 
 They are, for each of the bases V and W (here with the names for V): the normal force, N ("V

@@ -112,10 +112,8 @@ def directions_of(
     for name, parameter in parameters.items():
         # The example of a value, 0.0, says that the number is a scalar.
         change = parameter.variation.setter(scene, state, 0.0)
-        coordinate = float(parameter.coordinate_in(scene, state))
-        directions[name] = ParameterDirection(
-            len(directions), joints, change, parameter.scale, coordinate
-        )
+        coordinate, index = float(parameter.coordinate_in(scene, state)), len(directions)
+        directions[name] = ParameterDirection(index, joints, change, parameter.scale, coordinate)
     for joint, of_parts in rates.items():
         for part, rate in zip(PARTS, of_parts, strict=True):
             if rate > 0.0:

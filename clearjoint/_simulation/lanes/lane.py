@@ -128,10 +128,8 @@ def begin_lane(
     # A compiled lane cannot raise an error. The result code ends this lane, and the others run.
     coordinates = plan.scheme.formulation.coordinates
     fits = assembled(scene, state, start_time, coordinates)
-    system = plan.scheme.system(scene)
-    step = begin_run(
-        plan.scheme.method, system, state, start_time, request.end_time, request.first_step
-    )
+    method, system = plan.scheme.method, plan.scheme.system(scene)
+    step = begin_run(method, system, state, start_time, request.end_time, request.first_step)
     step = replace(step, result=RESULTS.where(fits, step.result, RESULTS.not_assembled))
     saved = RowBuffer.like(Snapshot.of(step), ROWS) if plan.saves else None
     return without_weak_types(Lane(plan.loop(system, request).start(step), saved))

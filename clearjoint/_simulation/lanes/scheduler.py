@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax
@@ -50,8 +50,7 @@ OnCells = BoundFunction | XlaFunction
 """A compiled function from the cells of n lanes, (n, cells), to the cells of n results."""
 
 
-@dataclass(frozen=True)
-class Ended:
+class Ended(NamedTuple):
     """Results of n lanes that have ended, in NumPy arrays with a first axis of length n.
 
     - `lanes`: (n,) numbers of the lanes.
@@ -64,8 +63,7 @@ class Ended:
     logs: dict[str, tuple[dict[str, np.ndarray], np.ndarray]]
 
 
-@dataclass(frozen=True)
-class Running:
+class Running(NamedTuple):
     """Progress of the lanes that have begun and not ended: their number; the smallest and the
     largest simulated time, s, that one of them has reached; and the estimated computing time, s,
     until all lanes of the batch have ended, or ``None`` if there is no estimate yet."""
@@ -82,9 +80,7 @@ class Batch:
     """
 
     def __init__(self, common: Common, tasks: Task, threads: int | None = None):
-        self.common = jax.tree.map(
-            lambda leaf: np.asarray(leaf) if eqx.is_array(leaf) else leaf, common
-        )
+        self.common = jax.tree.map(lambda x: np.asarray(x) if eqx.is_array(x) else x, common)
         self.tasks, self._threads = tasks, threads or threads_of_sweeps()
         self.lengths, count = dict(common.capacity), len(tasks.end_time)
         self._save_at = np.zeros((count, 0)) if tasks.save_at is None else tasks.save_at

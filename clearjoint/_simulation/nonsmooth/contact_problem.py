@@ -15,7 +15,7 @@ unilateral contact and friction boundary value problem, 1975). One computation o
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -77,8 +77,7 @@ class Alternation(NamedTuple):
     factor: Scalar
 
 
-@dataclass(frozen=True)
-class Touch:
+class Touch(NamedTuple):
     """One contact, open or closed, at given poses and velocities of the bodies.
 
     A `Row` is a direction of relative motion: its rate is a linear function of the velocities of
@@ -153,7 +152,7 @@ def _touch(
     fast = Contact(contact.gap, contact.normal, contact.arm_first, contact.arm_second, along * FAST)
     friction = joint.friction_force(label, fast, 1.0)
     coefficient = 0.0 if friction is None else norm_and_direction(friction)[0]
-    return replace(touch, slip=(row(along), row(across)), coefficient=coefficient)
+    return touch._replace(slip=(row(along), row(across)), coefficient=coefficient)
 
 
 def _slip_direction(slip: Vector, normal: Vector) -> Vector:

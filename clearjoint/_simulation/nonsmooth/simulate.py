@@ -314,9 +314,8 @@ def simulate_nonsmooth(
     between = jnp.asarray([] if times is None else times)
     stops = jnp.concatenate([_array(start_time)[None], between, _array(end_time)[None]])
     chosen = None if restitution is None else _array(restitution)
-    run = run_compiled(
-        fold_constants(scene), formulation, state, stops, _array(step), chosen, admissible
-    )
+    numbers = state, stops, _array(step), chosen, admissible
+    run = run_compiled(fold_constants(scene), formulation, *numbers)
     inner = None if times is None else stops[1:-1]
     solution = _solution(*run, inner, formulation, redundant_constraints)
     if traced:

@@ -133,9 +133,7 @@ def emptied(records: Records) -> Records:
     """Return the records with empty buffers of steps and impacts. Buffers of sections stay: they
     have room for all crossings to be kept."""
     read = {key: records[key] for key in (STEPS, IMPACTS) if key in records}
-    empty = jax.tree.map(
-        lambda part: part.emptied() if _is_buffer(part) else part, read, is_leaf=_is_buffer
-    )
+    empty = jax.tree.map(lambda p: p.emptied() if _is_buffer(p) else p, read, is_leaf=_is_buffer)
     return records | empty
 
 

@@ -125,9 +125,8 @@ def _depths(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant
 ) -> tuple[Slope, Slope]:
     """Return the depth, counted from the onset of the force, and its rate at two instants."""
-    ahead = law.onset_offset()
-    before, after = (Slope(at.gap.depth + ahead, at.gap.rate) for at in (start, end))
-    return before, after
+    lead = law.onset_offset()
+    return Slope(start.gap.depth + lead, start.gap.rate), Slope(end.gap.depth + lead, end.gap.rate)
 
 
 INSTANTS = ("onset", "separation", "peak_time")

@@ -135,11 +135,10 @@ class Predictor:
         if not eqx.is_array(self.values[name]):
             # Of an element, only the arrays of floats are parameters.
             given = jax.tree.leaves(eqx.filter(value, eqx.is_inexact_array))
-        shapes, expected = [np.shape(g) for g in given], [np.shape(leaf) for leaf in leaves]
+        shapes, needed = [np.shape(g) for g in given], [np.shape(leaf) for leaf in leaves]
+        expected = f"arrays of shapes {needed}"
         remedy = "pass numbers of the shapes of the scene's, for example those of predict.values"
-        require(
-            shapes == expected, f"values[{name!r}]", shapes, f"arrays of shapes {expected}", remedy
-        )
+        require(shapes == needed, f"values[{name!r}]", shapes, expected, remedy)
         return jax.tree.unflatten(structure, [_as_floats(leaf) for leaf in given])
 
     def _values(self, values: dict[str, PyTree], or_nan: bool = False) -> dict[str, np.ndarray]:

@@ -567,15 +567,8 @@ class Integrand(eqx.Module):
 
     quantity: Quantity = eqx.field(static=True)
 
-    def __call__(
-        self,
-        system: System,
-        t: Scalar,
-        motion: PyTree,
-        entry_speeds: PyTree,
-        bristles: PyTree,
-        memory: PyTree,
-    ) -> Scalar:
+    def __call__(self, system: System, t: Scalar, motion: PyTree, *parts: PyTree) -> Scalar:
+        entry_speeds, bristles, memory = parts
         return self.quantity(Instant(system, t, motion, entry_speeds, {}, bristles, memory))
 
 

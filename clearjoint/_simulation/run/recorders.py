@@ -54,12 +54,11 @@ class RowBuffer(eqx.Module, Generic[R]):
         """Return the buffer with `row` written behind the last row if `wanted`. If there is no
         room, the row is lost, but `count` increases."""
 
+        def with_leaf(rows: jax.Array, leaf: Scalar) -> jax.Array:
+            return jax.lax.dynamic_update_index_in_dim(rows, leaf, self.count, 0)
+
         def write() -> R:
-            return jax.tree.map(
-                lambda rows, leaf: jax.lax.dynamic_update_index_in_dim(rows, leaf, self.count, 0),
-                self.rows,
-                row,
-            )
+            return jax.tree.map(with_leaf, self.rows, row)
 
         rows = jax.lax.cond(wanted, write, lambda: self.rows)
         return RowBuffer(rows, self.count + wanted)
@@ -167,9 +166,8 @@ class ReductionRecorder(AbstractRecorder[PyTree]):
 
     @override
     def after(self, record: PyTree, step_outcome: StepOutcome) -> PyTree:
-        return choose(
-            step_outcome.accepted, self.reduction.update(record, step_outcome.now), record
-        )
+        tally = self.reduction.update(record, step_outcome.now)
+        return choose(step_outcome.accepted, tally, record)
 
     @override
     def searched(self, now: Instant) -> PyTree[Scalar]:

@@ -97,9 +97,8 @@ class RejectionRecorder(AbstractRecorder[RejectionRecord]):
     @override
     def start(self, start: RunStart) -> RejectionRecord:
         none = RejectedRow(*(jnp.zeros(()) for _ in RejectedRow._fields))
-        return RejectionRecord(
-            RowBuffer.like(none, self.capacity), dict.fromkeys(REASONS, jnp.zeros((), int))
-        )
+        counts: dict[str, jax.Array] = dict.fromkeys(REASONS, jnp.zeros((), int))
+        return RejectionRecord(RowBuffer.like(none, self.capacity), counts)
 
     @override
     def after(self, record: RejectionRecord, step_outcome: StepOutcome) -> RejectionRecord:

@@ -340,9 +340,8 @@ def recorded_run(
     room = IMPACTS_AT_FIRST
     while True:
         every = {IMPACTS: ImpactRecorder(capacity=room)} if impacts else {}
-        result: Sampled = jax.device_get(
-            sampled(*arguments, recorders=recorders | every, has_states=has_states)
-        )
+        run = sampled(*arguments, recorders=recorders | every, has_states=has_states)
+        result: Sampled = jax.device_get(run)
         if not impacts or most(result.records[IMPACTS]) <= room:
             return result
         room *= GROWTH

@@ -104,9 +104,6 @@ def simulate(
     flat = run_checks.flattened_arrays(scene, state)
     scene, state = flat.arguments
     traced = flat.traced or run_checks.is_traced((end_time, start_time, settings.numbers))
-    redundant: tuple[str, ...] = ()
-    times: Numbers | None = None
-    admissible = None
 
     def check_all_numbers() -> None:
         run_checks.check_numbers(scene, state)
@@ -119,7 +116,9 @@ def simulate(
         save.require_none(EXCEPT_TIMES, UNDER_JAX, LEAVE_OUT)
         requested.refuse(RECORDED, f"a quantity {UNDER_JAX}", LEAVE_OUT)
         times, admissible = save.at(scene), run_checks.in_domain(check_all_numbers)
+        redundant = ()
     else:
+        admissible = None
         check_span(start_time, end_time)
         times = save.times_between(scene, start_time, end_time)
         redundant = run_checks.check_start(scene, state, start_time, settings.coordinates, flat)

@@ -223,9 +223,8 @@ def _result(
     # spacing is zero; there the time that remains sets the scale.
     resolution = 2.0 * eps * jnp.maximum(jnp.abs(now), eps * (t_end - now))
     stuck = (t_next - now <= resolution) & (now < t_end)
-    gave_up = (keep & (trial.solver_result != diffrax.RESULTS.successful)) | (
-        decision.controller_result != diffrax.RESULTS.successful
-    )
+    success = diffrax.RESULTS.successful
+    gave_up = (keep & (trial.solver_result != success)) | (decision.controller_result != success)
     result = RESULTS.where(stuck, RESULTS.step_too_small, step.result)
     if trial.gaps:
         deep = keep & too_deep(system.scene, trial.gaps)

@@ -56,9 +56,8 @@ class SwitchedForce(AbstractForce):
     @override
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
         del t
-        return self._between(
-            *(self.force.supplied_power(motions, at) for at in (self.before, self.after))
-        )
+        old, new = (self.force.supplied_power(motions, at) for at in (self.before, self.after))
+        return self._between(old, new)
 
     def _between(self, old: T, new: T) -> T:
         return jax.tree.map(lambda a, b: a + self.share * (b - a), old, new)

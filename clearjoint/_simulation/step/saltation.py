@@ -106,9 +106,7 @@ def across_contacts(
 def constant(tree: T) -> T:
     """Return a PyTree whose numbers have no derivatives."""
     # JAX would make arrays of the numbers that are folded into formulas.
-    return jax.tree.map(
-        lambda leaf: jax.lax.stop_gradient(leaf) if isinstance(leaf, jax.Array) else leaf, tree
-    )
+    return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if isinstance(x, jax.Array) else x, tree)
 
 
 def _jumping_contacts(scene: Scene) -> dict[str, list[str]]:

@@ -136,11 +136,11 @@ def tangent_sizes(system: System, sizes: Variables, along: Variables) -> Variabl
 
     change, size = (largest(positions(y.motion)) for y in (along, sizes))
     ratio = SHARE_OF_SPEED * change / jnp.where(size > 0.0, size, jnp.inf)
-    speeds = jax.tree.map(
-        lambda derivative, speed: jnp.abs(derivative) + ratio * jnp.abs(speed),
-        along.motion,
-        sizes.motion,
-    )
+
+    def size_of(derivative: Scalar, speed: Scalar) -> Scalar:
+        return jnp.abs(derivative) + ratio * jnp.abs(speed)
+
+    speeds = jax.tree.map(size_of, along.motion, sizes.motion)
     return replace(along, motion=system.with_speeds(along.motion, speeds))
 
 

@@ -94,9 +94,8 @@ def start(
     args = system, entry_speeds
     y = replace(y, work=_initial_ledger(term, args, t0, y, derivatives))
     # `wrap(1)` tells diffrax's controller that time runs forward.
-    t_next, controller_state = method.controller.wrap(1).init(
-        term, t0, t_end, y, first_step, args, method.solver.func, error_order(method)
-    )
+    controller, func, order = method.controller.wrap(1), method.solver.func, error_order(method)
+    t_next, controller_state = controller.init(term, t0, t_end, y, first_step, args, func, order)
     t_next = jnp.asarray(t_next, dtype=float)
     solver_state = method.solver.init(term, t0, t_next, y, args)
     zero, begins_contact = jnp.zeros((), dtype=int), begins_at_start(contact_gaps)
