@@ -41,16 +41,16 @@ if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
 FIRST_CHANGE = 0.2
-"""Change of the worn depth in the first stage, relative to the penetration from the force's
-onset."""
+"""Change of the worn depth in the first stage, relative to the largest penetration beyond the onset
+of the force."""
 GROWTH = 2.0
 """Largest number of cycles of a stage, divided by that of the stage before; the spline of
 `cycles_to_depth` through the stages then has an error of about 1e-3."""
 SHORTENED = 0.25
 """Number of cycles of a stage, divided by that of a stage after which the run failed."""
 FEWEST_CHANGE = 1e-3
-"""Change of the worn depth in a stage, relative to the first one's, below which it is not
-shortened."""
+"""Change of the worn depth in a stage, relative to that in the first stage, below which the stage
+is not shortened."""
 SETTLING_RUNS = 8
 """Largest number of runs after a stage until the motion is periodic."""
 LEAST_PENETRATION = 1e-12
@@ -60,8 +60,8 @@ INTEGRATION = 0.02
 CONTACTS = ("contacts", "direct")
 """Variables of a store that are no part of the result: fields of `JointWear`."""
 FEWEST_SAMPLES = 8
-"""Smallest number of angles: a cubic B-spline, four spacings wide, covers half of the
-circumference."""
+"""Smallest number of angles. With 8 of them a cubic B-spline, which is four spacings wide, covers
+half of the circumference."""
 EXTREMES = {"penetration": "m", "force": "N"}
 """Unit of each quantity, by name, of which a result contains the largest value in each stage."""
 STEPS_PER_SAMPLE = 16
@@ -116,18 +116,18 @@ def wear(
       they must not select a number of a profile that wears. The logarithms of the positive wear
       rates are additional parameters, with names such as "pin bearing rate". For the derivatives,
       the number of cycles before each stage is held fixed. They are valid if the motion has settled
-      before.
+      before the measured cycles.
     - `settle`: number of cycles of a run before the wear is measured; `measured`: number of cycles
       that are measured, even. Their first and second half must agree to the relative `tolerance`:
       in the sum of the depths that wear off each joint, and in the sum of the derivatives with
       respect to each parameter. A motion that is not periodic needs many measured cycles.
     - `stage_error`: largest correction of the depths of a stage, relative to the joint's largest
       depth plus its penetration from the onset of the force. The corrected depths have a smaller
-      error. For differences between results take 1e-4: the integration is about fifty times as
-      accurate.
+      error. For differences between results take 1e-4, since the integration has a relative error
+      of about a fiftieth of it.
     - `largest_change`: largest change of depth in a stage, m; by default not limited. A stage has
-      at most twice the cycles of the one before, and the first changes the depth by a fifth of the
-      penetration.
+      at most twice the cycles of the one before, and the depth changes by a fifth of the
+      penetration in the first one.
     - `samples`: number of angles around the wall and around the journal, at least 8.
     - `stages`: largest number of stages.
     - `depth`: m; the computation also ends when the deepest point of a part has lost this depth.
@@ -888,8 +888,8 @@ def final_state(found: "xr.Dataset") -> State:
 
 
 def _stacked(found: "xr.Dataset", name: str) -> Float[np.ndarray, "stages rows joints 2 samples"]:
-    """Return depths or rates of a result in row 0, and derivatives by parameters in further
-    rows."""
+    """Return the depths or rates of a result in row 0, and their derivatives by the parameters, if
+    any, in the other rows."""
     dims = "stage", "parameter", "joint", "angle"
     of_parts = []
     for part in PARTS:

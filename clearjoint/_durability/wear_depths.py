@@ -120,8 +120,8 @@ def depths_from_signals(
     The volume that wears off in a time dt is k F v dt, with the specific wear rate k of bearing or
     journal (`rates`), the normal force F of a base and the sliding speed v (J. F. Archard 1953).
     The volume is distributed over the angles in proportion to the overlap of the two profiles, as
-    if the wall were an elastic foundation, and evenly over the length of the journal. Both bases
-    are added.
+    if the wall were an elastic foundation, and evenly over the length of the journal. The wear of
+    both bases is added.
     """
     # The last time is repeated, so that few programs are compiled (see `TIMES_IN_PROGRAM`). The
     # added intervals have no length and add nothing to the integral. The number of times stays odd,
@@ -177,12 +177,12 @@ def shares(
 ) -> Float[jax.Array, "T samples"]:
     """Return the share of the wear of one base that falls on each angle, at each time.
 
-    It is max(penetration + onset + extra, 0), divided by the sum of this over all angles, all in m.
-    `penetration` is that in the direction of the angle, the overlap less the clearance, and `onset`
-    the distance of the surfaces at which the force begins. A contact may be so narrow that it lies
-    between two angles. Therefore `extra` is added, by which the gap between two circles is larger
-    at one spacing of the angles, rad, from the deepest point: 0.5 * room * spacing^2, with the
-    clearance and the mean deviations of the profiles as `room`.
+    At each angle, max(penetration + onset + extra, 0), m, is divided by its sum over all angles.
+    The penetration is the overlap in this direction less the clearance, and the onset the distance
+    of the surfaces at which the force begins. A contact may be so narrow that it lies between two
+    angles: so the gap of two circles at one spacing of the angles from the deepest point, 0.5 room
+    spacing^2, is added, with the spacing in rad, and the clearance and mean deviations of the
+    profiles as room.
     """
     samples = np.shape(angles)[-1]
     room, spacing = joint.clearance, 2.0 * np.pi / samples

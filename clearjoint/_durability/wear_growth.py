@@ -82,8 +82,8 @@ def _unworn(
 
 
 def _shift(depths: jax.Array, angles: jax.Array, axes: PlanarAxes) -> tuple[jax.Array, jax.Array]:
-    """Return by how much the journal's centre moves, m, if the depths wear off while the
-    penetration and the angle of the contact stay the same."""
+    """Return by how much the journal's centre moves, m, along the bearing's axes x and y, if depths
+    wear off while the penetration and the angle of the contact stay."""
     wall, journal = PeriodicSpline.through(depths[0]), PeriodicSpline.through(-depths[1])
     worn = JournalInBearing(0.0, 0.0, wall, journal, axes)
     # The overlap of the two parts at the contact remains, and remains the largest one.
@@ -99,6 +99,7 @@ def _wear(
     depths: Float[jax.Array, "2 samples"],
 ) -> Float[jax.Array, "2 samples"]:
     """Return the depths per cycle that wear off a joint after `depths` have worn off."""
+    # Each of the `NUMBERS`, (bases * instants,): the wear of both bases is added.
     x, y, contact, *axes, work = history.swapaxes(0, 1).reshape(len(NUMBERS), -1)
     axes = PlanarAxes(*axes)
     along_x, along_y = _shift(depths, contact, axes)
@@ -119,7 +120,8 @@ def _wear(
 
 
 def _moved(joint: ClearanceJoint, field: str, change: jax.Array) -> ClearanceJoint:
-    """Return a joint whose profile is changed by values at the angles, if it is a spline there."""
+    """Return the joint with `change`, m at each angle, added to a profile if this is such a
+    spline."""
     profile: AbstractProfile | None = getattr(joint, field)
     coefficients = getattr(profile, "coefficients", None)
     if coefficients is None or np.shape(coefficients) != change.shape:
@@ -132,7 +134,7 @@ def _moved(joint: ClearanceJoint, field: str, change: jax.Array) -> ClearanceJoi
 def _wear_rows(
     joint: ClearanceJoint, rates: tuple[float, float], history: jax.Array, rows: jax.Array
 ) -> jax.Array:
-    """Return the depths per cycle and their derivatives from `rows`, the depths and theirs."""
+    """Return `rows` of the depths per cycle and their derivatives, from those of the depths."""
 
     def wear(depths: jax.Array) -> jax.Array:
         return _wear(joint, rates, history, depths)
@@ -147,7 +149,7 @@ def _wear_rows(
 def _jacobian(
     joint: ClearanceJoint, rates: tuple[float, float], history: jax.Array, depths: jax.Array
 ) -> jax.Array:
-    """Return the derivatives of the depths per cycle of the parts that wear by their depths."""
+    """Return the derivatives of the wear per cycle, of parts that wear, with respect to depths."""
     wearing = np.flatnonzero(rates)
 
     def wear(values: jax.Array) -> jax.Array:
@@ -163,8 +165,8 @@ class JointWear(NamedTuple):
     - `joint`: the joint, unworn, with a spline for each part that wears.
     - `rates`: wear rates of bearing and journal, m^2/N.
     - `history`: its contacts.
-    - `direct`: (p, 2, samples) m per cycle, the derivatives of the depths per cycle by the
-      parameters with the depths held fixed.
+    - `direct`: (p, 2, samples) m per cycle, derivatives of the depths per cycle by the parameters,
+      at fixed depths.
     """
 
     joint: ClearanceJoint
@@ -173,16 +175,16 @@ class JointWear(NamedTuple):
     direct: Float[np.ndarray, "p 2 samples"]
 
     def per_cycle(self, rows: Rows) -> Rows:
-        """Depths per cycle and their derivatives, from the depths and theirs."""
+        """Return rows of the depths per cycle and their derivatives, from those of the depths."""
         per_cycle = np.array(_wear_rows(self.joint, self.rates, self.history, rows))
         per_cycle[1:] += self.direct
         return per_cycle
 
     def jacobian(self, depths: Float[np.ndarray, "2 samples"]) -> Float[np.ndarray, "m m"]:
-        """Return approximately the derivatives of the depths per cycle of the parts that wear by
-        their depths, from a part of the contacts."""
+        """Return approximate derivatives of the wear per cycle, of the parts that wear, with
+        respect to their depths, from a part of the contacts."""
         some = self.history[:, :, ::INSTANTS_PER_SAMPLE].copy()
-        some[:, -1] *= INSTANTS_PER_SAMPLE
+        some[:, -1] *= INSTANTS_PER_SAMPLE  # each of them does the work of those left out
         return np.asarray(_jacobian(self.joint, self.rates, some, depths))
 
     @property
@@ -212,8 +214,8 @@ def grow(
 
     The contacts are those of `start` throughout, or change evenly from those of `start` to those of
     `end`. The depths are integrated by backward differentiation formulas, with a relative tolerance
-    and an absolute one of each row, m. Where the deepest point reaches `depth`, m, the function
-    ends. `RuntimeError`: the integration failed.
+    and an absolute one of each row, m, until the deepest point reaches `depth`, m. `RuntimeError`:
+    the integration failed.
     """
     from scipy.integrate import solve_ivp
 

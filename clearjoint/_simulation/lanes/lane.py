@@ -102,8 +102,8 @@ def _under(prefix: str, wanted: Mapping[str, PyTree]) -> dict[str, PyTree]:
 
 
 def impact_log(name: str, joint: str, contact: str) -> str:
-    """Return the name of the log of a contact's impacts, such as "hits/pin V" for the output
-    "hits"."""
+    """Return the name of the log of one contact's impacts, such as "hits/pin V" for the output
+    "hits". Names of outputs contain no slash."""
     return f"{name}/{contact_label(joint, contact)}"
 
 
@@ -123,8 +123,8 @@ def begin_lane(
     plan: Plan, scene: Scene, state: State, start_time: Scalar, request: LaneRequest
 ) -> Lane:
     """Return a lane before its first step, from a packed state. If the state violates the
-    constraints, or the run's coordinates cannot represent it, it ends with the result
-    `not_assembled`."""
+    constraints, or the run's coordinates cannot represent it, the lane takes no step, and has the
+    result code `not_assembled`."""
     # A compiled lane cannot raise an error. The result code ends this lane, and the others run.
     coordinates = plan.scheme.formulation.coordinates
     fits = assembled(scene, state, start_time, coordinates)
@@ -215,8 +215,8 @@ class Common(eqx.Module):
     - `channels[log][name]`: quantities to report at each state of a log of crossings, or of saved
       states, `SAVED`.
     - `tables[name]`: for each table of impacts, the names of the logs of its contacts.
-    - `programs`: name and digest of each traced program, or empty if unknown. Saved programs are
-      reused only if they agree.
+    - `programs`: name and digest of each traced program, or empty if unknown. A saved program is
+      reused only if these agree.
     """
 
     plan: Plan

@@ -40,7 +40,7 @@ PERIOD = 0.2
 progress bar that moves evenly."""
 LONGEST_WAIT = 0.25
 """Time, s, for which lanes that have ended may wait to be handed over while other lanes begin. It
-limits what is lost if a process whose caller stores results slowly is killed."""
+limits what is lost if the process is killed while its caller stores results slowly."""
 KNOWN_SHARE = 0.01
 """Share of all work that must be done before the time left is estimated; less is unreliable."""
 BLOCK_ROWS = 256

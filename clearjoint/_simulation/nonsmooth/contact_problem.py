@@ -210,7 +210,8 @@ class ContactProblem:
 
     def kick(self, impulses: Sequence[Scalar]) -> Speeds:
         """Return the change of the speeds of the system's coordinates by impulses at the contacts,
-        including the impulses of ideal joints that follow from them. Further rows have none."""
+        including the impulses of ideal joints that follow from them. Rows beyond their end have
+        none."""
         change: Speeds = [0.0] * len(self._responses[0])
         for part, impulse in zip(self._responses, impulses, strict=False):
             change = [add(a, multiply(b, impulse)) for a, b in zip(change, part, strict=True)]
@@ -253,7 +254,8 @@ class ContactProblem:
         relative to the largest velocity at closed contacts that these impulses have to change, but
         at least to `ROUNDED` times the largest of all, and to `NEGLIGIBLE`. The third is the
         opening velocity by which normal and friction impulses do not fit each other, relative to
-        the largest. `aims`: as in `normal_impulses`; `slips`: slip velocities before.
+        the largest of all. `aims`: as in `normal_impulses`; `slips`: slip velocities without
+        impulses.
         """
         if not slips:  # without friction
             return self.normal_impulses(closed, aims)

@@ -10,7 +10,8 @@ with positions q and speeds u before the step, q+ and u+ after it, q_m in its mi
 rates of positions H u, mass matrix M, forces F, and impulses P along the directions D of the
 contacts. A contact is closed if its gap at q_m is not positive. A predictor gives the velocity in
 F, so that smooth motion has second order. Ideal joints are kept by constraints on accelerations, as
-in `simulate`. Without forces, a contact leaves exactly at the restitution times its approach.
+in `simulate`. If no force acts, the velocity of a contact after an impact is exactly the
+restitution times its approach velocity, for any step length.
 
 The impulse stops the approach of a contact, but not the penetration that it has in the middle of
 the step, which is at most the approach in half a step. If, at its velocity after the impact, the

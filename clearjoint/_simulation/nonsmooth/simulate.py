@@ -40,8 +40,8 @@ DRIVER_TOLERANCE = 1e-5
 
 class RigidRun(eqx.Module):
     """A run between two steps. `touching`: whether each contact had an impulse in the last step;
-    `totals`: since the start of the run; `residual`, `steps`: largest residual and number of
-    steps."""
+    `totals`: since the start of the run; `residual`, `steps`: largest residual and number of the
+    steps that did not fail."""
 
     t: Scalar
     variables: MotionVariables

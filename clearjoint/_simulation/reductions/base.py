@@ -109,7 +109,8 @@ class AbstractReduction(AbstractConverting):
     def update(self, tally: PyTree, now: Instant) -> PyTree:
         """Return the tally after an accepted step, from the `tally` at its start.
 
-        It is also called after a rejected attempt, with the time unchanged and without effect.
+        It is also called after a rejected attempt, with the time unchanged; that result is
+        discarded.
 
         **Arguments:** `now`: the instant at the end of the step. `now.inside(x)` is the instant at
         which a part x, 0 to 1, of the step's time has passed; `now.middle` is the same for x = 0.5.
@@ -184,7 +185,7 @@ class TimeSpan:
 
 @dataclass(frozen=True)
 class Window:
-    """Window of time, whose edges may be functions of the scene; checks them as `Peak` does."""
+    """Window of time, whose edges may be functions of the scene. Errors are those of `Peak`."""
 
     after: Instants
     until: Instants

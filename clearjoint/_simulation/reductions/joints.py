@@ -213,8 +213,8 @@ class ArchardWear(AbstractWindowedReduction):
     Sectors have equal angles about the bearing's axis and are fixed to the bearing. Sector 1 begins
     at the x axis of the bearing's frame, whose z axis is the bearing's axis (see the quantity
     `JournalOffset`); the angle grows from x to y. The mean wear depth of a sector is its worn
-    volume over its area. Wear does not change the simulated wall. Only the dry contact causes wear,
-    not a film.
+    volume over its area. Wear does not change the shape of the wall in the simulation. Only the dry
+    contact causes wear, not a film.
 
     **Arguments:**
 

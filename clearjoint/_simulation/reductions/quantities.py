@@ -45,8 +45,9 @@ class AbstractQuantityReduction(AbstractWindowedReduction):
 
 
 class PeakTally(NamedTuple):
-    """Tally of `Peak`: points of a time, s, and the value then, the highest in the window so far,
-    minus infinity before the window, and those at the end and the start of the latest step."""
+    """Tally of `Peak`, of points (time, s, and value): the highest in the window so far, with the
+    value minus infinity before the window, and those at the end and the start of the latest
+    step."""
 
     highest: Point
     end: Point
@@ -167,7 +168,7 @@ class AbstractIntegralReduction(AbstractQuantityReduction):
     def _updated(
         self, tally: IntegralTally, now: Instant
     ) -> tuple[IntegralTally, Parabola, Scalar, Scalar]:
-        """Return the tally after a step, its parabola, and the `fractions` of its part inside."""
+        """Return the tally after a step, its parabola, and the `fractions` of the window."""
         t0, t1, (end, value) = tally.time, now.time, self._at_end(now)
         # The parabola's variable is 0 at t0 and 1 at t1. A rejected attempt has t1 = t0; its tally
         # is computed too, and discarded.
@@ -328,7 +329,7 @@ class Quantiles(AbstractQuantityReduction):
     - `after`, `until`: s, the window of time, by default the whole run; see `Peak`.
 
     **Raises:** `ValueError` for edges that are not finite, do not increase, or are fewer than two;
-    and for levels that are none, not between 0 and 1, or equal in six digits.
+    and if there is no level, one not between 0 and 1, or two equal in six digits.
     """
 
     edges: tuple[float, ...] = eqx.field(static=True, converter=numbers)

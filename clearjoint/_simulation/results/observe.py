@@ -125,8 +125,8 @@ class Observation(eqx.Module, AbstractTabular):
     - `modes[joint]`: (N,) values of `MotionMode`, for each joint that has a journal.
     - `reactions[joint][body]`: the `force`, (N, 3) N, and the `moment`, (N, 3) N m in body axes,
       that the constraints of a joint exert on each of its bodies except the ground (Flores et al.
-      2006, eq. 31). Not only ideal joints and drivers have constraints, but also journals held
-      axially.
+      2006, eq. 31). Ideal joints, drivers, and clearance joints that hold their journal axially
+      have constraints.
     - `interpolated`: (N,), true at interpolated times (see `Trajectory`), or ``None``.
     - `reactions_unique`: whether the reactions are unique. If some constraints are redundant, they
       are not, and those of least norm are given.
@@ -138,8 +138,8 @@ class Observation(eqx.Module, AbstractTabular):
       where the scene has them, and "mechanical" is their sum. With `Settings(ledger=True)`, there
       are also the energies dissipated since the start of the run, "normal damping", "friction",
       "film" and "stabilisation", and the energy "supplied" by drives and loads. If the run
-      continues others, they count from the start of the earliest. "friction" excludes the energy
-      stored in bristles.
+      continues others, they count from the start of the earliest. "friction" does not contain the
+      energy stored in bristles.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(np.linspace(0, 0.02, 201)))
@@ -304,7 +304,7 @@ def observe(
 
     **Returns:** an `Observation` of NumPy arrays.
 
-    **Raises:** `ValueError` for another `solution`, or one without states to observe.
+    **Raises:** `ValueError` for a `solution` of another type, or without states to observe.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(np.linspace(0, 0.02, 201)))

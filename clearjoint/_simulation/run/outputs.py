@@ -149,7 +149,7 @@ class Requested:
 
     def check_names(self) -> None:
         """Raise a `ValueError` for names that arrays in files cannot have, for a result of a
-        reduction, such as "peak_time", named as another output, and for quantities without
+        reduction, such as "peak_time", named as another output, and for quantities without sample
         times."""
         require_array_names("outputs", self.outputs, EXAMPLE)
         parts = {result_name(n, p) for n, o in self.reductions.items() for p in o.units() if p}

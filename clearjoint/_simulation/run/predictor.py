@@ -39,10 +39,11 @@ KEPT_RUNS, KEPT_BYTES = 4, 240_000_000
 """Number of runs that a predictor keeps, so that a gradient does not repeat those of the values,
 and bytes up to which it keeps more of them."""
 GUARD_TOLERANCE = 0.3
-"""Factor of the tolerance of derivatives if one derivative stands for those by several numbers.
-With 1, derivatives by a clearance that hardly changes the guard were wrong by 2e-6 and 7e-6 at an
-`rtol` of 1e-9, where forward mode has errors of 2e-8 to 8e-8; with 0.3 by 6e-8 and 6e-7, in 1.1 to
-1.2 times as many steps, which are still fewer than those of forward mode."""
+"""Factor of the tolerance of derivatives if there are several parameters, for whose derivatives
+that of the guard stands. With 1, derivatives by a clearance that hardly changes the guard were
+wrong by 2e-6 and 7e-6 at an `rtol` of 1e-9, where forward mode has errors of 2e-8 to 8e-8; with 0.3
+by 6e-8 and 6e-7, in 1.1 to 1.2 times as many steps, which are still fewer than those of forward
+mode."""
 AT_ONCE = 64
 """Largest number of runs of a batch that are computed side by side. Each may keep steps of up to 30
 MB (`.recorded_runs`) until their outputs or gradients are computed."""
@@ -249,8 +250,8 @@ def _gradients(runs: list[RecordedRun], cotangents: list[dict[str, np.ndarray]])
 
 
 def _batch_shape(examples: PyTree, arrays: PyTree) -> tuple[int, ...]:
-    """Return the shape of a batch: the lengths of the axes that arrays have before those of the
-    `examples`, which are elements of the batch."""
+    """Return the shape of a batch: the first axes of `arrays`, before those that an element of the
+    batch, `examples`, has too."""
     pairs = zip(jax.tree.leaves(examples), jax.tree.leaves(arrays), strict=True)
     return np.broadcast_shapes(
         *(np.shape(array)[: np.ndim(array) - len(np.shape(example))] for example, array in pairs)
@@ -258,8 +259,7 @@ def _batch_shape(examples: PyTree, arrays: PyTree) -> tuple[int, ...]:
 
 
 def _elements_of(examples: PyTree, arrays: PyTree, shape: tuple[int, ...]) -> list[PyTree]:
-    """Return the elements, each like `examples`, of a batch of the given shape, to which the first
-    axes of `arrays` are broadcast."""
+    """Return the elements, each like `examples`, of a batch of arrays broadcast to `shape`."""
 
     def flat(example: PyTree, array: ArrayLike) -> np.ndarray:
         own = np.shape(example)

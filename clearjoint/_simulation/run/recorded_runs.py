@@ -137,8 +137,8 @@ class Recorder:
 class RecordedRun:
     """A run with its accepted steps, from which values and derivatives of outputs follow.
 
-    - `last`: the step at its end. If it failed, results at times that it has not reached are
-      meaningless.
+    - `last`: the step at its end. If the run has failed, the values and derivatives at times that
+      it has not reached are meaningless.
     - `bytes_kept`: bytes of the recorded steps.
     """
 
@@ -426,7 +426,7 @@ def _through(
 
 
 def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Recording]:
-    """Record runs side by side, and return recordings by number, except of too long runs."""
+    """Record runs side by side, and return by number those that are short enough to be kept."""
     run, own = recorder.run, Cells(values[0])
     recordings: dict[int, _Recording] = {}
     # Rows that the host has read so far, by the number of the run.

@@ -117,7 +117,8 @@ def check_structure(
 
     **Raises:** `ValueError` if the state violates a constraint, if a joint holds a wrong
     orientation, if a contact is deeper than its joint allows, as for a journal far outside its
-    bearing, if redundancy cannot be decided, or if the coordinates are none or cannot represent it.
+    bearing, if redundancy cannot be decided, or if the coordinates cannot represent it or have no
+    variable.
 
     **Warns:** `UnusualValueWarning` for a contact that is deeper than the fraction `FAR_OUTSIDE` of
     the depth that its joint allows, and for one that approaches further without an entry speed.

@@ -118,7 +118,7 @@ class RunLoop:
     """The loop of a run.
 
     - `t_end`: s, end of the run; no step goes past it.
-    - `family`: the system as a function of parameters, in runs with derivatives by these.
+    - `family`: the system as a function of parameters, in runs with derivatives, or ``None``.
     - `attempt`: the function that tries a step.
     """
 

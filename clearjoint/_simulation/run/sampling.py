@@ -3,7 +3,7 @@
 
 Runge-Kutta methods commute with differentiation: the derivative of a step with respect to a
 parameter is the same step of the variational equations, error estimate included. Hence an attempt
-differentiates the step for all parameters at once, and controls the errors of both.
+differentiates the step for all parameters at once, and controls all errors together.
 """
 
 from collections.abc import Callable
@@ -47,7 +47,7 @@ from .run_loop import Progress, Recorders, Records, RunLoop, final_result
 
 FEW_TIMES, GROWTH = 64, 8
 """The number of times in a compiled program is rounded up to 64, 512, 4096 ..., so that few
-programs are compiled. The additional times repeat the end time, and cost nothing."""
+programs are compiled. The additional times repeat the end time, where nothing is computed again."""
 
 
 PEAK = "peak"
@@ -63,9 +63,9 @@ class Sampled(eqx.Module):
     - `values[name]`: (N,), `derivatives[name]`: (N, p), in the quantity's unit, with respect to the
       coordinates of the parameters on their scales, such as logarithms.
     - `reached`: (N,), whether the run reached each time. Other rows are meaningless.
-    - `amplification`: (p,), an upper bound of the ratio of the relative error of the positions'
-      derivatives to that of the speeds' derivatives at their peak: this peak times the time since
-      then, over the largest derivative of a position since then.
+    - `amplification`: (p,), largest derivative of a speed by each parameter, times the time since,
+      over the largest derivative of a position since. Times the relative error of the former, it
+      bounds that of the latter.
     - `records`: the records of the run's recorders. Impacts have times since the start of the run,
       and crossings times on the clock of the scene.
     """
@@ -334,9 +334,9 @@ def _joined(runs: list[Sampled], count: int) -> Sampled:
 def recorded_run(
     arguments: tuple[PyTree, ...], recorders: dict[str, Recorders], has_states: bool, impacts: bool
 ) -> Sampled:
-    """Return the result of `sampled` as NumPy arrays. `arguments`: those before `recorders`;
-    `impacts`: whether all impacts are recorded too, at the key `IMPACTS`. The run is repeated until
-    its buffers have room for them."""
+    """Return the result of `sampled` as NumPy arrays. `arguments` are those of `sampled` before
+    `recorders`; with `impacts`, all impacts are recorded at the key `IMPACTS`. The run is repeated
+    until its buffers have room for them."""
     room = IMPACTS_AT_FIRST
     while True:
         every = {IMPACTS: ImpactRecorder(capacity=room)} if impacts else {}

@@ -46,8 +46,8 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
 
     - `quantity`: function of an `Instant`; its value is called the level. A step contains a
       crossing if the level is negative at its start, and positive or zero at its end; also if it
-      has the same sign at both ends, and the other one where it turns in between. A step has one at
-      most.
+      has the same sign at both ends, and the other one where it turns in between. At most one
+      crossing is found in a step.
     - `earliest`: s, time of the scene before which crossings are ignored.
     - `channels`: pairs of a name and a quantity, whose values, and the time, make a row of the
       record; if `channels` is ``None``, as in lanes, a row is a `Snapshot`.

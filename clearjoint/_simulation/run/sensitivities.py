@@ -150,7 +150,7 @@ def sensitivities(
     **Arguments:**
 
     - `scene`, `state`, `start_time`, `end_time`, `throw`: as in `simulate`, with `Sensitivities` in
-      place of the `Solution`. Derivatives are those at the parameters' values there.
+      place of the `Solution`. Derivatives are taken at the parameters' values there.
     - `parameters`: the p `Parameter`s to differentiate with respect to, by names of your choice.
       Errors of sensors, such as `Parameter.bias("x")`, change the values of the output "x".
     - `outputs`: as in `simulate`, by names of your choice: quantities, scalar functions of an
@@ -254,8 +254,8 @@ def _reached_rows(
 
 AMPLIFIED = 1.0
 """Product of the tolerance of derivatives and `Sampled.amplification` above which `sensitivities`
-warns. For a fall of 50 m onto stiff ground, derivatives were wrong by 5 to 30 % at 3 to 20, and by
-less than 1e-4 at 0.02."""
+warns. For a fall of 50 m onto stiff ground, derivatives were wrong by 5 to 30 % at products of 3 to
+20, and by less than 1e-4 at 0.02."""
 
 
 def _caution_amplified(

@@ -101,9 +101,9 @@ class Settled:
 
 
 SETTLED_STATISTICS = 0.1
-"""Largest difference, relative to the range of the motion, between the means, and the standard
-deviations, of two spans whose statistics count as the same. It leaves room for the scatter of the
-statistics of a chaotic motion over finitely many periods."""
+"""Largest difference between the means, and the standard deviations, in two spans of a motion that
+count as the same, relative to its range. It leaves room for the scatter of the statistics of a
+chaotic motion."""
 ROOM = PHASES * BLOCK
 """Number of crossings of a section for which there is room in a block of periods."""
 CONFIRMING = 3
@@ -154,7 +154,8 @@ class Strobe:
 
 def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]]:
     """Return positions (m), velocities (m/s), spins (rad/s) and orientations of all bodies in N
-    states, by name. Orientations are all products p_i p_j of Euler parameters, without a sign."""
+    states, by name. Orientations are products p_i p_j of Euler parameters, of which the sign is
+    arbitrary."""
     parts = {
         name: np.stack([np.asarray(getattr(body, name)) for body in states.bodies.values()], axis=1)
         for name in ("position", "velocity", "spin", "orientation")
@@ -242,8 +243,8 @@ def settle(
       ranges in the last three periods are at most `tolerance` times those of the whole motion.
       `settings.rtol` must be well below `tolerance`.
 
-    **Returns:** a `Settled`. Its `kind` tells if the motion does not settle or a run fails, without
-    error.
+    **Returns:** a `Settled`. A motion that does not settle, or a run that fails, raises no error;
+    `kind` of the result tells.
 
     **Raises:** `ValueError` unless either `period` alone, or `section` with `span`, is given; for a
     section that is crossed 160 times or more in ten spans; and for other invalid arguments, such as

@@ -38,8 +38,8 @@ class FreeImpact:
 
     - `restitution`: rebound speed over entry speed.
     - `peak_force`: N, largest normal force.
-    - `largest_penetration`: m, from where the surfaces touch (a law's `onset_offset` does not
-      count).
+    - `largest_penetration`: m, counted from where the surfaces touch. The force of a law with an
+      `onset_offset` begins earlier.
     - `duration`: s, time from the beginning of the force to its end.
 
     >>> impact = cj.free_impact(cj.laws.HuntCrossley(0.8, 1e9), mass=1.0, entry_speed=0.1)
@@ -67,8 +67,8 @@ def free_impact(
     - `law`: the contact law.
     - `mass`: kg.
     - `entry_speed`: m/s, speed of the mass towards the wall when the contact begins.
-    - `bearing_radius`, `clearance`: m, if the law's stiffness depends on them; the clearance is
-      radial.
+    - `bearing_radius`, `clearance`: m, radius of the bearing and radial clearance, if the law's
+      stiffness depends on them.
 
     **Raises:** `ValueError` if a number is not positive, if the clearance is not smaller than the
     radius, if one of these two is missing and the stiffness depends on it, if the mass does not

@@ -214,8 +214,8 @@ def _result(
 ) -> RESULTS:
     """Return the result code of the run after a trial step. If several checks fail, the last of
     these decides: the step is too small, a journal is too deep in the wall, a driver or ideal joint
-    is not followed, a variable is not finite, the solver or the controller failed. Otherwise the
-    code stays."""
+    is not followed, a variable is not finite, the solver or the controller failed. If none fails,
+    the code in `step` stays."""
     keep, t_next = decision.keep, decision.t_next
     now = jnp.where(keep, trial.t1, step.t)
     eps = jnp.finfo(now.dtype).eps

@@ -84,7 +84,7 @@ def across_breakpoints(
     joints = {name: since[name] for name in scene.joints if name in since}
     forces = {name: since[name] for name in scene.forces if name in since}
     # Times just before and just after the breakpoint, at which elements are evaluated.
-    before, after = (breakpoints.one_sided_time(system, from_, t) for from_ in (start, t))
+    before, after = (breakpoints.one_sided_time(system, side, t) for side in (start, t))
     sampled = breakpoints.sampled_instants(system, start, t)
 
     def rates(shares: Mapping[str, Scalar], y: Variables, time: Scalar) -> Variables:

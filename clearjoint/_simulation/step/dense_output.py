@@ -30,7 +30,8 @@ Quantities: TypeAlias = Mapping[str, Quantity]
 def look_inside(method: Method, system: System, attempt: Attempt, t: Scalar) -> "Snapshot":
     """Return the snapshot at a time t, s, of the accepted step of an `attempt`, corrected by the
     stabilisation. Before the end of the step, entry speeds are those of `entry_speeds_inside`. At
-    the end, the stored ones are taken, with the corrections for events there."""
+    the end, variables and entry speeds are the stored ones, with the corrections for events
+    there."""
     step, end = attempt.step, attempt.step.t
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **attempt.information)
     is_end = at_end(system, end, t)
@@ -126,8 +127,8 @@ class Snapshot(eqx.Module):
 
 
 class DenseStep(eqx.Module):
-    """The latest accepted step, with the contact gaps at its end and the stages of
-    `DenseOutput`."""
+    """The latest accepted step of a run, with the contact gaps at its end, and with the `stages` of
+    its `DenseOutput`."""
 
     start: Snapshot
     end: Snapshot

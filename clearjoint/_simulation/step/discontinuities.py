@@ -196,8 +196,8 @@ def may_have_undeclared_jump(scene: Scene) -> bool:
 
 
 def has_undeclared_jump(method: Method, system: System, trial: Trial) -> Condition:
-    """Return whether any rate of the motion jumps within a trial step from `step`. It is ``False``
-    at the end of a step at a contact event where a force, or its slope, may jump."""
+    """Return whether any rate of the motion jumps within a trial step; ``False`` if the step ends
+    at the onset or end of a contact where a force, or its slope, may jump."""
     step = trial.step
     term, fixed = term_of(method, step), (system, step.entry_speeds)
 

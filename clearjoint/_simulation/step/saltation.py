@@ -122,8 +122,8 @@ def _changes(before: ContactGap, after: ContactGap) -> Condition:
 
 
 def any_changes(scene: Scene, before: ContactGaps, after: ContactGaps) -> Condition:
-    """Return whether a contact whose force or slope may jump begins or ends between two
-    instants."""
+    """Return whether a contact begins or ends between two instants, of those contacts whose force,
+    or its slope, may jump."""
     jumping = _jumping_contacts(scene)
     count = sum(map(len, jumping.values()))
     return any_of(

@@ -74,7 +74,7 @@ class Settings:
 
     - `coordinates`: `JointCoordinates()`, which are faster, or `AbsoluteCoordinates()`, in which
       every ideal joint adds constraint equations.
-    - `stabilisation`: method against constraint drift: `Baumgarte()`, `Projection()` or
+    - `stabilisation`: method against drift from the constraints: `Baumgarte()`, `Projection()` or
       `Unstabilised()`.
     - `ledger`: whether to integrate the dissipated and supplied energies, J, with the motion.
     - `redundant`: whether some constraint equations depend linearly on others. By default, runs

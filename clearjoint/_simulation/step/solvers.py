@@ -91,8 +91,8 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         """Compute one step from `t0` to `t1`, s, with arguments and results as in diffrax. Only if
         `made_jump` is the Python value ``False`` are the rates at `t0` those of `solver_state`;
         otherwise they are computed again. `time_map`: the elapsed part of the step's time at each
-        stage; ``None`` if it is the tableau's node. Error and data are `Stacked` if variables are
-        many."""
+        stage; ``None`` if it is the tableau's node. Error and data for dense output are `Stacked`
+        if the variables are many."""
         tableau = _tableau(self.method)
         h = t1 - t0
         start = stacked(y0)
@@ -133,8 +133,8 @@ class DenseOutput(eqx.Module):
     before a loop again at each use after it. One derivative of one acceleration of the double
     pendulum had 59 MB of LLVM text and never compiled; without reductions it has 11 MB.
 
-    **Arguments:** `stages`: for each stage, the rates, per s, times the slope of the step's time
-    map, if any.
+    **Arguments:** `stages`: for each stage, the rates, per s, multiplied by the slope of the time
+    map if the step has one.
     """
 
     method: diffrax.AbstractERK
@@ -150,9 +150,9 @@ class DenseOutput(eqx.Module):
         return self.at((t - self.t0) / jnp.where(h > 0.0, h, 1.0))
 
     def at(self, x: Scalar) -> PyTree[Scalar]:
-        """Return the variables at x, 0 to 1, on the scale of the tableau's nodes: the elapsed part
-        of the step's time or, with a time map, the x for which `time_map.elapsed(x)` is that
-        part."""
+        """Return the variables at x, 0 to 1, the variable in which the tableau's nodes c are given.
+        Without a time map, x is the elapsed part of the step's time; with one, that part is
+        `time_map.elapsed(x)`."""
         h = self.t1 - self.t0
         weights = [h * _horner(row, x) for row in dense_weights(self.method)]
 
@@ -189,7 +189,7 @@ def _advanced(y0: Y, h: Scalar, weights: Weights, stages: Sequence[Y]) -> Y:
 
 
 def _weighted(weights: Weights, values: Sequence[Scalar]) -> Scalar:
-    """Return the weighted sum of `values`, without operations for weights of zero, but not all."""
+    """Return the sum of `values` times `weights`, not all zero, without operations for zeros."""
     pairs = zip(weights, values, strict=True)
     return reduce(add, [multiply(float(w), value) for w, value in pairs if w != 0.0])
 
@@ -247,8 +247,8 @@ def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powe
 
 def largest_component(tree: PyTree[Scalar]) -> jax.Array:
     """Return the largest absolute value in a PyTree, (), which step-size controllers use as the
-    norm of an error. A mean would hide the error of one impact behind the small ones of other
-    bodies."""
+    norm of an error. A mean would hide the error of one impact behind the small errors of bodies
+    without contact."""
     # Leaves of one shape are compared elementwise before their maxima are taken. Nothing is
     # gathered into an array, which would keep the loop from becoming one native function.
     largest: dict[tuple[int, ...], Scalar] = {}
@@ -259,7 +259,7 @@ def largest_component(tree: PyTree[Scalar]) -> jax.Array:
 
 
 def require_ordinary(solver: diffrax.AbstractSolver) -> None:
-    """Raise a `ValueError` unless a solver integrates ordinary differential equations as one
+    """Raise a `ValueError` unless a solver integrates ordinary differential equations, given as one
     term."""
     structure, kind = solver.term_structure, type(solver).__name__
     is_ordinary = isinstance(structure, type) and issubclass(diffrax.ODETerm, structure)

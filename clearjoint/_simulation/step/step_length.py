@@ -25,8 +25,9 @@ disregards cuts as small as rounding errors."""
 
 
 SHARE_OF_SPEED = 0.2
-"""Least relative size of a speed's derivative in `tangent_sizes`, divided by that of positions.
-With smaller ones, derivatives of a fall from 50 m on 1e13 N/m^1.5 could not be computed."""
+"""Least size of a speed's derivative in `tangent_sizes`, relative to the speed, over the same ratio
+of positions. With smaller ones, derivatives of a fall from 50 m on 1e13 N/m^1.5 could not be
+computed."""
 
 
 def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Scalar:
@@ -87,7 +88,7 @@ def length_after_breakpoints(step: Step, t1: Scalar, keep: Condition, proposed: 
 
 def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
     """Return the length, s, of the next step without events: the `proposed` one, but after a step
-    that was cut short at least the length that this would have had without events."""
+    that was cut short at least the length of that step without events."""
     return jnp.where(is_cut, jnp.maximum(proposed, last.full_length), proposed)
 
 

@@ -1,5 +1,5 @@
-"""Data that a run carries from step to step: variables, contacts, derivatives, and the next
-step."""
+"""Data that a run carries from step to step: variables, contacts, derivatives, and the next step to
+try."""
 
 import enum
 from functools import partial
@@ -76,8 +76,8 @@ class Proposal(eqx.Module):
 
     - `t_next`: end of the step, unless an event or the end of the run comes first.
     - `full_length`: length that the step would have if no event cut it short. It is `t_next` minus
-      the step's start, but if a trial that passed an event is repeated, `t_next` is the time of
-      this event.
+      the start of the step, except if the step repeats a trial that passed an event: `t_next` is
+      then the time of this event.
     - `begins_contact`: whether a contact begins at the start of the step.
     - `time_since_onset`: time from the latest onset of a contact to the start of the step, infinite
       if there was none; ``None`` in runs without tangents.
@@ -119,8 +119,8 @@ class Step(eqx.Module):
 
 
 class Rejection(enum.StrEnum):
-    """Why a step was rejected and tried again with a shorter length. The values are the texts in
-    tables.
+    """Why a step was rejected and tried again with a shorter length. The value of each member is
+    the text in tables.
 
     - `ERROR`: the estimated error of variables or derivatives exceeds the tolerances.
     - `NOT_FINITE`: a variable or its error is NaN or infinite.

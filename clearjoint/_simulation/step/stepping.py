@@ -83,8 +83,8 @@ def start(
     - `first_step`: length of the first step, s; with ``None`` the controller chooses it.
     - `y`: the motion and, to continue an earlier run, integrals of the energy ledger, bristle
       deflections and memories; missing ones are initialised.
-    - `entry_speeds`: m/s; missing ones follow from the contacts at `t0`, and those that no law uses
-      are left out.
+    - `entry_speeds`: m/s; missing ones are derived from the contacts at `t0`, and those that no law
+      uses are left out.
     - `derivatives`: whether the caller will add tangents to the step.
     """
     contact_gaps = system.contact_gaps(y.motion)
@@ -373,6 +373,6 @@ def blank_attempt(
 
 
 def running(step: Step, t_end: Scalar, attempts: Scalar) -> Condition:
-    """Return whether a run goes on: before its end, without failure, in fewer than `attempts`
-    trials."""
+    """Return whether a run goes on after `step`: it is before its end, has not failed, and has made
+    fewer than `attempts` trials."""
     return (step.t < t_end) & (step.result == RESULTS.successful) & (step.attempts < attempts)

@@ -48,8 +48,8 @@ class AbstractTimeMap(eqx.Module):
 
 
 class FromOnset(AbstractTimeMap):
-    """Time map of runs without derivatives: quadratic in a step that begins with an onset, else
-    uniform."""
+    """Time map of runs without derivatives: quadratic in a step that begins with an onset, and
+    uniform in all others."""
 
     begins: Condition
 
@@ -71,7 +71,7 @@ class WithinContact(AbstractTimeMap):
     time since the contact's onset, or of the time until its end.
 
     **Arguments:** `length`: length of the step, s; `start`, `end`: these square roots at the start
-    and end of the step, s^0.5. Without a contact, or a known time, both are 1: time is uniform.
+    and end of the step, s^0.5. Without a contact or any known time, both are 1: time is uniform.
     """
 
     length: Scalar
@@ -121,7 +121,7 @@ class WithinContact(AbstractTimeMap):
     def next_length(self, proposed: Scalar, keep: Condition) -> Scalar:
         """Return the length of the step to try next, s. The rates are smooth in the square root of
         time, so the controller's ratio of lengths is applied to the difference of the square roots
-        over this step. If that step would go past the end of the contact, it is `proposed`."""
+        over this step. If that step would go past the end of the contact, return `proposed`."""
         change = proposed / self.length * (self.end - self.start)
         root = jnp.where(keep, self.end, self.start)
         # Length of a step with this difference of roots: (root + change)^2 - root^2, up to its
