@@ -22,7 +22,7 @@ from ..._compilation.xla import in_one_function
 from ..._native.cells import Cells, Memory, Region
 from ..._native.lanes import AbstractLaneLoop
 
-Function: TypeAlias = Callable[..., PyTree]
+OnLane: TypeAlias = Callable[..., PyTree]
 ON_CPU, ON_ACCELERATOR = 64, 4096
 """Number of lanes of one program. An accelerator has many more arithmetic units to occupy."""
 TURNS = 256
@@ -46,9 +46,7 @@ class XlaLaneLoop(AbstractLaneLoop):
     waits. `shared`: data of all lanes. `own`, `state`: example of the data and state of one lane.
     """
 
-    def __init__(
-        self, turn: Function, status: Function, shared: PyTree, own: PyTree, state: PyTree
-    ):
+    def __init__(self, turn: OnLane, status: OnLane, shared: PyTree, own: PyTree, state: PyTree):
         self.width, self._functions = width(), (turn, status)
         self._take_turns = _TURNS_IN_ONE_FUNCTION
         self._shared, self._own, self._state = shared, Cells(own), Cells(state)
@@ -95,7 +93,7 @@ class XlaFunction:
     results are in cells of 8 bytes. The attribute `results` is the layout of the cells of a result.
     """
 
-    def __init__(self, function: Function, shared: PyTree, *examples: PyTree):
+    def __init__(self, function: OnLane, shared: PyTree, *examples: PyTree):
         self._function, self._shared = function, shared
         self._arguments, self._width = [Cells(tree) for tree in examples], width()
         shapes = eqx.filter_eval_shape(function, shared, *examples)
@@ -122,7 +120,7 @@ def zeros_like(shapes: PyTree) -> PyTree:
 
 
 def _turns(
-    functions: tuple[Function, ...], shared: PyTree, own: PyTree, state: PyTree, occupied: jax.Array
+    functions: tuple[OnLane, ...], shared: PyTree, own: PyTree, state: PyTree, occupied: jax.Array
 ) -> tuple[jax.Array, PyTree, dict[str, jax.Array]]:
     turn, status = (jax.vmap(partial(function, shared)) for function in functions)
 
@@ -145,5 +143,5 @@ _TURNS_AS_USUAL = Compiled(_turns, xla_cpu_use_fusion_emitters=False)
 
 
 @Compiled
-def _for_all(function: Function, shared: PyTree, *trees: PyTree) -> PyTree:
+def _for_all(function: OnLane, shared: PyTree, *trees: PyTree) -> PyTree:
     return jax.vmap(partial(function, shared))(*trees)

@@ -433,8 +433,9 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
     rows_of_runs: dict[int, list[np.ndarray]] = defaultdict(list)
     begin_rows = _begun_lane.native.bound(run, values[0])
     stacked = jax.tree.map(lambda *leaves: np.stack(leaves), *values)
-    numbers, cells = own.rows(stacked), begin_rows.results
-    first = cells.tree(begin_rows(numbers[:1])[0])
+    # Cells of the parameters of all runs, (runs, cells), and layout of a lane's state.
+    parameters, cells = own.rows(stacked), begin_rows.results
+    first = cells.tree(begin_rows(parameters[:1])[0])
     loop = made_lane_loop(_stepped_lane, _status_of_lane, (run, values[0], first))
     # Cells, in a lane's column, of the buffer of accepted steps: its rows and their count.
     places = cells.columns().records[STEPS]
@@ -443,7 +444,7 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
     runs_at = loop.status["runs"].start
 
     def begin(number: int) -> tuple[np.ndarray, np.ndarray]:
-        return numbers[number], begin_rows(numbers[number][None])[0]
+        return parameters[number], begin_rows(parameters[number][None])[0]
 
     def serve(number: int, column: np.ndarray, moves: bool) -> bool:
         integers = column.view(np.int64)
@@ -501,6 +502,7 @@ def _gradients_in_lanes(
     example = runs[0].example
     slopes: list[PyTree] = [None] * len(runs)
     room = min(len(runs[0].places), LANE_ROWS)
+    # How many numbers the tangents have, the `StepTangents` of a step, and the row of a step.
     tangents = _count_of_tangents(example)
     inside = sum(map(np.size, jax.tree.leaves(example_of(recorder.run, example))))
     width = runs[0].rows_of(runs[0].segments[0]).shape[1]

@@ -174,8 +174,8 @@ def solved_step(
             def computed_anew() -> SolverState:
                 return method.solver.init(term_of(method, step, family), step.t, t1, y, args)
 
-            made = step.proposal.made_jump
-            solver_state = jax.lax.cond(made, computed_anew, lambda: kept)
+            has_event = step.proposal.made_jump
+            solver_state = jax.lax.cond(has_event, computed_anew, lambda: kept)
         term = term_of(method, step, family)
         y1, error, information, solver_state, result = method.solver.step(
             term, step.t, t1, y, args, solver_state, made_jump, **options
