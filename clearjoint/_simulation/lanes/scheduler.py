@@ -36,8 +36,7 @@ from .lane import SAVED, WINDOW, Common, LaneRequest, Outcome, Task
 from .xla_lanes import XlaFunction, XlaLaneLoop, zeros_like
 
 PERIOD = 0.2
-"""Longest time, s, between two reports of progress and of lanes that have ended; short enough for a
-progress bar that moves evenly."""
+"""Longest time, s, between two reports of progress and of ended lanes: bars then move evenly."""
 LONGEST_WAIT = 0.25
 """Time, s, for which lanes that have ended may wait to be handed over while other lanes begin. It
 limits what is lost if the process is killed while its caller stores results slowly."""

@@ -127,6 +127,7 @@ class Peak(AbstractQuantityReduction):
         rises = peak.value > tally.highest.value
         if not window.is_whole:
             rises = rises & (last.x > first.x)
+        # From here on, positions are times.
         peak = Point(tally.end.x + peak.x * length, peak.value)
         highest = jax.tree.map(partial(where, rises), peak, tally.highest)
         return PeakTally(highest, Point(now.time, value), tally.end)

@@ -89,10 +89,11 @@ def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict
 
 def state_labels(states: State) -> dict[str, Labelled]:
     """Return the labels along each dimension of the arrays of `state_arrays`."""
-    labels = {"body": [*states.bodies], **LABELS, "integral": [*states.work]}
-    of_contacts = states.entry_speeds, states.bristles, states.memory
-    for dim, parts in zip((CONTACTS, BRISTLES, MEMORY), of_contacts, strict=True):
-        labels[dim] = [*by_contact(parts)]
+    labels = {"body": [*states.bodies], **LABELS}
+    labels[CONTACTS] = [*by_contact(states.entry_speeds)]
+    labels[BRISTLES] = [*by_contact(states.bristles)]
+    labels[MEMORY] = [*by_contact(states.memory)]
+    labels["integral"] = [*states.work]
     return {name: Labelled((name,), texts(own)) for name, own in labels.items() if own}
 
 

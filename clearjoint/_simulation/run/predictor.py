@@ -113,22 +113,23 @@ class Predictor:
         have; `SimulationError` if the run fails. Inside of `jax.jit` and `jax.vmap`, JAX raises an
         error of its own with the text of these.
         """
-        expected = sorted(self.values)
-        remedy = "pass a dictionary with a value for each of the paths"
-        given = sorted(values) if isinstance(values, Mapping) else values
-        require(given == expected, "values", given, f"a dictionary with {expected}", remedy)
-        numbers = {name: self._numbers(name, values[name]) for name in self.values}
-        return self._predict(numbers)
+        return self._predict(self._checked(values))
 
     def or_nan(self, values: Mapping[str, PyTree]) -> dict[str, Float[Array, "..."]]:
-        """Return the outputs as a call does, but NaN for values of a run that fails and for values
-        that the scene can't have. The function has no derivatives."""
+        """Return the outputs as a call does, without derivatives, but NaN for a run that fails and
+        for numbers that the scene can't have. Raise a `ValueError` for values of another form."""
 
         def computed(values: dict[str, PyTree]) -> dict[str, np.ndarray]:
             return self._values(values, or_nan=True)
 
-        numbers = {name: self._numbers(name, values[name]) for name in self.values}
-        return on_host(computed, self._shapes, numbers)
+        return on_host(computed, self._shapes, self._checked(values))
+
+    def _checked(self, values: Mapping[str, PyTree]) -> dict[str, PyTree]:
+        expected = sorted(self.values)
+        remedy = "pass a dictionary with a value for each of the paths"
+        given = sorted(values) if isinstance(values, Mapping) else values
+        require(given == expected, "values", given, f"a dictionary with {expected}", remedy)
+        return {name: self._numbers(name, values[name]) for name in self.values}
 
     def _numbers(self, name: str, value: PyTree) -> PyTree:
         leaves, structure = jax.tree.flatten(self.values[name])

@@ -39,8 +39,8 @@ from .outputs import REDUCTIONS, Requested
 from .run_loop import Progress
 
 KEPT_BYTES = 30_000_000
-"""Bytes of recorded steps that are kept of a run. Those of the other segments are computed again
-when the backward loop needs them."""
+"""Bytes of recorded steps kept of a run. The backward loop computes those of other segments
+again."""
 LANE_ROWS = 256
 """Largest number of steps of a lane between two visits of Python. Eight lanes then occupy some
 megabytes, which is near to the size of the processor's second cache."""
@@ -570,7 +570,7 @@ class Integrand(eqx.Module):
     quantity: Quantity = eqx.field(static=True)
 
     def __call__(self, system: System, t: Scalar, motion: PyTree, *parts: PyTree) -> Scalar:
-        entry_speeds, bristles, memory = parts
+        entry_speeds, bristles, memory = parts  # in the order of `Formulation.integrands`
         return self.quantity(Instant(system, t, motion, entry_speeds, {}, bristles, memory))
 
 

@@ -24,8 +24,7 @@ from .run_loop import AbstractRecorder, RunStart, StepOutcome
 R = TypeVar("R", bound=PyTree[Scalar])
 
 ROWS = 64
-"""Usual number of rows of a `RowBuffer` that Python empties during a run. It is small, since each
-run of a sweep has its own buffers."""
+"""Usual number of rows of a `RowBuffer`; small, since each run of a sweep has its own buffers."""
 
 
 class RowBuffer(eqx.Module, Generic[R]):

@@ -1,5 +1,4 @@
-"""The argument `save` of runs, which selects the states and the impacts that a run keeps besides
-its outputs and its final state."""
+"""The argument `save` of runs: the states and impacts that a run keeps besides its outputs."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
