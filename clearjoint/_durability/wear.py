@@ -2,7 +2,7 @@
 
 import dataclasses
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
@@ -32,17 +32,9 @@ from .._simulation.step.settings import Settings
 from .._sweeps.store.metadata import remove_abandoned, unfinished, write_dataset
 from ..quantities.base import require_known
 from .wear_depths import quadrature_times, wear_depths
-from .wear_derivatives import (
-    PARTS,
-    PROFILES,
-    MovingSpline,
-    ParameterDirection,
-    Part,
-    derivatives_in_spans,
-    directions_of,
-)
+from .wear_derivatives import MovingSpline, ParameterDirection, derivatives_in_spans, directions_of
 from .wear_growth import History, JointWear, contact_history, grow
-from .wear_rates import WearRates
+from .wear_rates import PARTS, PROFILES, Part, WearRates
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -57,7 +49,8 @@ GROWTH = 2.0
 SHORTENED = 0.25
 """Number of cycles of a stage, divided by that of a stage after which the run failed."""
 FEWEST_CHANGE = 1e-3
-"""Change of the worn depth, relative to that of the first stage, below which none is shortened."""
+"""Change of the worn depth in a stage, relative to that in the first stage, below which the stage
+is not shortened."""
 SETTLING_RUNS = 8
 """Largest number of runs after a stage until the motion is periodic."""
 LEAST_PENETRATION = 1e-12
@@ -304,12 +297,10 @@ def _reached(cycles: np.ndarray, depths: np.ndarray, depth: float) -> tuple["Cub
 def life_derivatives(
     found: "xr.Dataset", depth: float, joint: str, part: Part = "bearing"
 ) -> dict[str, float]:
-    """Return the derivatives of `clearjoint.cycles_to_depth` with respect to the parameters of a
-    result of `clearjoint.wear`.
+    """Return the derivatives of `clearjoint.cycles_to_depth` by the parameters of a wear result.
 
     They are numbers of cycles per unit of each parameter's coordinate, by name: for a parameter
-    with the scale `Log`, per unit of its natural logarithm. All are NaN if the depth was not
-    reached.
+    with the scale `Log`, per unit of its natural logarithm. NaN if the depth was not reached.
 
     **Raises:** `ValueError` if the result has no derivatives, or the depth is not positive.
 
@@ -350,9 +341,8 @@ def life_derivatives(
 class CycleRun:
     """Arguments of `wear`, checked by `check`; `measure` makes the run of a stage with them.
 
-    `directions` has, by name, the parameters and the logarithms of the wear rates. The `repr` and
-    `cycles` are parts of the digest of a store; the other fields may change when a stored
-    computation is continued.
+    `directions` has, by name, the parameters and the logarithms of the wear rates. A store is
+    recognised by the `repr` and the `cycles`; other fields may change when it is continued.
     """
 
     rates: Mapping[str, WearRates]
@@ -414,23 +404,16 @@ class CycleRun:
     def measure(
         self, scene: Scene, state: State, depths: Float[np.ndarray, "joints 2 samples"]
     ) -> "_Measured":
-        """Run the cycles of one stage and return the wear per cycle, its derivatives and the state
-        after the run.
+        """Return the wear per cycle by a run of a stage, its derivatives and the final state.
 
         The wear is zero if the run, or that of the derivatives, failed; `failure` of the result
         then says why. `depths` are those that the scene's joints have lost.
         """
         first = self.start_time + self.settle * self.cycle
         middle, last = (first + part * self.measured * self.cycle for part in (0.5, 1.0))
+        start, settings, save = self.start_time, self.settings, Saving(steps=True)
         solution = simulate(
-            scene,
-            state,
-            last,
-            self.settings,
-            Saving(steps=True),
-            start_time=self.start_time,
-            throw=False,
-            progress=False,
+            scene, state, last, settings, save, start_time=start, throw=False, progress=False
         )
         result, shape = solution.result, (len(self.rates), len(PARTS), self.samples)
         halves = np.zeros((2, 1 + len(self.directions), *shape))
@@ -445,24 +428,16 @@ class CycleRun:
             times = [quadrature_times(solution, *span, longest) for span in spans]
             for k, instants in enumerate(times):
                 for j, (name, of_parts) in enumerate(rates.items()):
-                    halves[k, 0, j], extremes[k, j], signals = wear_depths(
-                        scene, solution, name, of_parts, instants, self.samples
-                    )
+                    of_half = wear_depths(scene, solution, name, of_parts, instants, self.samples)
+                    halves[k, 0, j], extremes[k, j], signals = of_half
                     joint = _clearance_joint(scene, name)
-                    histories[j].append(
-                        contact_history(joint, depths[j], instants, signals, self.measured)
-                    )
+                    history = contact_history(joint, depths[j], instants, signals, self.measured)
+                    histories[j].append(history)
             # `simulate` computes no derivatives. They need another run, which gives no wear.
             if self.directions:
+                along = self.directions
                 derivatives, result = derivatives_in_spans(
-                    scene,
-                    state,
-                    self.start_time,
-                    times,
-                    rates,
-                    self.directions,
-                    self.settings,
-                    self.samples,
+                    scene, state, start, times, rates, along, settings, self.samples
                 )
                 if derivatives is not None:
                     halves[:, 1:] = derivatives
@@ -496,8 +471,7 @@ class _Measured(NamedTuple):
 
     - `halves`: (2, 1 + p, J, 2, samples) m, for each half of the measured cycles: the depths of
       bearing and journal per cycle, then their derivatives with respect to each of p parameters.
-    - `extremes`: (J, 2) largest penetration, m, and largest sum of the normal forces at the two
-      ends of the journal, N.
+    - `extremes`: (J, 2) largest penetration, m, and largest sum of the forces at both ends, N.
     - `failure`: text of the run's result code; empty for a successful run.
     """
 
@@ -643,9 +617,7 @@ class _Stages:
         return self.joint_wears(measured.histories, direct.swapaxes(0, 1))
 
     def joint_wears(
-        self,
-        histories: Sequence[History] | np.ndarray,
-        direct: Sequence[np.ndarray] | np.ndarray,
+        self, histories: Iterable[History], direct: Iterable[np.ndarray]
     ) -> list[JointWear]:
         rates = self.run.rates_of_parts
         unworn = _with_depths(self.scene, list(rates), np.zeros_like(self.depths[0][:1]))
@@ -681,8 +653,7 @@ class _Stages:
         return np.maximum(pressed, LEAST_PENETRATION)
 
     def _cycles_to_change(self, change: float) -> float:
-        """Number of cycles in which the depths of a joint change by a multiple of its
-        penetration."""
+        """Fewest cycles in which the depths of a joint change by `change` penetrations."""
         fastest = self.rates[-1][0].max(axis=(1, 2))
         cycles = change * self._pressed() / np.where(fastest > 0.0, fastest, 1.0)
         return float(np.min(np.where(fastest > 0.0, cycles, np.inf)))
@@ -811,8 +782,7 @@ class _Store:
 
     def write(self, result: "xr.Dataset", contacts: Mapping[str, tuple]) -> None:
         """Replace the store by one of a result of `wear` and of the contacts that continue it. At
-        any time, `_folder` returns the folder of a complete store, the old or the new one, even if
-        the process is killed."""
+        any time, `_folder` returns a complete store, even after the process is killed."""
         old = _old(self.path)
         remove_abandoned(self.path)
         with unfinished(self.path) as new:
@@ -873,8 +843,7 @@ def _version(folder: Path) -> int | None:
 
 
 def open_wear(path: str | PathLike[str]) -> "xr.Dataset":
-    """Read the result of `clearjoint.wear` from the `path` of its store, also while `wear` still
-    computes it.
+    """Read the result of `clearjoint.wear` from the `path` of its store, also while it grows.
 
     **Raises:** `ValueError` if there is no store of wear at the path.
 
@@ -952,8 +921,7 @@ def _digest(scene: Scene, state: State, run: CycleRun) -> str:
 
 
 def _with_splines(scene: Scene, rates: Mapping[str, WearRates], samples: int) -> Scene:
-    """Replace the profiles of parts with a positive wear rate by periodic splines that interpolate
-    them at `samples` angles."""
+    """Replace profiles of parts that wear by periodic splines through them at `samples` angles."""
     joints = dict(scene.joints)
     for name, of_joint in rates.items():
         joint = joints[name]

@@ -19,10 +19,8 @@ from .._simulation.results.observe import values_along
 from .._simulation.results.solution import Solution
 from ..quantities.base import Instant
 
-OF_BASES = tuple(
-    (base, kind) for base in BASES for kind in ("force", "power", "x", "y", "penetration")
-)
-SIGNALS = tuple(f"{base} {kind}" for base, kind in OF_BASES) + PlanarAxes._fields
+OF_BASE = "force", "power", "x", "y", "penetration"
+SIGNALS = (*(f"{base} {kind}" for base in BASES for kind in OF_BASE), *PlanarAxes._fields)
 """Names of the numbers from which the wear of a joint follows at an instant.
 
 They are, for each of the bases V and W (here with the names for V): the normal force, N ("V
@@ -60,8 +58,7 @@ class Signal(eqx.Module):
 
 
 class AllSignals(eqx.Module):
-    """Quantity: the numbers that determine the wear of a joint, an array in the order of
-    `SIGNALS`."""
+    """Quantity: the signals of a joint, an array in the order of `SIGNALS`."""
 
     joint: str = eqx.field(static=True)
 
@@ -180,12 +177,12 @@ def shares(
 ) -> Float[jax.Array, "T samples"]:
     """Return the share of the wear of one base that falls on each angle, at each time.
 
-    It is max(penetration + onset + extra, 0), divided by the sum of this over all angles, all in m.
-    `penetration` is that in the direction of the angle, the overlap less the clearance, and `onset`
-    the distance of the surfaces at which the force begins. A contact may be so narrow that it lies
-    between two angles. Therefore `extra` is added, by which the gap between two circles is larger
-    at one spacing of the angles, rad, from the deepest point: 0.5 * room * spacing^2, with the
-    clearance and the mean deviations of the profiles as `room`.
+    At each angle, max(penetration + onset + extra, 0), m, is divided by its sum over all angles.
+    The penetration is the overlap in this direction less the clearance, and the onset the distance
+    of the surfaces at which the force begins. A contact may be so narrow that it lies between two
+    angles: so the gap of two circles at one spacing of the angles from the deepest point, 0.5 room
+    spacing^2, is added, with the spacing in rad, and the clearance and mean deviations of the
+    profiles as room.
     """
     samples = np.shape(angles)[-1]
     room, spacing = joint.clearance, 2.0 * np.pi / samples

@@ -7,7 +7,6 @@ profiles along the derivatives of their depths.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import equinox as eqx
 import jax
@@ -28,10 +27,8 @@ from .._result_codes import RESULTS
 from .._simulation.run.sensitivities import sensitivities
 from .._simulation.step.settings import Settings
 from .wear_depths import SIGNALS, Signal, depths_from_signals
+from .wear_rates import PARTS, PROFILES, Part
 
-Part = Literal["bearing", "journal"]
-PARTS: tuple[Part, Part] = ("bearing", "journal")
-PROFILES = tuple(f"{part}_profile" for part in PARTS)
 Rates = Mapping[str, tuple[float, float]]
 """Specific wear rates of bearing and journal, m^2/N, by name of the joint."""
 
@@ -91,10 +88,9 @@ class ParameterDirection:
                 # A part that doesn't wear has a profile of another class, which doesn't move.
                 profile = getattr(scene.joints[name], field)
                 if isinstance(profile, MovingSpline):
+                    shifts = on_device(profile.shifts).at[self.index].add(value)
                     scene = eqx.tree_at(
-                        lambda s, n=name, f=field: getattr(s.joints[n], f).shifts,
-                        scene,
-                        on_device(profile.shifts).at[self.index].add(value),
+                        lambda s, n=name, f=field: getattr(s.joints[n], f).shifts, scene, shifts
                     )
         return scene, state
 
@@ -116,10 +112,8 @@ def directions_of(
     for name, parameter in parameters.items():
         # The example of a value, 0.0, says that the number is a scalar.
         change = parameter.variation.setter(scene, state, 0.0)
-        coordinate = float(parameter.coordinate_in(scene, state))
-        directions[name] = ParameterDirection(
-            len(directions), joints, change, parameter.scale, coordinate
-        )
+        coordinate, index = float(parameter.coordinate_in(scene, state)), len(directions)
+        directions[name] = ParameterDirection(index, joints, change, parameter.scale, coordinate)
     for joint, of_parts in rates.items():
         for part, rate in zip(PARTS, of_parts, strict=True):
             if rate > 0.0:
@@ -130,7 +124,7 @@ def directions_of(
     return directions
 
 
-def rate_name(joint: str, part: str) -> str:
+def rate_name(joint: str, part: Part) -> str:
     """Name of a wear rate's logarithm as a parameter, such as "pin bearing rate"."""
     return f"{joint} {part} rate"
 

@@ -21,7 +21,7 @@ from .._model.clearance_joints.clearance import ClearanceJoint
 from .._model.clearance_joints.journal_bases import BASES
 from .._model.profiles import AbstractProfile, JournalInBearing, PeriodicSpline, PlanarAxes
 from .wear_depths import Signals, shares, wall_angles
-from .wear_derivatives import PROFILES
+from .wear_rates import PROFILES
 
 if TYPE_CHECKING:
     from scipy.integrate import OdeSolution
@@ -69,8 +69,7 @@ def contact_history(
 def _unworn(
     joint: ClearanceJoint, depths: jax.Array, x: jax.Array, y: jax.Array, axes: PlanarAxes
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Return the angle of the contact, and the position that the journal would have without the
-    worn depths."""
+    """Return the contact's angle, and the journal's position if the depths had not worn off."""
 
     def angle_at(x: Scalar, y: Scalar, axes: PlanarAxes) -> Scalar:
         profiles = joint.bearing_profile, joint.journal_profile
@@ -83,8 +82,8 @@ def _unworn(
 
 
 def _shift(depths: jax.Array, angles: jax.Array, axes: PlanarAxes) -> tuple[jax.Array, jax.Array]:
-    """Return by how much the journal's centre moves, m, if the depths wear off while the
-    penetration and the angle of the contact stay the same."""
+    """Return by how much the journal's centre moves, m, along the bearing's axes x and y, if depths
+    wear off while the penetration and the angle of the contact stay."""
     wall, journal = PeriodicSpline.through(depths[0]), PeriodicSpline.through(-depths[1])
     worn = JournalInBearing(0.0, 0.0, wall, journal, axes)
     # The overlap of the two parts at the contact remains, and remains the largest one.
@@ -100,6 +99,7 @@ def _wear(
     depths: Float[jax.Array, "2 samples"],
 ) -> Float[jax.Array, "2 samples"]:
     """Return the depths per cycle that wear off a joint after `depths` have worn off."""
+    # Each of the `NUMBERS`, (bases * instants,): the wear of both bases is added.
     x, y, contact, *axes, work = history.swapaxes(0, 1).reshape(len(NUMBERS), -1)
     axes = PlanarAxes(*axes)
     along_x, along_y = _shift(depths, contact, axes)
@@ -120,23 +120,21 @@ def _wear(
 
 
 def _moved(joint: ClearanceJoint, field: str, change: jax.Array) -> ClearanceJoint:
-    """Return a joint whose profile is changed by values at the angles, if it is a spline there."""
+    """Return the joint with `change`, m at each angle, added to a profile if this is such a
+    spline."""
     profile: AbstractProfile | None = getattr(joint, field)
     coefficients = getattr(profile, "coefficients", None)
     if coefficients is None or np.shape(coefficients) != change.shape:
         return joint  # a part that does not wear
-    return eqx.tree_at(
-        lambda j: getattr(j, field).coefficients,
-        joint,
-        jnp.asarray(coefficients) + PeriodicSpline.through(change).coefficients,
-    )
+    moved = jnp.asarray(coefficients) + PeriodicSpline.through(change).coefficients
+    return eqx.tree_at(lambda j: getattr(j, field).coefficients, joint, moved)
 
 
 @partial(jax.jit, static_argnames="rates")
 def _wear_rows(
     joint: ClearanceJoint, rates: tuple[float, float], history: jax.Array, rows: jax.Array
 ) -> jax.Array:
-    """Return the depths per cycle and their derivatives from `rows`, the depths and theirs."""
+    """Return `rows` of the depths per cycle and their derivatives, from those of the depths."""
 
     def wear(depths: jax.Array) -> jax.Array:
         return _wear(joint, rates, history, depths)
@@ -151,7 +149,7 @@ def _wear_rows(
 def _jacobian(
     joint: ClearanceJoint, rates: tuple[float, float], history: jax.Array, depths: jax.Array
 ) -> jax.Array:
-    """Return the derivatives of the depths per cycle of the parts that wear by their depths."""
+    """Return the derivatives of the wear per cycle, of parts that wear, with respect to depths."""
     wearing = np.flatnonzero(rates)
 
     def wear(values: jax.Array) -> jax.Array:
@@ -167,8 +165,8 @@ class JointWear(NamedTuple):
     - `joint`: the joint, unworn, with a spline for each part that wears.
     - `rates`: wear rates of bearing and journal, m^2/N.
     - `history`: its contacts.
-    - `direct`: (p, 2, samples) m per cycle, the derivatives of the depths per cycle by the
-      parameters with the depths held fixed.
+    - `direct`: (p, 2, samples) m per cycle, derivatives of the depths per cycle by the parameters,
+      at fixed depths.
     """
 
     joint: ClearanceJoint
@@ -177,16 +175,16 @@ class JointWear(NamedTuple):
     direct: Float[np.ndarray, "p 2 samples"]
 
     def per_cycle(self, rows: Rows) -> Rows:
-        """Depths per cycle and their derivatives, from the depths and theirs."""
+        """Return rows of the depths per cycle and their derivatives, from those of the depths."""
         per_cycle = np.array(_wear_rows(self.joint, self.rates, self.history, rows))
         per_cycle[1:] += self.direct
         return per_cycle
 
     def jacobian(self, depths: Float[np.ndarray, "2 samples"]) -> Float[np.ndarray, "m m"]:
-        """Return approximately the derivatives of the depths per cycle of the parts that wear by
-        their depths, from a part of the contacts."""
+        """Return approximate derivatives of the wear per cycle, of the parts that wear, with
+        respect to their depths, from a part of the contacts."""
         some = self.history[:, :, ::INSTANTS_PER_SAMPLE].copy()
-        some[:, -1] *= INSTANTS_PER_SAMPLE
+        some[:, -1] *= INSTANTS_PER_SAMPLE  # each of them does the work of those left out
         return np.asarray(_jacobian(self.joint, self.rates, some, depths))
 
     @property
@@ -212,13 +210,12 @@ def grow(
     atol: Float[np.ndarray, " rows"],
     depth: float | None = None,
 ) -> "OdeSolution":
-    """Return the depths and their derivatives over a number of cycles, flat, as a function of the
-    cycles from the first one.
+    """Return the depths and their derivatives, flat, as a function of the number of cycles.
 
     The contacts are those of `start` throughout, or change evenly from those of `start` to those of
     `end`. The depths are integrated by backward differentiation formulas, with a relative tolerance
-    and an absolute one of each row, m. Where the deepest point reaches `depth`, m, the function
-    ends. `RuntimeError`: the integration failed.
+    and an absolute one of each row, m, until the deepest point reaches `depth`, m. `RuntimeError`:
+    the integration failed.
     """
     from scipy.integrate import solve_ivp
 

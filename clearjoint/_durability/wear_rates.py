@@ -4,8 +4,10 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from .._fields.checks import nearest, require, require_positive
-from .wear_derivatives import PARTS, Part
 
+Part = Literal["bearing", "journal"]
+PARTS: tuple[Part, Part] = ("bearing", "journal")
+PROFILES = tuple(f"{part}_profile" for part in PARTS)
 Material = Literal[
     "brass",
     "copper-beryllium",
@@ -38,8 +40,7 @@ class WearRates:
 
     A rate is the worn volume divided by the normal force and by the sliding distance. It equals
     Archard's coefficient over the hardness, k/H. Tables often have mm^3/(N m), which is 1e-9 m^2/N.
-    A part with the rate zero, the default, doesn't wear. `WearRates.on_hard_steel` has typical
-    rates of some materials.
+    A part with the rate zero, the default, doesn't wear. `on_hard_steel` gives typical rates.
 
     **Raises:** `ValueError` if a rate is negative or not finite, or both are zero.
 

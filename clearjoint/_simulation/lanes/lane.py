@@ -1,8 +1,5 @@
-"""One lane of a batch, in scalar arithmetic and without loops.
-
-The loop over lanes exists twice: as machine code in `clearjoint._native.lanes`, and for XLA in
-`.xla_lanes`.
-"""
+"""One lane of a batch, in scalar arithmetic and without loops. The loop over lanes exists twice: as
+machine code in `clearjoint._native.lanes`, and for XLA in `.xla_lanes`."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -38,8 +35,8 @@ from ..step.types import Integers, Numbers
 SAVED = "saved"
 """Name of the log of the states at the times to save at."""
 WINDOW = ROWS + 1
-"""Length of the array of save times in a `LaneRequest`: one more than a buffer has rows, so that a
-lane with a full buffer still knows whether more states are to be saved."""
+"""Length of `LaneRequest.window`: one more than a buffer has rows, so that a lane with a full
+buffer still knows whether more states are to be saved."""
 
 
 class Plan(eqx.Module):
@@ -56,16 +53,11 @@ class Plan(eqx.Module):
     def loop(self, system: System, request: "LaneRequest") -> RunLoop:
         # A section has one log, which has the name of the output. A table of impacts has a log for
         # each contact (see `impact_log`); its recorder expects the labels of the contacts as keys.
+        wanted, impacts = request.wanted, self.impacts.items()
         recorders: dict[str, Recorders] = {
             REDUCTIONS: {name: ReductionRecorder(of) for name, of in self.reductions.items()},
-            SECTIONS: {
-                name: replace(recorder, wanted=request.wanted.get(name))
-                for name, recorder in self.sections.items()
-            },
-            TABLES: {
-                name: replace(recorder, wanted=_under(f"{name}/", request.wanted))
-                for name, recorder in self.impacts.items()
-            },
+            SECTIONS: {n: replace(of, wanted=wanted.get(n)) for n, of in self.sections.items()},
+            TABLES: {n: replace(of, wanted=_under(f"{n}/", wanted)) for n, of in impacts},
         }
         if self.saves:
             recorders[LATEST] = LatestDenseStep()
@@ -73,12 +65,10 @@ class Plan(eqx.Module):
 
 
 class LaneRequest(eqx.Module):
-    """Data that the host gives a lane, and updates whenever it has emptied the lane's buffers.
+    """Data that the host gives a lane, and renews whenever it has emptied the lane's buffers.
 
-    - `window`: (`WINDOW`,) s, the next times to save at, for the rows of the emptied buffer and one
-      row more; infinite where no time is left.
-    - `wanted[log]`: number of rows that may be recorded from now on in a log of crossings or
-      impacts.
+    - `window`: (`WINDOW`,) s, the next times to save at; infinite where no time is left.
+    - `wanted[log]`: number of rows that a log of crossings or impacts may still record.
     """
 
     end_time: Scalar
@@ -88,8 +78,7 @@ class LaneRequest(eqx.Module):
 
 
 class Lane(eqx.Module):
-    """A run between two turns of the loop over lanes, and the `saved` states that the host has not
-    read yet; ``None`` unless states are saved."""
+    """A run between two turns, and the `saved` states, if any, that the host has not read yet."""
 
     run: Progress
     saved: RowBuffer[Snapshot] | None
@@ -133,16 +122,14 @@ class Outcome(eqx.Module):
 def begin_lane(
     plan: Plan, scene: Scene, state: State, start_time: Scalar, request: LaneRequest
 ) -> Lane:
-    """Return a lane before its first step, from a packed `state`. If the state violates the
-    constraints, or cannot be represented by the coordinates of the run, the lane gets the result
-    code `not_assembled` and takes no step."""
+    """Return a lane before its first step, from a packed state. If the state violates the
+    constraints, or the run's coordinates cannot represent it, the lane takes no step, and has the
+    result code `not_assembled`."""
     # A compiled lane cannot raise an error. The result code ends this lane, and the others run.
     coordinates = plan.scheme.formulation.coordinates
     fits = assembled(scene, state, start_time, coordinates)
-    system = plan.scheme.system(scene)
-    step = begin_run(
-        plan.scheme.method, system, state, start_time, request.end_time, request.first_step
-    )
+    method, system = plan.scheme.method, plan.scheme.system(scene)
+    step = begin_run(method, system, state, start_time, request.end_time, request.first_step)
     step = replace(step, result=RESULTS.where(fits, step.result, RESULTS.not_assembled))
     saved = RowBuffer.like(Snapshot.of(step), ROWS) if plan.saves else None
     return without_weak_types(Lane(plan.loop(system, request).start(step), saved))
@@ -172,9 +159,7 @@ def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
 def moves(plan: Plan, lane: Lane, request: LaneRequest) -> Condition:
     """Return whether the next turn changes the lane; if not, it has ended or waits for the host."""
     goes = _tries_step(plan, lane, request)
-    if lane.saved is None:
-        return goes
-    return goes | _saves(lane, request)
+    return goes if lane.saved is None else goes | _saves(lane, request)
 
 
 def _tries_step(plan: Plan, lane: Lane, request: LaneRequest) -> Condition:
@@ -185,7 +170,7 @@ def _tries_step(plan: Plan, lane: Lane, request: LaneRequest) -> Condition:
         # With a full buffer the window's last time is the next one to save at. If it is infinite,
         # all states are saved, and the lane goes on.
         more = request.window[ROWS] < jnp.inf
-        goes = goes & jnp.logical_not(_save_is_due(lane, request))
+        goes = goes & jnp.logical_not(_next_save(lane, request) <= lane.run.step.t)
         goes = goes & jnp.logical_not(lane.saved.is_full() & more)
     # If further rows are wanted, a full buffer of crossings or impacts must be emptied first, or
     # the next row would be lost.
@@ -200,13 +185,9 @@ def _next_save(lane: Lane, request: LaneRequest) -> Scalar:
     return jnp.asarray(request.window)[lane.saved.count]
 
 
-def _save_is_due(lane: Lane, request: LaneRequest) -> Condition:
-    return _next_save(lane, request) <= lane.run.step.t
-
-
 def _saves(lane: Lane, request: LaneRequest) -> Condition:
     assert lane.saved is not None
-    return _save_is_due(lane, request) & jnp.logical_not(lane.saved.is_full())
+    return (_next_save(lane, request) <= lane.run.step.t) & jnp.logical_not(lane.saved.is_full())
 
 
 class Task(eqx.Module):
@@ -231,11 +212,11 @@ class Common(eqx.Module):
 
     - `folded_scene`: the scene, of which each lane replaces the leaves in `Task.varied`.
     - `capacity[log]`: largest number of rows of each log of crossings or impacts.
-    - `channels[log][name]`: quantities that are reported for each recorded state of a log of
-      crossings, or of saved states, `SAVED`.
+    - `channels[log][name]`: quantities to report at each state of a log of crossings, or of saved
+      states, `SAVED`.
     - `tables[name]`: for each table of impacts, the names of the logs of its contacts.
-    - `programs`: pairs of name and digest of the traced programs; empty if unknown. Only a compiled
-      program with the same digests is reused, so that none is of code that has changed since.
+    - `programs`: name and digest of each traced program, or empty if unknown. A saved program is
+      reused only if these agree.
     """
 
     plan: Plan
@@ -254,3 +235,20 @@ class Common(eqx.Module):
         """Return the scene of a lane, in scalar form."""
         tree = eqx.combine(task.varied, self.folded_scene.tree)
         return unpack(ConstantFolded(tree, self.folded_scene.patterns))
+
+    def begun(self, task: Task) -> Lane:
+        window = jnp.full(WINDOW, jnp.inf)
+        request = LaneRequest(task.end_time, task.first_step, window, self.capacity)
+        return begin_lane(self.plan, self.scene(task), task.state, self.start_time, request)
+
+    def after_turn(self, own: tuple[Task, LaneRequest], lane: Lane) -> Lane:
+        task, request = own
+        return step_lane(self.plan, self.scene(task), lane, request)
+
+    def status(self, own: tuple[Task, LaneRequest], lane: Lane) -> dict[str, PyTree]:
+        _, request = own
+        running, moving = lane.runs(self.plan, request.end_time), moves(self.plan, lane, request)
+        return {"moves": moving, "runs": running, "time": lane.run.step.t}
+
+    def outcome(self, task: Task, lane: Lane) -> Outcome:
+        return outcome(self.plan, self.scene(task), lane, task.end_time)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax
@@ -32,41 +32,24 @@ from ..run.impact_recorder import ImpactRow
 from ..run.terminal import interruptions_deferred
 from ..step.dense_output import Snapshot
 from ..step.types import Numbers
-from .lane import (
-    SAVED,
-    WINDOW,
-    Common,
-    Lane,
-    LaneRequest,
-    Outcome,
-    Task,
-    begin_lane,
-    moves,
-    outcome,
-    step_lane,
-)
+from .lane import SAVED, WINDOW, Common, LaneRequest, Outcome, Task
 from .xla_lanes import XlaFunction, XlaLaneLoop, zeros_like
 
 PERIOD = 0.2
-"""Longest time, s, between two reports of progress and of lanes that have ended; short enough for a
-progress bar that moves evenly."""
+"""Longest time, s, between two reports of progress and of ended lanes: bars then move evenly."""
 LONGEST_WAIT = 0.25
 """Time, s, for which lanes that have ended may wait to be handed over while other lanes begin. It
-limits what is lost if the process is killed while the caller stores results more slowly than they
-are computed."""
+limits what is lost if the process is killed while its caller stores results slowly."""
 KNOWN_SHARE = 0.01
-"""Share of all work that must be done before the time left is estimated, since an estimate from
-less would not be reliable."""
+"""Share of all work that must be done before the time left is estimated; less is unreliable."""
 BLOCK_ROWS = 256
-"""Largest number of recorded rows of a lane that a compiled function converts at once to columns of
-results. With fewer, long logs would take more calls; with more, more rows would be computed only to
-fill up the last block."""
+"""Largest number of recorded rows of a lane that a compiled function converts at once. With fewer,
+long logs would take more calls; with more, the last block would have more rows to fill up."""
 OnCells = BoundFunction | XlaFunction
 """A compiled function from the cells of n lanes, (n, cells), to the cells of n results."""
 
 
-@dataclass(frozen=True)
-class Ended:
+class Ended(NamedTuple):
     """Results of n lanes that have ended, in NumPy arrays with a first axis of length n.
 
     - `lanes`: (n,) numbers of the lanes.
@@ -79,8 +62,7 @@ class Ended:
     logs: dict[str, tuple[dict[str, np.ndarray], np.ndarray]]
 
 
-@dataclass(frozen=True)
-class Running:
+class Running(NamedTuple):
     """Progress of the lanes that have begun and not ended: their number; the smallest and the
     largest simulated time, s, that one of them has reached; and the estimated computing time, s,
     until all lanes of the batch have ended, or ``None`` if there is no estimate yet."""
@@ -97,9 +79,7 @@ class Batch:
     """
 
     def __init__(self, common: Common, tasks: Task, threads: int | None = None):
-        self.common = jax.tree.map(
-            lambda leaf: np.asarray(leaf) if eqx.is_array(leaf) else leaf, common
-        )
+        self.common = jax.tree.map(lambda x: np.asarray(x) if eqx.is_array(x) else x, common)
         self.tasks, self._threads = tasks, threads or threads_of_sweeps()
         self.lengths, count = dict(common.capacity), len(tasks.end_time)
         self._save_at = np.zeros((count, 0)) if tasks.save_at is None else tasks.save_at
@@ -139,9 +119,8 @@ class Batch:
     ) -> None:
         """Run some lanes of the batch, in the given order.
 
-        **Arguments:** `on_ended`: receives lanes soon after they have ended; `on_progress`:
-        receives the progress several times a second. Both are called in the thread that calls
-        `run`.
+        **Arguments:** `on_ended`: receives lanes that have ended; `on_progress`: receives the
+        progress several times a second; both in the thread of the caller.
 
         **Raises:** `KeyboardInterrupt` after Ctrl-C, when `on_ended` has received all lanes that
         had ended. After a second Ctrl-C, some of them may be missing. An error in a thread or a
@@ -188,14 +167,12 @@ class Batch:
 class _Programs:
     """Compiled programs of a batch, and the layout of lanes in cells of 8 bytes.
 
-    - `own_cells`: layout of the data that Python gives a lane: the cells of its task, then those of
-      its request.
+    - `own_cells`: layout of a lane's data from Python: the cells of its task, then of its request.
     - `request`: a `LaneRequest` whose leaves are the indices of the request's cells in a column.
     - `begin`, `outcome`, `columns[log]`: functions that make a compiled function: for a lane's
       start, for its outcome, and for the columns of a log. Each thread makes functions of its own,
       because two threads must not call one at the same time.
-    - `buffers[log]`: indices of the cells of a buffer in a column: of its rows, (rows, numbers),
-      and of the count of rows.
+    - `buffers[log]`: indices in a column of a buffer's rows, (rows, numbers), and of their count.
     - `blocks[log]`: number of rows that are converted at once, and of numbers in each row.
     """
 
@@ -203,14 +180,14 @@ class _Programs:
         # The first lane is an example of the structure, shapes and dtypes of all lanes.
         common = batch.common
         task, request = jax.tree.map(lambda leaf: np.asarray(leaf[0]), batch.own)
+        functions = Common.after_turn, Common.status
         if native:
             lane = _begun(common, task)
-            trees = common, (task, request), lane
-            self.loop = made_lane_loop(_lane_after_turn, _lane_status, trees)
+            self.loop = made_lane_loop(*functions, (common, (task, request), lane))
         else:
             # XLA needs only the shapes of a lane's state, so no lane is computed for them.
             lane = zeros_like(eqx.filter_eval_shape(_begun.__wrapped__, common, task))
-            self.loop = XlaLaneLoop(_lane_after_turn, _lane_status, common, (task, request), lane)
+            self.loop = XlaLaneLoop(*functions, common, (task, request), lane)
 
         # Cells of the data and the state of a lane.
         self.own_cells, self.task_cells = Cells((task, request)), Cells(task).size
@@ -225,9 +202,8 @@ class _Programs:
 
         # Functions from the cells of lanes to those of results.
         def bound(function: Native, shared: PyTree, *examples: PyTree) -> Callable[[], OnCells]:
-            if native:
-                return partial(function.native.bound, shared, *examples)
-            return partial(XlaFunction, function.__wrapped__, shared, *examples)
+            make = function.native.bound if native else partial(XlaFunction, function.__wrapped__)
+            return partial(make, shared, *examples)
 
         self.begin = bound(_begun, common, task)
         self.outcome = bound(_outcome, common, task, lane)
@@ -250,8 +226,7 @@ def _shifted(cells: PyTree, by: int) -> PyTree:
 
 @dataclass
 class _LaneSlot:
-    """A lane in a column: its number in the batch, and by log the arrays (n, numbers) of rows that
-    the host has read."""
+    """A lane in a column: its number, and by log the arrays of rows, (n, numbers), read so far."""
 
     number: int
     rows: dict[str, list[np.ndarray]] = field(default_factory=lambda: defaultdict(list))
@@ -273,7 +248,7 @@ class _Shared:
     - `records`: lanes that have ended and that were not handed over yet.
     - `own`: (L, cells), data of each lane: the cells of its task, then those of its request.
     - `times[number]`: s, simulated time that each running lane has reached.
-    - `handed_over`: value of `time.monotonic` at which all records until then had been handed over.
+    - `handed_over`: value of `time.monotonic` when records were handed over last.
     - `finished`: set when a group has ended; `stops`: whether all groups are to end.
     """
 
@@ -291,8 +266,7 @@ class _Shared:
         self._lanes, self._begun = len(self.waiting), time.monotonic()
 
     def next_lanes(self, count: int) -> list[int]:
-        """Remove the next lanes to begin from `waiting`, at most `count`, and return their
-        numbers."""
+        """Remove up to `count` numbers of the next lanes from `waiting`, and return them."""
         lanes: list[int] = []
         # Several threads take lanes at a time: to test for emptiness first would be a race.
         with suppress(IndexError):
@@ -322,8 +296,7 @@ class _Shared:
 
 
 class _Group:
-    """A group of columns, whose lanes one thread runs. Its `number`, from 0 on, selects its
-    accelerator."""
+    """Columns whose lanes one thread runs. The `number`, from 0 on, selects its accelerator."""
 
     def __init__(self, shared: _Shared, number: int):
         self._shared, self._number = shared, number
@@ -424,7 +397,7 @@ class _Group:
 
     def _log(self, name: str, rows: list[np.ndarray], task: np.ndarray) -> tuple[np.ndarray, int]:
         """Convert the recorded `rows` of one log of a lane, (n, numbers) each, to cells of the
-        columns of the sweep's results, (blocks, cells), and return these and the number of rows."""
+        result's columns, (blocks, cells), and return these and the number of rows."""
         rows_a_block, numbers = self._programs.blocks[name]
         count = sum(map(len, rows))
         # The compiled function takes blocks of a fixed size, so the last one is filled with zeros.
@@ -445,8 +418,7 @@ def _deliver(
     """Pass ended lanes and progress to the callbacks every `PERIOD` seconds, and as soon as a group
     has ended, until all groups have stopped.
 
-    **Raises:** the error of a group or of a callback. Lanes that ended shortly before the error may
-    then not have been passed on.
+    **Raises:** the error of a group or of a callback; lanes that ended just before may be lost.
     """
     groups_run = True
     while groups_run:
@@ -493,17 +465,7 @@ def _on_device(number: int) -> AbstractContextManager[object]:
     return jax.default_device(jax.local_devices()[number % jax.local_device_count()])
 
 
-@Native
-def _begun(common: Common, task: Task) -> Lane:
-    window = jnp.full(WINDOW, jnp.inf)
-    request = LaneRequest(task.end_time, task.first_step, window, common.capacity)
-    scene = common.scene(task)
-    return begin_lane(common.plan, scene, task.state, common.start_time, request)
-
-
-@Native
-def _outcome(common: Common, task: Task, lane: Lane) -> Outcome:
-    return outcome(common.plan, common.scene(task), lane, task.end_time)
+_begun, _outcome = Native(Common.begun), Native(Common.outcome)
 
 
 @Native
@@ -527,14 +489,3 @@ def _columns(
         return record.columns(system, common.channels.get(name, {}))
 
     return jax.lax.map(columns_of_row, rows)
-
-
-def _lane_after_turn(common: Common, own: tuple[Task, LaneRequest], lane: Lane) -> Lane:
-    task, request = own
-    return step_lane(common.plan, common.scene(task), lane, request)
-
-
-def _lane_status(common: Common, own: tuple[Task, LaneRequest], lane: Lane) -> dict[str, PyTree]:
-    _, request = own
-    running, moving = lane.runs(common.plan, request.end_time), moves(common.plan, lane, request)
-    return {"moves": moving, "runs": running, "time": lane.run.step.t}

@@ -8,6 +8,7 @@ one column of cells for each lane.
 
 from collections.abc import Callable
 from functools import partial
+from typing import TypeAlias
 
 import equinox as eqx
 import jax
@@ -21,15 +22,14 @@ from ..._compilation.xla import in_one_function
 from ..._native.cells import Cells, Memory, Region
 from ..._native.lanes import AbstractLaneLoop
 
+OnLane: TypeAlias = Callable[..., PyTree]
 ON_CPU, ON_ACCELERATOR = 64, 4096
-"""Number of lanes that one program computes side by side. An accelerator has many more arithmetic
-units to occupy than a core of a CPU."""
+"""Number of lanes of one program. An accelerator has many more arithmetic units to occupy."""
 TURNS = 256
-"""Number of turns after which a loop returns to Python at the latest, so that progress is shown and
-Ctrl-C is obeyed."""
+"""Largest number of turns between two returns to Python, which shows progress and obeys Ctrl-C."""
 WAITING = 8
-"""A loop returns to Python as soon as one in `WAITING` of its lanes waits. Returning later would
-leave more lanes idle, and returning earlier would copy the lanes more often."""
+"""A loop returns to Python as soon as one part in `WAITING` of its lanes waits. Returning later
+would leave more lanes idle, and returning earlier would copy the lanes more often."""
 
 
 def width() -> int:
@@ -46,14 +46,7 @@ class XlaLaneLoop(AbstractLaneLoop):
     waits. `shared`: data of all lanes. `own`, `state`: example of the data and state of one lane.
     """
 
-    def __init__(
-        self,
-        turn: Callable[[PyTree, PyTree, PyTree], PyTree],
-        status: Callable[[PyTree, PyTree, PyTree], dict[str, PyTree]],
-        shared: PyTree,
-        own: PyTree,
-        state: PyTree,
-    ):
+    def __init__(self, turn: OnLane, status: OnLane, shared: PyTree, own: PyTree, state: PyTree):
         self.width, self._functions = width(), (turn, status)
         self._take_turns = _TURNS_IN_ONE_FUNCTION
         self._shared, self._own, self._state = shared, Cells(own), Cells(state)
@@ -100,7 +93,7 @@ class XlaFunction:
     results are in cells of 8 bytes. The attribute `results` is the layout of the cells of a result.
     """
 
-    def __init__(self, function: Callable[..., PyTree], shared: PyTree, *examples: PyTree):
+    def __init__(self, function: OnLane, shared: PyTree, *examples: PyTree):
         self._function, self._shared = function, shared
         self._arguments, self._width = [Cells(tree) for tree in examples], width()
         shapes = eqx.filter_eval_shape(function, shared, *examples)
@@ -127,11 +120,7 @@ def zeros_like(shapes: PyTree) -> PyTree:
 
 
 def _turns(
-    functions: tuple[Callable[..., PyTree], Callable[..., dict[str, PyTree]]],
-    shared: PyTree,
-    own: PyTree,
-    state: PyTree,
-    occupied: jax.Array,
+    functions: tuple[OnLane, ...], shared: PyTree, own: PyTree, state: PyTree, occupied: jax.Array
 ) -> tuple[jax.Array, PyTree, dict[str, jax.Array]]:
     turn, status = (jax.vmap(partial(function, shared)) for function in functions)
 
@@ -154,5 +143,5 @@ _TURNS_AS_USUAL = Compiled(_turns, xla_cpu_use_fusion_emitters=False)
 
 
 @Compiled
-def _for_all(function: Callable[..., PyTree], shared: PyTree, *trees: PyTree) -> PyTree:
+def _for_all(function: OnLane, shared: PyTree, *trees: PyTree) -> PyTree:
     return jax.vmap(partial(function, shared))(*trees)

@@ -3,8 +3,7 @@
 Find impulses x (N s) between bounds, for which the velocities y = W x + q (m/s) satisfy y >= 0
 where x is at its lower bound, y <= 0 where x is at its upper bound, and y = 0 elsewhere. q are the
 velocities without impulses, and W is symmetric and positive semidefinite. Each row of the problem
-is one direction of a contact. The solution is the minimum of the energy x W x/2 + q x, in J,
-between the bounds.
+is one direction of a contact. The solution minimises the energy x W x/2 + q x, J.
 
 An iteration has two parts (J. J. More, G. Toraldo, On the solution of large quadratic programming
 problems with bound constraints, 1991). A sweep of projected Gauss-Seidel finds the rows at their
@@ -34,6 +33,8 @@ alternation between normal and friction impulses."""
 RELATIVE_SHIFT = 1e-11
 """Relative increase of W's diagonal, which makes systems with linearly dependent rows solvable."""
 Impulses = Sequence[Scalar]
+Search = tuple[Impulses, Sequence[Condition], Condition]
+"""Impulses, whether each row is free, and whether the minimum is reached."""
 
 
 class BoxProblem:
@@ -49,11 +50,10 @@ class BoxProblem:
         self._matrix = [[*row[:-1], d] for row, d in zip(matrix, self._diagonal, strict=True)]
 
     def solve(self, start: Sequence[Scalar], least: Scalar) -> tuple[Impulses, Scalar]:
-        """Return the n impulses x, N s, that solve the problem for the velocities q without
-        impulses, `start`, m/s, and the residual. The residual is the largest violation of a
-        condition, relative to the largest magnitude of q among rows that are not fixed, or to
-        `least`, m/s, if that is larger. A residual above `TOLERANCE` means that the iteration did
-        not converge."""
+        """Return the n impulses x, N s, for the velocities q without impulses, `start`, m/s, and
+        the residual: the largest violation of a condition, relative to the largest magnitude of q
+        among rows that are not fixed, but at least to `least`, m/s. If the residual is above
+        `TOLERANCE`, the iteration did not converge."""
         is_free = [lower < upper for lower, upper in self._bounds]
         scale = jnp.maximum(largest_of(is_free, start), least)
 
@@ -77,8 +77,8 @@ class BoxProblem:
         return [self._matrix[max(i, j)][min(i, j)] for j in range(len(self._matrix))]
 
     def _clipped(self, i: int, x: Scalar, velocity: Scalar) -> Scalar:
-        """Return the impulse of row i, N s, that satisfies the row's conditions while all other
-        impulses stay. Its present impulse is x, N s, and its present `velocity` is in m/s."""
+        """Return the impulse of row i, N s, that satisfies the row's conditions while all others
+        stay, from its present impulse x, N s, and `velocity`, m/s."""
         return jnp.clip(x - velocity / self._diagonal[i], *self._bounds[i])
 
     def _swept(self, x: Impulses, start: Sequence[Scalar]) -> Impulses:
@@ -89,21 +89,18 @@ class BoxProblem:
         return swept
 
     def _least_inside(self, x: Impulses, start: Sequence[Scalar]) -> Impulses:
-        """Return the impulses that minimise the energy over the free rows, found by Newton steps
-        from x. A row is free unless its impulse is at a bound and its velocity has the sign that
-        the conditions demand there."""
+        """Return the impulses that minimise the energy over the free rows, by Newton steps from x.
+        A row is free unless it is at a bound and its velocity has the sign demanded there."""
         velocities = self._velocities(x, start)
         free: list[Condition] = [
             jnp.logical_not(((a <= lower) & (y >= 0.0)) | ((a >= upper) & (y <= 0.0)))
             for a, y, (lower, upper) in zip(x, velocities, self._bounds, strict=True)
         ]
 
-        def goes(now: tuple[Impulses, Sequence[Condition], Condition]) -> Condition:
+        def goes(now: Search) -> Condition:
             return jnp.logical_not(now[2])
 
-        def go(
-            now: tuple[Impulses, Sequence[Condition], Condition],
-        ) -> tuple[Impulses, Sequence[Condition], Condition]:
+        def go(now: Search) -> Search:
             x, free, _ = now
             change = self._to_least(x, free, start)
             # Go along the change until the first row meets a bound, and fix this row. If it were
@@ -116,14 +113,10 @@ class BoxProblem:
 
             # A row that meets a bound gets exactly this bound, so that later comparisons with the
             # bound do not depend on rounding.
-            def moved_impulse(
-                a: Scalar, d: Scalar, meet: Condition, bounds: tuple[Scalar, Scalar]
-            ) -> Scalar:
+            moved: list[Scalar] = []
+            for a, d, meet, bounds in zip(x, change, meets, self._bounds, strict=True):
                 bound = jnp.where(d < 0.0, *bounds)
-                return jnp.where(meet, bound, jnp.clip(a + share * d, *bounds))
-
-            rows = zip(x, change, meets, self._bounds, strict=True)
-            moved = [moved_impulse(*row) for row in rows]
+                moved.append(jnp.where(meet, bound, jnp.clip(a + share * d, *bounds)))
             still_free = [f & jnp.logical_not(meet) for f, meet in zip(free, meets, strict=True)]
             # A step of full length reaches the minimum over the rows that are still free.
             return moved, still_free, share >= 1.0
@@ -142,7 +135,10 @@ class BoxProblem:
             for i, row in enumerate(self._matrix)
         ]
         right = [jnp.where(f, -y, 0.0) for f, y in zip(free, velocities, strict=True)]
-        return _solved(matrix, right)
+        n = len(right)
+        full = [[matrix[max(i, j)][min(i, j)] for j in range(n)] for i in range(n)]
+        identity = [[float(i == j) for j in range(n)] for i in range(n)]
+        return Exact().solving(gram_matrix(full, identity))(right)
 
     def _shares(self, x: Impulses, change: Impulses) -> list[Scalar]:
         """Return for each row the part, 0 to 1, of its `change` that its bounds allow."""
@@ -172,10 +168,3 @@ def largest(numbers: Sequence[Scalar]) -> Scalar:
 
 def largest_of(chosen: Sequence[Condition], numbers: Sequence[Scalar]) -> Scalar:
     return largest([jnp.where(is_one, x, 0.0) for is_one, x in zip(chosen, numbers, strict=True)])
-
-
-def _solved(matrix: Rows, right: Sequence[Scalar]) -> Impulses:
-    n = len(right)
-    full = [[matrix[max(i, j)][min(i, j)] for j in range(n)] for i in range(n)]
-    identity = [[float(i == j) for j in range(n)] for i in range(n)]
-    return Exact().solving(gram_matrix(full, identity))(right)

@@ -15,7 +15,8 @@ unilateral contact and friction boundary value problem, 1975). One computation o
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -28,7 +29,7 @@ from ..._dynamics.system import System
 from ..._fields.checks import require, require_range
 from ..._math.linear_solvers import inner
 from ..._math.rotations import transverse_axes
-from ..._math.smoothing import norm_and_direction
+from ..._math.smoothing import norm_and_direction, where
 from ..._math.vectors import ZERO, Condition, Scalar, Vector, add, multiply
 from ..._model.joints.base import AbstractContactJoint, Contact, Row, each_label
 from ..._model.joints.constraint_rows import row_rate
@@ -46,13 +47,13 @@ speeds below which friction laws are regularised."""
 
 NEGLIGIBLE = 1e-9
 """Contact velocity in m/s that counts as rest. Residuals are relative to the velocities that the
-impulses have to change, but not to smaller ones than this: those of a block at rest are rounding
-errors of 1e-17 m/s, of which no residual is a small fraction."""
+impulses have to change, but at least to this: those of a block at rest are rounding errors of 1e-17
+m/s, and no residual is a small part of these."""
 ROUNDED = 1e-3
 """The residuals of the normal and of the friction impulses are relative to the velocities that
-these impulses have to change, but not to smaller ones than this part of the largest of all.
-Velocities along the slip of a block at rest are differences of its normal ones, and below 1e-16 of
-them they are rounding errors: 1e-3 times `.bounded_lcp.TOLERANCE` is far above."""
+these impulses have to change, but at least to this part of the largest velocity of all. The slip
+velocities of a block at rest are rounding errors, 1e-16 of the normal velocities, and a residual
+relative to them could never be small."""
 
 LEAST_FACTOR, LARGEST_FACTOR = 0.1, 1e4
 """Bounds of the factor by which a change of the tangential impulses is extrapolated. Without them,
@@ -76,8 +77,7 @@ class Alternation(NamedTuple):
     factor: Scalar
 
 
-@dataclass(frozen=True)
-class Touch:
+class Touch(NamedTuple):
     """One contact, open or closed, at given poses and velocities of the bodies.
 
     A `Row` is a direction of relative motion: its rate is a linear function of the velocities of
@@ -96,8 +96,8 @@ class Touch:
     gap: Scalar
     clearance: Scalar | None
     normal: Row
-    slip: tuple[Row, ...]
-    coefficient: Scalar
+    slip: tuple[Row, ...] = ()
+    coefficient: Scalar = 0.0
 
 
 def touches(scene: Scene, motions: Motions) -> list[Touch]:
@@ -142,15 +142,7 @@ def _touch(
         contact = replace(contact, side=replace(contact.side, elastic=ZERO))
     if contact.turning is not None or contact.side is not None:
         normal = Row(0.0, dict(contact_wrenches(joint, contact, 1.0, None, motions)), 0.0)
-    touch = Touch(
-        joint=name,
-        label=label,
-        gap=-contact.gap.depth,
-        clearance=contact.gap.clearance,
-        normal=normal,
-        slip=(),
-        coefficient=0.0,
-    )
+    touch = Touch(name, label, -contact.gap.depth, contact.gap.clearance, normal)
     if contact.slip is None:
         return touch
     along = _slip_direction(contact.slip, contact.normal)
@@ -160,29 +152,24 @@ def _touch(
     fast = Contact(contact.gap, contact.normal, contact.arm_first, contact.arm_second, along * FAST)
     friction = joint.friction_force(label, fast, 1.0)
     coefficient = 0.0 if friction is None else norm_and_direction(friction)[0]
-    return replace(touch, slip=(row(along), row(across)), coefficient=coefficient)
+    return touch._replace(slip=(row(along), row(across)), coefficient=coefficient)
 
 
 def _slip_direction(slip: Vector, normal: Vector) -> Vector:
-    """Return the unit vector along the slip velocity; at zero slip, some direction across the
-    `normal`."""
+    """Return the direction of the slip velocity; at zero slip, one across the `normal`."""
     speed, direction = norm_and_direction(slip)
     other, _ = transverse_axes(normal)
-    rests = speed == 0.0
-    parts = zip(direction, other, strict=True)
-    return Vector(*(jnp.where(rests, b, a) for a, b in parts))
+    return jax.tree.map(partial(where, speed == 0.0), other, direction)
 
 
 class ContactProblem:
-    """Changes of contact velocities by contact impulses, while the constraints of ideal joints
-    hold.
+    """Changes of contact velocities by contact impulses, while ideal joints hold.
 
     **Arguments:** `mechanics`: masses and Jacobians at the positions in the middle of the step;
     `contacts`: all contacts there, open or closed, at least one; `t`: s, the time there.
 
-    The attribute `rows` has the directions of the contacts: the normal of each contact, then both
-    slip directions of each contact with friction. All lists of velocities, m/s, and impulses, N s,
-    have this order.
+    The attribute `rows` has the normals of all contacts, then both slip directions of each contact
+    with friction. All lists of velocities, m/s, and impulses, N s, have this order.
     """
 
     def __init__(
@@ -223,8 +210,8 @@ class ContactProblem:
 
     def kick(self, impulses: Sequence[Scalar]) -> Speeds:
         """Return the change of the speeds of the system's coordinates by impulses at the contacts,
-        including the impulses of ideal joints that follow from them. Rows beyond the end of the
-        list have no impulse."""
+        including the impulses of ideal joints that follow from them. Rows beyond their end have
+        none."""
         change: Speeds = [0.0] * len(self._responses[0])
         for part, impulse in zip(self._responses, impulses, strict=False):
             change = [add(a, multiply(b, impulse)) for a, b in zip(change, part, strict=True)]
@@ -233,21 +220,18 @@ class ContactProblem:
     def velocities_after(
         self, velocities: Sequence[Scalar], impulses: Impulses, rows: range, columns: range
     ) -> list[Scalar]:
-        """Return the velocities along `rows`, which are `velocities` before, after impulses along
-        `columns`; both are ranges of indices in `self.rows`."""
+        """Return the velocities along `rows` after impulses along `columns`, from the `velocities`
+        before them; both are ranges of indices in `self.rows`."""
         return [
-            add(velocity, inner([self._entry(i, j) for j in columns], impulses))
+            add(velocity, inner([self._matrix[max(i, j)][min(i, j)] for j in columns], impulses))
             for i, velocity in zip(rows, velocities, strict=True)
         ]
-
-    def _entry(self, i: int, j: int) -> Scalar:
-        return self._matrix[max(i, j)][min(i, j)]
 
     def normal_impulses(
         self, closed: Sequence[Condition], aims: Sequence[Scalar], least: Scalar = NEGLIGIBLE
     ) -> tuple[Impulses, Scalar]:
-        """Return normal impulses of all contacts, zero at open ones, with which each closed contact
-        opens at least with the smallest velocity that is allowed, and the residual.
+        """Return the normal impulses of all contacts, zero at open ones, and the residual. With
+        them, each closed contact opens at least with the smallest velocity that is allowed.
 
         The residual is the largest violation of the contact conditions along the normals, relative
         to the largest magnitude among the `aims` of closed contacts, but at least to `least`, m/s.
@@ -266,11 +250,11 @@ class ContactProblem:
         """Return the impulses at the closed contacts along all `rows`, and the relative residual,
         which is above `TOLERANCE` if the alternation did not converge.
 
-        The residual is the largest of those of the normal impulses and of the friction impulses,
-        both relative to the largest velocity at closed contacts that these impulses have to change,
-        but at least to `ROUNDED` times the largest of all, and to `NEGLIGIBLE`; and of the opening
-        velocity by which the two do not fit each other, relative to the largest of all.
-        `aims`: as in `normal_impulses`; `slips`: velocities along the slip directions without
+        The residual is the largest of three. Those of the normal and of the friction impulses are
+        relative to the largest velocity at closed contacts that these impulses have to change, but
+        at least to `ROUNDED` times the largest of all, and to `NEGLIGIBLE`. The third is the
+        opening velocity by which normal and friction impulses do not fit each other, relative to
+        the largest of all. `aims`: as in `normal_impulses`; `slips`: slip velocities without
         impulses.
         """
         if not slips:  # without friction
@@ -303,17 +287,10 @@ class ContactProblem:
             changes = self.velocities_after([0.0] * count, change, normals, tangents)
             opening = largest_of(closed, changes) / scale
             residual = largest([normal_residual, slip_residual, opening])
+            # Tangential impulses for the next turn.
             factor, turns = _extrapolation(now, change), now.turns + 1
-            following = [a + factor * b for a, b in zip(tried, change, strict=True)]
-            return Alternation(
-                normal=normal,
-                tangential=tangential,
-                residual=residual,
-                turns=turns,
-                tried=following,
-                change=change,
-                factor=factor,
-            )
+            tried = [a + factor * b for a, b in zip(tried, change, strict=True)]
+            return Alternation(normal, tangential, residual, turns, tried, change, factor)
 
         def goes(now: Alternation) -> Condition:
             return (now.residual > TOLERANCE) & (now.turns < ALTERNATIONS)

@@ -1,18 +1,17 @@
 """One time step of Moreau's midpoint rule.
 
 See M. Jean, The non-smooth contact dynamics method (1999), with theta = 1/2, and V. Acary, B.
-Brogliato, Numerical methods for nonsmooth dynamical systems (2008), ch. 10. With q_m in the middle
-of the step,
+Brogliato, Numerical methods for nonsmooth dynamical systems (2008), ch. 10.
 
     q_m = q + h/2 H u,    M(q_m) (u+ - u) = h F(q_m, (u + u+)/2) + D(q_m)^T P,
     q+ = q + h H(q_m) (u + u+)/2,
 
-with positions q and speeds u before the step, q+ and u+ after it, the length h, rates of positions
-H u, mass matrix M, forces F, and impulses P along the directions D of the contacts. A contact is
-closed if its gap at q_m is not positive. A predictor gives the velocity in F, so that smooth motion
-has second order. Ideal joints are kept by constraints on accelerations, as in `simulate`. If no
-force acts, the velocity of a contact after an impact is exactly the restitution times its approach
-velocity, for any step length.
+with positions q and speeds u before the step, q+ and u+ after it, q_m in its middle, the length h,
+rates of positions H u, mass matrix M, forces F, and impulses P along the directions D of the
+contacts. A contact is closed if its gap at q_m is not positive. A predictor gives the velocity in
+F, so that smooth motion has second order. Ideal joints are kept by constraints on accelerations, as
+in `simulate`. If no force acts, the velocity of a contact after an impact is exactly the
+restitution times its approach velocity, for any step length.
 
 The impulse stops the approach of a contact, but not the penetration that it has in the middle of
 the step, which is at most the approach in half a step. If, at its velocity after the impact, the
@@ -33,6 +32,7 @@ from ..._dynamics.coordinates import MotionVariables
 from ..._dynamics.system import System
 from ..._math.rotations import normalised
 from ..._math.vectors import Condition, EulerParameters, Scalar, add, multiply
+from .bounded_lcp import Impulses
 from .contact_problem import ContactProblem, Touch, touches
 
 SOLVED = 1e-6
@@ -41,8 +41,7 @@ for this problem aim at much smaller residuals; a larger one means that they did
 
 
 class Rigid(eqx.Module):
-    """A system with rigid contacts, and Newton's coefficient of restitution of each contact, as
-    restitution[joint][contact]."""
+    """A system with rigid contacts, and Newton's coefficients, restitution[joint][contact]."""
 
     system: System
     restitution: dict[str, dict[str, Scalar]]
@@ -137,8 +136,7 @@ def _smooth_step(
 
 
 def _is_shallow(contacts: list[Touch]) -> Condition:
-    """Return whether no penetration exceeds the bearing's clearance, if there is one, beyond which
-    the side of the contact is unknown."""
+    """Return whether no penetration exceeds a clearance: the side of such a contact is unknown."""
     shallow = jnp.asarray(True)
     for touch in contacts:
         if touch.clearance is not None:
@@ -153,10 +151,10 @@ def _projection(
     sinks: Sequence[Scalar],
     h: Scalar,
 ) -> tuple[list[Scalar], Scalar]:
-    """Return speeds that move the positions out of the wall, in addition to the speeds of the
-    motion, and the relative residual of the contact problem for them. Gaps are linearised in the
-    displacement. `after` are the opening velocities after the impulses, and `sinks`, zero or
-    positive, the velocities towards the wall that the forces add in the step, m/s."""
+    """Return speeds that move the positions out of the wall, beside the speeds of the motion, and
+    the relative residual of the contact problem for them. Gaps are linearised. `after` are the
+    opening velocities after the impulses, and `sinks`, zero or positive, the velocities towards the
+    wall that the forces add in the step, m/s."""
     stays, ends = [], []
     rows = zip(problem.contacts, closed, after, sinks, strict=False)
     for touch, shut, velocity, sink in rows:
@@ -173,10 +171,7 @@ def _projection(
 
 
 def _contact_steps(
-    contacts: list[Touch],
-    impulses: Sequence[Scalar],
-    before: Sequence[Scalar],
-    after: Sequence[Scalar],
+    contacts: list[Touch], impulses: Impulses, before: Sequence[Scalar], after: Sequence[Scalar]
 ) -> dict[str, dict[str, ContactStep]]:
     # Positions move with the mean velocity, so that its product with the impulse is the work. With
     # the opposite sign, it is the energy dissipated.
@@ -203,16 +198,14 @@ def _smooth_rates(rigid: Rigid, variables: MotionVariables, t: Scalar) -> Motion
 def _displaced(
     system: System, variables: MotionVariables, rates: MotionVariables, time: Scalar
 ) -> MotionVariables:
-    """Return variables with the positions changed by `time`, s, times the `rates`. Euler parameters
-    are normalised, and the speeds stay."""
+    """Return variables with the positions changed by `time`, s, times the `rates`."""
     return system.with_speeds(_plus(variables, rates, time), variables)
 
 
 def _accelerated(
     system: System, variables: MotionVariables, rates: MotionVariables, time: Scalar
 ) -> MotionVariables:
-    """Return variables with the speeds changed by `time`, s, times the `rates`, and the same
-    positions."""
+    """Return variables with the speeds changed by `time`, s, times the `rates`."""
     return system.with_speeds(variables, _plus(variables, rates, time))
 
 

@@ -1,5 +1,4 @@
-"""Simulation with rigid contacts, whose impacts have no duration: the function
-`simulate_nonsmooth`."""
+"""Simulation with rigid contacts, whose impacts have no duration: `simulate_nonsmooth`."""
 
 from dataclasses import replace
 from functools import reduce
@@ -10,12 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Float, Int
 
 from ..._compilation import Compiled
-from ..._dynamics.breakpoints import (
-    breakpoints,
-    drivers_are_smooth,
-    one_sided_time,
-    since_breakpoints,
-)
+from ..._dynamics import breakpoints
 from ..._dynamics.coordinates import AbstractCoordinates, MotionVariables
 from ..._dynamics.formulation import Formulation
 from ..._dynamics.joint_coordinates.coordinates import JointCoordinates
@@ -45,9 +39,9 @@ DRIVER_TOLERANCE = 1e-5
 
 
 class RigidRun(eqx.Module):
-    """A run between two steps: whether each contact was `touching` in the last step, that is, had
-    an impulse; its `totals` since the start; and the largest `residual` and the number of the
-    `steps` that did not fail."""
+    """A run between two steps. `touching`: whether each contact had an impulse in the last step;
+    `totals`: since the start of the run; `residual`, `steps`: largest residual and number of the
+    steps that did not fail."""
 
     t: Scalar
     variables: MotionVariables
@@ -108,10 +102,9 @@ run_compiled = Compiled(run)
 def _with_breakpoints(
     scene: Scene, stops: Float[jax.Array, " stops"]
 ) -> tuple[Float[jax.Array, " times"], Int[jax.Array, " rest"] | None]:
-    """Return the times at which steps must end, (T,) s: stops and breakpoints together, sorted, and
-    for each stop except the first its index in the times after the first; ``None`` if there are no
-    breakpoints."""
-    elements = jax.tree.leaves(breakpoints(scene))
+    """Return the sorted stops and breakpoints, (T,) s, at which steps must end, and for each stop
+    except the first its index in the times after the first, or ``None`` without breakpoints."""
+    elements = jax.tree.leaves(breakpoints.breakpoints(scene))
     if not elements:
         return stops, None
     # A breakpoint outside of the run is moved to its start or end, where it adds no step.
@@ -127,12 +120,12 @@ def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> Ri
     after it. They change only if a driver has a breakpoint at `stop`."""
     # For each joint with breakpoints, the first entry tells whether one of them is in the span,
     # and thus at its end, `stop`. Forces have breakpoints too, but prescribe no velocities.
-    since = since_breakpoints(system, start, stop)
+    since = breakpoints.since_breakpoints(system, start, stop)
     joints = [has_one for name, (has_one, _) in since.items() if name in system.scene.joints]
     if not joints:
         return now
     # Where a driver's velocity jumps, the change of the speeds has the least kinetic energy.
-    time = one_sided_time(system, stop, stop)
+    time = breakpoints.one_sided_time(system, stop, stop)
     # A run that failed stays where it is, before `stop`.
     variables = jax.lax.cond(
         reduce(jnp.logical_or, joints) & (now.result == RESULTS.successful),
@@ -145,8 +138,7 @@ def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> Ri
 
 def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: Scalar) -> RigidRun:
     """Return the run after equal steps, not longer than `longest`, from `start` to `stop`, all in
-    s. If a step fails, the run stays as it was before this step, with the result code of the
-    failure."""
+    s. If a step fails, the run stays as it was before it, with the failure as result."""
     # The factor is slightly below 1, because rounding of the span could otherwise add a step.
     count = jnp.ceil((stop - start) / longest * (1.0 - 1e-9))
     h = (stop - start) / jnp.maximum(count, 1.0)
@@ -165,14 +157,7 @@ def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: 
 
 def _first(rigid: Rigid, variables: MotionVariables, t: Scalar) -> RigidRun:
     zero, no_count = jnp.zeros(()), jnp.zeros((), int)
-    no_totals = ContactTotals(
-        impacts=no_count,
-        impulse=zero,
-        dissipated=zero,
-        hardest=zero,
-        fastest=zero,
-        penetration=zero,
-    )
+    no_totals = ContactTotals(no_count, zero, zero, zero, zero, zero)
     laws = rigid.system.scene.laws()
     return RigidRun(
         t=t,
@@ -213,7 +198,7 @@ def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
     good = finite & solved & end.shallow
     # Drivers enter the equations by their second derivatives, at single times of a step only.
     # Without this check, a kink or jump between these times would pass unnoticed.
-    smooth = drivers_are_smooth(rigid.system, end.variables, t, t + h, DRIVER_TOLERANCE)
+    smooth = breakpoints.drivers_are_smooth(rigid.system, end.variables, t, t + h, DRIVER_TOLERANCE)
     if smooth is not None:
         result = RESULTS.where(good & ~smooth, RESULTS.not_followed, result)
         good = good & smooth
@@ -256,8 +241,7 @@ def simulate_nonsmooth(
     a step. The time of an impact is known to half a step, because impacts happen in the middle of a
     step; therefore the error of all states is of first order in the length of the step.
 
-    Where a driver makes velocities jump, the change of the velocities is the one of least kinetic
-    energy, as in `simulate`.
+    Where a driver makes velocities jump, their change is the one of least kinetic energy.
 
     The function works under `jax.vmap`, `jax.jit` and `jax.jvp`. It then raises no error for a
     traced number outside its range: the run ends before its first step with `RESULTS.domain`. But
@@ -277,8 +261,7 @@ def simulate_nonsmooth(
     - `redundant`: whether some constraints depend linearly on others. By default this is determined
       from the initial state; under a transformation of JAX the default is ``False``.
     - `throw`: whether to raise `SimulationError` if the run fails. If ``False``, and always if JAX
-      traces the run, the solution of a failed run is returned. Its `result` is the code of the
-      failure.
+      traces the run, its solution is returned, with the failure as `result`.
 
     **Returns:** a `NonsmoothSolution`.
 
@@ -331,9 +314,8 @@ def simulate_nonsmooth(
     between = jnp.asarray([] if times is None else times)
     stops = jnp.concatenate([_array(start_time)[None], between, _array(end_time)[None]])
     chosen = None if restitution is None else _array(restitution)
-    run = run_compiled(
-        fold_constants(scene), formulation, state, stops, _array(step), chosen, admissible
-    )
+    numbers = state, stops, _array(step), chosen, admissible
+    run = run_compiled(fold_constants(scene), formulation, *numbers)
     inner = None if times is None else stops[1:-1]
     solution = _solution(*run, inner, formulation, redundant_constraints)
     if traced:

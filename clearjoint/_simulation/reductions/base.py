@@ -1,8 +1,5 @@
-"""Base classes of reductions: outputs of a run that are updated at every accepted step.
-
-A reduction carries a tally, a PyTree of arrays of fixed shape, from step to step, so that memory
-does not grow with the number of steps.
-"""
+"""Base classes of reductions: outputs of a run that are updated at every accepted step. A reduction
+carries a tally, a PyTree of arrays of fixed shape, from step to step: memory does not grow."""
 
 import abc
 import math
@@ -22,9 +19,9 @@ from ..._math.vectors import Condition, Scalar
 from ..._model.scene import Scene
 from ...quantities.base import Instant, Quantity, check_quantity
 
+Times: TypeAlias = tuple[float, ...]
 Instants: TypeAlias = Annotated[float | Callable[[Scene], Scalar] | None, "s"]
-"""A time in s, or a function of the run's scene that returns one and that JAX can trace; ``None``
-for the start or the end of the run."""
+"""A time in s, a function of the scene that returns one, or ``None`` for the run's start or end."""
 
 
 class AbstractReduction(AbstractConverting):
@@ -63,8 +60,7 @@ class AbstractReduction(AbstractConverting):
 
     `clearjoint.predictor` differentiates those results, named in `differentiated`, that are
     functions of values of quantities at few instants, such as the peak, and of integrals between
-    instants. A subclass with such results also defines `observed` or `integrands`, `instants` and
-    `combined`.
+    instants. For them, a subclass defines `observed` or `integrands`, `instants` and `combined`.
     """
 
     needs_ledger: ClassVar[bool] = False
@@ -81,20 +77,17 @@ class AbstractReduction(AbstractConverting):
         determine the `differentiated` results."""
         return ()
 
-    def instants(
-        self, results: Mapping[str, Scalar], span: tuple[float, float]
-    ) -> tuple[float, ...]:
+    def instants(self, results: Mapping[str, Scalar], span: tuple[float, float]) -> Times:
         """Return the instants, s, at which `observed` quantities are evaluated, and until which
-        `integrands` are integrated, in a run over the time `span`, s. `results` of the run are
-        given if the reduction `finds_instants`; otherwise the dictionary is empty."""
+        `integrands` are integrated, in a run over the time `span`, s. `results` are those of the
+        run if the reduction `finds_instants`, otherwise empty."""
         raise NotImplementedError
 
     def combined(
-        self, values: Float[Array, "instants values"], instants: tuple[float, ...]
+        self, values: Float[Array, "instants values"], instants: Times
     ) -> dict[str, Scalar]:
-        """Return the `differentiated` results. Row k of `values` has the `observed` quantities at
-        instant k, and the integrals of the `integrands` until then. JAX differentiates this
-        function."""
+        """Return the `differentiated` results, by operations of JAX. Row k of `values` has the
+        `observed` quantities at instant k and the integrals of the `integrands` until then."""
         raise NotImplementedError
 
     def check(self, scene: Scene) -> None:
@@ -110,17 +103,14 @@ class AbstractReduction(AbstractConverting):
     @abc.abstractmethod
     def start(self, now: Instant) -> PyTree:
         """Return the tally at the start of the run, where `now.inside` and `now.middle` raise a
-        `ValueError`.
-
-        `update` must return a PyTree of the same structure, shapes and types.
-        """
+        `ValueError`. `update` must return a PyTree of the same structure, shapes and types."""
 
     @abc.abstractmethod
     def update(self, tally: PyTree, now: Instant) -> PyTree:
         """Return the tally after an accepted step, from the `tally` at its start.
 
-        After a rejected attempt, the method is called too, with the time unchanged; the result is
-        then discarded.
+        It is also called after a rejected attempt, with the time unchanged; that result is
+        discarded.
 
         **Arguments:** `now`: the instant at the end of the step. `now.inside(x)` is the instant at
         which a part x, 0 to 1, of the step's time has passed; `now.middle` is the same for x = 0.5.
@@ -147,8 +137,8 @@ def result_name(name: str, part: str) -> str:
 
 
 def optional_time(value: Instants) -> Instants:
-    """Convert a time, s, to a Python float, and return ``None`` and functions unchanged; raise a
-    `ValueError` if it is NaN or not a single number."""
+    """Convert a time, s, to a Python float; return ``None`` and functions unchanged. Raise a
+    `ValueError` if the time is NaN or not a single number."""
     if value is None or callable(value):
         return value
     time = np.asarray(as_number(value))
@@ -160,15 +150,14 @@ def optional_time(value: Instants) -> Instants:
 
 @dataclass(frozen=True)
 class TimeSpan:
-    """Part of a run from `after`, inclusive, to `until`, exclusive, both s; the whole run if both
-    are ``None``."""
+    """Part of a run from `after` until just before `until`, s; ``None`` for its start or end."""
 
     after: Scalar | None
     until: Scalar | None
 
     @property
     def is_whole(self) -> bool:
-        """Whether the window is the whole run, so that all operations on it can be left out."""
+        """Whether the window is the whole run, so that operations on it can be left out."""
         return self.after is None and self.until is None
 
     @property
@@ -183,8 +172,8 @@ class TimeSpan:
         return (time >= self.start) & (time < self.end)
 
     def fractions(self, begin: Scalar, end: Scalar) -> tuple[Scalar, Scalar]:
-        """Return the fractions, 0 to 1, of a step from `begin` to `end`, s, at which its part in
-        the window begins and ends; equal if no part of the step is in the window."""
+        """Return where in a step from `begin` to `end`, s, its part in the window begins and ends,
+        as fractions, 0 to 1; equal if no part of the step is in the window."""
         length = jnp.where(end > begin, end - begin, 1.0)
         first, last = (self.start - begin) / length, (self.end - begin) / length
         return jnp.clip(first, 0.0, 1.0), jnp.clip(last, 0.0, 1.0)
@@ -196,8 +185,7 @@ class TimeSpan:
 
 @dataclass(frozen=True)
 class Window:
-    """Window of time, whose edges may be functions of the run's scene. It raises the errors of
-    `AbstractWindowedReduction`."""
+    """Window of time, whose edges may be functions of the scene. Errors are those of `Peak`."""
 
     after: Instants
     until: Instants
@@ -217,9 +205,8 @@ class Window:
 
 
 class AbstractWindowedReduction(AbstractReduction):
-    """Base class of reductions over a window of time, from `after` to `until` (see `Peak`).
-    Subclasses get the window, a `TimeSpan`, from `self._window(now)`, where `now` is any instant of
-    the run."""
+    """Base class of reductions over a window of time, from `after` to `until` (see `Peak`). A
+    subclass gets the `TimeSpan` by `self._window(now)`, at any instant of the run."""
 
     after: Instants = eqx.field(default=None, static=True, converter=optional_time, kw_only=True)
     until: Instants = eqx.field(default=None, static=True, converter=optional_time, kw_only=True)
@@ -229,9 +216,7 @@ class AbstractWindowedReduction(AbstractReduction):
         Window(self.after, self.until)  # which checks the times
 
     @override
-    def instants(
-        self, results: Mapping[str, Scalar], span: tuple[float, float]
-    ) -> tuple[float, ...]:
+    def instants(self, results: Mapping[str, Scalar], span: tuple[float, float]) -> Times:
         """Return the start and the end of that part of the window that the run covers."""
         for name in ("after", "until"):
             edge, remedy = getattr(self, name), "give a time in s, which derivatives hold fixed"

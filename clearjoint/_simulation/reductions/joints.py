@@ -22,8 +22,8 @@ LOSSES = ("normal damping", "friction", "film")
 
 
 class CountTally(NamedTuple):
-    """Tally of `ImpactCount`: the onsets in the window so far; by label, whether each contact
-    touches; and the end of the latest step, s, or ``None`` if the window is the whole run."""
+    """Tally of `ImpactCount`: the number of onsets in the window so far; by label, whether each
+    contact touches; and the end of the latest step, s, or ``None`` without a window."""
 
     count: Scalar
     touching: dict[str, Condition]
@@ -87,8 +87,7 @@ class ImpactCount(AbstractWindowedReduction):
 class LossTally(NamedTuple):
     """Tally of a reduction of losses: the start of the run, `begin`, and the end of the latest
     step, `time`, s; and the energies, J, dissipated up to the start and the end of the window, or
-    up to `time` if that is earlier. `time` and `at_end` are ``None`` for a window of the whole
-    run."""
+    up to `time` while that is earlier. Without a window, `time` and `at_end` are ``None``."""
 
     begin: Scalar
     at_begin: Scalar
@@ -97,8 +96,7 @@ class LossTally(NamedTuple):
 
 
 class AbstractLossReduction(AbstractWindowedReduction):
-    """Base class of reductions of the energy that joints dissipate in a window of time, from the
-    ledger."""
+    """Base class of reductions of the energy that joints dissipate in a window, by the ledger."""
 
     needs_ledger = True
     differentiated = ("",)
@@ -109,13 +107,9 @@ class AbstractLossReduction(AbstractWindowedReduction):
 
     @override
     def start(self, now: Instant) -> LossTally:
-        lost, whole = _lost(now), self._window(now).is_whole
-        return LossTally(
-            begin=now.time,
-            at_begin=lost,
-            time=None if whole else now.time,
-            at_end=None if whole else lost,
-        )
+        lost = _lost(now)
+        tally = LossTally(begin=now.time, at_begin=lost, time=now.time, at_end=lost)
+        return tally._replace(time=None, at_end=None) if self._window(now).is_whole else tally
 
     @override
     def update(self, tally: LossTally, now: Instant) -> LossTally:
@@ -130,11 +124,9 @@ class AbstractLossReduction(AbstractWindowedReduction):
             return jnp.where(now.time <= edge, lost, jnp.where(began < edge, at_edge, before))
 
         first, last = window.fractions(began, now.time)
-        return tally._replace(
-            at_begin=up_to(window.start, first, tally.at_begin),
-            time=now.time,
-            at_end=up_to(window.end, last, tally.at_end),
-        )
+        at_begin = up_to(window.start, first, tally.at_begin)
+        at_end = up_to(window.end, last, tally.at_end)
+        return tally._replace(at_begin=at_begin, time=now.time, at_end=at_end)
 
     def _inside(self, tally: LossTally, now: Instant) -> Scalar:
         return (_lost(now) if tally.at_end is None else tally.at_end) - tally.at_begin
@@ -167,10 +159,9 @@ class DissipatedEnergy(AbstractLossReduction):
 
 
 class MeanPowerLost(AbstractLossReduction):
-    """Mean power, W, lost in joints to normal damping, friction and films, over the part of the
-    window that the run covers.
+    """Mean power, W, lost in joints to normal damping, friction and films, in the window.
 
-    It needs `Settings(ledger=True)`.
+    It needs `Settings(ledger=True)`. The mean is over the part of the window that the run covers.
 
     **Arguments:** `after`, `until`: s, the window of time, by default the whole run; see `Peak`.
 
@@ -205,8 +196,8 @@ def _lost(now: Instant) -> Scalar:
 
 
 WearTally = tuple[Scalar, dict[str, list[Scalar]], dict[str, list[Scalar]]]
-"""Tally of `ArchardWear`: the time at the end of the latest step, s; the rates of wear at that
-time, m^3/s, and the worn volumes so far, m^3, each a list by sector for each base."""
+"""Tally of `ArchardWear`: the end of the latest step, s; the rates of wear then, m^3/s; and the
+volumes worn so far, m^3. Rates and volumes are lists by sector for each base."""
 
 
 class ArchardWear(AbstractWindowedReduction):
@@ -232,8 +223,7 @@ class ArchardWear(AbstractWindowedReduction):
     - `sectors`: number of sectors of each base.
     - `after`, `until`: s, the window of time, by default the whole run; see `Peak`.
 
-    **Raises:** `ValueError` if `coefficient` is negative, `hardness` not positive or `sectors` not
-    a positive integer.
+    **Raises:** `ValueError` for a negative `coefficient`, or `hardness` or `sectors` not positive.
 
     **Source:** J. F. Archard, Contact and rubbing of flat surfaces (1953).
 
@@ -279,11 +269,11 @@ class ArchardWear(AbstractWindowedReduction):
             length, middle = length * (b - a), now.inside(0.5 * (a + b))
         # Simpson's rule: rates at both ends and in the middle of the part in the window.
         at_middle, sixth = self._rates(middle), length / 6.0
-        worn = jax.tree.map(
-            lambda volume, start, middle, end: volume + sixth * (start + 4.0 * middle + end),
-            *(volumes, at_start, at_middle, at_end),
-        )
-        return now.time, latest, worn
+
+        def worn(volume: Scalar, start: Scalar, middle: Scalar, end: Scalar) -> Scalar:
+            return volume + sixth * (start + 4.0 * middle + end)
+
+        return now.time, latest, jax.tree.map(worn, volumes, at_start, at_middle, at_end)
 
     @override
     def results(self, tally: WearTally, now: Instant) -> dict[str, Scalar]:
@@ -308,25 +298,24 @@ class ArchardWear(AbstractWindowedReduction):
         return f"{base} {sector + 1}"
 
     def _rates(self, now: Instant) -> dict[str, list[Scalar]]:
-        return {base: self._rates_at(now, base) for base in BASES}
-
-    def _rates_at(self, now: Instant, base: str) -> list[Scalar]:
-        joint, force = now.scene.joints[self.joint], now.contacts[self.joint][base]
+        joint, rates = now.scene.joints[self.joint], {}
         assert isinstance(joint, HasJournal)
-        speed = sliding_speed(now, self.joint, base)
-        rate = jnp.asarray(self.coefficient / self.hardness * force.normal_force * speed, float)
-        offset = joint.journal_offset(now.motions, base)
-        # The angle about the axis, in turns, of which the whole turns are dropped.
-        turns = jnp.arctan2(offset.y, offset.x) / (2.0 * math.pi)
-        sector = jnp.floor((turns - jnp.floor(turns)) * self.sectors)
-        # Rounding may make the fraction of a turn exactly 1.
-        sector = jnp.minimum(sector, self.sectors - 1)
-        return [jnp.where(sector == k, rate, 0.0) for k in range(self.sectors)]
+        for base in BASES:
+            force, speed = now.contacts[self.joint][base], sliding_speed(now, self.joint, base)
+            rate = jnp.asarray(self.coefficient / self.hardness * force.normal_force * speed, float)
+            offset = joint.journal_offset(now.motions, base)
+            # The angle about the axis, in turns, of which the whole turns are dropped.
+            turns = jnp.arctan2(offset.y, offset.x) / (2.0 * math.pi)
+            sector = jnp.floor((turns - jnp.floor(turns)) * self.sectors)
+            # Rounding may make the fraction of a turn exactly 1.
+            sector = jnp.minimum(sector, self.sectors - 1)
+            rates[base] = [jnp.where(sector == k, rate, 0.0) for k in range(self.sectors)]
+        return rates
 
 
 def sliding_speed(now: Instant, joint: str, label: str) -> Scalar:
-    """Return the speed, m/s, at which the surfaces of a contact, such as "V", slide on each other.
-    It is computed from the motion, since contacts without friction have no `slip`."""
+    """Return the speed, m/s, at which the surfaces of a contact, such as "V", slide on each other,
+    computed from the motion, since contacts without friction have no `slip`."""
     contact = now.contacts[joint][label].contact
     pair = now.scene.contact_joints()[joint].pair()
     first, second = (now.motions[name] for name in pair)

@@ -1,8 +1,8 @@
-"""Reductions of a quantity, such as a contact force: its peak, its mean and other statistics, and
-its quantiles over time."""
+"""Reductions of a quantity, such as a contact force: peak, mean, other statistics and quantiles."""
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from typing import NamedTuple, TypeAlias
 
 import equinox as eqx
@@ -15,9 +15,10 @@ from typing_extensions import override
 from ..._compilation import traced_once
 from ..._fields.checks import as_number, require, require_finite
 from ..._math.interpolation import Parabola, Point, highest_after
+from ..._math.smoothing import where
 from ..._math.vectors import Scalar
 from ...quantities.base import Instant, Quantity, numbers, require_quantity
-from .base import AbstractWindowedReduction
+from .base import AbstractWindowedReduction, Times
 
 GAUSS_NODES = (-math.sqrt(0.6), 0.0, math.sqrt(0.6))
 GAUSS_WEIGHTS = (5 / 18, 8 / 18, 5 / 18)
@@ -44,15 +45,13 @@ class AbstractQuantityReduction(AbstractWindowedReduction):
 
 
 class PeakTally(NamedTuple):
-    """Tally of `Peak`: the highest value in the window so far (minus infinity until the run reaches
-    it) and its time, and the values and times at the end and at the start of the latest step."""
+    """Tally of `Peak`, of points (time, s, and value): the highest in the window so far, with the
+    value minus infinity before the window, and those at the end and the start of the latest
+    step."""
 
-    highest: Scalar
-    time: Scalar
-    end_value: Scalar
-    end_time: Scalar
-    start_value: Scalar
-    start_time: Scalar
+    highest: Point
+    end: Point
+    start: Point
 
 
 class Peak(AbstractQuantityReduction):
@@ -86,9 +85,7 @@ class Peak(AbstractQuantityReduction):
         return (self.quantity,)
 
     @override
-    def instants(
-        self, results: Mapping[str, Scalar], span: tuple[float, float]
-    ) -> tuple[float, ...]:
+    def instants(self, results: Mapping[str, Scalar], span: tuple[float, float]) -> Times:
         # A shift of the instant of the peak does not change its value to first order.
         super().instants(results, span)
         return (float(results["time"]),)
@@ -100,58 +97,47 @@ class Peak(AbstractQuantityReduction):
     @override
     def start(self, now: Instant) -> PeakTally:
         value, window = self._value(now), self._window(now)
-        highest = value
+        begin = highest = Point(now.time, value)
         if not window.is_whole:
-            highest = jnp.where(window.holds(now.time), value, -jnp.inf)
-        return PeakTally(
-            highest=highest,
-            time=now.time,
-            end_value=value,
-            end_time=now.time,
-            start_value=value,
-            start_time=now.time,
-        )
+            highest = Point(now.time, jnp.where(window.holds(now.time), value, -jnp.inf))
+        return PeakTally(highest, begin, begin)
 
     @override
     def update(self, tally: PeakTally, now: Instant) -> PeakTally:
-        # Positions of points are fractions of this step, which begins where the previous one ended.
-        # The search also uses the value at the start of the previous step: a parabola through it
-        # and both ends of this step gives the first guess of the peak. A rejected attempt has the
-        # length zero; its tally is computed too, and discarded.
-        length = now.time - tally.end_time
-        position = (tally.start_time - tally.end_time) / jnp.where(length > 0.0, length, 1.0)
-        before = Point(position, tally.start_value)
+        # Here the positions of points are fractions of this step, which begins where the previous
+        # one ended, and not times as in the tally. The search also uses the value at the start of
+        # the previous step: a parabola through it and both ends of this step gives the first guess
+        # of the peak. A rejected attempt has the length zero; its tally is computed too, and
+        # discarded.
+        length = now.time - tally.end.x
+        position = (tally.start.x - tally.end.x) / jnp.where(length > 0.0, length, 1.0)
+        before = Point(position, tally.start.value)
         value_before, value = self._at_end(now)
-        start, end = Point(0.0, tally.end_value), Point(1.0, value_before)
+        start, end = Point(0.0, tally.end.value), Point(1.0, value_before)
         # The quantity is evaluated at several instants, but traced only once.
         value_of = traced_once(self._value)
         first, last, window = start, end, self._window(now)
         if not window.is_whole:
-            a, b = window.fractions(tally.end_time, now.time)
+            a, b = window.fractions(tally.end.x, now.time)
             first = Point(a, jnp.where(a > 0.0, value_of(now.inside(a)), start.value))
             last = Point(b, jnp.where(b < 1.0, value_of(now.inside(b)), end.value))
         # The search is made even if no part of the step is in the window, because runs that
         # compiled code computes side by side cannot branch. The peak is then not used.
         peak = highest_after(lambda x: value_of(now.inside(x)), before, first, last)
-        time = tally.end_time + peak.x * length
-        rises = peak.value > tally.highest
+        rises = peak.value > tally.highest.value
         if not window.is_whole:
             rises = rises & (last.x > first.x)
-        return PeakTally(
-            highest=jnp.where(rises, peak.value, tally.highest),
-            time=jnp.where(rises, time, tally.time),
-            end_value=value,
-            end_time=now.time,
-            start_value=start.value,
-            start_time=tally.end_time,
-        )
+        # From here on, positions are times.
+        peak = Point(tally.end.x + peak.x * length, peak.value)
+        highest = jax.tree.map(partial(where, rises), peak, tally.highest)
+        return PeakTally(highest, Point(now.time, value), tally.end)
 
     @override
     def results(self, tally: PeakTally, now: Instant) -> dict[str, Scalar]:
-        results = {"": tally.highest, "time": tally.time}
+        results = {"": tally.highest.value, "time": tally.highest.x}
         if self._window(now).is_whole:
             return results
-        reached = tally.highest > -jnp.inf
+        reached = tally.highest.value > -jnp.inf
         return {name: jnp.where(reached, value, jnp.nan) for name, value in results.items()}
 
     @override
@@ -183,8 +169,7 @@ class AbstractIntegralReduction(AbstractQuantityReduction):
     def _updated(
         self, tally: IntegralTally, now: Instant
     ) -> tuple[IntegralTally, Parabola, Scalar, Scalar]:
-        """Return the tally after a step, its parabola, and where in the step, 0 to 1, its part in
-        the window begins and ends."""
+        """Return the tally after a step, its parabola, and the `fractions` of the window."""
         t0, t1, (end, value) = tally.time, now.time, self._at_end(now)
         # The parabola's variable is 0 at t0 and 1 at t1. A rejected attempt has t1 = t0; its tally
         # is computed too, and discarded.
@@ -195,12 +180,9 @@ class AbstractIntegralReduction(AbstractQuantityReduction):
         # Three Gauss nodes integrate the parabola and its square exactly.
         values = [arc.at(0.5 * (a + b) + 0.5 * node * (b - a)) for node in GAUSS_NODES]
         pairs = list(zip(GAUSS_WEIGHTS, values, strict=True))
-        sums = (
-            tally.duration + h,
-            tally.first + h * sum(weight * value for weight, value in pairs),
-            tally.second + h * sum(weight * value * value for weight, value in pairs),
-        )
-        return IntegralTally(t1, value, *sums), arc, a, b
+        first = tally.first + h * sum(weight * v for weight, v in pairs)
+        second = tally.second + h * sum(weight * v * v for weight, v in pairs)
+        return IntegralTally(t1, value, tally.duration + h, first, second), arc, a, b
 
 
 class Integral(AbstractIntegralReduction):
@@ -259,8 +241,7 @@ class Statistics(AbstractIntegralReduction):
 
     The results are named "mean", "rms", "smallest" and "largest", all in the unit of the quantity.
     In each step the quantity is approximated by the parabola through both ends and the middle. A
-    `clearjoint.predictor` instead integrates the quantity and its square together with the motion,
-    and has only "mean" and "rms".
+    `clearjoint.predictor`, which has only "mean" and "rms", integrates them with the motion.
 
     **Arguments:** `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit;
     `after`, `until`: s, the window of time, by default the whole run; see `Peak`.
@@ -317,8 +298,8 @@ class Statistics(AbstractIntegralReduction):
 
 
 QuantilesTally: TypeAlias = tuple[tuple[Scalar, Scalar], Scalar, jax.Array]
-"""Tally of `Quantiles`: (latest time, s, and the value there), the duration inside the window, s,
-and the part of that duration for which the quantity was below each edge, s, (K,)."""
+"""Tally of `Quantiles`: (latest time, s, and the value there); the duration inside the window, s;
+and the part of it, s, for which the quantity was below each of the K edges, (K,)."""
 
 
 class Quantiles(AbstractQuantityReduction):
@@ -330,8 +311,7 @@ class Quantiles(AbstractQuantityReduction):
     below the first edge or above the last one it is NaN. In each step the quantity is approximated
     by the parabola through both ends and the middle.
 
-    For quantiles over impacts instead of over time, use `ImpactTable`, whose
-    quantiles are exact.
+    For quantiles over impacts instead of over time, use `ImpactTable`: they are exact.
 
     ```python
     import clearjoint as cj
@@ -345,15 +325,12 @@ class Quantiles(AbstractQuantityReduction):
     **Arguments:**
 
     - `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit.
-    - `edges`: (K,) increasing values in `unit`, K at least 2. Memory and time of a step grow with
-      K.
-    - `levels`: for each quantile, the part of the time, between 0 and 1, for which the quantity is
-      below it.
+    - `edges`: (K,) increasing values in `unit`, K at least 2. A step's cost grows with K.
+    - `levels`: for each quantile, the part of the time, 0 to 1, for which the quantity is below it.
     - `after`, `until`: s, the window of time, by default the whole run; see `Peak`.
 
     **Raises:** `ValueError` for edges that are not finite, do not increase, or are fewer than two;
-    and if there is no level, one that is not above 0 and below 1, or two that are equal in six
-    digits.
+    and if there is no level, one not between 0 and 1, or two equal in six digits.
     """
 
     edges: tuple[float, ...] = eqx.field(static=True, converter=numbers)

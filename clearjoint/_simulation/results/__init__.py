@@ -1,2 +1,1 @@
-"""Results of a run: its solution, its table of impacts, and observations computed from a
-solution."""
+"""Results of a run: its solution, its table of impacts, and observations of a solution."""

@@ -1,4 +1,4 @@
-"""Table of the impacts of a run, and a check of penetrations against the ranges of contact laws."""
+"""Table of the impacts of a run, and its check against the ranges of contact laws."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
@@ -23,14 +23,12 @@ NAMED = "joint", "contact"
 class Impacts(AbstractTabular):
     """Table of the N contacts that began and ended during a run, in the order of their onsets.
 
-    Contacts that touch at the start or at the end of the run are left out. Each field is a column,
-    an array (N,).
+    Contacts that touch at the start or the end of the run are left out. Fields are arrays, (N,).
 
     - `joint`, `contact`: name of the joint and label of the contact, such as "V".
     - `onset`, `separation`: s, times at which the contact force began and ended.
     - `duration`: s, from onset to separation.
-    - `entry_speed`, `exit_speed`: m/s, speeds of approach at the onset and of separation at the
-      end, both positive.
+    - `entry_speed`, `exit_speed`: m/s, positive speeds of approach at the onset, and of separation.
     - `peak_force`, `peak_time`: largest normal force in N, and its time in s.
     - `largest_penetration`: m.
 
@@ -82,8 +80,7 @@ class Impacts(AbstractTabular):
         return table._rows(np.lexsort(keys))
 
     def of(self, joint: str, contact: str) -> "Impacts":
-        """Return the table of the impacts of one contact, with a label such as "V"; empty for
-        unknown names."""
+        """Return the table of the impacts of one contact, such as "V"; empty for unknown names."""
         return self._rows((self.joint == joint) & (self.contact == contact))
 
     def within(self, after: float = -np.inf, until: float = np.inf) -> "Impacts":

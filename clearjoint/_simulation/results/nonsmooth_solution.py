@@ -106,9 +106,8 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
         """Return the saved states and the history of contacts as an `xarray.Dataset`.
 
         States have the variables and units of `Trajectory.to_xarray`. The fields of `ContactTotals`
-        are variables along "time" and "rigid_contact", with labels such as "pin V". Only times that
-        the run reached are included. Attributes are the result, the time reached in s, and the
-        number of steps.
+        are variables along "time" and "rigid_contact", with labels such as "pin V". Times that the
+        run did not reach are left out. Attributes are result, time reached, s, and steps.
 
         **Raises:** `ValueError` if no states were saved.
         """

@@ -22,14 +22,7 @@ from ..._dynamics.equations_of_motion import Dynamics, constraint_wrenches
 from ..._dynamics.formulation import Formulation
 from ..._dynamics.sampled_forces import holding, initial_memories
 from ..._dynamics.system import System
-from ..._export.datasets import (
-    COMPONENT,
-    COMPONENTS,
-    AbstractTabular,
-    Labelled,
-    labelled_dataset,
-    texts,
-)
+from ..._export.datasets import COMPONENT, AbstractTabular, Labelled, labelled_dataset, texts
 from ..._fields.checks import as_shown, require
 from ..._fields.objects import described, with_arrays
 from ..._math.smoothing import norm_and_direction
@@ -42,7 +35,7 @@ from ..._native import Native, over_rows
 from ...quantities.base import Instant, Quantity, check_quantity
 from ..step.types import Flags, Integers, Numbers, Vectors
 from .nonsmooth_solution import NonsmoothSolution
-from .solution import CONTACTS, Solution, Trajectory, by_contact
+from .solution import CONTACTS, LABELS, Solution, Trajectory, by_contact
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -59,8 +52,7 @@ VARIABLES = {
 class MotionMode(enum.IntEnum):
     """Mode of motion of a journal: which of its two end circles (bases) touch the bearing's wall.
 
-    `LINE_CONTACT`: both on the same side of the bearing; `OPPOSITE_SIDES`: both, so the journal is
-    tilted.
+    `LINE_CONTACT`: both on the same side; `OPPOSITE_SIDES`: both, so that the journal is tilted.
 
     >>> cj.results.MotionMode(2).name
     'LINE_CONTACT'
@@ -92,8 +84,7 @@ class ContactObservation(eqx.Module):
     - `friction_force`: (N, 3) N, on the journal, in global axes; ``None`` without a friction law.
     - `normal`: (N, 3), unit vector in global axes, the direction in which the second body
       penetrates the first; for a base of a journal, from the bearing's axis to the contact.
-    - `point_on_bearing`, `point_on_journal`: (N, 3) m, the nearest points of the two surfaces, in
-      global coordinates.
+    - `point_on_bearing`, `point_on_journal`: (N, 3) m, the nearest points of both surfaces, global.
     """
 
     penetration: Numbers = described("m", "penetration, negative in flight")
@@ -136,13 +127,12 @@ class Observation(eqx.Module, AbstractTabular):
       that the constraints of a joint exert on each of its bodies except the ground (Flores et al.
       2006, eq. 31). Ideal joints, drivers, and clearance joints that hold their journal axially
       have constraints.
-    - `interpolated`: (N,), that of the observed `Trajectory`; ``None`` for computed states.
+    - `interpolated`: (N,), true at interpolated times (see `Trajectory`), or ``None``.
     - `reactions_unique`: whether the reactions are unique. If some constraints are redundant, they
       are not, and those of least norm are given.
     - `accelerations[body]`: `linear`, (N, 3) m/s^2, and `angular`, (N, 3) rad/s^2 in body axes.
     - `drift[joint]`: (N,), largest magnitude of the values of the joint's constraint equations,
-      which are zero for an exact solution, in m, in rad, or without unit, depending on the
-      equation.
+      which are zero for an exact solution; in m, rad or without unit, as the equation.
     - `drift_rate[joint]`: (N,), the same for the time derivatives of these equations.
     - `energies[name]`: (N,) J. "kinetic", "gravity", "springs", "contacts" and "bristles" exist
       where the scene has them, and "mechanical" is their sum. With `Settings(ledger=True)`, there
@@ -184,11 +174,9 @@ class Observation(eqx.Module, AbstractTabular):
     def to_xarray(self) -> "xr.Dataset":
         """Return the observation as an `xarray.Dataset` with units.
 
-        All variables have the dimension "time", and vectors have "component" ("x", "y", "z") last.
-        The second dimension is
+        All variables are along "time", and vectors also along "component". In between is
 
-        - "contact", with labels such as "pin V", for the fields of `contacts`. A contact without
-          such a field has NaN there;
+        - "contact", with labels such as "pin V", for `contacts`, NaN where one lacks a field;
         - "journal" for `mode` (values of `MotionMode`), and "joint" for `drift` and `drift_rate`;
         - "reaction", with labels such as "hinge on arm", for `reaction_force`, `reaction_moment`;
         - "body" for `acceleration` and `angular_acceleration`;
@@ -236,7 +224,7 @@ class Observation(eqx.Module, AbstractTabular):
             "body": self.accelerations,
             "joint": self.drift,
             "energy_term": self.energies,
-            COMPONENT: COMPONENTS,
+            **LABELS,
         }
         # A scene without contacts, for example, has no variable along "contact", and needs no
         # labels for it.
@@ -250,8 +238,8 @@ class Observation(eqx.Module, AbstractTabular):
 
         It is the change, since the first time, of the mechanical plus the dissipated energy less
         the supplied one, and zero for an exact solution. Without the ledger, it is the change of
-        the mechanical energy. At `interpolated` times it is interpolated between those at the ends
-        of steps. If all times are `interpolated`, it includes the error of the interpolation.
+        the mechanical energy. At `interpolated` times it is interpolated between the ends of steps.
+        If all times are `interpolated`, it includes the error of the interpolation.
         """
         losses = ("normal damping", "friction", "film", "stabilisation")
         dissipated = sum(self.energies.get(name, 0.0) for name in losses)
@@ -266,8 +254,8 @@ class Observation(eqx.Module, AbstractTabular):
 def _rows_of(
     kind: type[eqx.Module], parts: Mapping[str, PyTree], dim: str, *attributes: Mapping[str, object]
 ) -> dict[str, tuple[Any, ...]]:
-    """Return for each field of the class `kind`, by the name of its variable: the dimension along
-    the parts, the field of each part, its unit, its description, and `attributes`."""
+    """Return the arguments of `_stacked` for each field of the class `kind`, by the name of its
+    variable: dimension along the parts, field of each, unit, description, `attributes`."""
     rows = {}
     for f in fields(kind):
         series = [getattr(part, f.name) for part in parts.values()]
@@ -283,7 +271,7 @@ def _stacked(
     attributes: Mapping[str, object] = {},
 ) -> Labelled:
     """Return K series at N times as one variable, (N, K), or (N, K, 3) for vectors. A series that
-    is ``None`` becomes NaN; not all may be."""
+    is ``None``, but not all of them, becomes NaN."""
     shape = next(np.shape(row) for row in series if row is not None)
     lacking = np.full(shape, np.nan)
     values = np.stack([lacking if row is None else np.asarray(row) for row in series], 1)
@@ -293,8 +281,7 @@ def _stacked(
 Parts = TypeVar("Parts")
 CHUNK = 512
 """Number of states in each call of a compiled program, so that one program serves any number of
-states. A smaller number would take more calls, a larger one would compute more states only to fill
-up the last call."""
+states. With fewer, there would be more calls; with more, more states to fill up the last call."""
 
 
 def observe(
@@ -317,8 +304,7 @@ def observe(
 
     **Returns:** an `Observation` of NumPy arrays.
 
-    **Raises:** `ValueError` if `solution` is of another type, and if neither `trajectory` is given
-    nor states were saved.
+    **Raises:** `ValueError` for a `solution` of another type, or without states to observe.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate(scene, state, 0.02, save=cj.Saving(np.linspace(0, 0.02, 201)))
@@ -361,8 +347,8 @@ def absolute_formulation(solution: Solution | NonsmoothSolution) -> Formulation:
 def in_chunks(
     program: Native[..., Parts], fixed: tuple[PyTree, ...], rows: tuple[np.ndarray, State]
 ) -> Parts:
-    """Apply a compiled program to N times and states, `rows`, `CHUNK` in each call. The arguments
-    of the program are `fixed`, the number of rows to compute, and `CHUNK` rows."""
+    """Apply a compiled program to N times and states, `rows`, `CHUNK` in each call. It takes the
+    arguments `fixed`, the number of rows to compute, and `CHUNK` rows."""
     count, rows = len(rows[0]), jax.tree.map(np.asarray, rows)
 
     def chunk(rows: np.ndarray, first: int) -> np.ndarray:
@@ -388,8 +374,8 @@ def observe_compiled(
     times: Numbers,
     states: State,
 ) -> Observation:
-    """Return the observation at the first `count` of N times and states, without the integrals of
-    the energy ledger. `unique`: whether reactions are unique."""
+    """Return the observation at the first `count` of N times and states, without the energy ledger.
+    `unique`: whether reactions are unique."""
     scene = unpack(folded_scene)
     system = System(scene, absolute)
 
@@ -482,8 +468,7 @@ def _modes(scene: Scene, dynamics: Dynamics) -> dict[str, Integers]:
 
 
 def _drift(dynamics: Dynamics) -> tuple[dict[str, Scalar], dict[str, Scalar]]:
-    """Return, by joint, the largest magnitude of the values of its constraint equations, and of
-    their time derivatives."""
+    """Return by joint the largest magnitude of its constraint equations, and of their rates."""
 
     def largest(values: list[Scalar]) -> Scalar:
         return jnp.max(jnp.abs(jnp.stack([jnp.asarray(value) for value in values])))
@@ -502,10 +487,9 @@ def values_along(
     trajectory: Trajectory,
     rates: bool = False,
 ) -> np.ndarray:
-    """Return the values of a quantity at the N states of a trajectory, (N,), or with `rates` their
-    total time derivatives along the motion, by the chain rule through time, positions and
-    velocities. Entry speeds, bristles, memories and the energy ledger count as constant. Raise a
-    `ValueError` if the quantity names an element that the scene lacks."""
+    """Return the values of a quantity at the N states of a trajectory, (N,); with `rates` their
+    total time derivatives, for which entry speeds, bristles, memories and the energy ledger count
+    as constant. Raise a `ValueError` if the scene lacks an element that the quantity names."""
     check_quantity("quantity", quantity, scene)
     fixed = fold_constants(with_arrays(scene)), absolute_formulation(solution), quantity, rates
     rows = np.asarray(trajectory.times), trajectory.states

@@ -46,8 +46,7 @@ LABELS = {COMPONENT: [*COMPONENTS], "parameter": ["e0", "e1", "e2", "e3"]}
 CONTACTS = "contact"
 BRISTLES = "bristle_contact"
 MEMORY = "remembered"
-"""Names of the dimensions along which contacts, contacts with bristles, and numbers in memories of
-sampled forces are listed."""
+"""Dimensions along which contacts, contacts with bristles, and numbers in memories are listed."""
 
 
 def contact_label(joint: str, contact: str) -> str:
@@ -63,32 +62,28 @@ def by_contact(tables: Mapping[str, Mapping[str, T]]) -> dict[str, T]:
 
 
 def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict[str, Labelled]:
-    """Return states as arrays by name of variable, with the names `rows` of additional first
-    dimensions, such as ("time",), and with `prefix` in front of each variable's name."""
-    # Arrays of single bodies or contacts are stacked along a new dimension, before that of the
-    # components of vectors.
+    """Return states as arrays by name of variable, with `rows`, such as ("time",), as the names of
+    the first dimensions, and with `prefix` in front of each name."""
     arrays = {}
     for field in fields(BodyState):
         values = [np.asarray(getattr(body, field.name)) for body in states.bodies.values()]
         dims = (*rows, "body", STATE_PARTS[field.name][0])
         arrays[prefix + field.name] = Labelled(dims, np.stack(values, -2), *field.metadata.values())
-    if entry_speeds := by_contact(states.entry_speeds):
-        values = np.stack([*entry_speeds.values()], -1)
-        text = "speed of approach at the onset of the contact; zero in flight"
-        arrays[f"{prefix}entry_speed"] = Labelled((*rows, CONTACTS), values, "m/s", text)
-    if bristles := by_contact(states.bristles):
-        text = "deflection of the bristles, in the axes of the joint's first body"
-        dims = (*rows, BRISTLES, COMPONENT)
-        values = np.stack([*bristles.values()], -2)
-        arrays[f"{prefix}bristle_deflection"] = Labelled(dims, values, "m", text)
-    if memory := by_contact(states.memory):
-        values = np.stack([*memory.values()], -1)
-        text = "numbers that sampled forces remember, in SI units"
-        arrays[f"{prefix}memory"] = Labelled((*rows, MEMORY), values, None, text)
-    if states.work:
-        text = "integrals of the energy ledger; friction includes the elastic energy of bristles"
-        values = np.stack([np.asarray(integral) for integral in states.work.values()], -1)
-        arrays[f"{prefix}ledger"] = Labelled((*rows, "integral"), values, "J", text)
+    of_entry = "speed of approach at the onset of the contact; zero in flight"
+    of_bristle = "deflection of the bristles, in the axes of the joint's first body"
+    of_memory = "numbers that sampled forces remember, in SI units"
+    of_ledger = "integrals of the energy ledger; friction includes the elastic energy of bristles"
+    # Arrays of single contacts are stacked along a new dimension, before that of the components of
+    # vectors.
+    for name, parts, dims, unit, text in (
+        ("entry_speed", by_contact(states.entry_speeds), (CONTACTS,), "m/s", of_entry),
+        ("bristle_deflection", by_contact(states.bristles), (BRISTLES, COMPONENT), "m", of_bristle),
+        ("memory", by_contact(states.memory), (MEMORY,), None, of_memory),
+        ("ledger", states.work, ("integral",), "J", of_ledger),
+    ):
+        if parts:
+            values = np.stack([np.asarray(part) for part in parts.values()], -len(dims))
+            arrays[prefix + name] = Labelled((*rows, *dims), values, unit, text)
     return arrays
 
 
@@ -103,14 +98,13 @@ def state_labels(states: State) -> dict[str, Labelled]:
 
 
 FINEST = 16
-"""Number of parts into which the most curved step is divided for drawing. The distance between a
-path and its chords is then 1/256 of that of the undivided step."""
+"""Number of parts of the most curved step for drawing: the distance between a path and its chords
+is then 1/256 of that of the undivided step."""
 LARGEST_ROTATION = 0.05
-"""Largest rotation of a body within one part of a step, rad, unless the step has `MOST` parts. An
+"""Largest rotation of a body within one part of a step, rad, unless the step has `MOST` parts: an
 arc of this angle is at most 3e-4 of its radius away from its chord."""
 MOST = 64
-"""Largest number of parts of a step, so that a body that spins fast in a long step does not make
-the result arbitrarily long."""
+"""Largest number of parts of a step: a body may spin fast in a long step."""
 
 Times = Float[np.ndarray, " N"]
 Wanted = Float[np.ndarray, " M"]
@@ -118,8 +112,8 @@ Rows = Int[np.ndarray, " M"]
 
 
 def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
-    """Choose times, (M,) s, such that the states there, joined by straight lines, look like a
-    smooth curve: the N `times` at the ends of steps, and equidistant times inside curved steps."""
+    """Return times, (M,) s, at which states look like a smooth curve if joined by straight lines:
+    the N `times` at the ends of steps, and equidistant times inside curved steps."""
     lengths = np.diff(times)
     # `bend`, m, is the length of a step times the change of a velocity in it. For a parabola, it is
     # 8 times the largest distance between curve and chord.
@@ -143,8 +137,7 @@ def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
 
 
 def states_between(times: Times, states: State, wanted: Wanted) -> State:
-    """Interpolate states as `Trajectory.between`, which names the errors. At a time that is
-    repeated in `times`, the last of its states is taken."""
+    """Interpolate states, as `Trajectory.between` does. Of equal `times`, the last state counts."""
     wanted = checked_times(times[0], times[-1], wanted, "times")
     # The step of a wanted time begins at the last row whose time is not later. No step begins at
     # the last row of all, so for its time `left` is the start of the last step, and x is 1. If the
@@ -186,8 +179,7 @@ def _body(body: BodyState, left: Rows, x: np.ndarray, h: np.ndarray) -> BodyStat
 
 
 def _along(start: Slope, end: Slope, x: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the cubic Hermite interpolants and their time derivatives, (M, components) each; for a
-    step of length zero the value and the rate at its end."""
+    """Return cubic Hermite interpolants and rates, (M, components); at the end where h is zero."""
     there, length = h > 0.0, np.where(h > 0.0, h, 1.0)
     value, rate = hermite_value(x, start, end, length), hermite_rate(x, start, end, length)
     return np.where(there, value, end.value), np.where(there, rate, end.rate)
@@ -203,7 +195,7 @@ if TYPE_CHECKING:
 TIME = "time"
 """Name of the column with the times of crossings, which no channel may have."""
 SHOWN_BODIES = 6
-"""Largest number of bodies whose final position and velocity `repr(solution)` shows."""
+"""Largest number of bodies that `repr(solution)` shows."""
 SUCCESSFUL = result_number(RESULTS.successful)
 SAVE_TIMES = "pass save=Saving(times) to simulate()"
 
@@ -234,17 +226,15 @@ class Trajectory(AbstractReadable, AbstractTabular):
 
         Motions of bodies are interpolated by a cubic Hermite polynomial in each step, with an error
         far below the clearances, bristle deflections and the energy ledger linearly; entry speeds
-        and memories keep their values until the end of the step. Call this method for
-        `solution.steps` only: between two states of `solution.saved` there may be impacts, at which
-        velocities change abruptly.
+        and memories keep their values until the end of the step. Call this for `solution.steps`
+        only: between two states of `solution.saved` there may be impacts.
 
         **Arguments:** `times`: (M,) s, not decreasing, between the first and last time of the
         trajectory. By default, the ends of all steps, and further times inside steps in which a
         body rotates by more than 0.05 rad, or its velocity changes much compared with other steps.
 
-        **Raises:** `ValueError` if `times` is empty, not one-dimensional, or decreases, or has
-        times that are not finite, or outside of the trajectory; and for a trajectory of fewer than
-        two states.
+        **Raises:** `ValueError` for `times` that are none, not one-dimensional, not finite,
+        decrease or lie outside of the trajectory; and for a trajectory of fewer than two states.
         """
         ends = np.asarray(self.times)
         remedy = "pass save=Saving(steps=True) to simulate(), and take solution.steps"
@@ -280,8 +270,7 @@ class Trajectory(AbstractReadable, AbstractTabular):
 class Crossings(AbstractReadable, AbstractTabular):
     """The N crossings of a Poincaré section in a run.
 
-    A channel is a quantity, such as a speed, that the section records at each crossing under a
-    name.
+    A channel is a quantity, such as a speed, that the section records at each crossing by name.
 
     - `times`: (N,) s, times of the crossings.
     - `values`: by name of the channel, the values of its quantity at the crossings, (N,).
@@ -298,8 +287,7 @@ class Crossings(AbstractReadable, AbstractTabular):
 
     @override
     def to_xarray(self) -> "xr.Dataset":
-        """Return the crossings as an `xarray.Dataset` with a variable along "time" for each
-        channel."""
+        """Return an `xarray.Dataset` with a variable along "time" for each channel."""
         values = {
             name: Labelled((TIME,), row, self.units.get(name)) for name, row in self.values.items()
         }
@@ -316,26 +304,21 @@ class Solution(AbstractReadable, AbstractTabular):
     - `saved`: the `Trajectory` at those requested times that the run reached; ``None`` if no times
       were requested by `Saving.times`. Under a JAX transformation its arrays have a row for every
       requested time, and only the first `saved_count` rows are valid.
-    - `time`, `final`: the time in s at which the run ended, and the `State` at that time. A further
-      run can start from them.
+    - `time`, `final`: the end of the run, s, and its `State`, from which a further run can start.
     - `result`: the `RESULTS` code, which says whether the run succeeded or why it failed.
     - `attempts`, `accepted`: numbers of steps that were tried, and that were accepted. The output
       `RejectedSteps` lists the others, with the reason why each was rejected.
     - `steps`: the `Trajectory` with the states at the start of the run and after every accepted
       step; ``None`` unless requested.
-    - `impacts`: the table of all contacts that began and ended during the run; ``None`` unless
-      requested.
+    - `impacts`: the table of contacts that began and ended in the run; ``None`` unless requested.
     - `outputs[name]`: the result of each requested output: the (N,) values of a quantity at those
       requested times that the run reached, the `Crossings` of a `Section`, the `Impacts` of an
       `ImpactTable`, the `Rejections` of `RejectedSteps`, and the number of a reduction. A reduction
-      with several results has entries "name_part" for them: a `Peak` named "force" has the entries
-      "force" and "force_time".
-    - `formulation`: coordinates, stabilisation of the constraints, and whether the energy ledger
-      was integrated.
+      may have several results: a `Peak` "force" has the entries "force" and "force_time".
+    - `formulation`: coordinates, stabilisation, and whether the energy ledger was integrated.
     - `redundant_constraints`: names of constraint equations that depend linearly on others. If
       there are any, the reactions are not unique, and those of least norm are computed.
-    - `settings`: the settings of the run, as pairs of a name and a text or number; empty under a
-      JAX transformation.
+    - `settings`: pairs of a name and a text or number; empty under a JAX transformation.
 
     >>> solution = cj.simulate(scene, state, 0.1, save=cj.Saving([0.0, 0.1]), progress=False)
     >>> positions = solution.saved.states.bodies["ball"].position
@@ -383,12 +366,10 @@ class Solution(AbstractReadable, AbstractTabular):
 
     @override
     def to_xarray(self) -> "xr.Dataset":
-        """Return the saved states as an `xarray.Dataset`, with the variables and units of
-        `Trajectory.to_xarray`.
+        """Return the saved states as an `xarray.Dataset` (see `Trajectory.to_xarray`).
 
         The final state is in further variables without "time", such as `final_position`. Attributes
-        are the result, the time reached in s, the numbers of steps, the names of redundant
-        constraints, and the settings.
+        are result, time reached, s, steps, redundant constraints and settings.
 
         **Raises:** `ValueError` if no states were saved.
         """
@@ -425,7 +406,7 @@ class FinishedRun(Protocol):
 
 
 def is_abstract(tree: PyTree) -> bool:
-    """Return whether JAX traces a leaf, or a result is that of several runs, as from `jax.vmap`."""
+    """Return whether JAX traces a leaf, or the result is of several runs, as from `jax.vmap`."""
     time = getattr(tree, "time", 0.0)
     return np.ndim(time) > 0 or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
 
@@ -433,14 +414,16 @@ def is_abstract(tree: PyTree) -> bool:
 def run_text(
     run: FinishedRun, final: State, redundant: tuple[str, ...], lines: Sequence[str]
 ) -> str:
-    """Return the text that `repr` shows for the result of a run, with `lines` after the first
-    line."""
+    """Return the text that `repr` shows for a result, with `lines` after the first line."""
     if redundant:
         names = ", ".join(map(repr, redundant))
         lines = [*lines, f"redundant constraints: {names}"]
     bodies = list(final.bodies.items())
     for name, body in bodies[:SHOWN_BODIES]:
-        position, velocity = (_triple(vector) for vector in (body.position, body.velocity))
+        position, velocity = (
+            f"({', '.join(f'{number:.6g}' for number in np.asarray(vector))})"
+            for vector in (body.position, body.velocity)
+        )
         lines = [*lines, f"{name!r} at {position} m with {velocity} m/s"]
     if len(bodies) > SHOWN_BODIES:
         lines = [*lines, f"... and {len(bodies) - SHOWN_BODIES} more in `final.bodies`"]
@@ -448,15 +431,10 @@ def run_text(
     return "\n  ".join([head, *lines])
 
 
-def _triple(vector: Numbers) -> str:
-    return f"({', '.join(f'{number:.6g}' for number in np.asarray(vector))})"
-
-
 class SimulationError(RuntimeError):
     """The error that `simulate` and other functions raise if a run fails.
 
-    Its attribute `solution` contains the results up to the failure, of the type that the function
-    returns on success.
+    Its attribute `solution` has the results up to the failure, of the type returned on success.
 
     >>> cj.simulate(scene, state, 1.0, cj.Settings(max_steps=10), progress=False)
     Traceback (most recent call last):
@@ -472,8 +450,8 @@ class SimulationError(RuntimeError):
 def raise_failure(
     solution: FinishedRun, message: str | None = None, causes: Iterable[str] = ()
 ) -> None:
-    """Raise a `SimulationError` unless a run ended successfully, with `message` in place of the
-    result code's message, and the sentences `causes` after it."""
+    """Raise a `SimulationError` unless a run ended successfully, with `message` in place of that of
+    the result code, followed by the sentences `causes`."""
     if result_number(solution.result) != SUCCESSFUL:
         start = f"The run ended at t = {float(solution.time):.9g} s:"
         message = RESULTS[solution.result] if message is None else message

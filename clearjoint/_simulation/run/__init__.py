@@ -1,2 +1,1 @@
-"""Complete runs: checks, the loop of steps, recorders that collect data in this loop, and
-results."""
+"""Complete runs: checks, the loop of steps, recorders that collect data in it, and results."""

@@ -1,14 +1,13 @@
 """Derivatives of a run in reverse mode, by any number of parameters.
 
-A run with one tangent, the guard, chooses the steps: a run whose steps are controlled by the states
-alone has steps that are too long for derivatives, but steps that suit the derivative in a direction
-that moves the contacts suit those in all others. Its accepted steps are recorded. A step maps the
+The steps are chosen by a run with one tangent, called the guard: steps that are controlled by the
+states alone are too long for derivatives, but steps that suit the derivative in a direction that
+moves the contacts suit those in all others. The accepted steps are recorded. A step maps the
 tangents at its start, and the direction of the parameters, linearly to the tangents at its end,
-with the corrections at contact events that are derived in `..step.saltation`. The transposes of
-these maps, applied from the last step to the first, give the derivatives by all parameters.
+with the corrections at contact events of `..step.saltation`. The transposes of these maps, applied
+from the last step to the first, give the derivatives by all parameters.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -20,14 +19,13 @@ from jaxtyping import PyTree
 from typing_extensions import override
 
 from ..._compilation import traced_once
-from ..._math.vectors import Scalar
+from ..._math.vectors import Condition, Scalar
 from ..._model.bodies import State
 from ..._native import Native
 from ..._parametrisation.parametrised_scene import DirectedScene
 from ..._result_codes import RESULTS
-from ...quantities.base import Quantity
 from ..reductions.base import AbstractReduction
-from ..step.dense_output import look_inside
+from ..step.dense_output import Quantities, look_inside
 from ..step.method import Scheme, SystemFamily
 from ..step.solvers import DenseInformation, UnrolledExplicit
 from ..step.step_state import Attempt, Step, Tangents, TangentsInside
@@ -48,7 +46,7 @@ Values = dict[str, Numbers]
 
 def step_row(step: Step, t1: Scalar) -> tuple[Step, Scalar]:
     """Return what is recorded of an accepted step: the `Step` before it, with ``None`` in place of
-    all that its derivative does not need, and the time of its end, s since the start of the run."""
+    all that its derivative does not need, and its end, s since the start of the run."""
     proposal = replace(
         step.proposal, t_next=None, full_length=None, entry_length=None, controller_state=None
     )
@@ -64,8 +62,7 @@ def in_one_array(tree: PyTree) -> jax.Array:
 
 
 def like(example: PyTree, numbers: Numbers) -> PyTree:
-    """Invert `in_one_array`: return the PyTree with the given numbers, and with the structure,
-    shapes and dtypes of an example."""
+    """Invert `in_one_array`: return the numbers with structure, shapes and dtypes of an example."""
     leaves, structure = jax.tree.flatten(example)
     made, start = [], 0
     for leaf in leaves:
@@ -79,8 +76,7 @@ def like(example: PyTree, numbers: Numbers) -> PyTree:
 
 
 class AcceptedSteps(AbstractRecorder[RowBuffer[jax.Array]]):
-    """Recorder of the accepted steps of a run, each as a row of the numbers of its `step_row`. The
-    caller must empty the buffer when it is full."""
+    """Recorder of accepted steps, a `step_row` each. The caller must empty a full buffer."""
 
     capacity: int = eqx.field(static=True)
 
@@ -103,10 +99,9 @@ class Adjoint(eqx.Module):
     """What runs at different values of their parameters have in common.
 
     - `family`: the scene, with its derivative along a direction of the parameters.
-    - `reductions`: those reductions that find instants of the motion.
+    - `reductions`: those whose instants the run finds, such as `Peak`.
     - `origin`, `end`: s, the scene's time at the start and at the end of the run.
-    - `first_step`: s, length of the first step.
-    - `max_steps`: largest number of attempts.
+    - `first_step`: s, length of the first step; `max_steps`: largest number of attempts.
     """
 
     scheme: Scheme
@@ -122,8 +117,8 @@ class Adjoint(eqx.Module):
         return self.end - self.origin
 
     def systems(self, values: PyTree, direction: PyTree | None = None) -> SystemFamily:
-        """Return the equations of motion at `values` of the parameters, with derivatives along the
-        guard's direction; with a `direction`, along this one, as linear functions of it."""
+        """Return the equations of motion at `values` of the parameters, with their derivatives
+        along the guard's direction or, as linear functions of it, along a `direction`."""
         family, is_transposed = replace(self.family, values=values), direction is not None
         if is_transposed:
             family = replace(family, direction=direction)
@@ -133,14 +128,8 @@ class Adjoint(eqx.Module):
         systems = self.systems(values)
         reductions = {name: ReductionRecorder(of) for name, of in self.reductions.items()}
         recorders = {STEPS: AcceptedSteps(rows), REDUCTIONS: reductions}
-        return RunLoop(
-            self.scheme.method,
-            systems.system(),
-            self.own_end,
-            recorders,
-            family=systems,
-            attempt=traced_once(attempt),
-        )
+        method, system, tried = self.scheme.method, systems.system(), traced_once(attempt)
+        return RunLoop(method, system, self.own_end, recorders, family=systems, attempt=tried)
 
     def start(self, values: PyTree, rows: int) -> Progress:
         family = replace(self.family, values=values)
@@ -162,12 +151,12 @@ def segment(
     """Continue a run to its end, a failure, the limit of attempts, or a full buffer of steps."""
     loop = run.loop(values, ROWS)
     rows = loop.recorders[STEPS].start(RunStart(loop, step))
-    now = loop.until(
-        run.own_end,
-        Progress(step, {STEPS: rows, REDUCTIONS: tallies}),
-        run.max_steps,
-        lambda now: jnp.logical_not(now.records[STEPS].is_full()),
-    )
+
+    def has_room(now: Progress) -> Condition:
+        return jnp.logical_not(now.records[STEPS].is_full())
+
+    begin = Progress(step, {STEPS: rows, REDUCTIONS: tallies})
+    now = loop.until(run.own_end, begin, run.max_steps, has_room)
     return now.step, now.records[REDUCTIONS], now.records[STEPS]
 
 
@@ -182,33 +171,31 @@ def ended(
 def _linear_step(
     run: Adjoint, values: PyTree, step: Step, t1: Scalar, tangents: Tangents, direction: PyTree
 ) -> tuple[Tangents, TangentsInside]:
-    """Return the tangents at the end of the accepted step from `step` to `t1`, s, and inside of it,
-    as a linear function of those at its start and of the direction of the parameters."""
+    """Return the tangents at the end `t1`, s, of the accepted step after `step`, and inside it, as
+    a linear function of the tangents before it and of the direction of the parameters."""
     method, systems = run.scheme.method, run.systems(values, direction)
     system, step = systems.system(), replace(step, tangents=tangents)
     trial = with_gaps(system, solved_step(method, system, step, t1, systems))
-    end = accepted_state(method, system, systems, step, trial, jnp.asarray(True)).tangents
+    end = accepted_state(method, system, systems, trial, jnp.asarray(True)).tangents
     assert end is not None and trial.tangents is not None
     return end, TangentsInside(tangents.entry_speeds, trial.tangents.information)
 
 
 def _row_of(example: Step, row: jax.Array) -> tuple[Step, Scalar]:
-    """Return the step that a row contains, and its end, s. What a row does not contain is taken
-    from `example`."""
+    """Return the step and its end, s, of a row; what a row lacks is taken from `example`."""
     recorded, t1 = like(step_row(example, example.t), row)
     return eqx.combine(recorded, replace(example, tangents=None)), t1
 
 
 @Native
 def repeated(run: Adjoint, values: PyTree, example: Step, rows: Numbers) -> jax.Array:
-    """Compute N recorded steps again, and return for each of them the numbers, (N, k), of the
-    `Attempt` from which dense output is computed."""
+    """Compute N recorded steps again, and return the numbers of their `Attempt`s, (N, k)."""
     method, system = run.scheme.method, run.systems(values).system()
 
     def again(_: None, row: jax.Array) -> tuple[None, jax.Array]:
         step, t1 = _row_of(example, row)
         trial = with_gaps(system, solved_step(method, system, step, t1, None))
-        after = accepted_state(method, system, None, step, trial, jnp.asarray(True))
+        after = accepted_state(method, system, None, trial, jnp.asarray(True))
         return None, in_one_array(_attempt(step, after, trial.outcome.information, trial.time_map))
 
     return jax.lax.scan(again, None, rows)[1]
@@ -238,15 +225,10 @@ def _attempt_of(run: Adjoint, example: Step, numbers: Numbers) -> Attempt:
 
 @Native
 def values_at(
-    run: Adjoint,
-    values: PyTree,
-    example: Step,
-    outputs: Mapping[str, Quantity],
-    steps: Numbers,
-    times: Numbers,
+    run: Adjoint, values: PyTree, example: Step, outputs: Quantities, steps: Numbers, times: Numbers
 ) -> Values:
-    """Return quantities, (N,) each, at N times, s since the start of the run, each in the step with
-    the same number in `steps`, the result of `repeated`."""
+    """Return quantities, (N,) each, at N times, s since the start of the run. Row k of `steps`, the
+    result of `repeated`, is the step in which time k lies."""
     method, system = run.scheme.method, run.systems(values).system()
 
     def at(_: None, pair: tuple[jax.Array, Scalar]) -> tuple[None, Values]:
@@ -273,14 +255,14 @@ def pulled_outputs(
     run: Adjoint,
     values: PyTree,
     example: Step,
-    outputs: Mapping[str, Quantity],
+    outputs: Quantities,
     steps: Numbers,
     times: Numbers,
     cotangents: dict[str, Numbers],
 ) -> tuple[jax.Array, PyTree]:
-    """Pull `cotangents` of the derivatives of quantities, at N times as in `values_at`, back
-    through the map from tangents of steps, and direction, to these derivatives. Return the
-    cotangents of the `StepTangents` of each step, (N, m), and the sum of those of the direction."""
+    """Pull `cotangents` of the derivatives of quantities at N times (see `values_at`) back to the
+    tangents of the steps and to the direction. Return the cotangents of the `StepTangents` of each
+    step, (N, m), and the sum over all times of those of the direction."""
     method, none = run.scheme.method, jax.tree.map(jnp.zeros_like, values)
 
     def pull(total: PyTree, parts: PyTree) -> tuple[PyTree, jax.Array]:
@@ -304,7 +286,7 @@ def pulled_outputs(
 
 
 class Pulled(NamedTuple):
-    """Cotangents of the tangents after the first `count` steps, as one array, and `total`, those of
+    """Cotangents of the tangents after the first `count` steps, in one array, and `total`, those of
     the direction of the parameters, from the outputs and all later steps."""
 
     count: Integers
@@ -349,8 +331,7 @@ def pulled(
 def backward(
     run: Adjoint, values: PyTree, example: Step, steps: PulledSteps, after: Pulled
 ) -> Pulled:
-    """Pull cotangents back through `after.count` steps, from the last one to the first, and return
-    those before the first."""
+    """Pull cotangents back through the first `after.count` steps, from the last one on."""
 
     def body(_: Scalar, now: Pulled) -> Pulled:
         return pulled(run, values, example, steps, now)
@@ -362,8 +343,8 @@ def backward(
 def pulled_start(
     run: Adjoint, values: PyTree, example: Step, row: Numbers, cotangents: Tangents
 ) -> PyTree:
-    """Pull `cotangents` back through the map from the direction of the parameters to the tangents
-    before the first step, of which `row` is the `step_row`."""
+    """Pull `cotangents` of the tangents before the first step, whose `step_row` is `row`, back to
+    the direction of the parameters."""
     method, (step, _) = run.scheme.method, _row_of(example, jnp.asarray(row))
 
     def along(direction: PyTree) -> Tangents:

@@ -2,8 +2,7 @@
 
 A segment is a number of steps that compiled code takes before it returns to Python. It ends at the
 end time, after the last time to save at, after a number of attempts, at a failure, or when a buffer
-of steps or impacts is full. Python then empties these buffers, shows progress and starts the next
-segment.
+of steps or impacts is full. Python then empties these buffers and shows progress.
 """
 
 from collections.abc import Mapping
@@ -41,13 +40,11 @@ from .run_loop import Progress, Recorders, Records, RunLoop, begin_run, final_re
 from .terminal import ProgressBar, interruptions_deferred, telling_of_compiling
 
 STEP_ROWS, IMPACT_ROWS = 4096, ROWS
-"""Numbers of rows of the buffer of accepted steps, and of the buffer of each contact's impacts,
-part of the compiled program. When one of them is full, compiled code returns to Python. The buffer
-of steps is larger, because every accepted step writes a row."""
+"""Numbers of rows of the buffers of accepted steps, and of each contact's impacts. When one is
+full, compiled code returns to Python. Every accepted step writes a row, but few end an impact."""
 LATEST, STEPS, IMPACTS = "latest", "steps", "impacts"
-"""Keys of the dictionaries of recorders and of records beside those of the outputs. `LATEST` is the
-latest accepted attempt, `STEPS` the states at the start and after accepted steps, `IMPACTS` the
-impacts of all contacts."""
+"""Keys of recorders and of records beside those of the outputs: the latest accepted attempt, the
+states at the start and after accepted steps, and the impacts of all contacts."""
 
 
 def recorders_of(requested: Requested) -> dict[str, Recorders]:
@@ -133,12 +130,10 @@ def _status(step: Step) -> Status:
 
 
 def emptied(records: Records) -> Records:
-    """Return the records of a run with empty buffers of steps and impacts. Buffers of sections
-    stay: they have room for all crossings to be kept."""
+    """Return the records with empty buffers of steps and impacts. Buffers of sections stay: they
+    have room for all crossings to be kept."""
     read = {key: records[key] for key in (STEPS, IMPACTS) if key in records}
-    empty = jax.tree.map(
-        lambda part: part.emptied() if _is_buffer(part) else part, read, is_leaf=_is_buffer
-    )
+    empty = jax.tree.map(lambda p: p.emptied() if _is_buffer(p) else p, read, is_leaf=_is_buffer)
     return records | empty
 
 
@@ -158,55 +153,41 @@ REVERSE_MODE = (
     "derivatives are those of the exact motion, or for few parameters clearjoint.sensitivities."
 )
 ATTEMPTS_A_SEGMENT = 50_000
-"""Largest number of attempts in a segment. The progress bar is updated, and Ctrl-C is obeyed, only
-between segments."""
+"""Largest number of attempts in a segment, after which progress is shown and Ctrl-C obeyed."""
 SAVES_A_SEGMENT = 512
-"""Number of times to save at that a segment receives, part of the compiled program."""
+"""Number of times to save at that a segment receives; compiled into the program."""
 segment_compiled = Native(segment)
 
 
 @dataclass(frozen=True)
 class Run:
-    """A run that is ready to start: packed scene, scheme, what is `requested` and its recorders,
-    end time, s, and names of redundant constraints."""
+    """A run that is ready to start, to the time `end`, s. `save_at`: (N,) s, times to save at;
+    `redundant`: names of constraints."""
 
     folded_scene: ConstantFolded
     scheme: Scheme
     requested: Requested
     recorders: Recorders
     end: Scalar
+    save_at: Numbers | None
+    max_steps: int
     redundant: tuple[str, ...]
 
-    def in_one_piece(
-        self,
-        step: Step,
-        records: Records,
-        admissible: Condition | None,
-        save_at: jax.Array | None,
-        max_steps: int,
-    ) -> Solution:
+    def in_one_piece(self, step: Step, records: Records, admissible: Condition | None) -> Solution:
         """Run to the end inside a computation that JAX traces, such as under `jax.vmap`, and return
         a `Solution` of traced arrays, without steps and impacts. Saved states and values of
-        quantities at times `save_at`, (N,) s, that the run did not reach are meaningless. With
-        numbers that are not `admissible`, the run ends at once, with the result `domain`."""
+        quantities at times that the run did not reach are meaningless. With numbers that are not
+        `admissible`, the run ends at once, with the result `domain`."""
         if admissible is not None:
             # With another result than `successful`, the loop of steps takes no step.
             step = replace(step, result=RESULTS.where(admissible, step.result, RESULTS.domain))
         # The end is a further time to save at, so that the run continues after the last of the
         # requested times.
-        times = None if save_at is None else jnp.append(save_at, self.end)
-        program = self.scheme, self.folded_scene
-        rest = (
-            self.recorders,
-            step,
-            records,
-            times,
-            self.end,
-            jnp.asarray(max_steps),
-            self.requested.quantities,
-        )
+        times = None if self.save_at is None else jnp.append(self.save_at, self.end)
+        program, quantities = (self.scheme, self.folded_scene), self.requested.quantities
+        rest = step, records, times, self.end, jnp.asarray(self.max_steps), quantities
+        run = segment(*program, self.recorders, *rest)
         # JAX's own error about the loops of steps does not say what to call instead.
-        run = segment(*program, *rest)
         step, _, _, saved = eqxi.nondifferentiable_backward(run, msg=REVERSE_MODE)
         final, result, _, _ = _end_of(*program, {}, {}, step, self.end)
         trajectory, count, values = None, None, {}
@@ -214,7 +195,7 @@ class Run:
             # Leave out the last row, the state at the end of the run, which was added above.
             (states, values), reached = jax.tree.map(lambda leaf: leaf[:-1], saved)
             if self.requested.save.states:
-                trajectory, count = Trajectory(save_at, pack(states)), reached.sum()
+                trajectory, count = Trajectory(self.save_at, pack(states)), reached.sum()
         return Solution(
             time=step.t,
             final=final,
@@ -231,28 +212,19 @@ class Run:
         )
 
     def on_host(
-        self,
-        step: FlatArguments,
-        records: Records,
-        status: Status,
-        save_at: np.ndarray | None,
-        max_steps: int,
-        progress: bool,
-        notes: Notes,
+        self, step: FlatArguments, records: Records, status: Status, progress: bool, notes: Notes
     ) -> tuple[Solution, bool, bool]:
         """Run in segments to the end, or to a failure, the limit of attempts or an interruption,
-        from the start that `begin` has returned. The step stays in its flattened form, since Python
-        has no use for it.
+        from the results of `begin`. The step stays flattened, since Python has no use for it.
 
         **Returns:** the solution, with the settings `notes`; whether Ctrl-C was pressed, which
-        stops the run after the current segment; and whether a journal has slid out of its bearing
-        in the final state.
+        stops the run after the present segment; and whether a journal has slid out of its bearing.
         """
         start = float(status.t)
         # The end time in the precision of the run. Rounded to float32, an end time such as 0.02 s
         # may become smaller, and a run in float32 would never reach the unrounded number.
         end = float(np.asarray(self.end, status.t.dtype))  # pyright: ignore
-        saved = _SavedBySegments(save_at)
+        saved = _SavedBySegments(self.save_at)
         # No bar is shown in the first two seconds of computing (`delay`).
         bar = ProgressBar(
             total=end - start,
@@ -267,7 +239,7 @@ class Run:
             while not (ended or interrupted):
                 # Segments are short, because the bar is updated and Ctrl-C is obeyed only between
                 # them.
-                limit = np.asarray(min(int(status.attempts) + ATTEMPTS_A_SEGMENT, max_steps))
+                limit = np.asarray(min(int(status.attempts) + ATTEMPTS_A_SEGMENT, self.max_steps))
                 program = self.scheme, self.folded_scene, self.recorders
                 rest = saved.next_times(end), self.end, limit, self.requested.quantities
                 step, *others = segment_compiled.in_parts(*program, step, records, *rest)
@@ -275,7 +247,7 @@ class Run:
                 records = saved.add(records, sampled)
                 bar.update(float(status.t) - start - bar.n)
                 failed = result_number(status.result) != SUCCESSFUL
-                ended = failed or int(status.attempts) >= max_steps
+                ended = failed or int(status.attempts) >= self.max_steps
                 # A segment also ends after `SAVES_A_SEGMENT` saves. So the run may have reached its
                 # end time while states are still to be saved.
                 ended = ended or (float(status.t) >= end and saved.complete)
@@ -292,8 +264,7 @@ class Run:
         saved: "_SavedBySegments",
         notes: Notes,
     ) -> tuple[Solution, bool]:
-        """Return the solution of a run that has ended after `step`, and whether a journal has slid
-        out of its bearing in the final state."""
+        """Return the solution of a run that has ended, and whether a journal has slid out."""
         reductions = self.requested.reductions, records[REDUCTIONS]
         ending = self.scheme, self.folded_scene, *reductions, step, self.end
         final, result, slid_out, results = (part.tree for part in _end_compiled.in_parts(*ending))
@@ -325,9 +296,9 @@ class Run:
 
 class _SavedBySegments:
     """What the segments of a run have saved: samples at the first `count` of the times `save_at`,
-    (N,) s, states after steps, and the rows of impacts."""
+    (N,) s, states after steps, and rows of impacts."""
 
-    def __init__(self, save_at: np.ndarray | None) -> None:
+    def __init__(self, save_at: Numbers | None) -> None:
         self.save_at = save_at
         self.count = 0
         self.impact_rows: list[tuple[str | float, ...]] = []
@@ -339,8 +310,7 @@ class _SavedBySegments:
         return self.save_at is None or self.count == len(self.save_at)
 
     def next_times(self, end: float) -> np.ndarray | None:
-        """Return the times to save at in the next segment, filled up with the end time, since a
-        segment receives a fixed number of times."""
+        """Return the next `SAVES_A_SEGMENT` times to save at, filled up with the end time."""
         if self.save_at is None:
             return None
         following = self.save_at[self.count :][:SAVES_A_SEGMENT]
@@ -393,8 +363,7 @@ def end_of(
     step: Step,
     end: Scalar,
 ) -> tuple[State, RESULTS, dict[str, dict[str, Scalar]]]:
-    """Return the final state, packed, the result code, and the results of the reductions, as
-    results[name][part], of a run to the time `end`, s."""
+    """Return the packed final state, the result code, and results[name][part] of the reductions."""
     final = Snapshot.of(step)
     instant = final.instant(system)
     results = {name: of.results(tallies[name], instant) for name, of in reductions.items()}

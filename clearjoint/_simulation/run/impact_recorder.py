@@ -42,11 +42,10 @@ from .run_loop import AbstractRecorder, RunStart, StepOutcome
 
 RESOLVED_TRAVEL = 1e-8
 """Smallest product of a step's length and the contact's speed, m, for which rates inside the step
-are computed from depths. In a shorter step, the depths differ so little that rounding errors
-dominate the difference."""
+are computed from depths. In a shorter step, rounding errors dominate the change of the depth."""
 PIECES = 4
-"""Number of intervals into which a step is divided for a first search for the peak of a contact,
-because a contact may fill only a small part of a step that does not end at its onset or its end."""
+"""Number of intervals of a step for a first search for the peak of a contact, which may fill only a
+small part of a step that does not end at its onset or its end."""
 
 
 class ContactInstant(eqx.Module):
@@ -62,15 +61,14 @@ class ContactInstant(eqx.Module):
     entry_speed: Scalar | None
 
     def touches(self, law: AbstractContactLaw) -> Condition:
-        """Return whether the contact has a force: if its entry speed is not zero or, for a law that
-        uses no entry speed, if its depth is beyond the onset of the force."""
+        """Return whether the contact has a force: whether its entry speed is not zero or, for a law
+        that uses none, its depth is beyond the onset of the force."""
         if self.entry_speed is None:
             return self.gap.depth + law.onset_offset() > 0.0
         return self.entry_speed > 0.0
 
     def speed(self) -> Scalar:
-        """Return the entry speed, m/s, or the present rate of the depth if the law uses no entry
-        speed."""
+        """Return the entry speed, m/s, or the present rate of the depth if the law uses none."""
         return self.gap.rate if self.entry_speed is None else self.entry_speed
 
 
@@ -117,9 +115,8 @@ def _largest(value_at: Callable[[Scalar], Scalar]) -> Point:
 def end_in_step(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant, h: Scalar
 ) -> Scalar:
-    """Return the fraction, 0 to 1, of a step of length h, s, after which a contact ends; 1 if it
-    does not. The depth is interpolated by the cubic through depths and rates at `start`, where the
-    contact must exist, and at `end`."""
+    """Return the fraction, 0 to 1, of a step of length h, s, after which a contact that exists at
+    `start` ends; 1 if it does not. The depth is the cubic through depths and rates at both ends."""
     before, after = _depths(law, start, end)
     return jnp.where(after.value < 0.0, hermite_root(before, after, h), 1.0)
 
@@ -128,9 +125,8 @@ def _depths(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant
 ) -> tuple[Slope, Slope]:
     """Return the depth, counted from the onset of the force, and its rate at two instants."""
-    ahead = law.onset_offset()
-    before, after = (Slope(at.gap.depth + ahead, at.gap.rate) for at in (start, end))
-    return before, after
+    lead = law.onset_offset()
+    return Slope(start.gap.depth + lead, start.gap.rate), Slope(end.gap.depth + lead, end.gap.rate)
 
 
 INSTANTS = ("onset", "separation", "peak_time")
@@ -149,8 +145,7 @@ class ImpactRow(eqx.Module):
     largest_penetration: Scalar
 
     def columns(self, *_: object) -> dict[str, Scalar]:
-        """Return all fields by name, and the "duration" of the contact, s. The scheduler of lanes
-        passes arguments that only rows of sections need."""
+        """Return all fields by name, and the "duration", s; only sections use the arguments."""
         return {**vars(self), "duration": self.separation - self.onset}
 
 
@@ -170,11 +165,9 @@ class ContactSoFar(eqx.Module):
         self, law: AbstractContactLaw, t0: Scalar, t1: Scalar, end: ContactInstant, lands: bool
     ) -> tuple["ContactSoFar", Condition, ImpactRow]:
         """Return the contact after a further step, from t0 to t1, s; whether a contact that began
-        in an earlier step of the run ended in this step; and its row, which is valid only in this
-        case.
+        in an earlier step of the run ended in this one; and its row, valid only in this case.
 
-        **Arguments:** `end`: the contact at t1; `lands`: whether steps end at onsets and ends of
-        contacts.
+        **Arguments:** `end`: the contact at t1; `lands`: whether steps end at contact events.
         """
         start, row, h = self.instant, self.row, t1 - t0
         touched, touches = start.touches(law), end.touches(law)
@@ -241,13 +234,11 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
     """Recorder of the impacts of one joint, or of all joints.
 
     - `joint`: name of the joint, or ``None`` for all joints.
-    - `window`: span of the scene's time; only contacts with an onset in it are recorded. ``None``
-      records all.
+    - `window`: span of the scene's time in which recorded contacts begin; ``None`` records all.
     - `capacity`: number of rows of each contact's buffer. Further impacts are counted, but their
       rows are lost, so the caller must empty a full buffer, or repeat the run with more room.
-    - `wanted`: by label of the contact, such as "pin V", the largest number of impacts to record
-      until the contact's buffer is emptied; further ones are not counted. ``None`` for no such
-      limit.
+    - `wanted`: by label of the contact, such as "pin V", the number of impacts to record until the
+      buffer is emptied; further ones are not counted. ``None`` for no such limit.
     """
 
     joint: str | None = eqx.field(default=None, static=True)
@@ -321,15 +312,14 @@ def _second_rates(method: Method, system: System, step: Step) -> ByLabel[Scalar]
 
 
 def most(record: ImpactRecord) -> int:
-    """Return the number of impacts of the contact that has most of them, including those for which
-    its buffer had no room; zero without contacts."""
+    """Return the largest number of impacts of a contact, recorded or not; zero without contacts."""
     contacts = (contact for family in record.values() for contact in family.values())
     return max((int(contact.rows.count) for contact in contacts), default=0)
 
 
 def impact_rows_of(record: ImpactRecord, origin: float = 0.0) -> list[tuple[str | float, ...]]:
-    """Return the impacts in a record of NumPy arrays as rows for `Impacts.of_rows`. The scene's
-    time at which the clock of the run was zero, `origin`, s, is added to all times."""
+    """Return the impacts in a record of NumPy arrays as rows for `Impacts.of_rows`. `origin`, s,
+    the scene's time at which the clock of the run was zero, is added to all times."""
     rows: list[tuple[str | float, ...]] = []
     for joint, family in record.items():
         for contact, recorded in family.items():

@@ -1,8 +1,5 @@
-"""The argument `outputs` of runs: named results, and their recorders.
-
-A quantity is a function of an instant. An output is a named result of a run: a quantity, which is
-evaluated at sample times, a reduction, a section, or a table of impacts or of rejected steps.
-"""
+"""The argument `outputs` of runs: named results, and their recorders. An output is a quantity,
+evaluated at sample times, a reduction, a section, or a table of impacts or rejected steps."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -99,8 +96,7 @@ Output: TypeAlias = Quantity | AbstractReduction | Section | ImpactTable | Rejec
 RECORDED = AbstractReduction | Section | ImpactTable | RejectedSteps
 """Kinds of outputs that are recorded at steps, not evaluated at sample times."""
 SECTIONS, REDUCTIONS, TABLES, REJECTIONS = "sections", "reductions", "tables", "rejections"
-"""Keys of the dictionaries of recorders and of records. The values are dictionaries by the name of
-the output."""
+"""Keys of recorders and of records, whose values are dictionaries by the name of the output."""
 Table: TypeAlias = Crossings | Impacts | Rejections
 """A result with a row for each event of a run."""
 EXAMPLE = 'pass for example {"x": cj.quantities.Position("arm", "x")}'
@@ -109,10 +105,7 @@ EXAMPLE = 'pass for example {"x": cj.quantities.Position("arm", "x")}'
 @dataclass(frozen=True)
 class Requested:
     """What a run is asked for besides its final state: `outputs` by name, and what `save` selects.
-
-    **Raises:** `ValueError` for outputs that are not of one of the kinds of `Output`, or not by
-    name.
-    """
+    It raises a `ValueError` for outputs that are no `Output`, or not by name."""
 
     outputs: Mapping[str, Output]
     save: Saving
@@ -141,13 +134,9 @@ class Requested:
     def tables(self) -> dict[str, ImpactTable]:
         return {n: output for n, output in self.outputs.items() if isinstance(output, ImpactTable)}
 
-    @cached_property
-    def rejections(self) -> dict[str, RejectedSteps]:
-        return {n: o for n, o in self.outputs.items() if isinstance(o, RejectedSteps)}
-
     def check(self, scene: Scene, ledger: bool) -> None:
-        """Check that a scene has the elements that the outputs name, and that outputs that need the
-        energy `ledger` have it; raise a `ValueError` that names the output."""
+        """Check that a scene has the elements that the outputs name, and that outputs which need
+        the energy `ledger` have it; raise a `ValueError` that names the output."""
         for name, output in self.outputs.items():
             if isinstance(output, AbstractReduction):
                 expected, remedy = f"True for outputs[{name!r}]", "pass Settings(ledger=True)"
@@ -159,9 +148,9 @@ class Requested:
                     check_quantity("quantity", output, scene)
 
     def check_names(self) -> None:
-        """Raise a `ValueError` for names of outputs that arrays in files can't have, for a part of
-        a reduction, such as "peak_time", with the name of another output, and for quantities
-        without sample times."""
+        """Raise a `ValueError` for names that arrays in files cannot have, for a result of a
+        reduction, such as "peak_time", named as another output, and for quantities without sample
+        times."""
         require_array_names("outputs", self.outputs, EXAMPLE)
         parts = {result_name(n, p) for n, o in self.reductions.items() for p in o.units() if p}
         twice = sorted(parts & set(self.outputs))
@@ -172,19 +161,19 @@ class Requested:
             require(self.save.times is not None, "times", None, expected, remedy)
 
     def refuse(self, kinds: type | UnionType, expected: str, remedy: str) -> None:
-        """Raise a `ValueError` that names the output, what is `expected` and the `remedy`, if there
-        is an output of `kinds`, which a kind of run cannot compute."""
+        """Raise a `ValueError` that names the output, what is `expected` and the `remedy`, if an
+        output is of `kinds`, which a kind of run cannot compute."""
         for name, output in self.outputs.items():
             is_possible = not isinstance(output, kinds)
             require(is_possible, f"outputs[{name!r}]", output, expected, remedy)
 
     def recorders(self) -> dict[str, Recorders]:
-        tables = self.tables.items()
+        tables, outputs = self.tables.items(), self.outputs.items()
         return {
             SECTIONS: {name: section.recorder for name, section in self.sections.items()},
             REDUCTIONS: {name: ReductionRecorder(of) for name, of in self.reductions.items()},
             TABLES: {n: ImpactRecorder(o.joint, o.window(), o.count) for n, o in tables},
-            REJECTIONS: {name: output.recorder for name, output in self.rejections.items()},
+            REJECTIONS: {n: o.recorder for n, o in outputs if isinstance(o, RejectedSteps)},
         }
 
     def recorded(self, records: Records, origin: float = 0.0) -> dict[str, Table]:

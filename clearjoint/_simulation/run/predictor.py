@@ -39,10 +39,11 @@ KEPT_RUNS, KEPT_BYTES = 4, 240_000_000
 """Number of runs that a predictor keeps, so that a gradient does not repeat those of the values,
 and bytes up to which it keeps more of them."""
 GUARD_TOLERANCE = 0.3
-"""Factor of the tolerance of derivatives if one derivative stands for those by several numbers.
-With 1, derivatives by a clearance that hardly changes the guard were wrong by 2e-6 and 7e-6 at an
-`rtol` of 1e-9, where forward mode has errors of 2e-8 to 8e-8; with 0.3 by 6e-8 and 6e-7, in 1.1 to
-1.2 times as many steps, which are still fewer than those of forward mode."""
+"""Factor of the tolerance of derivatives if there are several parameters, for whose derivatives
+that of the guard stands. With 1, derivatives by a clearance that hardly changes the guard were
+wrong by 2e-6 and 7e-6 at an `rtol` of 1e-9, where forward mode has errors of 2e-8 to 8e-8; with 0.3
+by 6e-8 and 6e-7, in 1.1 to 1.2 times as many steps, which are still fewer than those of forward
+mode."""
 AT_ONCE = 64
 """Largest number of runs of a batch that are computed side by side. Each may keep steps of up to 30
 MB (`.recorded_runs`) until their outputs or gradients are computed."""
@@ -112,22 +113,23 @@ class Predictor:
         have; `SimulationError` if the run fails. Inside of `jax.jit` and `jax.vmap`, JAX raises an
         error of its own with the text of these.
         """
-        expected = sorted(self.values)
-        remedy = "pass a dictionary with a value for each of the paths"
-        given = sorted(values) if isinstance(values, Mapping) else values
-        require(given == expected, "values", given, f"a dictionary with {expected}", remedy)
-        numbers = {name: self._numbers(name, values[name]) for name in self.values}
-        return self._predict(numbers)
+        return self._predict(self._checked(values))
 
     def or_nan(self, values: Mapping[str, PyTree]) -> dict[str, Float[Array, "..."]]:
-        """Return the outputs as a call does, but NaN for values of a run that fails and for values
-        that the scene can't have. The function has no derivatives."""
+        """Return the outputs as a call does, without derivatives, but NaN for a run that fails and
+        for numbers that the scene can't have. Raise a `ValueError` for values of another form."""
 
         def computed(values: dict[str, PyTree]) -> dict[str, np.ndarray]:
             return self._values(values, or_nan=True)
 
-        numbers = {name: self._numbers(name, values[name]) for name in self.values}
-        return on_host(computed, self._shapes, numbers)
+        return on_host(computed, self._shapes, self._checked(values))
+
+    def _checked(self, values: Mapping[str, PyTree]) -> dict[str, PyTree]:
+        expected = sorted(self.values)
+        remedy = "pass a dictionary with a value for each of the paths"
+        given = sorted(values) if isinstance(values, Mapping) else values
+        require(given == expected, "values", given, f"a dictionary with {expected}", remedy)
+        return {name: self._numbers(name, values[name]) for name in self.values}
 
     def _numbers(self, name: str, value: PyTree) -> PyTree:
         leaves, structure = jax.tree.flatten(self.values[name])
@@ -135,11 +137,10 @@ class Predictor:
         if not eqx.is_array(self.values[name]):
             # Of an element, only the arrays of floats are parameters.
             given = jax.tree.leaves(eqx.filter(value, eqx.is_inexact_array))
-        shapes, expected = [np.shape(g) for g in given], [np.shape(leaf) for leaf in leaves]
+        shapes, needed = [np.shape(g) for g in given], [np.shape(leaf) for leaf in leaves]
+        expected = f"arrays of shapes {needed}"
         remedy = "pass numbers of the shapes of the scene's, for example those of predict.values"
-        require(
-            shapes == expected, f"values[{name!r}]", shapes, f"arrays of shapes {expected}", remedy
-        )
+        require(shapes == needed, f"values[{name!r}]", shapes, expected, remedy)
         return jax.tree.unflatten(structure, [_as_floats(leaf) for leaf in given])
 
     def _values(self, values: dict[str, PyTree], or_nan: bool = False) -> dict[str, np.ndarray]:
@@ -250,8 +251,8 @@ def _gradients(runs: list[RecordedRun], cotangents: list[dict[str, np.ndarray]])
 
 
 def _batch_shape(examples: PyTree, arrays: PyTree) -> tuple[int, ...]:
-    """Return the shape of a batch: the lengths of the axes that arrays have before those of the
-    `examples`, which are elements of the batch."""
+    """Return the shape of a batch: the first axes of `arrays`, before those that an element of the
+    batch, `examples`, has too."""
     pairs = zip(jax.tree.leaves(examples), jax.tree.leaves(arrays), strict=True)
     return np.broadcast_shapes(
         *(np.shape(array)[: np.ndim(array) - len(np.shape(example))] for example, array in pairs)
@@ -259,8 +260,7 @@ def _batch_shape(examples: PyTree, arrays: PyTree) -> tuple[int, ...]:
 
 
 def _elements_of(examples: PyTree, arrays: PyTree, shape: tuple[int, ...]) -> list[PyTree]:
-    """Return the elements, each like `examples`, of a batch of the given shape, to which the first
-    axes of `arrays` are broadcast."""
+    """Return the elements, each like `examples`, of a batch of arrays broadcast to `shape`."""
 
     def flat(example: PyTree, array: ArrayLike) -> np.ndarray:
         own = np.shape(example)
@@ -307,8 +307,7 @@ def predictor(
     *,
     start_time: float = 0.0,
 ) -> Predictor:
-    """Return a function of parameters that simulates a scene and returns outputs, with derivatives
-    in reverse mode.
+    """Return outputs of a run as a function of parameters, with derivatives in reverse mode.
 
     >>> import jax, optax
     >>> paths = {"stiffness": lambda scene: scene.forces["spring"].stiffness}
@@ -340,9 +339,8 @@ def predictor(
       an array, or a whole element, such as an `equinox.nn.MLP` inside of your friction law; of an
       element all arrays of floats are parameters.
     - `outputs`: quantities by name, as in `sensitivities`, and reductions `Integral`, `Statistics`
-      (mean and root mean square), `Peak` (the value), `DissipatedEnergy` and `MeanPowerLost`. A
-      quantity whose integral is taken must be a continuous function of time, and windows must have
-      fixed edges.
+      (mean and root mean square), `Peak` (the value), `DissipatedEnergy` and `MeanPowerLost`.
+      Integrated quantities must be continuous in time, and windows must have fixed edges.
     - `times`: (N,) s, not decreasing, between start and end, at which quantities are evaluated.
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.derivatives` unless given.
 

@@ -4,9 +4,9 @@ Runs at several values of the parameters are computed side by side, in lanes of 
 are the transposes of their steps.
 """
 
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
 from typing import NamedTuple, TypeVar
@@ -39,19 +39,18 @@ from .outputs import REDUCTIONS, Requested
 from .run_loop import Progress
 
 KEPT_BYTES = 30_000_000
-"""Bytes of recorded steps that are kept of a run. Those of the other segments are computed again
-when the backward loop needs them."""
+"""Bytes of recorded steps kept of a run. The backward loop computes those of other segments
+again."""
 LANE_ROWS = 256
 """Largest number of steps of a lane between two visits of Python. Eight lanes then occupy some
 megabytes, which is near to the size of the processor's second cache."""
-L = TypeVar("L")
 T = TypeVar("T")
 
 
 class _Segment(NamedTuple):
     """A part of a run: the numbers of the `Step` before it, the `ends` of its M steps, s, and their
-    `rows`, (M, n). If the rows are to be computed again, these are ``None``, and `picked` has those
-    of some steps, by number in the segment."""
+    `rows`, (M, n). Rows that are not kept are ``None``, to be computed again; `picked` has some of
+    them, by number in the segment."""
 
     start: np.ndarray
     ends: np.ndarray
@@ -68,9 +67,9 @@ class _Recording(NamedTuple):
 
 
 class _Samples(NamedTuple):
-    """Times, (N,) s since the start of a run, at which quantities are evaluated, in steps of the
-    numbers `places`, whose rows are `rows`, (N, n). The first of the times are those of the
-    quantities that were asked for; the others are instants of reductions, `instants[name]`, s."""
+    """Times, (N,) s since the start of a run, at which quantities are evaluated; `places` are the
+    numbers of the steps in which they lie, and `rows`, (N, n), the rows of these. First come the
+    times of the requested quantities, then the `instants[name]`, s, of reductions."""
 
     times: np.ndarray
     places: np.ndarray
@@ -98,7 +97,7 @@ class Recorder:
         self.has_lanes = is_native()
 
     def example_like(self, step: Step) -> Step:
-        """Return the first step that was passed here, as an example of the steps of all runs."""
+        """Return the step of the first call, an example of the structure of all steps."""
         if self._example is None:
             self._example = keep_flattened(step)
         return self._example
@@ -182,9 +181,8 @@ class RecordedRun:
         for name, reduction in self.recorder.outputs.reductions.items():
             instants[name] = reduction.instants(self._results.get(name, {}), (origin, end))
             # Instants of a window that the run does not reach don't increase, or are not finite.
-            is_reached = bool(
-                np.all(np.diff(instants[name]) > 0.0) & np.all(np.isfinite(instants[name]))
-            )
+            row = np.asarray(instants[name])
+            is_reached = bool((np.diff(row) > 0.0).all() and np.isfinite(row).all())
             argument, remedy = f"outputs[{name!r}]", "give a window that the run reaches"
             require(is_reached, argument, reduction, "a reduction over a part of the run", remedy)
         further = [t - origin for group in instants.values() for t in group]
@@ -262,12 +260,8 @@ class RecordedRun:
     def is_kept(self) -> bool:
         return all(segment.rows is not None for segment in self.segments)
 
-    def rows(self) -> np.ndarray:
-        return np.concatenate([self.rows_of(segment) for segment in self.segments])
-
     def gradient(self, seeds: "Seeds") -> PyTree:
-        """Return the derivatives, by all parameters, of the sum of the run's tangents times
-        `seeds`."""
+        """Return the derivatives by all parameters of the sum of tangents times `seeds`."""
         now = Pulled(np.asarray(0), np.zeros(_count_of_tangents(self.example)), seeds.total)
         first = sum(len(segment.ends) for segment in self.segments)
         last = seeds.steps_needed()
@@ -284,8 +278,7 @@ class RecordedRun:
         return self.gradient_from(now)
 
     def gradient_from(self, start: Pulled) -> PyTree:
-        """Return the derivatives by all parameters; `start` has the cotangents of the tangents
-        before the first step."""
+        """Return the derivatives by all parameters from the cotangents before the first step."""
         before = jax.device_get(like(self.example.tangents, start.cotangents))
         first = self._rows_at(np.zeros(1, int))[0]
         along = adjoint.pulled_start(self.recorder.run, self.at, self.example, first, before)
@@ -362,8 +355,7 @@ def _recorded(recorder: Recorder, at: PyTree) -> _Recording:
 
 
 def _without_rows(segment: _Segment, times: np.ndarray) -> _Segment:
-    """Return a segment that keeps only the rows of the first step, and of the steps in which some
-    of the times lie."""
+    """Return a segment with the rows of its first step and of the steps in which `times` lie."""
     assert segment.rows is not None
     numbers = np.unique([0, *np.searchsorted(segment.ends, times)])
     last = len(segment.ends) - 1
@@ -408,47 +400,42 @@ def _status_of_pulled_lane(shared: PyTree, own: PyTree, now: Pulled) -> dict[str
 def _through(
     loop: LaneLoop,
     shared: PyTree,
-    lanes: Sequence[L],
-    begin: Callable[[L], tuple[np.ndarray, np.ndarray]],
-    serve: Callable[[L, np.ndarray, bool], bool],
+    count: int,
+    begin: Callable[[int], tuple[np.ndarray, np.ndarray]],
+    serve: Callable[[int, np.ndarray, bool], bool],
 ) -> None:
-    """Run lanes in the columns of a loop, one after the other. `begin` returns the cells of a
-    lane's own data and of its state. Each time that the loop has returned, `serve` is called for
-    each lane, with the cells of its column and whether it moves; it returns whether the lane goes
-    on."""
-    columns, waiting = loop.columns(shared), deque(lanes)
+    """Run the lanes 0 to `count` - 1 in the columns of a loop. `begin` returns the cells of a
+    lane's own data and of its state. Whenever the loop returns, `serve` gets the cells of each
+    lane's column and whether it moves, and returns whether it goes on."""
+    columns, waiting = loop.columns(shared), deque(range(count))
     # The lane in each column; ``None`` for an empty one.
-    slots: list[L | None] = [None] * loop.width
+    slots: list[int | None] = [None] * loop.width
     while True:
-        for number, lane in enumerate(slots):
+        for column, lane in enumerate(slots):
             if lane is None and waiting:
-                lane = slots[number] = waiting.popleft()
-                loop.write_lane(columns, number, *begin(lane))
+                lane = slots[column] = waiting.popleft()
+                loop.write_lane(columns, column, *begin(lane))
         if all(lane is None for lane in slots):
             return
         loop.run(columns)
         moves = loop.status_of(columns)["moves"].tolist()
-        for number, lane in enumerate(slots):
-            if lane is not None and not serve(lane, columns.floats[:, number], moves[number]):
-                loop.leave(columns, number)
-                slots[number] = None
-
-
-@dataclass
-class _RunningLane:
-    number: int
-    rows: list[np.ndarray] = field(default_factory=list)
+        for column, lane in enumerate(slots):
+            if lane is not None and not serve(lane, columns.floats[:, column], moves[column]):
+                loop.leave(columns, column)
+                slots[column] = None
 
 
 def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Recording]:
-    """Record runs side by side, and return their recordings by their numbers, without those of runs
-    that are too long to be kept."""
+    """Record runs side by side, and return by number those that are short enough to be kept."""
     run, own = recorder.run, Cells(values[0])
     recordings: dict[int, _Recording] = {}
+    # Rows that the host has read so far, by the number of the run.
+    rows_of_runs: dict[int, list[np.ndarray]] = defaultdict(list)
     begin_rows = _begun_lane.native.bound(run, values[0])
     stacked = jax.tree.map(lambda *leaves: np.stack(leaves), *values)
-    numbers, cells = own.rows(stacked), begin_rows.results
-    first = cells.tree(begin_rows(numbers[:1])[0])
+    # Cells of the parameters of all runs, (runs, cells), and layout of a lane's state.
+    parameters, cells = own.rows(stacked), begin_rows.results
+    first = cells.tree(begin_rows(parameters[:1])[0])
     loop = made_lane_loop(_stepped_lane, _status_of_lane, (run, values[0], first))
     # Cells, in a lane's column, of the buffer of accepted steps: its rows and their count.
     places = cells.columns().records[STEPS]
@@ -456,38 +443,41 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
     rows_from, count_at = start + int(places.rows[0, 0]), start + int(places.count)
     runs_at = loop.status["runs"].start
 
-    def begin(lane: _RunningLane) -> tuple[np.ndarray, np.ndarray]:
-        numbers_of_lane = numbers[lane.number]
-        return numbers_of_lane, begin_rows(numbers_of_lane[None])[0]
+    def begin(number: int) -> tuple[np.ndarray, np.ndarray]:
+        return parameters[number], begin_rows(parameters[number][None])[0]
 
-    def serve(lane: _RunningLane, column: np.ndarray, moves: bool) -> bool:
+    def serve(number: int, column: np.ndarray, moves: bool) -> bool:
         integers = column.view(np.int64)
         count = int(integers[count_at])
         # Lanes that will soon be full are emptied with those that are, since they would stop all.
         if moves and count < LANE_ROWS // 2:
             return True
         rows = column[rows_from : rows_from + count * width].reshape(count, width)
-        lane.rows.append(np.array(rows))
+        read = rows_of_runs[number]
+        read.append(np.array(rows))
         integers[count_at] = 0
         # The run goes on with an empty buffer, unless it has too many steps to be kept.
         if integers[runs_at]:
-            return sum(rows.nbytes for rows in lane.rows) <= KEPT_BYTES
+            if sum(rows.nbytes for rows in read) <= KEPT_BYTES:
+                return True
+            del rows_of_runs[number]
+            return False
         last = cells.tree(column[loop.state_cells])
-        rows = np.concatenate(lane.rows)
+        rows = np.concatenate(rows_of_runs.pop(number))
         # All rows are kept, so that no segment is computed again from a `start`.
         pieces = (rows[k : k + adjoint.ROWS] for k in range(0, len(rows), adjoint.ROWS))
         segments = [_Segment(np.zeros(0), piece[:, -1].copy(), piece) for piece in pieces]
-        recordings[lane.number] = _Recording(segments, last.step, last.records[REDUCTIONS])
+        recordings[number] = _Recording(segments, last.step, last.records[REDUCTIONS])
         return False
 
-    _through(loop, run, [_RunningLane(k) for k in range(len(values))], begin, serve)
+    _through(loop, run, len(values), begin, serve)
     return recordings
 
 
 @dataclass
 class _PulledLane:
-    """A run whose cotangents are pulled back from its end. Of its steps, those from the number
-    `first` on are done, or have been given to the lane."""
+    """A run whose cotangents are pulled back from its end. Its steps from the number `first` on
+    have been given to the lane."""
 
     run: RecordedRun
     rows: np.ndarray
@@ -495,8 +485,8 @@ class _PulledLane:
     first: int
 
     def next_steps(self, left: int, room: int) -> tuple[PulledSteps, int]:
-        """Return the next steps to pull back through, and their number. `left` of the steps that
-        were given to the lane before are not done, and are among them."""
+        """Return the next steps to pull back through, and their number: first the `left` ones that
+        were given before and are not done."""
         last = self.first + left
         self.first = max(0, last - LANE_ROWS)
         rows = np.zeros((LANE_ROWS, self.rows.shape[1]))
@@ -512,6 +502,7 @@ def _gradients_in_lanes(
     example = runs[0].example
     slopes: list[PyTree] = [None] * len(runs)
     room = min(len(runs[0].places), LANE_ROWS)
+    # How many numbers the tangents have, the `StepTangents` of a step, and the row of a step.
     tangents = _count_of_tangents(example)
     inside = sum(map(np.size, jax.tree.leaves(example_of(recorder.run, example))))
     width = runs[0].rows_of(runs[0].segments[0]).shape[1]
@@ -532,7 +523,7 @@ def _gradients_in_lanes(
 
     def begin(number: int) -> tuple[np.ndarray, np.ndarray]:
         run, seeds = runs[number], seeds_of(number)
-        rows = run.rows()
+        rows = np.concatenate([run.rows_of(segment) for segment in run.segments])
         lane = lanes[number] = _PulledLane(run, rows, seeds, seeds.steps_needed())
         steps, count = lane.next_steps(0, room)
         after = Pulled(np.asarray(count), np.zeros(tangents), seeds.total)
@@ -553,20 +544,19 @@ def _gradients_in_lanes(
         return True
 
     lanes: dict[int, _PulledLane] = {}
-    _through(loop, shared, range(len(runs)), begin, serve)
+    _through(loop, shared, len(runs), begin, serve)
     return slopes
 
 
 def _parts_of(name: str, reduction: AbstractReduction) -> dict[str, Quantity]:
-    """Return the quantities by whose values the reduction of a name is differentiated, by names
-    that no output can have."""
+    """Return the quantities by which a reduction is differentiated, by names that no output has."""
     observed = {f"{name}/{k}": of for k, of in enumerate(reduction.observed())}
     integrals = {key: _Work(key) for key in integrands_of({name: reduction})}
     return {**observed, **integrals}
 
 
 class _Work(eqx.Module):
-    """An integral over the run, as a quantity."""
+    """Quantity: the integral of an integrand from the start of the run."""
 
     key: str = eqx.field(static=True)
 
@@ -579,15 +569,8 @@ class Integrand(eqx.Module):
 
     quantity: Quantity = eqx.field(static=True)
 
-    def __call__(
-        self,
-        system: System,
-        t: Scalar,
-        motion: PyTree,
-        entry_speeds: PyTree,
-        bristles: PyTree,
-        memory: PyTree,
-    ) -> Scalar:
+    def __call__(self, system: System, t: Scalar, motion: PyTree, *parts: PyTree) -> Scalar:
+        entry_speeds, bristles, memory = parts  # in the order of `Formulation.integrands`
         return self.quantity(Instant(system, t, motion, entry_speeds, {}, bristles, memory))
 
 

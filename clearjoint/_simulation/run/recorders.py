@@ -24,14 +24,12 @@ from .run_loop import AbstractRecorder, RunStart, StepOutcome
 R = TypeVar("R", bound=PyTree[Scalar])
 
 ROWS = 64
-"""Usual number of rows of a `RowBuffer` that Python empties during a run. It is small, since each
-run of a sweep has its own buffers."""
+"""Usual number of rows of a `RowBuffer`; small, since each run of a sweep has its own buffers."""
 
 
 class RowBuffer(eqx.Module, Generic[R]):
-    """A buffer of fixed size that compiled code fills with rows, each a PyTree of numbers, such as
-    finished impacts. The last of the `rows` is never read; `count` includes rows for which there
-    was no room."""
+    """A buffer of fixed size for rows, PyTrees of numbers such as finished impacts. The last of the
+    `rows` is never read; `count` includes rows for which there was no room."""
 
     rows: R
     count: jax.Array
@@ -55,12 +53,11 @@ class RowBuffer(eqx.Module, Generic[R]):
         """Return the buffer with `row` written behind the last row if `wanted`. If there is no
         room, the row is lost, but `count` increases."""
 
+        def with_leaf(rows: jax.Array, leaf: Scalar) -> jax.Array:
+            return jax.lax.dynamic_update_index_in_dim(rows, leaf, self.count, 0)
+
         def write() -> R:
-            return jax.tree.map(
-                lambda rows, leaf: jax.lax.dynamic_update_index_in_dim(rows, leaf, self.count, 0),
-                self.rows,
-                row,
-            )
+            return jax.tree.map(with_leaf, self.rows, row)
 
         rows = jax.lax.cond(wanted, write, lambda: self.rows)
         return RowBuffer(rows, self.count + wanted)
@@ -133,8 +130,7 @@ class LatestDenseStep(AbstractRecorder[DenseStep]):
 
 
 class TimedState(eqx.Module):
-    """A time `t`, s, on the clock of the run's `System`, and the `state` at that time in scalar
-    form."""
+    """A time `t`, s, on the clock of the run, and the `state` then, in scalar form."""
 
     t: Numbers
     state: State
@@ -169,9 +165,8 @@ class ReductionRecorder(AbstractRecorder[PyTree]):
 
     @override
     def after(self, record: PyTree, step_outcome: StepOutcome) -> PyTree:
-        return choose(
-            step_outcome.accepted, self.reduction.update(record, step_outcome.now), record
-        )
+        tally = self.reduction.update(record, step_outcome.now)
+        return choose(step_outcome.accepted, tally, record)
 
     @override
     def searched(self, now: Instant) -> PyTree[Scalar]:

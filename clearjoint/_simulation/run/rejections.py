@@ -31,8 +31,7 @@ REASONS = tuple(Rejection)
 class Rejections(AbstractTabular):
     """Table of the N rejected steps of a run that a `RejectedSteps` keeps, in their order.
 
-    - `start`: (N,) s, time at which the step started. Successive rows with the same start are
-      trials of the same step.
+    - `start`: (N,) s, start of the step. Successive rows with one start are trials of a step.
     - `length`: (N,) s, length of the step that was tried.
     - `reason`: (N,), the text of a `Rejection`.
     - `counts`: number of rejected steps by reason, also of those for which the table has no room.
@@ -59,8 +58,7 @@ class Rejections(AbstractTabular):
 
     @override
     def to_xarray(self) -> "xr.Dataset":
-        """Return the columns as variables of an `xarray.Dataset` along "rejection", with `counts`
-        as attributes."""
+        """Return an `xarray.Dataset` of the columns along "rejection"; `counts` are attributes."""
         dims = ("rejection",)
         columns = {
             "start": Labelled(dims, self.start, "s", "start of the step"),
@@ -99,9 +97,8 @@ class RejectionRecorder(AbstractRecorder[RejectionRecord]):
     @override
     def start(self, start: RunStart) -> RejectionRecord:
         none = RejectedRow(*(jnp.zeros(()) for _ in RejectedRow._fields))
-        return RejectionRecord(
-            RowBuffer.like(none, self.capacity), dict.fromkeys(REASONS, jnp.zeros((), int))
-        )
+        counts: dict[str, jax.Array] = dict.fromkeys(REASONS, jnp.zeros((), int))
+        return RejectionRecord(RowBuffer.like(none, self.capacity), counts)
 
     @override
     def after(self, record: RejectionRecord, step_outcome: StepOutcome) -> RejectionRecord:
@@ -132,8 +129,7 @@ class RejectedSteps:
     - `after`: s, time of the scene before which rejected steps are ignored; by default none are.
       For the last ones of a run that failed, pass a time shortly before its `time`.
 
-    **Raises:** `ValueError` for a `count` that is not a positive integer, and an `after` that is
-    not finite.
+    **Raises:** `ValueError` for a `count` that is no positive integer or an infinite `after`.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> outputs = {"rejected": cj.RejectedSteps()}

@@ -21,25 +21,7 @@ from jaxtyping import PyTree
 
 from ..._compilation import HostFirst
 from ..._compilation.xla import is_tracing
-from ..._dynamics.assembly import (
-    ACCEPTED_VIOLATION,
-    REPRESENTED,
-    check_names,
-    cosines_of_turns,
-    require_assembled,
-    require_certain,
-    require_oriented,
-    require_representable,
-    round_trip,
-)
-from ..._dynamics.constraint_report import (
-    RowName,
-    StartRows,
-    dependent,
-    free_motions,
-    scene_order,
-    start_rows,
-)
+from ..._dynamics import assembly, constraint_report
 from ..._dynamics.coordinates import AbstractCoordinates, MotionVariables
 from ..._dynamics.journals import FAR_OUTSIDE, FAST_APPROACH, require_in_bearings, starting_contacts
 from ..._fields.caching import cached_by_numbers
@@ -64,8 +46,7 @@ BY_NUMPY = 16
 compiled, which checks each in microseconds. Compiling takes as long as thirty checks of a pendulum,
 or fourteen of a chain of thirty joints."""
 KEPT = 256
-"""Largest number of starts of the same structure for which results of the search for redundant
-constraints are cached."""
+"""Largest number of starts of one structure whose redundant constraints are cached."""
 
 
 def check_precision(allow_float32: bool) -> None:
@@ -87,7 +68,7 @@ def check_numbers(scene: Scene, state: State) -> None:
     state has exactly the scene's bodies and finite numbers, with Euler parameters of about unit
     norm, or raise a `ValueError`. Traced numbers raise no error; see `in_domain`."""
     _recheck(scene)
-    check_names(scene, state)
+    assembly.check_names(scene, state)
 
 
 def in_domain(check: Callable[[], None]) -> Condition | None:
@@ -107,8 +88,7 @@ def check_start(
 ) -> tuple[str, ...]:
     """Check all numbers of a scene and a state, and the state against the constraints at
     `start_time`, s, as `check_numbers` and `check_structure`, and return the names of the redundant
-    constraints. `flat` are scene and state, if they are flattened already and all leaves are arrays
-    of floats."""
+    constraints. `flat`: scene and state, if flattened, all leaves arrays of floats."""
     if not (isinstance(scene, Scene) and isinstance(state, State)):
         check_numbers(scene, state)
         return check_structure(scene, state, start_time, coordinates)
@@ -137,8 +117,8 @@ def check_structure(
 
     **Raises:** `ValueError` if the state violates a constraint, if a joint holds a wrong
     orientation, if a contact is deeper than its joint allows, as for a journal far outside its
-    bearing, if redundancy cannot be decided, or if the coordinates cannot represent the state or
-    have no variable.
+    bearing, if redundancy cannot be decided, or if the coordinates cannot represent it or have no
+    variable.
 
     **Warns:** `UnusualValueWarning` for a contact that is deeper than the fraction `FAR_OUTSIDE` of
     the depth that its joint allows, and for one that approaches further without an entry speed.
@@ -148,24 +128,22 @@ def check_structure(
     start = start_values(scene, state, on_device(t), coordinates)
     require_in_bearings(scene, start.depths, start.approaches)
     rows = start.rows.in_order_of(scene)
-    require_assembled(tuple(map(": ".join, rows.all_names)), rows.values, rows.rates)
-    require_oriented(scene, start.cosines)
-    redundant, uncertain = dependent(rows.names, rows.reduced, {})
-    require_certain(uncertain)
-    require_representable(state, coordinates, start.variables, start.orientations)
+    assembly.require_assembled(tuple(map(": ".join, rows.all_names)), rows.values, rows.rates)
+    assembly.require_oriented(scene, start.cosines)
+    redundant, uncertain = constraint_report.dependent(rows.names, rows.reduced, {})
+    assembly.require_certain(uncertain)
+    assembly.require_representable(state, coordinates, start.variables, start.orientations)
     return redundant
 
 
 def derivative_scheme(
     scene: Scene, state: State, settings: Settings, start_time: float = 0.0
 ) -> Scheme:
-    """Check scene, state and settings of a run with derivatives, and return its integration method
-    and formulation.
+    """Check the arguments of a run with derivatives, and return its method and formulation.
 
     **Raises:** `ValueError` for an invalid scene or state; for settings that derivatives do not
     support, such as a solver other than an explicit Runge-Kutta method, or a `landing_tolerance` of
-    ``None``; if JAX computes in 32 bits; and for an element that may change abruptly at some time
-    but declares no `breakpoints`.
+    ``None``; if JAX computes in 32 bits; and for an element with undeclared `breakpoints`.
 
     **Warns:** `UnusualValueWarning`, as `check_structure`.
     """
@@ -186,8 +164,7 @@ def derivative_scheme(
 
 
 _recheck = cached_by_numbers(recheck)
-"""Check all numbers in a scene, unless a scene of the same structure with the same numbers has
-passed the check recently."""
+"""Check all numbers in a scene, unless a scene equal to it has passed the check recently."""
 
 
 class StartValues(NamedTuple):
@@ -197,7 +174,7 @@ class StartValues(NamedTuple):
 
     depths: ByLabel[Scalar]
     approaches: ByLabel[Scalar]
-    rows: StartRows
+    rows: constraint_report.StartRows
     cosines: dict[str, Scalar]
     variables: MotionVariables
     orientations: dict[str, np.ndarray]
@@ -209,24 +186,24 @@ def start_values(
     scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> StartValues:
     scene, state = unpack(scene), replace(state, bodies=unpack(state.bodies))
-    motions = free_motions(scene, state.bodies)
+    motions = constraint_report.free_motions(scene, state.bodies)
     depths, approaches = starting_contacts(scene, motions, state.entry_speeds)
-    rows = start_rows(scene, coordinates, state, t, motions=motions)
-    cosines = cosines_of_turns.__wrapped__(scene, state.bodies)
-    variables, orientations = round_trip.__wrapped__(scene, state, coordinates)
+    rows = constraint_report.start_rows(scene, coordinates, state, t, motions=motions)
+    cosines = assembly.cosines_of_turns.__wrapped__(scene, state.bodies)
+    variables, orientations = assembly.round_trip.__wrapped__(scene, state, coordinates)
     return StartValues(depths, approaches, rows, cosines, variables, orientations)
 
 
 def _passes(
     folded_scene: ConstantFolded, state: State, t: Scalar, coordinates: AbstractCoordinates
-) -> tuple[Condition, tuple[tuple[RowName, ...], np.ndarray]]:
+) -> tuple[Condition, tuple[tuple[constraint_report.RowName, ...], np.ndarray]]:
     """Evaluate the checks of `check_start` as conditions on arrays, so that they can be compiled.
 
     **Returns:** whether the start passes all checks except those of redundancy and of the scene's
     numbers, and none of them would warn; and the fields `names` and `reduced` of `StartRows`.
     """
     scene = folded_scene.tree
-    holds: list[Condition] = [*conditions_of(lambda: check_names(scene, state))]
+    holds: list[Condition] = [*conditions_of(lambda: assembly.check_names(scene, state))]
     if not scene.joints:  # nor constraints or contacts
         return reduce(and_, holds, jnp.asarray(True)), ((), np.zeros(0))
     # `start_values` itself computes known numbers by NumPy. Here JAX traces, so the function inside
@@ -257,7 +234,7 @@ def assembled(scene: Scene, state: State, t: Scalar, coordinates: AbstractCoordi
 def _assembled(state: State, start: StartValues) -> Condition:
     # Native code has no `all` of an array without elements, as in a scene without constraints.
     residuals = [part for part in (start.rows.values, start.rows.rates) if part.size]
-    holds = [(jnp.abs(part) <= ACCEPTED_VIOLATION).all() for part in residuals]
+    holds = [(jnp.abs(part) <= assembly.ACCEPTED_VIOLATION).all() for part in residuals]
     # As in `require_oriented`, fixed and prismatic joints hold their orientation.
     holds += [cosine > 0.0 for cosine in start.cosines.values()]
     for name, body in state.bodies.items():
@@ -266,7 +243,7 @@ def _assembled(state: State, start: StartValues) -> Condition:
         p, q = body.orientation, start.orientations[name]
         # Both signs of Euler parameters are the same orientation.
         apart = jnp.minimum(jnp.abs(p - q).max(), jnp.abs(p + q).max())
-        holds.append(apart < REPRESENTED)
+        holds.append(apart < assembly.REPRESENTED)
     return reduce(and_, holds, jnp.asarray(True))
 
 
@@ -349,9 +326,9 @@ class _Starts:
         if len(distances) >= KEPT:
             distances.clear()
         # Of rows that depend on each other, the last ones count as redundant.
-        order = scene_order(names, scene)
+        order = constraint_report.scene_order(names, scene)
         names, reduced = tuple(names[k] for k in order), reduced[order]
-        redundant, uncertain = dependent(names, reduced, distances)
+        redundant, uncertain = constraint_report.dependent(names, reduced, distances)
         return None if uncertain else redundant
 
     def _recheck(self, scene: Scene, flat: FlatArguments) -> None:

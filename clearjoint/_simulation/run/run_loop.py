@@ -1,14 +1,13 @@
 """The loop of a run: begin, try a step, update the recorders, repeat, and return the final state.
 
 Single runs, runs with derivatives and lanes of sweeps all use `RunLoop` and differ in their
-recorders. In sweeps the scheduler of lanes repeats the body of the loop; in other runs JAX's loops
-do.
+recorders. In sweeps the scheduler repeats the loop's body; in other runs JAX does.
 """
 
 import abc
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Generic, TypeAlias, TypeVar
 
 import equinox as eqx
@@ -44,8 +43,7 @@ class RunStart:
 
     @cached_property
     def blank_attempt(self) -> Attempt:
-        """An `Attempt` that ends at the start with the initial state, and has zeros in its other
-        fields."""
+        """An `Attempt` that ends at the start with the initial state, otherwise of zeros."""
         loop = self.loop
         return blank_attempt(
             loop.method, loop.system, self.step, loop.t_end, loop.family, loop.attempt
@@ -55,8 +53,7 @@ class RunStart:
 @dataclass(frozen=True, eq=False)
 class StepOutcome:
     """The outcome of an attempt to take a step, as recorders receive it. If the step was not
-    accepted, or if a lane waits for Python to empty a full buffer, time and variables are the same
-    `before` and `after`."""
+    accepted, or a lane waits for Python, time and variables are the same `before` and `after`."""
 
     method: Method
     system: System
@@ -102,6 +99,7 @@ class AbstractRecorder(eqx.Module, Generic[R]):
         return ()
 
 
+_map_recorders = partial(jax.tree.map, is_leaf=lambda tree: isinstance(tree, AbstractRecorder))
 Recorders: TypeAlias = PyTree[AbstractRecorder]
 """The recorders of a run, in nested dictionaries."""
 Records: TypeAlias = dict[str, PyTree]
@@ -120,8 +118,7 @@ class RunLoop:
     """The loop of a run.
 
     - `t_end`: s, end of the run; no step goes past it.
-    - `family`: the system as a function of parameters, if the run carries derivatives with respect
-      to them; otherwise ``None``.
+    - `family`: the system as a function of parameters, in runs with derivatives, or ``None``.
     - `attempt`: the function that tries a step.
     """
 
@@ -137,8 +134,7 @@ class RunLoop:
         return Progress(step, _map_recorders(lambda r: r.start(start), self.recorders))
 
     def advance(self, now: Progress, goes: Condition | None = None) -> Progress:
-        """Return the run after one attempt to take a step; unchanged where `goes` is false, as in a
-        lane that waits."""
+        """Return the run after one attempt; unchanged if `goes` is false: a lane may wait."""
         family_if_any = () if self.family is None else (self.family,)
         method = self._method(now.step)
         tried = self.attempt(method, self.system, now.step, self.t_end, *family_if_any)
@@ -182,14 +178,6 @@ class RunLoop:
             return more if goes is None else more & goes(now)
 
         return jax.lax.while_loop(continues, self.advance, now)
-
-
-def _map_recorders(
-    function: Callable[..., PyTree], recorders: Recorders, *records: Records
-) -> Records:
-    return jax.tree.map(
-        function, recorders, *records, is_leaf=lambda tree: isinstance(tree, AbstractRecorder)
-    )
 
 
 def begin_run(

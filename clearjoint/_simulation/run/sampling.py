@@ -3,11 +3,10 @@
 
 Runge-Kutta methods commute with differentiation: the derivative of a step with respect to a
 parameter is the same step of the variational equations, error estimate included. Hence an attempt
-differentiates the solver's step for all parameters at once, and controls the errors of variables
-and tangents together.
+differentiates the step for all parameters at once, and controls all errors together.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeAlias
 
@@ -35,8 +34,7 @@ from ..._parametrisation.parametrised_scene import (
     ParametrisedScene,
 )
 from ..._result_codes import RESULTS
-from ...quantities.base import Quantity
-from ..step.dense_output import Snapshot, at_end, dense_time, look_inside, stabilised
+from ..step.dense_output import Quantities, Snapshot, at_end, dense_time, look_inside, stabilised
 from ..step.method import Scheme, SystemFamily
 from ..step.step_state import Attempt, Method, SolverState, Step, Tangents, Variables, choose
 from ..step.stepping import attempt, start
@@ -49,8 +47,7 @@ from .run_loop import Progress, Recorders, Records, RunLoop, final_result
 
 FEW_TIMES, GROWTH = 64, 8
 """The number of times in a compiled program is rounded up to 64, 512, 4096 ..., so that few
-programs are compiled. The additional times repeat the end time; quantities at repeated times are
-computed only once."""
+programs are compiled. The additional times repeat the end time, where nothing is computed again."""
 
 
 PEAK = "peak"
@@ -65,11 +62,10 @@ class Sampled(eqx.Module):
 
     - `values[name]`: (N,), `derivatives[name]`: (N, p), in the quantity's unit, with respect to the
       coordinates of the parameters on their scales, such as logarithms.
-    - `reached`: (N,), whether the run reached each time. What is kept at other times is
-      meaningless.
-    - `amplification`: (p,), an upper bound of the ratio of the relative error of the positions'
-      derivatives to that of the speeds' derivatives at their peak: this peak times the time since
-      then, over the largest derivative of a position since then.
+    - `reached`: (N,), whether the run reached each time. Other rows are meaningless.
+    - `amplification`: (p,), largest derivative of a speed by each parameter, times the time since,
+      over the largest derivative of a position since. Times the relative error of the former, it
+      bounds that of the latter.
     - `records`: the records of the run's recorders. Impacts have times since the start of the run,
       and crossings times on the clock of the scene.
     """
@@ -113,8 +109,7 @@ def first_tangents(
     t_end: Scalar,
     initial: tuple[Initial, Initial],
 ) -> Tangents:
-    """Return the derivatives of the state before the first step, from those of the `initial`
-    variables and entry speeds."""
+    """Return the tangents before the first step, from those of the `initial` variables."""
     (_, entry_speeds), (y_along, entry_speeds_along) = initial
 
     # The solver of an explicit method has a state of its own: the rates at the start of the step,
@@ -166,11 +161,7 @@ def look_at_tangents(
 
 
 def values_and_derivatives(
-    method: Method,
-    systems: SystemFamily,
-    tried: Attempt,
-    time: Scalar,
-    quantities: Mapping[str, Quantity],
+    method: Method, systems: SystemFamily, tried: Attempt, time: Scalar, quantities: Quantities
 ) -> tuple[dict[str, Scalar], dict[str, Gradients]]:
     """Return quantities, and their derivatives along the tangents of the accepted step `tried`, at
     a time inside the step, s since the start of the run."""
@@ -205,7 +196,7 @@ def _sampled_from(
     first: Step,
     scheme: Scheme,
     family: ParametrisedScene,
-    outputs: Mapping[str, Quantity],
+    outputs: Quantities,
     times: jax.Array,
     t0: Scalar,
     t_end: Scalar,
@@ -213,9 +204,8 @@ def _sampled_from(
     recorders: dict[str, Recorders],
     has_states: bool,
 ) -> Sampled:
-    """Integrate from the step `first`, the result of `first_step_of`; further arguments are those
-    of `sampled`. `times` and `t_end` are those of the scene, `own_times` and `own_end` those of the
-    run, which begins at zero."""
+    """Integrate from `first`, the result of `first_step_of`; see `sampled` for the other arguments.
+    In the code, times named `own` are on the clock of the run, which begins at zero."""
     method, systems = scheme.method, SystemFamily(family, scheme.formulation, t0)
     system, own_end, own_times = systems.system(), t_end - t0, times - t0
     all_recorders = {LATEST: LatestAttempt(), PEAK: TangentPeakRecorder(), **recorders}
@@ -293,7 +283,7 @@ sampled_compiled: Native[..., Sampled] = Native(_sampled_from)
 def sampled(
     scheme: Scheme,
     family: ParametrisedScene,
-    outputs: Mapping[str, Quantity],
+    outputs: Quantities,
     times: jax.Array,
     t0: Scalar,
     t_end: Scalar,
@@ -344,15 +334,14 @@ def _joined(runs: list[Sampled], count: int) -> Sampled:
 def recorded_run(
     arguments: tuple[PyTree, ...], recorders: dict[str, Recorders], has_states: bool, impacts: bool
 ) -> Sampled:
-    """Return the result of `sampled` as NumPy arrays. `arguments`: those before `recorders`;
-    `impacts`: whether all impacts are recorded too, at the key `IMPACTS`. The run is repeated until
-    its buffers have room for them."""
+    """Return the result of `sampled` as NumPy arrays. `arguments` are those of `sampled` before
+    `recorders`; with `impacts`, all impacts are recorded at the key `IMPACTS`. The run is repeated
+    until its buffers have room for them."""
     room = IMPACTS_AT_FIRST
     while True:
         every = {IMPACTS: ImpactRecorder(capacity=room)} if impacts else {}
-        result: Sampled = jax.device_get(
-            sampled(*arguments, recorders=recorders | every, has_states=has_states)
-        )
+        run = sampled(*arguments, recorders=recorders | every, has_states=has_states)
+        result: Sampled = jax.device_get(run)
         if not impacts or most(result.records[IMPACTS]) <= room:
             return result
         room *= GROWTH

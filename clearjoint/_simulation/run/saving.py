@@ -1,5 +1,4 @@
-"""The argument `save` of runs, which selects the states and the impacts that a run keeps besides
-its outputs and its final state."""
+"""The argument `save` of runs: the states and impacts that a run keeps besides its outputs."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -31,12 +30,10 @@ class Saving:
     - `impacts`: save a table of impacts, with one row for each finished contact, in
       `solution.impacts`. A contact that exists at the start of the run has no row. If steps do not
       end at contact events, because the `landing_tolerance` of the `Settings` is ``None``, contacts
-      that begin and end within one step have no row, and the times and speeds of onsets and ends
-      are interpolated inside steps.
+      that begin and end within one step have no row, and times and speeds are interpolated.
 
     **Raises:** `ValueError` for times that are not finite or do not rise strictly, for an array of
-    times that is empty or not one-dimensional, and for fields of other types. Times that JAX traces
-    are not checked.
+    times that is empty or not one-dimensional, and for fields of other types. Traced times pass.
 
     >>> cj.Saving(np.linspace(0.0, 1.0, 1001), impacts=True).impacts
     True

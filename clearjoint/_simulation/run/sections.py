@@ -8,7 +8,7 @@ by one, so they record the state at each crossing, and the channels are computed
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import equinox as eqx
 import jax
@@ -33,14 +33,6 @@ Channels = Mapping[str, Quantity | tuple[Quantity, str]]
 PASS_CHANNELS = 'pass for example {"x": cj.quantities.Position("slider", "x")}'
 
 
-class Bracket(NamedTuple):
-    """Two points of a function in a step, between which it rises through zero, at elapsed parts of
-    the step's time, 0 to 1."""
-
-    start: Point
-    end: Point
-
-
 class SectionRecord(eqx.Module):
     """Record of a section: its `level`, the value of the section's quantity after the latest
     accepted step, and `rows`, one for each crossing so far."""
@@ -53,8 +45,8 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
     """Recorder of the crossings of a section.
 
     - `quantity`: function of an `Instant`; its value is called the level. A step contains a
-      crossing if the level is negative at its start, and positive or zero at its end; also if the
-      level has the same sign at both ends, and the other one where it turns in between. At most one
+      crossing if the level is negative at its start, and positive or zero at its end; also if it
+      has the same sign at both ends, and the other one where it turns in between. At most one
       crossing is found in a step.
     - `earliest`: s, time of the scene before which crossings are ignored.
     - `channels`: pairs of a name and a quantity, whose values, and the time, make a row of the
@@ -78,26 +70,25 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
     def after(self, record: SectionRecord, step_outcome: StepOutcome) -> SectionRecord:
         accepted, now, before = step_outcome.accepted, step_outcome.now, record.level
         after = self._level(now)
-        bracket = self._bracket(now, before, after)
-        rises = accepted & (bracket.start.value < 0.0) & (bracket.end.value >= 0.0)
+        start, end = self._bracket(now, before, after)
+        rises = accepted & (start.value < 0.0) & (end.value >= 0.0)
         if self.channels is None:
             # In lanes, which cannot branch one by one, the root is searched for in every step.
-            row = self._crossing(step_outcome, bracket)
+            row = self._crossing(step_outcome, start, end)
             time = step_outcome.system.clock(row.t)
         else:
             # Most steps have no crossing: other runs search for the root only in steps with one.
             system, channels = step_outcome.system, dict(self.channels)
 
             def columns() -> dict[str, Scalar]:
-                return self._crossing(step_outcome, bracket).columns(system, channels)
+                return self._crossing(step_outcome, start, end).columns(system, channels)
 
             row = jax.lax.cond(rises, columns, lambda: self._none())
             time = row[TIME]
         limit = self.capacity if self.wanted is None else self.wanted
         is_recorded = rises & (time >= self.earliest) & (limit > record.rows.count)
-        return SectionRecord(
-            jnp.where(accepted, after, before), record.rows.with_row(row, is_recorded)
-        )
+        level = jnp.where(accepted, after, before)
+        return SectionRecord(level, record.rows.with_row(row, is_recorded))
 
     @override
     def searched(self, now: Instant) -> Scalar:
@@ -106,7 +97,9 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
     def _level(self, now: Instant) -> Scalar:
         return jnp.asarray(self.quantity(now), dtype=float)
 
-    def _bracket(self, now: Instant, before: Scalar, after: Scalar) -> Bracket:
+    def _bracket(self, now: Instant, before: Scalar, after: Scalar) -> tuple[Point, Point]:
+        # Two points in the step, at elapsed parts of its time, between which the level rises
+        # through zero.
         parabola = Parabola.through(before, self._level(now.middle), after)
         below, first, last = before < 0.0, Point(0.0, before), Point(1.0, after)
         # A level with the same sign at both ends may rise through zero before or after a turning
@@ -122,16 +115,14 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         # In lanes, both branches of a condition would be computed.
         value = level() if self.channels is None else jax.lax.cond(turns, level, lambda: before)
         inner = Point(x, value)
-        return Bracket(
-            choose(turns & jnp.logical_not(below), inner, first),
-            choose(turns & below, inner, last),
-        )
+        start = choose(turns & jnp.logical_not(below), inner, first)
+        return start, choose(turns & below, inner, last)
 
-    def _crossing(self, step_outcome: StepOutcome, bracket: Bracket) -> Snapshot:
+    def _crossing(self, step_outcome: StepOutcome, start: Point, end: Point) -> Snapshot:
         system, method, dense = step_outcome.system, step_outcome.method, step_outcome.dense_step
 
         # x is the elapsed part of the step's time, 0 to 1.
-        x = secant_root(lambda x: self._level(step_outcome.now.inside(x)), *bracket)
+        x = secant_root(lambda x: self._level(step_outcome.now.inside(x)), start, end)
         # A step that ends at an event ends just after it. A crossing there is the event itself, at
         # which forces may jump, and gets the state after it. Computed inside the step, rounding
         # errors would decide on which side of the jump it is.
@@ -140,11 +131,8 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         t = jnp.where(ends, dense.end.t, dense.start.t + x * length)
         row = dense.at(method, system, t)
         # The entry speed of a contact that ends is known only before the event.
-        speeds = jax.tree.map(
-            lambda before, now: jnp.where(ends & (before > 0.0), before, now),
-            dense.start.entry_speeds,
-            row.entry_speeds,
-        )
+        both = dense.start.entry_speeds, row.entry_speeds
+        speeds = jax.tree.map(lambda old, now: jnp.where(ends & (old > 0.0), old, now), *both)
         return Snapshot(row.t, row.y, speeds)
 
     def _none(self) -> dict[str, Scalar]:
@@ -153,8 +141,7 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
 
 @dataclass(frozen=True)
 class Section:
-    """A Poincaré section: values of quantities at the instants at which another quantity rises
-    through zero.
+    """A Poincaré section: values of quantities where another quantity rises through zero.
 
     **Arguments:**
 

@@ -12,14 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from typing_extensions import override
 
-from ..._export.datasets import (
-    AbstractTabular,
-    Labelled,
-    Notes,
-    labelled_dataset,
-    setting_notes,
-    texts,
-)
+from ..._export import datasets
 from ..._fields.cautions import UnusualValueWarning, caution
 from ..._fields.checks import require
 from ..._fields.types import ArrayLike
@@ -54,7 +47,7 @@ FOR_REDUCTIONS = (
 
 
 @dataclass(frozen=True)
-class Sensitivities(AbstractTabular):
+class Sensitivities(datasets.AbstractTabular):
     """Values of quantities at N times of a motion, and derivatives with respect to p parameters.
 
     - `parameters`: the p names of the parameters.
@@ -87,7 +80,7 @@ class Sensitivities(AbstractTabular):
     impacts: Impacts | None = None
     units: Mapping[str, str] = field(default_factory=dict)
     scales: tuple[str, ...] = ()
-    settings: Notes = ()
+    settings: datasets.Notes = ()
 
     @override
     def to_xarray(self) -> "xr.Dataset":
@@ -98,23 +91,22 @@ class Sensitivities(AbstractTabular):
           parameters' coordinates are pure numbers (for the scale `Linear`, the value divided by the
           scale's `unit`), so that derivatives have the quantity's unit.
         - "coordinate" has the labels of the parameters' coordinates, such as "log clearance".
-        - Attributes are the time at which the run ended, s, its result, the numbers of steps, and
-          the settings.
+        - Attributes are the end of the run, s, its result, the numbers of steps, and the settings.
         """
         variables = {}
         for name, derivatives in self.derivatives.items():
             unit = self.units.get(name)
             description = f"derivative of {name} by a parameter's coordinate"
-            variables[name] = Labelled(("time",), self.outputs[name], unit)
-            variables[f"{name}_derivative"] = Labelled(
+            variables[name] = datasets.Labelled(("time",), self.outputs[name], unit)
+            variables[f"{name}_derivative"] = datasets.Labelled(
                 ("time", "parameter"), derivatives, unit, description
             )
         labels = {
-            "time": Labelled(("time",), self.times, "s", "time"),
-            "parameter": Labelled(("parameter",), texts(self.parameters)),
+            "time": datasets.Labelled(("time",), self.times, "s", "time"),
+            "parameter": datasets.Labelled(("parameter",), datasets.texts(self.parameters)),
         }
         if self.scales:
-            labels["coordinate"] = Labelled(("parameter",), texts(self.scales))
+            labels["coordinate"] = datasets.Labelled(("parameter",), datasets.texts(self.scales))
         notes = {
             "result": RESULTS[self.result],
             "time_reached": self.time,
@@ -122,7 +114,7 @@ class Sensitivities(AbstractTabular):
             "accepted": self.accepted,
             **dict(self.settings),
         }
-        return labelled_dataset("sensitivities", variables, labels, tuple(notes.items()))
+        return datasets.labelled_dataset("sensitivities", variables, labels, tuple(notes.items()))
 
 
 def sensitivities(
@@ -158,8 +150,7 @@ def sensitivities(
     **Arguments:**
 
     - `scene`, `state`, `start_time`, `end_time`, `throw`: as in `simulate`, with `Sensitivities` in
-      place of the `Solution`. The derivatives are taken at the values that the parameters have
-      there.
+      place of the `Solution`. Derivatives are taken at the parameters' values there.
     - `parameters`: the p `Parameter`s to differentiate with respect to, by names of your choice.
       Errors of sensors, such as `Parameter.bias("x")`, change the values of the output "x".
     - `outputs`: as in `simulate`, by names of your choice: quantities, scalar functions of an
@@ -167,20 +158,17 @@ def sensitivities(
       tables of impacts, which are not. Reductions such as `Peak` cannot be computed.
     - `times`: (N,) s, not decreasing, between start and end, at which quantities are evaluated.
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.derivatives` unless given.
-    - `save`: states at given times and the impacts, if requested; the states after every step
-      cannot be saved.
+    - `save`: states at given times, and impacts; the states after every step cannot be saved.
     - `progress`: show the time spent compiling.
 
     **Raises:** `ValueError` for invalid arguments, and for a joint, driver or force that may jump
     or have a kink at some time (it compares, rounds or clips a number that depends on time) but
     declares no `breakpoints`, because derivatives would lack the effect of a shift of these times;
-    `SimulationError` for a run that fails, if `throw` is true. A run fails with the result
-    `RESULTS.force_jumped` if the force of a user-defined class jumps at a time that depends on the
-    motion.
+    `SimulationError` for a run that fails, if `throw` is true. Its result is `RESULTS.force_jumped`
+    if the force of a user-defined class jumps at a time that depends on the motion.
 
     **Warns:** `UnusualValueWarning` for a journal that starts deep in the wall of its bearing, and
-    for derivatives that were far larger in an impact than after it, so that a loose `rtol` may make
-    them wrong by percents.
+    for derivatives so much larger in an impact than after it that a loose `rtol` may spoil them.
 
     >>> found = cj.sensitivities(scene, state, 0.3, {"stiffness": stiffness}, {"x": x}, times)
     >>> exact = -0.5 * times * np.sin(10.0 * times)  # d x/d log k
@@ -209,14 +197,8 @@ def sensitivities(
     coordinates = coordinates_of(scene, state, parameters)
     family = parametrised(scene, state, in_scene(parameters), coordinates)
     span = start_time, end_time, settings.length_of_first_step(start_time, end_time)
-    arguments = (
-        scheme,
-        family,
-        quantities,
-        run_times,
-        *(np.asarray(t, float) for t in span),
-        np.asarray(settings.max_steps, int),
-    )
+    numbers = *(np.asarray(t, float) for t in span), np.asarray(settings.max_steps, int)
+    arguments = scheme, family, quantities, run_times, *numbers
     with compiling_bar(progress):
         run = recorded_run(arguments, requested.recorders(), saved is not None, save.impacts)
         values, derivatives = run.values, run.derivatives
@@ -224,6 +206,13 @@ def sensitivities(
             numbers = values, derivatives, run_times - start_time, coordinates
             values, derivatives = with_sensor_errors(sensors, *numbers)
     rows = _reached_rows(run, all_times, sample_times)
+    states, impacts = None, None
+    if saved is not None:
+        saved_rows = _reached_rows(run, all_times, saved)
+        states = pack(jax.tree.map(lambda leaf: leaf[saved_rows], run.states))
+        states = Trajectory(saved[: len(saved_rows)], states)
+    if save.impacts:
+        impacts = Impacts.of_rows(impact_rows_of(run.records[IMPACTS], start_time))
     result = Sensitivities(
         parameters=tuple(parameters),
         times=sample_times[: len(rows)],
@@ -234,13 +223,11 @@ def sensitivities(
         result=run.result,
         attempts=int(run.attempts),
         accepted=int(run.accepted),
-        saved=None if saved is None else _saved_states(run, all_times, saved),
-        impacts=Impacts.of_rows(impact_rows_of(run.records[IMPACTS], start_time))
-        if save.impacts
-        else None,
+        saved=states,
+        impacts=impacts,
         units={n: q.unit for n, q in quantities.items() if getattr(q, "unit", None)},
         scales=tuple(p.scale.label(name) for name, p in parameters.items()),
-        settings=setting_notes(vars(settings)),
+        settings=datasets.setting_notes(vars(settings)),
     )
     _caution_amplified(np.asarray(run.amplification), result.parameters, settings)
     if throw:
@@ -265,19 +252,10 @@ def _reached_rows(
     return rows[run.reached[rows]]
 
 
-def _saved_states(
-    run: Sampled, all_times: Float[np.ndarray, " N"], times: Float[np.ndarray, " some"]
-) -> Trajectory:
-    rows = _reached_rows(run, all_times, times)
-    states = jax.tree.map(lambda leaf: leaf[rows], run.states)
-    return Trajectory(times[: len(rows)], pack(states))
-
-
 AMPLIFIED = 1.0
-"""Tolerance of derivatives times `Sampled.amplification` above which `sensitivities` warns. For a
-fall of 50 m onto stiff ground, errors of 5 to 30 % were measured at 3 to 20, and errors below 1e-4
-at 0.02. After a slow decay of the derivatives, those of positions are large too, and the product is
-small."""
+"""Product of the tolerance of derivatives and `Sampled.amplification` above which `sensitivities`
+warns. For a fall of 50 m onto stiff ground, derivatives were wrong by 5 to 30 % at products of 3 to
+20, and by less than 1e-4 at 0.02."""
 
 
 def _caution_amplified(
@@ -307,8 +285,7 @@ derivatives grow about as the time or its square."""
 
 
 def _growth_of_derivatives(run: Sensitivities) -> str | None:
-    """Return the error message of a run that failed because its derivatives have grown, otherwise
-    ``None``."""
+    """Return the message of a run that failed because its derivatives have grown, or ``None``."""
     stuck = [RESULTS.max_steps_reached, RESULTS.step_too_small]
     growth = 1.0
     for rows in run.derivatives.values():

@@ -57,8 +57,7 @@ class Settled:
     - `time`, `state`: the time in s at which the last run ended, and the `State` then. Continue
       with ``simulate(scene, settled.state, end_time, start_time=settled.time)``. With a `period`,
       and if no run failed, the simulated time is a whole number of periods; if all drivers and
-      loads repeat with it, a further run may start from `state` at the first run's `start_time`
-      instead.
+      loads repeat with it, a further run may start from `state` at `start_time` instead.
     - `periods`: number of periods, or of times between crossings of the section, that were
       simulated in runs without a failure.
     - `multiple`: number of these periods in one period of the motion; ``None`` unless periodic.
@@ -102,9 +101,9 @@ class Settled:
 
 
 SETTLED_STATISTICS = 0.1
-"""Largest difference, relative to the range of the motion, between the means, and the standard
-deviations, of two spans whose statistics count as the same. It leaves room for the scatter of the
-statistics of a chaotic motion over finitely many periods."""
+"""Largest difference between the means, and the standard deviations, in two spans of a motion that
+count as the same, relative to its range. It leaves room for the scatter of the statistics of a
+chaotic motion."""
 ROOM = PHASES * BLOCK
 """Number of crossings of a section for which there is room in a block of periods."""
 CONFIRMING = 3
@@ -155,8 +154,8 @@ class Strobe:
 
 def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]]:
     """Return positions (m), velocities (m/s), spins (rad/s) and orientations of all bodies in N
-    states, by name. Orientations are all products p_i p_j of Euler parameters, since these do not
-    depend on their common sign."""
+    states, by name. Orientations are products p_i p_j of Euler parameters, of which the sign is
+    arbitrary."""
     parts = {
         name: np.stack([np.asarray(getattr(body, name)) for body in states.bodies.values()], axis=1)
         for name in ("position", "velocity", "spin", "orientation")
@@ -167,8 +166,7 @@ def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]
 
 
 def ranges(parts: dict[str, Float[np.ndarray, "N bodies components"]]) -> dict[str, float]:
-    """Return the largest range of any component of each array from `columns`, but at least `STILL`,
-    and 1 for orientations."""
+    """Return the largest range of each array, at least `STILL`; 1 for orientations."""
     sizes = {name: np.max(np.ptp(part, axis=0), initial=STILL) for name, part in parts.items()}
     return {**sizes, "orientation": 1.0}
 
@@ -250,8 +248,7 @@ def settle(
 
     **Raises:** `ValueError` unless either `period` alone, or `section` with `span`, is given; for a
     section that is crossed 160 times or more in ten spans; and for other invalid arguments, such as
-    an initial state that violates the constraints. `RunInterrupted`, a `KeyboardInterrupt` with the
-    motion so far, after Ctrl-C.
+    an initial state that violates the constraints. `RunInterrupted` after Ctrl-C.
 
     ```python
     import math
@@ -277,8 +274,13 @@ def settle(
     shown = {"desc": "settle", "bar_format": text, "leave": False, "disable": not progress}
     with ProgressBar(total=periods, **shown) as bar:
         while kind is None:
+            # `PHASES` states in each of the `BLOCK` periods, the last one at the end.
+            times = time + length * np.arange(1, PHASES * BLOCK + 1) / PHASES
+            # A run may have more than `BLOCK` crossings, because the span is a rough guess.
+            outputs = {} if section is None else {SECTION: replace(section, count=ROOM, after=time)}
+            options = {"outputs": outputs, "start_time": time, "throw": False, "progress": False}
             try:
-                block = _block(scene, state, settings, time, length, section)
+                block = simulate(scene, state, float(times[-1]), settings, Saving(times), **options)
             except RunInterrupted as stopped:
                 raise RunInterrupted(_joined([*blocks, stopped.solution])) from stopped
             state, time, result = block.final, float(block.time), block.result
@@ -325,24 +327,6 @@ def _kind(strobe: Strobe, multiple: int | None, is_last: bool) -> Settling | Non
         return None
     # Statistics need all periods, so they are compared only after the last block.
     return Settling.STATIONARY if strobe.statistics_settled() else Settling.UNSETTLED
-
-
-def _block(
-    scene: Scene,
-    state: State,
-    settings: Settings,
-    time: float,
-    length: float,
-    section: Section | None,
-) -> Solution:
-    # `PHASES` states in each of the `BLOCK` periods, the last one at the end.
-    times = time + length * np.arange(1, PHASES * BLOCK + 1) / PHASES
-    outputs = {}
-    if section is not None:
-        # A run may have more than `BLOCK` crossings, because the span is a rough guess.
-        outputs[SECTION] = replace(section, count=ROOM, after=time)
-    options = {"outputs": outputs, "start_time": time, "throw": False, "progress": False}
-    return simulate(scene, state, float(times[-1]), settings, Saving(times), **options)
 
 
 def _require_few_crossings(block: Solution, span: float | None) -> None:

@@ -23,16 +23,9 @@ from ..step.dense_output import require_dense
 from ..step.method import Scheme
 from ..step.settings import Settings, check_span, settings_or
 from ..step.types import Numbers
+from . import run_checks
 from .host_run import Run, begin, recorders_of
 from .outputs import RECORDED, Output, requested_by
-from .run_checks import (
-    check_numbers,
-    check_precision,
-    check_start,
-    flattened_arrays,
-    in_domain,
-    is_traced,
-)
 from .saving import EXCEPT_TIMES, Saving
 from .terminal import RunInterrupted
 
@@ -57,14 +50,12 @@ def simulate(
     """Integrate the equations of motion of a scene.
 
     The program is compiled once for each structure of the scene and each integration method. Other
-    values of a scene's numbers use the same program, unless a vector component changes to or from
-    exactly 0 or 1.
+    numbers use the same program, unless a vector component changes to or from exactly 0 or 1.
 
     The function works under `jax.vmap` and `jax.jvp`, not under `jax.grad` and `jax.vjp`. Put
     `jax.jit` around the outermost transformation, or each call compiles anew. A traced number that
     is invalid, such as a clearance that is NaN, raises no error: the run ends before its first step
-    with the result `RESULTS.domain`. A traced run does not check that the initial state satisfies
-    the constraints.
+    with the result `RESULTS.domain`. It does not check the initial state against the constraints.
 
     Derivatives by `jax.jvp` are derivatives of the computed steps, not of the exact motion. Their
     error is far above the error of the states, and falls slowly with the tolerance. Prefer
@@ -86,8 +77,7 @@ def simulate(
       transformation of JAX, only quantities.
     - `throw`: whether a run that fails raises `SimulationError`. If false, and always if JAX traces
       the run, a failed run returns a `Solution`, whose `result` is the code of the failure.
-    - `progress`: show a progress bar for runs that take longer than two seconds, and while
-      compiling.
+    - `progress`: show a progress bar for runs of more than two seconds, and while compiling.
 
     **Returns:** a `Solution`.
 
@@ -109,17 +99,14 @@ def simulate(
     settings, requested = settings_or(settings, presets.default), requested_by(outputs, save)
     requested.check_names()
     save = requested.save
-    check_precision(settings.allow_float32)
+    run_checks.check_precision(settings.allow_float32)
     # 1. Checks of the arguments.
-    flat = flattened_arrays(scene, state)
+    flat = run_checks.flattened_arrays(scene, state)
     scene, state = flat.arguments
-    traced = flat.traced or is_traced((end_time, start_time, settings.numbers))
-    redundant: tuple[str, ...] = ()
-    times: Numbers | None = None
-    admissible = None
+    traced = flat.traced or run_checks.is_traced((end_time, start_time, settings.numbers))
 
     def check_all_numbers() -> None:
-        check_numbers(scene, state)
+        run_checks.check_numbers(scene, state)
         check_span(start_time, end_time)
         settings.check_numbers()
         save.times_between(scene, start_time, end_time)
@@ -128,11 +115,13 @@ def simulate(
         # Values are unknown while JAX traces: their checks become a condition of the program.
         save.require_none(EXCEPT_TIMES, UNDER_JAX, LEAVE_OUT)
         requested.refuse(RECORDED, f"a quantity {UNDER_JAX}", LEAVE_OUT)
-        times, admissible = save.at(scene), in_domain(check_all_numbers)
+        times, admissible = save.at(scene), run_checks.in_domain(check_all_numbers)
+        redundant = ()
     else:
+        admissible = None
         check_span(start_time, end_time)
         times = save.times_between(scene, start_time, end_time)
-        redundant = check_start(scene, state, start_time, settings.coordinates, flat)
+        redundant = run_checks.check_start(scene, state, start_time, settings.coordinates, flat)
     requested.check(scene, settings.ledger)
     # 2. The run before its first step. Vector components that are exactly 0 or 1 are constants of
     # the compiled program.
@@ -155,31 +144,25 @@ def simulate(
     with one_call():
         step, records, status = begin_compiled.in_parts(*beginning)
         # 3. The steps, in one piece if JAX traces the run, otherwise in segments.
-        run = Run(folded_scene, scheme, requested, recorders, end, redundant)
-        if traced:
-            save_at = None if times is None else on_device(times)
-            return run.in_one_piece(
-                step.tree, records.tree, admissible, save_at, settings.max_steps
-            )
-        notes = setting_notes(vars(settings))
-        solution, interrupted, left_bearing = run.on_host(
-            step, records.tree, status.tree, times, settings.max_steps, progress, notes
+        save_at = on_device(times) if traced and times is not None else times
+        run = Run(
+            folded_scene, scheme, requested, recorders, end, save_at, settings.max_steps, redundant
         )
+        if traced:
+            return run.in_one_piece(step.tree, records.tree, admissible)
+        rest = records.tree, status.tree, progress, setting_notes(vars(settings))
+        solution, interrupted, left_bearing = run.on_host(step, *rest)
     _warn(scene, solution, left_bearing)
     if interrupted:
         raise RunInterrupted(solution)
     if throw:
-        raise_failure(solution, causes=_causes(scene, solution))
+        is_short = result_number(solution.result) in map(result_number, SHORT_STEPS)
+        final = solution.final, solution.time
+        raise_failure(solution, causes=overdamped_contacts(scene, *final) if is_short else [])
     return solution
 
 
 begin_compiled = Native(begin)
-
-
-def _causes(scene: Scene, solution: Solution) -> list[str]:
-    if result_number(solution.result) not in map(result_number, SHORT_STEPS):
-        return []
-    return overdamped_contacts(scene, solution.final, solution.time)
 
 
 def _warn(scene: Scene, solution: Solution, left_bearing: bool) -> None:

@@ -21,8 +21,7 @@ from ..._compilation import seconds_of_compiling
 from ..results.solution import Solution
 
 TICK = 1.0
-"""Time, s, between two updates of the text; also the time of compiling, s, after which the text
-mentions it."""
+"""Time, s, between two updates of the text, and after which the text mentions compiling."""
 LINE_PERIOD = 30.0
 """Time, s, between two lines where the error stream is neither a terminal nor a notebook."""
 WATCH = "clearjoint: compiling"
@@ -33,8 +32,7 @@ class _Watch:
     """Updates the texts of progress bars, by a thread that runs while there are bars.
 
     - `usual`: the bars, each with its text for the time in which nothing is being compiled.
-    - `lock`: held while `usual` or `thread` changes, and while the thread writes texts, so that no
-      bar is closed in the meantime.
+    - `lock`: held while `usual` or `thread` changes, or texts are written: no bar is then closed.
     """
 
     def __init__(self) -> None:
@@ -77,9 +75,8 @@ _watch = _Watch()
 
 
 class ProgressBar(tqdm):
-    """A bar of tqdm in terminals and notebooks, and a line every `LINE_PERIOD` seconds elsewhere. A
-    caller may set `seconds_left`, the estimated time left, s; the field ``{left}`` in a
-    `bar_format` shows it."""
+    """A bar of tqdm in terminals and notebooks, and a line every `LINE_PERIOD` seconds elsewhere.
+    The field ``{left}`` in a `bar_format` shows `seconds_left`, s, which a caller may set."""
 
     # The default lock of tqdm is a semaphore of the system, which a killed process leaves behind.
     _lock = threading.RLock()
@@ -93,8 +90,7 @@ class ProgressBar(tqdm):
     @property
     @override
     def format_dict(self) -> dict[str, object]:
-        """Values of the fields in `bar_format`: tqdm's, and `left`, the time left, such as "02:15",
-        or "?" if it is unknown."""
+        """Values of the fields in `bar_format`: tqdm's, and `left`, such as "02:15" or "?"."""
         fields = super().format_dict
         left = self.seconds_left
         return {**fields, "left": "?" if left is None else self.format_interval(left)}
@@ -122,8 +118,7 @@ def is_live(stream: TextIO) -> bool:
 
 @contextmanager
 def telling_of_compiling(bar: tqdm) -> Iterator[tqdm]:
-    """Show a bar while the block runs, with a text such as "compiling, 12 s" while a program is
-    being compiled."""
+    """Show a bar while the block runs, with the text "compiling, 12 s" while JAX compiles."""
     with bar:
         if bar.disable:
             yield bar

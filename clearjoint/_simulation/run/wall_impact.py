@@ -1,5 +1,4 @@
-"""Impact of a free mass on a wall, which shows the restitution and the peak force of a
-contact law."""
+"""Impact of a free mass on a wall: the restitution and the peak force of a contact law."""
 
 from dataclasses import dataclass
 from functools import partial

@@ -14,30 +14,21 @@ from ..._fields.types import Single
 from ..._math.stacked import stacked, unstacked
 from ..._math.vectors import Condition, Scalar
 from ..._result_codes import RESULTS
+from . import step_length
 from .discontinuities import has_undeclared_jump, may_have_undeclared_jump
-from .landing import Landing
 from .rotation_limit import LARGEST, TARGET, rotation_in
 from .settings import DEFAULT_RTOL
-from .step_length import (
-    length_after_breakpoints,
-    lengths_after_contacts,
-    magnitudes,
-    tangent_sizes,
-    with_relative_bristles,
-)
 from .step_state import ControllerState, Method, Proposal, Rejection, Step, choose
 from .trial_step import Trial, error_order, may_jump, slopes_may_jump
 
 Flag: TypeAlias = Bool[Any, ""]
 """A truth value, (), annotated as in diffrax."""
-
 DRIVER_TOLERANCE = 3.0
 """Tolerance of `drivers_are_smooth`, as a multiple of the relative tolerance of the step-size
 controller. It leaves room for the error of the quadrature there."""
 SHORTER = 0.2
-"""Length of the next trial, relative to the last one, after a trial that is rejected because a
-driver is not smooth. It is also the smallest factor by which diffrax's PID controller shortens a
-step."""
+"""Length of the trial after one that is rejected because a driver is not smooth, relative to it.
+diffrax's PID controller shortens a step by no smaller factor."""
 
 
 class _Decision(NamedTuple):
@@ -73,18 +64,19 @@ class _Decision(NamedTuple):
 
 
 def decide_step(
-    method: Method, system: System, step: Step, trial: Trial, t_end: Scalar
+    method: Method, system: System, trial: Trial, t_end: Scalar
 ) -> tuple[Condition, Proposal, RESULTS, dict[str, Condition]]:
     """Decide whether a trial step is accepted, and return also the step to try next, the result
     code, and by reason whether the trial is rejected for it. The step-size controller decides
     first. A trial that the controller accepts is still rejected if a driver is not smooth over the
     step, if bodies rotate too far in it, or if it passes a contact event at which it must end. It
     is then repeated with a shorter step, or up to the event."""
-    t1, last, after = trial.t1, step.proposal, trial.gaps
-    decision = _controller_decision(method, system, step, trial)
-    decision = _with_smooth_drivers(decision, method, system, step, trial)
+    step, t1, after = trial.step, trial.t1, trial.gaps
+    last = step.proposal
+    decision = _controller_decision(method, system, trial)
+    decision = _with_smooth_drivers(decision, method, system, trial)
     if method.rotating:
-        decision = _with_limited_rotation(decision, method, system, step, trial)
+        decision = _with_limited_rotation(decision, method, system, trial)
     # Length of the next step. The controller's proposal assumes that the next step has the same
     # time map as this one. The map corrects the proposal, because the next step may have another.
     # The next step begins where this one ends, or where it began if it is rejected. `full_length`
@@ -95,18 +87,25 @@ def decide_step(
     # Without contacts only breakpoints and rotations can have cut the step short.
     begins_contact, entry_length = last.begins_contact, last.entry_length
     if method.landing is not None and after:
-        decision, full_length, begins_contact, entry_length = _landed(
-            decision, method.landing, step, trial, full_length
+        # A trial that passes a contact event is repeated up to it: its set of closed contacts was
+        # wrong.
+        passes, landing_time = method.landing.retry(step.contact_gaps, after, step.t, t1)
+        lands = decision.keep & passes
+        decision = decision.repeated(Rejection.CONTACT, lands, landing_time, last)
+        full_length, begins_contact, entry_length = step_length.lengths_after_contacts(
+            step, after, t1, decision.keep, lands, full_length
         )
+        following = jnp.where(decision.keep, t1, step.t) + full_length
+        decision = decision._replace(t_next=jnp.where(lands, landing_time, following))
     elif has_breakpoints(system.scene) or method.rotating:
-        full_length = length_after_breakpoints(step, t1, decision.keep, full_length)
+        full_length = step_length.length_after_breakpoints(step, t1, decision.keep, full_length)
         start = jnp.where(decision.keep, t1, step.t)
         decision = decision._replace(t_next=start + full_length)
     keep = decision.keep
     result = _result(system, step, trial, decision, t_end)
     if trial.tangents is not None and may_have_undeclared_jump(system.scene):
         # Across an undeclared jump the states stay correct, but the derivatives do not.
-        jumps = keep & has_undeclared_jump(method, system, step, trial)
+        jumps = keep & has_undeclared_jump(method, system, trial)
         result = RESULTS.where(jumps, RESULTS.force_jumped, result)
     # Time since the latest onset, which runs with tangents need for the next step's time map.
     since = last.time_since_onset
@@ -119,18 +118,18 @@ def decide_step(
         begins_contact=begins_contact,
         time_since_onset=since,
         entry_length=entry_length,
-        made_jump=_made_jump(decision, method, system, step, trial),
+        made_jump=_made_jump(decision, method, system, trial),
         controller_state=decision.controller_state,
     )
     return keep, proposal, result, decision.rejected
 
 
 def _with_smooth_drivers(
-    decision: _Decision, method: Method, system: System, step: Step, trial: Trial
+    decision: _Decision, method: Method, system: System, trial: Trial
 ) -> _Decision:
-    """Repeat a trial over which a driver is not smooth (see `drivers_are_smooth`). If no breakpoint
-    declares a kink or jump, the steps towards it become shorter and shorter, until `_result` stops
-    the run."""
+    """Repeat a trial over which a driver is not smooth (see `drivers_are_smooth`). Towards an
+    undeclared kink or jump, steps become ever shorter, until `_result` stops the run."""
+    step = trial.step
     rtol = DRIVER_TOLERANCE * _relative_tolerance(method.controller)
     smooth = drivers_are_smooth(system, trial.outcome.y.motion, step.t, trial.t1, rtol)
     if smooth is None:
@@ -141,37 +140,20 @@ def _with_smooth_drivers(
 
 
 def _with_limited_rotation(
-    decision: _Decision, method: Method, system: System, step: Step, trial: Trial
+    decision: _Decision, method: Method, system: System, trial: Trial
 ) -> _Decision:
     """Repeat a trial in which bodies rotate too far. The rates at the start, which have limited the
     length of the trial, may have grown in it."""
-    rotation = rotation_in(method, system, step, trial)
+    step, rotation = trial.step, rotation_in(method, system, trial)
     repeats = decision.keep & (rotation > LARGEST)
     shorter = step.t + jnp.clip(TARGET / rotation, SHORTER, 1.0) * (trial.t1 - step.t)
     shorter = jax.lax.stop_gradient(shorter)
     return decision.repeated(Rejection.ROTATION, repeats, shorter, step.proposal)
 
 
-def _landed(
-    decision: _Decision, landing: Landing, step: Step, trial: Trial, full_length: Scalar
-) -> tuple[_Decision, Scalar, Condition, Scalar]:
-    """Return the decision to repeat a trial up to the contact event that it passes, if any, because
-    its set of closed contacts was wrong, and the results of `lengths_after_contacts`."""
-    t1, after = trial.t1, trial.gaps
-    passes, landing_time = landing.retry(step.contact_gaps, after, step.t, t1)
-    lands = decision.keep & passes
-    decision = decision.repeated(Rejection.CONTACT, lands, landing_time, step.proposal)
-    lengths = lengths_after_contacts(step, after, t1, decision.keep, lands, full_length)
-    following = jnp.where(decision.keep, t1, step.t) + lengths[0]
-    return decision._replace(t_next=jnp.where(lands, landing_time, following)), *lengths
-
-
-def _made_jump(
-    decision: _Decision, method: Method, system: System, step: Step, trial: Trial
-) -> Condition:
-    """Return whether the next step must compute the rates at its start anew, or can reuse those at
-    the end of this one."""
-    jumps = may_jump(method, system.scene)
+def _made_jump(decision: _Decision, method: Method, system: System, trial: Trial) -> Condition:
+    """Return whether the next step must compute the rates at its start anew."""
+    step, jumps = trial.step, may_jump(method, system.scene)
     if slopes_may_jump(method, system.scene):
         # Rates are continuous here. But where a contact begins or ends, their derivatives jump, so
         # that the tangents of the rates cannot be reused.
@@ -187,43 +169,37 @@ def _relative_tolerance(controller: diffrax.AbstractStepSizeController) -> Scala
     return getattr(controller, "rtol", DEFAULT_RTOL)
 
 
-def _controller_decision(method: Method, system: System, step: Step, trial: Trial) -> _Decision:
+def _controller_decision(method: Method, system: System, trial: Trial) -> _Decision:
     """Return the decision of diffrax's step-size controller about a trial step from `step`. The
     controller gets the errors of variables and tangents together. Since it has one tolerance for
     both, errors of tangents are first divided by `method.derivative_tolerance`."""
 
     def scaled(y: PyTree) -> PyTree:
-        return with_relative_bristles(unstacked(y), system.scene) if has_bristles else y
+        return step_length.with_relative_bristles(unstacked(y), system.scene) if has_bristles else y
 
-    has_bristles = bool(system.scene.bristle_laws())
+    step, has_bristles = trial.step, bool(system.scene.bristle_laws())
 
     # Deflections of bristles are micrometres: they and their errors are divided by the deflection
     # at full friction, so that the same tolerance suits them.
-    before, after = (magnitudes(scaled(y)) for y in (step.y, trial.outcome.y))
+    before, after = (step_length.magnitudes(scaled(y)) for y in (step.y, trial.outcome.y))
     error = scaled(trial.outcome.error)
     if trial.tangents is not None:
         assert step.tangents is not None and method.derivative_tolerance is not None
         tolerance = method.derivative_tolerance
-        along_before, along_after = (
-            magnitudes(scaled(t)) for t in (step.tangents.y, trial.tangents.y)
-        )
-        before = stacked(before), stacked(tangent_sizes(system, before, along_before))
-        after = stacked(after), stacked(tangent_sizes(system, after, along_after))
+        tangents = step.tangents.y, trial.tangents.y
+        along_before, along_after = (step_length.magnitudes(scaled(y)) for y in tangents)
+        before = stacked(before), stacked(step_length.tangent_sizes(system, before, along_before))
+        after = stacked(after), stacked(step_length.tangent_sizes(system, after, along_after))
         along = jax.tree.map(lambda e: e / tolerance, scaled(trial.tangents.error))
         error = stacked(error), stacked(along)
     else:
         before, after, error = map(stacked, (before, after, error))
     # `wrap(1)` tells diffrax's controller that time runs forward. Its second result, the start of
     # the next step, is not used: each step begins where the last accepted one has ended.
-    keep, _, t_next, made_jump, state, result = method.controller.wrap(1).adapt_step_size(
-        step.t,
-        trial.t1,
-        before,
-        after,
-        (system, step.entry_speeds),
-        error,
-        error_order(method),
-        step.proposal.controller_state,
+    controller, last_state = method.controller.wrap(1), step.proposal.controller_state
+    args, order = (system, step.entry_speeds), error_order(method)
+    keep, _, t_next, made_jump, state, result = controller.adapt_step_size(
+        step.t, trial.t1, before, after, args, error, order, last_state
     )
     too_long = jnp.logical_not(keep)  # of a controller with fixed steps, `keep` is a Python number
     reasons: dict[str, Condition] = {
@@ -247,9 +223,8 @@ def _result(
     # spacing is zero; there the time that remains sets the scale.
     resolution = 2.0 * eps * jnp.maximum(jnp.abs(now), eps * (t_end - now))
     stuck = (t_next - now <= resolution) & (now < t_end)
-    gave_up = (keep & (trial.solver_result != diffrax.RESULTS.successful)) | (
-        decision.controller_result != diffrax.RESULTS.successful
-    )
+    success = diffrax.RESULTS.successful
+    gave_up = (keep & (trial.solver_result != success)) | (decision.controller_result != success)
     result = RESULTS.where(stuck, RESULTS.step_too_small, step.result)
     if trial.gaps:
         deep = keep & too_deep(system.scene, trial.gaps)

@@ -1,5 +1,4 @@
-"""Corrections of a step that ends at a breakpoint: of velocities that jump, and of derivatives with
-respect to parameters.
+"""Corrections, at the end of a step at a breakpoint, of velocities that jump and of derivatives.
 
 As in `.saltation`, the change of the rates at the breakpoint, times the time since the breakpoint,
 is added to the variables. This time is zero except for rounding, but it has derivatives with
@@ -14,17 +13,10 @@ from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import PyTree
 from typing_extensions import override
 
-from ..._dynamics.breakpoints import (
-    SampledInstants,
-    one_sided_time,
-    sampled_instants,
-    since_breakpoints,
-)
+from ..._dynamics import breakpoints
 from ..._dynamics.contact_forces import EntrySpeeds
-from ..._dynamics.coordinates import MotionVariables
 from ..._dynamics.kinds import Kinds
 from ..._dynamics.sampled_forces import HeldForce, sampled_forces, updated_memory, with_forces
 from ..._dynamics.system import System
@@ -40,9 +32,8 @@ T = TypeVar("T")
 
 class SwitchedForce(AbstractForce):
     """A force whose wrenches and power are interpolated linearly between their values at two times,
-    `before` and `after`, s of the scene, by `share`, 0 to 1. With times just before and just after
-    a breakpoint, the derivative of the rates with respect to `share` is the change of the rates at
-    the breakpoint."""
+    `before` and `after`, s of the scene, by `share`, 0 to 1. With times just before and after a
+    breakpoint, the derivative of the rates by `share` is their change at the breakpoint."""
 
     force: AbstractForce
     before: Scalar
@@ -65,9 +56,8 @@ class SwitchedForce(AbstractForce):
     @override
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
         del t
-        return self._between(
-            *(self.force.supplied_power(motions, at) for at in (self.before, self.after))
-        )
+        old, new = (self.force.supplied_power(motions, at) for at in (self.before, self.after))
+        return self._between(old, new)
 
     def _between(self, old: T, new: T) -> T:
         return jax.tree.map(lambda a, b: a + self.share * (b - a), old, new)
@@ -89,13 +79,13 @@ def across_breakpoints(
     at its start, m/s; `differentiated`: whether the caller differentiates the result.
     """
     scene = system.scene
-    since = since_breakpoints(system, start, t)
+    since = breakpoints.since_breakpoints(system, start, t)
     # By name of the element: whether the step ends at one of its breakpoints, and the time since.
     joints = {name: since[name] for name in scene.joints if name in since}
     forces = {name: since[name] for name in scene.forces if name in since}
     # Times just before and just after the breakpoint, at which elements are evaluated.
-    before, after = one_sided_time(system, start, t), one_sided_time(system, t, t)
-    sampled = sampled_instants(system, start, t)
+    before, after = (breakpoints.one_sided_time(system, side, t) for side in (start, t))
+    sampled = breakpoints.sampled_instants(system, start, t)
 
     def rates(shares: Mapping[str, Scalar], y: Variables, time: Scalar) -> Variables:
         return rates_of(_with_shares(system, before, after, shares), y, entry_speeds, time)
@@ -162,7 +152,7 @@ def _zero(*arguments: object) -> Scalar:
 
 def _past_samples(
     system: System,
-    sampled: SampledInstants,
+    sampled: breakpoints.SampledInstants,
     y: Variables,
     entry_speeds: EntrySpeeds,
     before: Scalar,
@@ -171,18 +161,17 @@ def _past_samples(
     differentiated: bool,
 ) -> Variables:
     """Return the variables with the memories that sampled forces have after their instants at the
-    time t, s. If an instant depends on parameters, so do the motion that is sampled there and the
-    time for which the changed forces have acted at t; both have only derivatives."""
+    time t, s. If an instant depends on parameters, the motion sampled there, and the time for which
+    the changed forces have acted at t, have derivatives, which are added if `differentiated`."""
     fixed, still, speeds = constant((system, y, entry_speeds))
-
-    def motions_at(motion: MotionVariables) -> PyTree[Scalar]:
-        return jax.tree.map(partial(jnp.asarray, dtype=float), fixed.motions(motion))
 
     forces, motions = sampled_forces(system.scene), system.motions(y.motion)
     kinds = Kinds(system.scene)
     if differentiated:
         rates = rates_of(fixed, still, speeds, before).motion
-        motion_rates = jax.jvp(motions_at, (still.motion,), (rates,))[1]
+        # `jax.jvp` demands floats, but components may be Python numbers.
+        as_floats = partial(jax.tree.map, partial(jnp.asarray, dtype=float))
+        motion_rates = jax.jvp(lambda y: as_floats(fixed.motions(y)), (still.motion,), (rates,))[1]
     now, changes = y.memory, []
     for name, instants in sampled.items():
         for key, (lands, at) in instants.items():

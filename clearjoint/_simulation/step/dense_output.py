@@ -4,6 +4,7 @@ stabilisation projects the ends of steps. Functions that take a `Method` need th
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import TypeAlias
 
 import diffrax
 import equinox as eqx
@@ -23,12 +24,14 @@ from .solvers import DenseOutput, UnrolledExplicit
 from .step_state import Attempt, Method, Step, Variables, choose
 from .time_map import AbstractTimeMap
 
+Quantities: TypeAlias = Mapping[str, Quantity]
+
 
 def look_inside(method: Method, system: System, attempt: Attempt, t: Scalar) -> "Snapshot":
     """Return the snapshot at a time t, s, of the accepted step of an `attempt`, corrected by the
     stabilisation. Before the end of the step, entry speeds are those of `entry_speeds_inside`. At
-    the end, the stored variables and entry speeds are taken, which contain the corrections for
-    events there."""
+    the end, variables and entry speeds are the stored ones, with the corrections for events
+    there."""
     step, end = attempt.step, attempt.step.t
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **attempt.information)
     is_end = at_end(system, end, t)
@@ -39,9 +42,9 @@ def look_inside(method: Method, system: System, attempt: Attempt, t: Scalar) -> 
 
 
 def at_end(system: System, end: Scalar, t: Scalar) -> Condition:
-    """Return whether a time t, s, is the `end` of the step in which it lies. Where memories of
-    sampled forces may jump, it may be earlier by a rounding error, so that sample times at the
-    instants of the jumps surely get the values after them."""
+    """Return whether a time t, s, is the `end` of the step in which it lies. With sampled forces, t
+    may be earlier by a rounding error: the values at an instant of a force are surely those after
+    the jump of its memory."""
     return coincide(system, end, t) if sampled_forces(system.scene) else t >= end
 
 
@@ -92,8 +95,7 @@ def require_dense(solver: diffrax.AbstractSolver) -> None:
 
 
 class Snapshot(eqx.Module):
-    """The state of a run at one time: the time t, s, the variables `y`, and the entry speeds of
-    contacts, m/s."""
+    """The state of a run at the time t, s: variables `y`, and entry speeds of contacts, m/s."""
 
     t: Scalar
     y: Variables
@@ -105,8 +107,7 @@ class Snapshot(eqx.Module):
 
     def instant(self, system: System, inside: Callable[[Scalar], Instant] | None = None) -> Instant:
         """Return the snapshot as an `Instant`. `inside`: a function that returns the instant after
-        a part, 0 to 1, of the time of the step that ends here; ``None`` if quantities need no
-        instants inside steps."""
+        a part, 0 to 1, of the time of the step that ends here, if quantities need it."""
         y = self.y
         parts = y.motion, self.entry_speeds, y.work, y.bristles, y.memory
         return Instant(system, self.t, *parts, inside)
@@ -115,11 +116,11 @@ class Snapshot(eqx.Module):
         y = self.y
         return State(system.decode(y.motion), self.entry_speeds, y.work, y.bristles, y.memory)
 
-    def values(self, system: System, quantities: Mapping[str, Quantity]) -> dict[str, Scalar]:
+    def values(self, system: System, quantities: Quantities) -> dict[str, Scalar]:
         now = self.instant(system)
         return {name: jnp.asarray(of(now), dtype=float) for name, of in quantities.items()}
 
-    def columns(self, system: System, channels: Mapping[str, Quantity]) -> dict[str, Scalar]:
+    def columns(self, system: System, channels: Quantities) -> dict[str, Scalar]:
         """Return a row of a table of recorded states, by name of the column: the scene's time in s
         as "time", and the value of each quantity in `channels`, in its unit."""
         return {"time": self.instant(system).time, **self.values(system, channels)}

@@ -36,7 +36,7 @@ from ..._native.functions import FlatArguments
 from ..._native.lowering import inner_jaxprs
 from ..._native.machine_code import RecentPrograms
 from .saltation import any_changes
-from .step_state import Method, Step
+from .step_state import Method
 from .trial_step import Trial, term_of
 
 JUMPING = frozenset(["ceil", "floor", "rem", "round", "sign"])
@@ -195,10 +195,10 @@ def may_have_undeclared_jump(scene: Scene) -> bool:
     )
 
 
-def has_undeclared_jump(method: Method, system: System, step: Step, trial: Trial) -> Condition:
-    """Return whether any rate of the motion jumps within a trial step from `step`. The check is
-    skipped if the step ends at the onset or the end of a contact whose force, or its slope, may
-    jump there."""
+def has_undeclared_jump(method: Method, system: System, trial: Trial) -> Condition:
+    """Return whether any rate of the motion jumps within a trial step; ``False`` if the step ends
+    at the onset or end of a contact where a force, or its slope, may jump."""
+    step = trial.step
     term, fixed = term_of(method, step), (system, step.entry_speeds)
 
     def rates(t: Scalar, motion: object) -> object:

@@ -2,7 +2,7 @@
 (coordinates, stabilisation of the constraints, and energy ledger)."""
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import TypeAlias, TypeVar
 
 import diffrax
 import equinox as eqx
@@ -35,12 +35,8 @@ class Scheme(eqx.Module):
         """Return the scheme for the settings of a run, with its nonzero numbers as JAX arrays;
         `redundant` is used if `settings.redundant` is ``None``."""
         redundant = redundant if settings.redundant is None else settings.redundant
-        formulation = Formulation(
-            coordinates=settings.coordinates,
-            stabilisation=settings.stabilisation,
-            redundant=redundant,
-            ledger=settings.ledger,
-        )
+        coordinates, stabilisation = settings.coordinates, settings.stabilisation
+        formulation = Formulation(coordinates, stabilisation, redundant, settings.ledger)
         rtol, atol, tolerance = settings.rtol, settings.atol, settings.landing_tolerance
         # Impacts amplify errors of variables that are nearly zero, such as the misalignment of a
         # journal. The relative tolerance must hold for these too, so `atol` is far below `rtol`.
@@ -78,14 +74,14 @@ def _on_host(settings: dict[str, PyTree], redundant: bool) -> Scheme:
 
 Value = TypeVar("Value")
 Auxiliary = TypeVar("Auxiliary")
+Trees: TypeAlias = tuple[PyTree, ...]
 
 
 class SystemFamily(eqx.Module):
     """A scene's equations of motion (`System`) and initial state as functions of the coordinates of
     p parameters, such as the logarithm of a parameter on a logarithmic scale.
 
-    - `origin`: the scene's time, s, at which that of the systems is zero; ``None`` if both are
-      equal.
+    - `origin`: the scene's time, s, at which that of the systems is zero; ``None`` if equal.
     - `is_transposed`: whether JAX will transpose the derivatives.
     """
 
@@ -99,10 +95,7 @@ class SystemFamily(eqx.Module):
         return System.prepared(scene, self.formulation, self.origin)
 
     def with_derivatives(
-        self,
-        function: Callable[..., Value],
-        primals: tuple[PyTree, ...],
-        tangents: tuple[PyTree, ...],
+        self, function: Callable[..., Value], primals: Trees, tangents: Trees
     ) -> tuple[Value, Value]:
         """Return the value of a function and its derivatives, as `with_auxiliary` does for a
         function that also has an auxiliary result."""
@@ -112,10 +105,7 @@ class SystemFamily(eqx.Module):
         return value, derivatives
 
     def with_auxiliary(
-        self,
-        function: Callable[..., tuple[Value, Auxiliary]],
-        primals: tuple[PyTree, ...],
-        tangents: tuple[PyTree, ...],
+        self, function: Callable[..., tuple[Value, Auxiliary]], primals: Trees, tangents: Trees
     ) -> tuple[Value, Auxiliary, Value]:
         """Evaluate a function of the system and of `primals`, and differentiate it with respect to
         the parameters, through the system and through `primals`, whose derivatives are `tangents`.

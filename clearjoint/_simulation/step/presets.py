@@ -49,8 +49,7 @@ leaves no visible error in the derivatives of entry speeds.
 """
 identification = replace(derivatives, derivative_tolerance=1e3)
 """Settings that `identify`, `identify_many` and `posterior` use if none are given. Derivatives have
-three correct digits, enough for fits. The motion is as accurate as with `derivatives`, and runs
-take a fifth fewer steps.
+three correct digits, enough for fits; motions are those of `derivatives`, in a fifth fewer steps.
 
 >>> cj.presets.identification.derivative_tolerance
 1000.0

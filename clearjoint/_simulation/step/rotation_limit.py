@@ -18,7 +18,7 @@ from ..._dynamics.coordinates import MotionVariables
 from ..._dynamics.system import System
 from ..._math.vectors import Scalar, larger
 from .solvers import UnrolledExplicit
-from .step_state import Method, Step
+from .step_state import Method
 from .trial_step import Trial
 
 LARGEST = 0.75
@@ -61,22 +61,17 @@ def fastest_rotation(method: Method, system: System, motion: MotionVariables) ->
     return jax.lax.stop_gradient(reduce(larger, [rates[b] for b in sorted(method.rotating)]))
 
 
-def longest_step(method: Method, system: System, step: Step) -> Scalar:
-    """Return the length, s, of a step from `step` in which the fastest rotation is `TARGET` if it
-    is uniform; infinite without rotation."""
-    return TARGET / fastest_rotation(method, system, step.y.motion)
-
-
-def rotation_in(method: Method, system: System, step: Step, trial: Trial) -> Scalar:
+def rotation_in(method: Method, system: System, trial: Trial) -> Scalar:
     """Return an estimate, rad, of the largest rotation in a trial step that begins at `step`: its
     length times the fastest rotation rate.
 
     Rates are computed at both ends of the step and, if the solver has dense output, also in its
     middle, since a motion may be at rest at both ends.
     """
-    motions = [step.y.motion, trial.outcome.y.motion]
+    start, outcome = trial.step, trial.outcome
+    motions = [start.y.motion, outcome.y.motion]
     if isinstance(method.solver, UnrolledExplicit):
-        dense = method.solver.interpolation_cls(t0=step.t, t1=trial.t1, **trial.outcome.information)
+        dense = method.solver.interpolation_cls(t0=start.t, t1=trial.t1, **outcome.information)
         motions.append(dense.at(0.5).motion)
     rates = [fastest_rotation(method, system, motion) for motion in motions]
-    return (trial.t1 - step.t) * reduce(larger, rates)
+    return (trial.t1 - start.t) * reduce(larger, rates)

@@ -35,13 +35,12 @@ T = TypeVar("T")
 
 
 def contacts_jump(scene: Scene) -> bool:
-    """Return whether a contact force may jump where the contact begins or ends."""
+    """Return whether a contact force may jump where its contact begins or ends."""
     return any(law.force_jumps for family in scene.laws().values() for law in family.values())
 
 
 def slopes_jump(scene: Scene) -> bool:
-    """Return whether the slope of a contact force over the penetration may jump where the contact
-    begins or ends."""
+    """Return whether a contact force's slope over the penetration may jump at a contact event."""
     return any(law.slope_jumps() for family in scene.laws().values() for law in family.values())
 
 
@@ -107,9 +106,7 @@ def across_contacts(
 def constant(tree: T) -> T:
     """Return a PyTree whose numbers have no derivatives."""
     # JAX would make arrays of the numbers that are folded into formulas.
-    return jax.tree.map(
-        lambda leaf: jax.lax.stop_gradient(leaf) if isinstance(leaf, jax.Array) else leaf, tree
-    )
+    return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if isinstance(x, jax.Array) else x, tree)
 
 
 def _jumping_contacts(scene: Scene) -> dict[str, list[str]]:
@@ -215,8 +212,7 @@ def _mean_force(
 
 
 def _multiplied(force: LoadedContact, factor: Scalar) -> LoadedContact:
-    """Return the contact with its forces and its friction moment multiplied by `factor`, and
-    without bristle rates."""
+    """Return the contact with its forces and moment times `factor`, without bristle rates."""
     forces = force.normal_force, force.elastic_force, force.friction, force.friction_moment
     # Friction and its moment may be ``None``, which has no leaves.
     normal, elastic, friction, moment = jax.tree.map(lambda number: number * factor, forces)

@@ -25,8 +25,7 @@ from .solvers import require_ordinary
 from .types import Numbers
 
 DEFAULT_RTOL = 1e-6
-"""Default relative tolerance, also for drivers in runs with fixed steps, whose controller has
-none."""
+"""Default relative tolerance, also for drivers in runs whose controller has none."""
 FIRST_SHARE = 1e-6
 """Default length of the first step, relative to the duration of the run: short enough for stiff
 contacts. The controller lengthens each of the next steps up to tenfold."""
@@ -47,8 +46,7 @@ class Settings:
 
     - `solver`: a diffrax solver of ordinary differential equations. Runs with derivatives, and
       sweeps that save states, sections or statistics, need an explicit Runge-Kutta method. Implicit
-      solvers iterate their stages to `rtol` and `atol`, and need a looser `atol`, such as
-      `rtol`/1000.
+      solvers iterate stages to `rtol` and `atol`: take an `atol` such as `rtol`/1000.
     - `controller`: a diffrax step-size controller. The default, ``None``, is a
       `diffrax.PIDController` with `rtol` and `atol`; another controller has its own tolerances.
     - `rtol`, `atol`: relative and absolute tolerance of the error of each variable in one step.
@@ -80,8 +78,7 @@ class Settings:
       `Unstabilised()`.
     - `ledger`: whether to integrate the dissipated and supplied energies, J, with the motion.
     - `redundant`: whether some constraint equations depend linearly on others. By default, runs
-      find this out from the initial state; inside a JAX transformation, they take all equations as
-      independent.
+      find this out from the initial state; under a transformation, they take all as independent.
     - `max_steps`: largest number of attempted steps of a run, accepted and rejected. The output
       `RejectedSteps` tells when and why steps are rejected.
     - `allow_float32`: whether runs may compute in single precision, JAX's default.
@@ -170,11 +167,9 @@ class Settings:
         return self.rtol, self.atol, self.first_step, self.landing_tolerance
 
     def length_of_first_step(self, start_time: Scalar, end_time: Numbers) -> Numbers:
-        """Return the length, s, of the first step of a run; the default has the shape of the end
-        times."""
-        if self.first_step is None:
-            return FIRST_SHARE * (end_time - start_time)
-        return self.first_step
+        """Return the length of the first step, s; the default has the shape of `end_time`."""
+        length = self.first_step
+        return FIRST_SHARE * (end_time - start_time) if length is None else length
 
     def looser(self, factor: float) -> "Settings":
         """Return a copy of these settings with `rtol` and `atol` multiplied by `factor`. Raise a
@@ -184,8 +179,7 @@ class Settings:
         return replace(self, rtol=factor * self.rtol, atol=atol)
 
     def require_tolerances(self, where: str) -> None:
-        """Check that no `controller` is set, or raise a `ValueError` "... must be None where
-        `where`"."""
+        """Raise a `ValueError` "... must be None where `where`" if a `controller` is set."""
         controller, remedy = self.controller, "leave it out, and give rtol and atol"
         require(controller is None, "controller", controller, f"None where {where}", remedy)
 
@@ -211,8 +205,7 @@ may take numbers below the smallest normal one as zero, and steps are much short
 
 
 def check_span(start: Scalar, end: Scalar) -> None:
-    """Check the `start` and `end` time of a run, s; of traced times only types and shapes are
-    checked.
+    """Check the `start` and `end` time of a run, s; of traced times only types and shapes.
 
     **Raises:** `ValueError` if a time is not a single finite number, or if the end is not after the
     start by at least `SHORTEST` times the smallest normal number: 2.2e-298 s in double precision.
@@ -268,8 +261,7 @@ def rising_times(times: ArrayLike, argument: str) -> Column:
 
 
 def strictly_rising_times(times: ArrayLike, argument: str) -> Column:
-    """Return `times`, (N,) s, as `rising_times`, but refuse repeated ones. JAX must not
-    trace them."""
+    """Return `times` as `rising_times`, but refuse repeated ones. JAX must not trace them."""
     row = rising_times(times, argument)
     remedy = "remove repeated times, for example with numpy.unique"
     require(bool((np.diff(row) > 0).all()), argument, times, "without repetition", remedy)

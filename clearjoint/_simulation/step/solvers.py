@@ -3,11 +3,11 @@
 diffrax loops over the stages of an explicit Runge-Kutta step, and decides inside the loop, for all
 lanes together, whether the last stage of the previous step can be reused. `UnrolledExplicit` writes
 the stages out instead. A step is then plain arithmetic: in a batch it takes a third of the time,
-and each lane has the same digits as a single run. Tableaux, error estimates and dense output are
-diffrax's.
+and each lane has the same digits as a single run. The rest is diffrax's.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache, partial, reduce
 from typing import TypeAlias, TypeVar
 
@@ -172,8 +172,7 @@ def _by_leaf(function: Callable[..., Scalar], numbers: PyTree[Scalar], *trees: Y
 
 
 def _rates_by_fraction(rates: Y, x: float, time_map: AbstractTimeMap | None) -> Y:
-    """Return the derivatives of the variables with respect to the fraction x of a step, divided by
-    the step's length, per s."""
+    """Return the derivatives by the fraction x of a step, over the step's length, per s."""
     return rates if time_map is None else _by_leaf(multiply, time_map.slope(x), rates)
 
 
@@ -190,18 +189,15 @@ def _advanced(y0: Y, h: Scalar, weights: Weights, stages: Sequence[Y]) -> Y:
 
 
 def _weighted(weights: Weights, values: Sequence[Scalar]) -> Scalar:
-    """Return the weighted sum of `values`, without operations for weights of zero. At least one
-    weight must not be zero."""
+    """Return the sum of `values` times `weights`, not all zero, without operations for zeros."""
     pairs = zip(weights, values, strict=True)
     return reduce(add, [multiply(float(w), value) for w, value in pairs if w != 0.0])
 
 
 def unrolled(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
-    """Return an explicit Runge-Kutta method with a single tableau as an `UnrolledExplicit`, and any
-    other solver unchanged."""
-    if isinstance(solver, diffrax.AbstractERK) and isinstance(
-        solver.tableau, diffrax.ButcherTableau
-    ):
+    """Return an explicit Runge-Kutta method as an `UnrolledExplicit`, another solver unchanged."""
+    single = diffrax.ButcherTableau
+    if isinstance(solver, diffrax.AbstractERK) and isinstance(solver.tableau, single):
         return UnrolledExplicit(solver)
     return solver
 
@@ -282,20 +278,13 @@ def ready_solver(
     `atol`, unless their root finder has tolerances of its own."""
     solver = unrolled(solver)
     if isinstance(solver, diffrax.AbstractRungeKutta) and solver.scan_kind is None:
-        solver = eqx.tree_at(
-            lambda s: s.scan_kind, solver, "lax", is_leaf=lambda leaf: leaf is None
-        )
+        solver = replace(solver, scan_kind="lax")
     if isinstance(solver, diffrax.AbstractImplicitSolver):
         # The tolerances and the norm of the default root finder are markers, which only
         # `diffrax.diffeqsolve` replaces by those of the controller.
         marker = diffrax.with_stepsize_controller_tols(diffrax.VeryChord)().rtol
         usual = {"rtol": rtol, "atol": atol, "norm": largest_component}
         finder = solver.root_finder
-        marked = [name for name in usual if getattr(finder, name, None) is marker]
-        if marked:
-            solver = eqx.tree_at(
-                lambda s: [getattr(s.root_finder, name) for name in marked],
-                solver,
-                [usual[name] for name in marked],
-            )
+        marked = {n: value for n, value in usual.items() if getattr(finder, n, None) is marker}
+        solver = replace(solver, root_finder=replace(finder, **marked))
     return solver

@@ -16,7 +16,7 @@ from ..._dynamics.system import System
 from ..._math.vectors import Condition, Scalar, Vector
 from ..._model.bodies import BodyState
 from ..._model.scene import Scene
-from .rotation_limit import longest_step
+from .rotation_limit import TARGET, fastest_rotation
 from .step_state import Method, Proposal, Step, Variables
 
 CUT = 0.99
@@ -25,9 +25,9 @@ disregards cuts as small as rounding errors."""
 
 
 SHARE_OF_SPEED = 0.2
-"""Share of a speed that counts as the least size of its derivative in `tangent_sizes`, relative to
-the largest derivative of a position over the largest position. With smaller shares, derivatives of
-a fall from 50 m on a stiffness of 1e13 N/m^1.5 could not be computed."""
+"""Least size of a speed's derivative in `tangent_sizes`, relative to the speed, over the same ratio
+of positions. With smaller ones, derivatives of a fall from 50 m on 1e13 N/m^1.5 could not be
+computed."""
 
 
 def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Scalar:
@@ -42,7 +42,8 @@ def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Sc
     if method.landing is not None and step.contact_gaps:
         lengths.append(method.landing.time_to_next_event(step.contact_gaps, step.second_rates))
     if method.rotating:
-        lengths.append(longest_step(method, system, step))
+        # A uniform rotation then covers the angle `TARGET`.
+        lengths.append(TARGET / fastest_rotation(method, system, step.y.motion))
     # A step cannot end at an event that is closer than a few spacings of floating-point times,
     # because it must still advance. The number 1e-300 keeps this bound positive at t = 0.
     resolution = 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(step.t), 1e-300)
@@ -54,8 +55,7 @@ def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Sc
 def lengths_after_contacts(
     step: Step, after: ContactGaps, t1: Scalar, keep: Condition, lands: Condition, proposed: Scalar
 ) -> tuple[Scalar, Condition, Scalar]:
-    """Return the fields `full_length`, `begins_contact` and `entry_length` of the next `Proposal`,
-    in a scene with contacts.
+    """Return `full_length`, `begins_contact` and `entry_length` of the next `Proposal`.
 
     **Arguments:** `after`: the contact gaps at the end of the trial, at the time `t1`, s; `keep`:
     whether it is accepted; `lands`: whether it is rejected because it passes an event, and repeated
@@ -87,19 +87,16 @@ def length_after_breakpoints(step: Step, t1: Scalar, keep: Condition, proposed: 
 
 
 def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
-    """Return the length, s, that the next step would have without events: the `proposed` one, but
-    after a step that was cut short at least the length that the cut step would have had without
-    events."""
+    """Return the length, s, of the next step without events: the `proposed` one, but after a step
+    that was cut short at least the length of that step without events."""
     return jnp.where(is_cut, jnp.maximum(proposed, last.full_length), proposed)
 
 
 def magnitudes(y: Variables) -> Variables:
     """Return the numbers to which the step-size controller relates the errors of the variables y.
 
-    - Positions and velocities of bodies: the largest absolute component of the vector, for all
-      three components.
-    - Bristle deflections, dimensionless from `with_relative_bristles`: the absolute value, but at
-      least 1.
+    - Positions and velocities of bodies: the largest absolute component, for all three.
+    - Bristle deflections, from `with_relative_bristles`: the absolute value, but at least 1.
     - All other variables: the variable itself; the controller takes absolute values.
     """
 
@@ -140,11 +137,11 @@ def tangent_sizes(system: System, sizes: Variables, along: Variables) -> Variabl
 
     change, size = (largest(positions(y.motion)) for y in (along, sizes))
     ratio = SHARE_OF_SPEED * change / jnp.where(size > 0.0, size, jnp.inf)
-    speeds = jax.tree.map(
-        lambda derivative, speed: jnp.abs(derivative) + ratio * jnp.abs(speed),
-        along.motion,
-        sizes.motion,
-    )
+
+    def size_of(derivative: Scalar, speed: Scalar) -> Scalar:
+        return jnp.abs(derivative) + ratio * jnp.abs(speed)
+
+    speeds = jax.tree.map(size_of, along.motion, sizes.motion)
     return replace(along, motion=system.with_speeds(along.motion, speeds))
 
 

@@ -25,8 +25,7 @@ from .time_map import AbstractTimeMap
 T = TypeVar("T")
 
 SolverState: TypeAlias = PyTree[Scalar]
-"""Data that a diffrax solver keeps from one step to the next; for `UnrolledExplicit`, the rates at
-the end of the step."""
+"""Data that a diffrax solver keeps; for `UnrolledExplicit`, the rates at the end of the step."""
 ControllerState: TypeAlias = PyTree[Scalar]
 """Data that a diffrax step-size controller keeps from one step to the next."""
 
@@ -34,8 +33,7 @@ ControllerState: TypeAlias = PyTree[Scalar]
 class Method(eqx.Module):
     """Integration method of a run.
 
-    - `landing`: the rule by which steps end at the onset and the end of a contact; ``None`` if
-      steps go across these events.
+    - `landing`: the rule by which steps end at contact events; ``None`` if they go across.
     - `derivative_tolerance`: factor by which the tolerances of tangents are larger than those of
       the variables; ``None`` in runs without tangents.
     - `rotating`: names of the bodies whose rotations a step limits (see `.rotation_limit`).
@@ -51,8 +49,7 @@ class Method(eqx.Module):
 class Variables(eqx.Module):
     """The integrated variables of a run. Their rates per s have the same form.
 
-    - `motion`: coordinates and velocities of the bodies, as the formulation defines them, in SI
-      units.
+    - `motion`: coordinates and velocities of the bodies, as the formulation defines them, SI.
     - `work`: integrals of the energy ledger by name, J; empty without a ledger.
     - `bristles`: deflections, m, as `bristles[joint][contact]`.
     - `memory`: memories of sampled forces, as `memory[force][name]`, whose rates are zero.
@@ -102,8 +99,7 @@ class Proposal(eqx.Module):
 class Step(eqx.Module):
     """The complete state of a run between two steps: `t` is the end of the latest accepted step, s.
 
-    - `entry_speeds`: m/s, by joint and contact. Contacts whose law uses no entry speed have no
-      entry.
+    - `entry_speeds`: m/s, by joint and contact, of those whose law uses entry speeds.
     - `second_rates`: second time derivative of each penetration at t, m/s^2, by joint and contact;
       zero if the solver keeps no rates.
     - `tangents`: derivatives of the state; ``None`` in runs without tangents.
@@ -126,8 +122,7 @@ class Rejection(enum.StrEnum):
     """Why a step was rejected and tried again with a shorter length. The value of each member is
     the text in tables.
 
-    - `ERROR`: the estimated error of the variables, or of their derivatives, exceeds the
-      tolerances.
+    - `ERROR`: the estimated error of variables or derivatives exceeds the tolerances.
     - `NOT_FINITE`: a variable or its error is NaN or infinite.
     - `DRIVER`: the angle or distance that a driver prescribes is not smooth over the step.
     - `ROTATION`: a body rotates by more than 0.75 rad; only in runs whose steps are searched for

@@ -52,13 +52,12 @@ from .step_state import (
     Variables,
     choose,
 )
-from .trial_step import Trial, error_order, term_of, time_map_of, try_step
+from .trial_step import Arguments, Trial, error_order, term_of, time_map_of, try_step
 
 Shapes = TypeVar("Shapes")
 
 MANY_OPERATIONS = 50_000
-"""Number of operations in the equations of motion above which `shapes_of` warns, because compiling
-takes half a minute or more.
+"""Number of operations in the equations of motion above which `shapes_of` warns of slow compiling.
 
 For chains of 12, 24 and 48 ideal revolute joints (2800, 11 000 and 55 000 operations), native code
 took 2, 5 and 23 s; XLA 53 and 264 s for the first two, and more than 8 GB for the last.
@@ -80,8 +79,7 @@ def start(
 
     **Arguments:**
 
-    - `term`: the equations by `term_of` the method, which JAX traces once if the caller uses them
-      again.
+    - `term`: the equations from `term_of`, which JAX traces once if the caller uses them again.
     - `first_step`: length of the first step, s; with ``None`` the controller chooses it.
     - `y`: the motion and, to continue an earlier run, integrals of the energy ledger, bristle
       deflections and memories; missing ones are initialised.
@@ -96,9 +94,8 @@ def start(
     args = system, entry_speeds
     y = replace(y, work=_initial_ledger(term, args, t0, y, derivatives))
     # `wrap(1)` tells diffrax's controller that time runs forward.
-    t_next, controller_state = method.controller.wrap(1).init(
-        term, t0, t_end, y, first_step, args, method.solver.func, error_order(method)
-    )
+    controller, func, order = method.controller.wrap(1), method.solver.func, error_order(method)
+    t_next, controller_state = controller.init(term, t0, t_end, y, first_step, args, func, order)
     t_next = jnp.asarray(t_next, dtype=float)
     solver_state = method.solver.init(term, t0, t_next, y, args)
     zero, begins_contact = jnp.zeros((), dtype=int), begins_at_start(contact_gaps)
@@ -133,11 +130,7 @@ def start(
 
 
 def _initial_ledger(
-    term: diffrax.ODETerm,
-    args: tuple[System, EntrySpeeds],
-    t: Scalar,
-    y: Variables,
-    derivatives: bool,
+    term: diffrax.ODETerm, args: Arguments, t: Scalar, y: Variables, derivatives: bool
 ) -> dict[str, Scalar]:
     """Return the integrals of the energy ledger at the start of a run, J, by name; empty without a
     ledger. Those in `y.work` are kept."""
@@ -190,19 +183,15 @@ def attempt(
     the given state with a new proposal, result code and number of attempts.
     """
     trial = try_step(method, system, step, end_of_step(method, system, step, t_end), family)
-    keep, proposal, result, reasons = decide_step(method, system, step, trial, t_end)
-    accepted = accepted_state(method, system, family, step, trial, keep)
+    keep, proposal, result, reasons = decide_step(method, system, trial, t_end)
+    accepted = accepted_state(method, system, family, trial, keep)
     inside = None
     if step.tangents is not None and trial.tangents is not None:
         inside = TangentsInside(step.tangents.entry_speeds, trial.tangents.information)
     # Both outcomes are computed and one is selected leaf by leaf: lanes of a batch accept and
     # reject independently, and an accepted step of one lane must not depend on another lane.
-    following = replace(
-        choose(keep, accepted, step),
-        proposal=proposal,
-        result=result,
-        attempts=step.attempts + 1,
-    )
+    chosen, attempts = choose(keep, accepted, step), step.attempts + 1
+    following = replace(chosen, proposal=proposal, result=result, attempts=attempts)
     return Attempt(
         step=following,
         accepted=keep,
@@ -216,17 +205,12 @@ def attempt(
 
 
 def accepted_state(
-    method: Method,
-    system: System,
-    family: SystemFamily | None,
-    step: Step,
-    trial: Trial,
-    keep: Condition,
+    method: Method, system: System, family: SystemFamily | None, trial: Trial, keep: Condition
 ) -> Step:
     """Return the state after a trial step, with the `proposal`, `result` and `attempts` of the
-    state before it. If `keep` is false, the result is not used, and a single run skips parts of the
-    work."""
-    y1, solver_state, gaps = trial.outcome.y, trial.outcome.solver_state, trial.gaps
+    state before it. If `keep` is false, it is not used, and single runs skip parts of it."""
+    step, gaps = trial.step, trial.gaps
+    y1, solver_state = trial.outcome.y, trial.outcome.solver_state
     second_rates = _second_rates(method, system, y1, solver_state, gaps)
     # Second rates of a rejected trial may not be finite.
     second_rates = choose(keep, second_rates, step.second_rates)
@@ -244,7 +228,7 @@ def accepted_state(
             begun = keep & begins(before, gaps)
             at_onsets = jax.lax.cond(begun, end_second_rates, lambda: second_rates)
         entry_speeds = updated_entry_speeds(system.scene, entry_speeds, before, gaps, at_onsets)
-    y1, y_tangents = _across_discontinuities(method, system, family, step, trial, keep)
+    y1, y_tangents = _across_discontinuities(method, system, family, trial, keep)
     if any(name in system.scene.joints for name in breakpoints(system.scene)):
         # A driver with a kink makes velocities jump, and with them the rates of the gaps.
         gaps = system.contact_gaps(y1.motion)
@@ -284,22 +268,17 @@ Ends: TypeAlias = tuple[Variables, Variables | None]
 
 
 def _across_discontinuities(
-    method: Method,
-    system: System,
-    family: SystemFamily | None,
-    step: Step,
-    trial: Trial,
-    keep: Condition,
+    method: Method, system: System, family: SystemFamily | None, trial: Trial, keep: Condition
 ) -> Ends:
     """Return the variables at the end of a trial step and their tangents, corrected for
     discontinuities of forces there (see `.saltation` and `.breakpoint_events`).
 
     The corrections change the variables by rounding errors, or by as little as a step ends past an
     onset, with two exceptions: velocities jump where the angle or distance that a driver prescribes
-    has a kink, and bristle deflections become zero in open contacts. The corrections of the
-    tangents are not small.
+    has a kink, and bristle deflections become zero in open contacts. Tangents may change much.
     """
-    y1, y_tangents = trial.outcome.y, None if trial.tangents is None else trial.tangents.y
+    step, t1, y1 = trial.step, trial.t1, trial.outcome.y
+    y_tangents = None if trial.tangents is None else trial.tangents.y
     # Corrections that the scene cannot need are left out of the program. If only the slope of a
     # force jumps, the correction concerns the tangents alone, so a run without tangents skips it.
     slopes = family is not None and slopes_jump(system.scene)
@@ -308,7 +287,6 @@ def _across_discontinuities(
     jumps = has_breakpoints(system.scene)
     if not contacts and not jumps and not y1.bristles:
         return y1, y_tangents
-    t1 = trial.t1
 
     def corrected(correction: Callable[..., Variables], at: Ends) -> Ends:
         y, along = at
@@ -355,8 +333,7 @@ def _second_rates(
     method: Method, system: System, y: Variables, solver_state: SolverState, gaps: ContactGaps
 ) -> ByLabel[Scalar]:
     """Return the second time derivatives of all penetrations, m/s^2, from the variables and their
-    rates. `UnrolledExplicit` keeps these rates as its state; with other solvers the result is
-    zero."""
+    rates. Only `UnrolledExplicit` keeps these; otherwise the result is zero."""
     if gaps and isinstance(method.solver, UnrolledExplicit):
         return system.second_rates(y.motion, solver_state.motion)
     return each_label(lambda name, label: jnp.zeros_like(gaps[name][label].rate), gaps)

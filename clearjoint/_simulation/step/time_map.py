@@ -1,5 +1,4 @@
-"""Time maps of steps, which place the stages of a solver close together where a contact begins or
-ends.
+"""Time maps of steps, which place a solver's stages close together where a contact begins or ends.
 
 After an onset at the time t_on, the force of a Hertz contact grows as (t - t_on)^1.5, and its
 derivative with respect to a parameter as the square root of t - t_on; likewise before the end of
@@ -72,8 +71,7 @@ class WithinContact(AbstractTimeMap):
     time since the contact's onset, or of the time until its end.
 
     **Arguments:** `length`: length of the step, s; `start`, `end`: these square roots at the start
-    and end of the step, s^0.5. Without a contact, or if neither time is known, both are 1, which
-    makes time uniform.
+    and end of the step, s^0.5. Without a contact or any known time, both are 1: time is uniform.
     """
 
     length: Scalar
@@ -123,8 +121,7 @@ class WithinContact(AbstractTimeMap):
     def next_length(self, proposed: Scalar, keep: Condition) -> Scalar:
         """Return the length of the step to try next, s. The rates are smooth in the square root of
         time, so the controller's ratio of lengths is applied to the difference of the square roots
-        over this step. If a step with the new difference would go past the end of the contact,
-        `proposed` is returned."""
+        over this step. If that step would go past the end of the contact, return `proposed`."""
         change = proposed / self.length * (self.end - self.start)
         root = jnp.where(keep, self.end, self.start)
         # Length of a step with this difference of roots: (root + change)^2 - root^2, up to its

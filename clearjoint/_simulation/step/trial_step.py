@@ -1,6 +1,7 @@
 """One trial step of the solver with its tangents, before it is accepted or rejected."""
 
 from dataclasses import replace
+from typing import TypeAlias
 
 import diffrax
 import equinox as eqx
@@ -26,6 +27,8 @@ from .solvers import DenseInformation, UnrolledExplicit
 from .step_state import Method, SolverState, Step, Variables, choose
 from .time_map import AbstractTimeMap, FromOnset, WithinContact
 
+Arguments: TypeAlias = tuple[System, EntrySpeeds]
+"""The `args` of the differential equations."""
 REJECTED_ERROR = 1e30
 """Error assigned to a trial whose result is not finite; it is large enough for any controller that
 adapts the step to reject the trial."""
@@ -70,7 +73,7 @@ def term_of(
     lands = step is not None and method.landing is not None
     closed_contacts = closed(step.contact_gaps) if step is not None and lands else None
 
-    def rates(t: Single, y: Variables, args: tuple[System, EntrySpeeds]) -> Variables:
+    def rates(t: Single, y: Variables, args: Arguments) -> Variables:
         system, entry_speeds = args
         # At a breakpoint at the end of the step, forces have the values just before it.
         t = one_sided_time(system, t if step is None else step.t, t)
@@ -86,9 +89,8 @@ def error_order(method: Method) -> Single:
 
 
 class SolverStep(eqx.Module):
-    """Result of a solver's step: variables, their error estimate, data for dense output, and solver
-    state. Error estimate and data are `Stacked` if the variables are many. Its tangents have the
-    same type."""
+    """Result of a solver's step, or its tangents: variables, their error estimate, data for dense
+    output, and solver state. Error estimate and data are `Stacked` if the variables are many."""
 
     y: Variables
     error: PyTree[Scalar]
@@ -97,10 +99,11 @@ class SolverStep(eqx.Module):
 
 
 class Trial(eqx.Module):
-    """A trial step as the solver computed it: its end `t1`, s, the results of the solver, and the
-    contact gaps at the end. If it is not `finite`, the variables are those at the start of the
-    step, and the errors are `REJECTED_ERROR`."""
+    """A trial step from the state `step` as the solver computed it: its end `t1`, s, results of the
+    solver, and the contact gaps at the end. If it is not `finite`, the variables are those at the
+    start of the step, and the errors are `REJECTED_ERROR`."""
 
+    step: Step
     t1: Scalar
     time_map: AbstractTimeMap | None
     outcome: SolverStep
@@ -111,8 +114,7 @@ class Trial(eqx.Module):
 
 
 def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | None:
-    """Return the time map of the step from `step` to `t1`, s; ``None`` if time is uniform in all
-    steps of the run."""
+    """Return the time map of the step from `step` to `t1`, s; ``None`` if the run has none."""
     if method.landing is None or not step.contact_gaps:
         return None
     if not isinstance(method.solver, UnrolledExplicit):
@@ -161,33 +163,28 @@ def solved_step(
     def advance(
         system: System, y: Variables, entry_speeds: EntrySpeeds, solver_state: SolverState
     ) -> tuple[SolverStep, diffrax.RESULTS]:
+        args = system, entry_speeds
         if slopes_may_jump(method, system.scene):
             # The solver has kept the rates at the end of the last step, computed with the contacts
             # that were closed in that step. If a contact has begun or ended, the kept rates still
             # hold, but their tangents do not, because the slope of a force jumps. The solver's
-            # state is then computed anew. In this function, `start` are the arguments of the
-            # solver's method `init` after the term.
-            kept, start = solver_state, (step.t, t1, y, (system, entry_speeds))
-            solver_state = jax.lax.cond(
-                step.proposal.made_jump,
-                lambda: method.solver.init(term_of(method, step, family), *start),
-                lambda: kept,
-            )
+            # state is then computed anew.
+            kept = solver_state
+
+            def computed_anew() -> SolverState:
+                return method.solver.init(term_of(method, step, family), step.t, t1, y, args)
+
+            has_event = step.proposal.made_jump
+            solver_state = jax.lax.cond(has_event, computed_anew, lambda: kept)
+        term = term_of(method, step, family)
         y1, error, information, solver_state, result = method.solver.step(
-            term_of(method, step, family),
-            step.t,
-            t1,
-            y,
-            (system, entry_speeds),
-            solver_state,
-            made_jump,
-            **options,
+            term, step.t, t1, y, args, solver_state, made_jump, **options
         )
         y1 = stabilised(system, y1, one_sided_time(system, step.t, t1))
         y1, solver_state = _without_drift(system, y1, solver_state)
         return SolverStep(y1, error, information, solver_state), result
 
-    # The arguments of `advance` after the system; not the tuple `start` inside of that function.
+    # The arguments of `advance` after the system.
     start = step.y, step.entry_speeds, step.solver_state
     tangents = None
     if family is None:
@@ -198,7 +195,7 @@ def solved_step(
         assert step.tangents is not None
         along = step.tangents.y, step.tangents.entry_speeds, step.tangents.solver_state
         outcome, result, tangents = family.with_auxiliary(advance, start, along)
-    return Trial(t1, time_map, outcome, tangents, {}, jnp.asarray(True), result)
+    return Trial(step, t1, time_map, outcome, tangents, {}, jnp.asarray(True), result)
 
 
 def with_gaps(system: System, trial: Trial) -> Trial:
@@ -243,8 +240,7 @@ def may_jump(method: Method, scene: Scene) -> bool:
 
 def slopes_may_jump(method: Method, scene: Scene) -> bool:
     """Return whether rates are continuous from step to step, but their slopes may jump where a
-    contact begins or ends, so that the tangents of the rates that the solver has kept are not
-    valid."""
+    contact begins or ends, so that kept tangents of rates are not valid."""
     lands = method.landing is not None and isinstance(method.solver, UnrolledExplicit)
     return lands and slopes_jump(scene) and not may_jump(method, scene)
 

@@ -8,8 +8,7 @@ from jaxtyping import Bool, Float, Int
 Numbers: TypeAlias = Float[Any, "*times"]
 """A number at each of N times, (N,); or at a single time, ()."""
 Gradients: TypeAlias = Float[Any, "*times p"]
-"""Derivatives of a number with respect to p parameters at each of N times, (N, p); or at a single
-time, (p,)."""
+"""Derivatives of a number by p parameters at each of N times, (N, p); or at a single time, (p,)."""
 Flags: TypeAlias = Bool[np.ndarray, "*times"]
 """Whether something is true at each of N times, (N,)."""
 Integers: TypeAlias = Int[Any, "*times"]

@@ -448,6 +448,12 @@ def test_wrong_values_are_refused(predict, values, message):
         predict(values)
 
 
+@pytest.mark.parametrize("values", [{"stiffness": 100.0}, 3.0])
+def test_values_of_another_form_are_refused_by_or_nan_too(predict, values):
+    with pytest.raises(ValueError, match=r"values.*dictionary with .*'start', 'stiffness'"):
+        predict.or_nan(values)
+
+
 @pytest.mark.parametrize(
     ("paths", "outputs", "times", "message"),
     [
