@@ -283,9 +283,10 @@ def fit_robot(
     ```
 
     Before the fit, the Fisher information of the log tells which parameters it determines. Others
-    are held at their start, and the result says why. The fit compares the log with one run from the
-    log's first time on, whose initial positions and speeds are parameters too, named "elbow start
-    position" and "elbow start speed".
+    are held at their start, and the result says why. What the fit finds to be about zero, such as
+    the friction of a joint without any, or infinite is held there, with `RobotFit.limits`. The log
+    is compared with one run from its first time on, whose initial positions and speeds are
+    parameters too, named "elbow start position" and "elbow start speed".
 
     **Arguments:**
 
