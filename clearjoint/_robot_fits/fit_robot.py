@@ -320,7 +320,7 @@ def fit_robot(
       residuals is repeated with windows from `fit_horizon`, for starts that are wrong by a factor
       of two. If a drive train's place in its play is unknown at the start, windows from 1/64 of
       the log on are tried too. At last the fit is repeated from plays that are a fifth smaller and
-      a quarter larger.
+      a quarter larger, and without each of them.
 
     **Raises:** `ValueError` for names, units and modes that don't fit robot and log, for noise that
     is unknown, and for a log that determines none of the parameters. `SimulationError` if the run
