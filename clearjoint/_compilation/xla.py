@@ -189,10 +189,11 @@ _shared_by_call: ContextVar[SharedFunctions | None] = ContextVar("call", default
 
 @contextmanager
 def one_call(shared: SharedFunctions | None = None) -> Iterator[None]:
-    """Context of a call of the package that makes several programs, which share the functions that
-    `traced_for_a_kind` traces: for a humanoid with servos, a tenth of the first answer was tracing
-    them again. Later calls trace anew, because a global variable that a function reads may have
-    changed. Calls that belong together pass the same dictionary `shared`, empty at first."""
+    """Context of a call of the package that makes several programs. They share the functions that
+    `traced_for_a_kind` traces: to trace them again took a tenth of the time to the first answer for
+    a humanoid with servos. Later calls trace anew, because a global variable that a function reads
+    may have changed. Calls that belong together pass the same dictionary `shared`, empty at first.
+    """
     if shared is None:
         shared = _shared_by_call.get()
     token = _shared_by_call.set({} if shared is None else shared)

@@ -139,12 +139,12 @@ def derivatives_in_spans(
     settings: Settings | None,
     samples: int,
 ) -> tuple[Float[np.ndarray, "spans p joints 2 samples"] | None, RESULTS]:
-    """Make a run with derivatives, and return those of the depths that wear off in several spans of
-    time, and the run's result code.
+    """Make one run. Return the derivatives of the depths that wear off in several spans of time,
+    and the run's result code.
 
-    The derivatives are (spans, p, joints, 2, samples), bearing before journal, m per unit of each
-    parameter's coordinate; ``None`` if the run failed. `spans` are the times of each span, from
-    `quadrature_times`, and `directions` the result of `directions_of`.
+    The derivatives are (spans, p, joints, 2, samples), bearing before journal, at `samples` angles,
+    m per unit of each parameter's coordinate; ``None`` if the run failed. `spans` are the times of
+    each span, from `quadrature_times`, and `directions` the result of `directions_of`.
     """
     # Spans that follow each other share a time.
     times = np.unique(np.concatenate(spans))

@@ -149,7 +149,8 @@ def _wear_rows(
 def _jacobian(
     joint: ClearanceJoint, rates: tuple[float, float], history: jax.Array, depths: jax.Array
 ) -> jax.Array:
-    """Return the derivatives of the wear per cycle, of parts that wear, with respect to depths."""
+    """Return the derivatives (m, m) of the m depths per cycle of the parts that wear with respect
+    to their depths. Other arguments are those of `_wear`."""
     wearing = np.flatnonzero(rates)
 
     def wear(values: jax.Array) -> jax.Array:

@@ -171,9 +171,10 @@ def start_rows(
     with_jacobian: bool = False,
     motions: Motions | None = None,
 ) -> StartRows:
-    """Return all constraint rows in a state, and those that `coordinates` do not eliminate. Scene
-    and state have vectors as arrays (3,). The size of `jacobian` grows with the square of the
-    number of bodies; `motions` are those of `free_motions`, if they are known."""
+    """Return all constraint rows in a state, and those that `coordinates` do not eliminate, none
+    if they are ``None``. Scene and state have vectors as arrays (3,). A Jacobian takes memory in
+    proportion to the square of the number of bodies. `motions`: those of `free_motions`, if known.
+    """
     scene, bodies = unpack(scene), unpack(state.bodies)
     absolute = AbsoluteCoordinates()
     motions = free_motions(scene, bodies) if motions is None else motions

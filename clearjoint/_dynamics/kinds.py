@@ -75,10 +75,11 @@ class Kinds:
 
 
 def with_common_names(element: Element) -> tuple[Element, dict[str, str]]:
-    """Return an element with other names of its bodies, the same for all elements of a kind, and
-    these names by the true ones.
+    """Return an element whose bodies have names that all elements of its kind have in common, and
+    a dictionary from the true names to the common ones.
 
-    **Raises:** `NotSharedError` if names are in other places than fields of it and of its parts.
+    **Raises:** `NotSharedError` if names of bodies stand elsewhere than in fields of the element or
+        of its parts.
     """
     names = {
         name: name if name == GROUND else f"<body {k}>"

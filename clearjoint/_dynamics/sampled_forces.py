@@ -22,9 +22,9 @@ NO_MEMORIES: Memories = {}
 
 
 class HeldForce(AbstractForce):
-    """A sampled force between two instants, with its memory. `changes` are triples of the memories
-    before and after an instant and a share, 0 to 1, of the change of the wrenches there, which is
-    added."""
+    """A sampled force between two instants, with its memory. For each triple in `changes` (memory
+    before an instant, memory after it, share), that share, 0 to 1, of the change of the wrenches at
+    the instant is added."""
 
     force: AbstractSampledForce
     memory: dict[str, Scalar]

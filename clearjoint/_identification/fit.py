@@ -156,7 +156,7 @@ class Fit(AbstractTabular):
             if noise is None:
                 middle += rows.T @ rows
                 continue
-            of_series = noise.information(rows)
+            of_series = noise.gradient_covariance(rows)
             # The fit has reduced the sum of the squared residuals, from which the noise is
             # estimated, by about that of `lost` samples. Without correlation, this is the number of
             # parameters, divided among the series.
@@ -233,33 +233,36 @@ class Fit(AbstractTabular):
         if posterior is not None:
             low, high = posterior.box
             minima = [m for m in minima if ((m.coordinates < low) | (m.coordinates > high)).any()]
-        scales = [parameter.scale for parameter in self.parameters.values()]
-        widening = self._interval_widening
-        # The end to which an estimate without effect has gone, or to which those of other minima
-        # have, if the best one shows an effect.
-        rose = self.coordinates > self.searches[0].start
-        parts = []  # (low, high) of all values
-        if minima:
-            ends = checking.interval_ends(minima, self.chi_squared)
-            for low, high in zip(ends[::2], ends[1::2], strict=True):
-                middle, half = 0.5 * (low + high), 0.5 * (high - low) * widening
-                rising = np.where(self._is_gone, rose, middle > self.coordinates)
-                rows = zip(scales, middle, half, rising, strict=True)
-                parts.append([scale.interval(*row) for scale, *row in rows])
         explored = None
         if posterior is not None:
-            pairs = zip(scales, posterior.intervals.values(), strict=True)
-            of_posterior = [[s.coordinate(end) for end in interval] for s, interval in pairs]
+            pairs = zip(self.parameters.values(), posterior.intervals.values(), strict=True)
+            of_posterior = [[p.scale.coordinate(end) for end in interval] for p, interval in pairs]
             explored = np.array(of_posterior).T
         elif self.check is not None and self.check.exploration is not None:
             explored = np.array(self.check.exploration.intervals())
+        parts = self._intervals_around(minima) if minima else []
         if explored is not None:
-            half = 0.5 * np.diff(explored, axis=0)[0] * widening
-            widened = explored.mean(axis=0) + np.array([[-1.0], [1.0]]) * half
-            parts.append([tuple(map(s.value, u)) for s, u in zip(scales, widened.T, strict=True)])
-        ends = np.array(parts, float)
-        lows, highs = ends.min(axis=(0, 2)).tolist(), ends.max(axis=(0, 2)).tolist()
-        return dict(zip(self.parameters, zip(lows, highs, strict=True), strict=True))
+            half = 0.5 * np.diff(explored, axis=0)[0] * self._interval_widening
+            low, high = (explored.mean(axis=0) + sign * half for sign in (-1.0, 1.0))
+            lows, highs = (values_at(self.parameters, u).values() for u in (low, high))
+            parts.append(np.array([[*lows], [*highs]]))
+        lowest, highest = np.min(parts, axis=(0, 1)).tolist(), np.max(parts, axis=(0, 1)).tolist()
+        return dict(zip(self.parameters, zip(lowest, highest, strict=True), strict=True))
+
+    def _intervals_around(self, minima: Sequence[RunMisfit]) -> list[Float[np.ndarray, "2 p"]]:
+        """Return the low and high ends of the intervals of the values by the covariance at each of
+        the minima."""
+        # An estimate without effect has gone to one end of its scale. Of other parameters, another
+        # minimum may have: it is at the upper end if it is above the estimate.
+        went_up = self.coordinates > self.searches[0].start
+        scales = [parameter.scale for parameter in self.parameters.values()]
+        ends, intervals = checking.interval_ends(minima, self.chi_squared), []
+        for low, high in zip(ends[::2], ends[1::2], strict=True):  # two rows for each minimum
+            middle, half = 0.5 * (low + high), 0.5 * (high - low) * self._interval_widening
+            is_up = np.where(self._is_gone, went_up, middle > self.coordinates)
+            rows = zip(scales, middle, half, is_up, strict=True)
+            intervals.append(np.array([scale.interval(*row) for scale, *row in rows]).T)
+        return intervals
 
     @property
     def posterior(self) -> Posterior | None:

@@ -105,8 +105,9 @@ class CorrelatedNoise:
         first, rest = self.autocovariances[0], self.autocovariances[1:]
         return float(len(rest) + 1) / (1.0 + 2.0 * float(np.sum((rest / first) ** 2)))
 
-    def information(self, rows: Float[np.ndarray, "M p"]) -> Float[np.ndarray, "p p"]:
-        """Return J^T R J for the covariance R (M, M) of the samples and the matrix J = `rows`."""
+    def gradient_covariance(self, rows: Float[np.ndarray, "M p"]) -> Float[np.ndarray, "p p"]:
+        """Return J^T R J, J = `rows`: the covariance of a fit's gradient J^T r, if that of the
+        residuals r is R, (M, M)."""
         from scipy.linalg import matmul_toeplitz
 
         return rows.T @ matmul_toeplitz(self.autocovariances, rows)

@@ -235,6 +235,8 @@ def experiment(
     runs = Experiment(
         scheme, family, dict(outputs), samples_at, start, first_step, max_steps, names, sensors
     )
+    # Runs with parameters that are held have the program of those with all, and get coordinates of
+    # the free ones, which replace some of `whole`.
     numbers = {name: k for k, name in enumerate(parameters)}
     free = [numbers[name] for name in free_parameters(parameters)]
     if len(free) == len(parameters):

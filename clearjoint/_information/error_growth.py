@@ -61,7 +61,8 @@ def disturbance(scene: Scene) -> Parameter:
 
 
 def points(scene: Scene) -> dict[str, Quantity]:
-    """Return the global coordinates, m, of the four points of each body as quantities by name."""
+    """Return the global coordinates, m, of four points of each body as quantities by name: the
+    centre of mass, and on each axis of the body one at the radius of gyration from it."""
     quantities: dict[str, Quantity] = {}
     for body, radius in radii_of_gyration(scene).items():
         for k, point in enumerate([(0.0, 0.0, 0.0), *np.diag([radius] * 3).tolist()]):

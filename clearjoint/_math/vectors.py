@@ -342,8 +342,8 @@ def _vectors(
     structure: jax.tree_util.PyTreeDef,  # pyright: ignore
     shapes: tuple[tuple[int, ...], ...],
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return, from the shapes of all leaves, the indices and sizes of those vectors and matrices
-    whose components may be marked as structural."""
+    """Return, from the shapes of all leaves, the indices of those that are vectors or matrices,
+    whose components may be structural zeros and ones, and their numbers of components."""
     rows = enumerate(zip(shapes, _in_tables(structure), strict=True))
     vectors = tuple(k for k, (shape, table) in rows if not table and shape in ((3,), (3, 3)))
     return vectors, tuple(math.prod(shapes[k]) for k in vectors)

@@ -166,8 +166,9 @@ class _Joining:
         place: int,
         vectors: dict[tuple[Value | None, Value], Value],
     ) -> Iterator[Operation]:
-        """Yield the operations that replace `result`, which reads a result of one call: they take
-        the element `place` from the vector that the joined `call` returns."""
+        """Yield the operations that replace `result`, an operation that reads one value of a call.
+        They take the element `place` of a vector that the joined `call` returns; `vectors` has
+        those that have been read, by call and number of the value."""
         program, number = self._program, result.arguments[2]
         assert result.out is not None and call.out is not None
         vector = vectors.get((call.out, number))

@@ -134,6 +134,8 @@ def _branch(
 ) -> list[Array]:
     """Add a jump to one of two branches, for a condition that all lanes share, or a single lane."""
 
+    # Cells that an array does not own, such as those of an argument, must not be overwritten. With
+    # `copies`, `yes` copies such results, so that `no` can overwrite the copies.
     def added(copies: bool) -> list[Array]:
         first_results: list[Array] = []
 

@@ -154,8 +154,8 @@ def count_equations(jaxpr: core.Jaxpr) -> int:
 
 @dataclass
 class RepeatedCall:
-    """Several equations that call the same jaxpr. Of each argument, `shared` tells whether it is
-    the same in all calls. The first call sets `function`."""
+    """Several equations that call the same jaxpr. `shared`: for each argument, whether all of them
+    pass the same. `function`: the lowered jaxpr, once the first of them has been lowered."""
 
     shared: list[bool]
     function: "Function | None" = None

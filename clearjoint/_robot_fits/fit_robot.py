@@ -131,7 +131,7 @@ class RobotFit(AbstractTabular):
     @override
     def to_xarray(self) -> "xr.Dataset":
         """Return estimates and held values along "parameter", with the unit and the bounds of the
-        95 % interval, which are NaN for held values without `limits`."""
+        95 % interval. Those of held values are their `limits`, or else NaN."""
         rows, along = self._rows(), ("parameter",)
         estimates, lows, highs, units = zip(*rows.values(), strict=True)
         determined = ["false" if name in self.held else "true" for name in rows]

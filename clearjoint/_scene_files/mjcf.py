@@ -121,28 +121,30 @@ def _joint_name(model: Model, joint: int) -> str:
 
 
 def _joint(model: Model, j: int, parent: str, child: str, pose: np.ndarray) -> robots.RobotJoint:
+    """Return the joint with number j; `pose`, (4, 4), is that of the child in the parent link."""
     name, kind = _joint_name(model, j), KINDS[model.jnt_type[j]]
     axis, point = model.jnt_axis[j].copy(), model.jnt_pos[j].copy()
     if kind in (robots.FLOATING, robots.BALL):
         return robots.RobotJoint(name, kind, parent, child, pose, axis, point=point)
-    first, dof = model.jnt_qposadr[j], model.jnt_dofadr[j]
+    at_position, at_speed = model.jnt_qposadr[j], model.jnt_dofadr[j]
     _, effort = _range(model.jnt_actfrcrange[j], model.jnt_actfrclimited[j])
     lower, upper = _range(model.jnt_range[j], model.jnt_limited[j])
     has_limits = bool(model.jnt_limited[j] or model.jnt_actfrclimited[j])
+    # MuJoCo's pose is that at the position qpos0, ours that at zero.
     return robots.RobotJoint(
         name,
         kind,
         parent,
         child,
-        pose @ _motion(kind, axis, point, -float(model.qpos0[first])),
+        pose @ _motion(kind, axis, point, -float(model.qpos0[at_position])),
         axis,
         robots.JointLimits(lower, upper, effort) if has_limits else None,
         point=point,
-        friction=float(model.dof_frictionloss[dof]),
-        damping=float(model.dof_damping[dof]),
+        friction=float(model.dof_frictionloss[at_speed]),
+        damping=float(model.dof_damping[at_speed]),
         stiffness=float(model.jnt_stiffness[j]),
-        rest=float(model.qpos_spring[first]),
-        armature=float(model.dof_armature[dof]),
+        rest=float(model.qpos_spring[at_position]),
+        armature=float(model.dof_armature[at_speed]),
     )
 
 

@@ -166,6 +166,8 @@ def scene_of(
 
 
 def ideal_joint(joint: robots.RobotJoint, tree: robots.LinkTree) -> AbstractConstraint | None:
+    """Return the joint without clearance; ``None`` for one of free bodies, and between links that
+    other joints of the file fix to each other. A carrier is the body of links so fixed."""
     parent, child = tree.carriers[joint.parent], tree.carriers[joint.child]
     location = tree.location.at(joint.name)
     if joint.kind not in TYPES:
@@ -173,14 +175,14 @@ def ideal_joint(joint: robots.RobotJoint, tree: robots.LinkTree) -> AbstractCons
         location.refuse(joint.kind, kinds, "correct it, or fix the link and add the joint yourself")
     if parent is child or joint.kind == robots.FLOATING:
         return None
-    # The frame of the joint is that of the child link, which begins its carrier.
+    # The child link is the first of its carrier, so that the joint's point is in the axes of both.
     in_parent = robots.moved(tree.poses[joint.parent] @ joint.pose, joint.point)
     points = tree.in_body(parent, in_parent), tree.in_body(child, joint.point)
     # All bodies are parallel at zero, so that the axis has the same components in both.
     axis = robots.rounded(robots.rounded(child.pose[:3, :3]) @ joint.axis)
-    make, axes = IDEAL[joint.kind]
+    make, axis_count = IDEAL[joint.kind]
     with location.in_errors():
-        return make(parent.body, child.body, *points, *[axis] * axes)
+        return make(parent.body, child.body, *points, *[axis] * axis_count)
 
 
 def _clearance(hinge: AbstractConstraint, play: Play, location: FileLocation) -> ClearanceJoint:

@@ -127,8 +127,8 @@ class RobotJoint(NamedTuple):
 
 
 class LoopJoint(NamedTuple):
-    """A joint, `FIXED` or `BALL`, that closes a loop: it makes two frames coincide, which are given
-    by poses (4, 4), m, in the two links."""
+    """A joint that closes a loop: `FIXED` makes a frame in each of two links coincide, `BALL` the
+    origins of these frames. The frames' poses in the links are (4, 4), m."""
 
     name: str
     kind: str
@@ -299,7 +299,8 @@ class LinkTree:
         return LinkPose(carrier.body, point, euler_parameters(rotation))
 
     def in_body(self, carrier: Carrier, point: np.ndarray) -> tuple[float, float, float]:
-        """Convert a point, (3,) m, from the frame of the carrier's first link to body axes."""
+        """Convert a point, (3,) m, from the frame of the carrier's first link to its body's axes,
+        from the centre of mass."""
         x, y, z = rounded(carrier.pose[:3, :3]) @ (point - carrier.centre)
         return float(x), float(y), float(z)
 

@@ -131,7 +131,7 @@ class _Writer:
         self._write_seconds = 0.0
 
     def add(self, lanes: np.ndarray, results: LaneArrays) -> None:
-        """Add lanes that have ended, and write those that are due."""
+        """Add lanes that have ended, by number, with their results; `write_if_due`."""
         chunks = np.array([self._chunk_of[lane] for lane in lanes.tolist()])
         for chunk in np.unique(chunks).tolist():
             rows = chunks == chunk

@@ -455,16 +455,19 @@ class _Search:
         is wider than the tolerance, the margins only fall, or `INSPECTIONS` sweeps are made."""
         for _ in range(INSPECTIONS):
             doubtful = known.doubtful() & (self._widths(known) > self.tolerance)
+            # Margins that only fall have no violation before the first one.
             if known.falls(self.tolerance) or not doubtful.any():
                 break
-            # Only doubtful intervals are divided.
-            widths = np.where(doubtful, np.diff(known.coordinates), 0.0)
-            parts = np.ones(len(widths), int)
+            # The tolerance is one of values; doubtful intervals are divided evenly in coordinates.
+            in_coordinates = np.where(doubtful, np.diff(known.coordinates), 0.0)
+            parts = np.ones(len(doubtful), int)
             for _ in range(self.lanes):  # Each lane divides the interval with the widest parts.
-                parts[np.argmax(widths / parts)] += 1
+                parts[np.argmax(in_coordinates / parts)] += 1
             rows = [
                 start + width * np.arange(1, count) / count
-                for start, width, count in zip(known.coordinates, widths, parts, strict=False)
+                for start, width, count in zip(
+                    known.coordinates, in_coordinates, parts, strict=False
+                )
             ]
             known = known.with_others(self.margins(np.concatenate(rows)))
         return known
@@ -486,9 +489,9 @@ class _Search:
         )
 
     def _interval(self, known: LaneMargins) -> tuple[float, float]:
-        """Return the two values between which the first violation begins: the last value before it
-        is possible by the margins' confidence intervals, but at least the smallest, and the first
-        at which it is certain, but at most the largest."""
+        """Return two values between which the first violation begins: the last before a confidence
+        interval of the margins reaches below zero, or else the smallest value; and the first with
+        all of the interval below zero, or else the largest value."""
         possible, certain = first_violation(known.low), first_violation(known.high)
         values = self._values(known)
         return values[max(possible - 1, 0)], values[min(certain, len(values) - 1)]

@@ -205,8 +205,8 @@ class PartOfStates(eqx.Module):
 
 
 def sampled_channels(requested: Requested, scene: Scene) -> dict[str, Quantity]:
-    """Return the quantities at the sample times of each lane, by the `key` of `variable_name`: the
-    parts of the states, and quantities among the outputs as "/name"."""
+    """Return the quantities that each lane samples: the parts of the states, and the quantities
+    among the outputs, whose names begin with "/", as keys of `variable_name`."""
     bodies = tuple(scene.bodies)
     channels = {f"/{name}": quantity for name, quantity in requested.quantities.items()}
     if requested.save.states:

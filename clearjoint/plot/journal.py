@@ -135,7 +135,7 @@ def orbit_in_contact(
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the path of the centre of one base in the bearing's cross-section, dark and thick where
-    the base touches the wall.
+    the base touches the wall. The circle has the `clearance`, m, by default the observed one.
 
     >>> axes = plot.orbit_in_contact(observed, "shoulder", "V", 0.5e-3)
     """

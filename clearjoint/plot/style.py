@@ -222,8 +222,8 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
 
 
 def legend_label(dataset: xr.Dataset, variable: str, axis: str) -> str:
-    """Return the legend's text for an output of a sweep, such as "peak force, clearance 0.2 mm",
-    with all selected values; `axis`: name of the drawn axis."""
+    """Return the legend's text for an output of a sweep, such as "peak force, clearance 0.2 mm":
+    its name, and the values selected on all axes but `axis`, which is drawn."""
     texts = [shown(variable.replace("_", " "))]
     for name, coordinate in dataset.coords.items():
         if coordinate.ndim > 0 or name == axis:  # no single value is selected

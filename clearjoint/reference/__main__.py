@@ -51,7 +51,8 @@ def write_page(source: str, docs: Path) -> None:
         text = (ROOT / source).read_text(encoding="utf-8")
 
     def relinked(match: re.Match) -> str:
-        # A link to a file of the repository becomes one to its page or to a copy of the file.
+        # The target of a link to a file of the repository becomes the file's page or, unless it is
+        # Markdown or a notebook, a copy of the file.
         target = os.path.normpath(Path(source).parent / match[0])
         if (ROOT / target).is_dir():
             target = f"{target}/README.md"

@@ -76,7 +76,7 @@ class JointMechanics(AbstractMechanics):
         self._branches = [branch for tree in trees for branch in tree]
         self.motions = motions = _motions(trees, variables)
         self._index = {branch.body: k for k, branch in enumerate(self._branches)}
-        # Zeros take no operations.
+        # Constant zeros: the inertia of a massless body then takes no operations.
         self._bodies = {
             name: jax.tree.map(lambda _: 0.0, body) if body.is_massless else body
             for name, body in scene.bodies.items()
@@ -99,6 +99,8 @@ class JointMechanics(AbstractMechanics):
             self._falls += [fall] * len(tree)
             self._weights += [weight] * len(tree)
             self._tree_of += [number] * len(tree)
+            # A small tree gets a mass matrix, whose inertias refer to one point. In a large one,
+            # links of a kind are functions that are traced once, without names of bodies.
             evaluate, one_point = evaluation(len(tree)), is_small(len(tree))
             for branch in tree:
                 parent = self._index.get(branch.parent)
@@ -154,7 +156,8 @@ class JointMechanics(AbstractMechanics):
         return list(chain(*forces))
 
     def _loads(self, wrenches: Wrenches) -> dict[int, ForceAndMoment]:
-        """Return wrenches in the axes of their trees, by index of the link, root first."""
+        """Return the force and moment of each wrench in the axes of its body's tree, by index of
+        the link, root first."""
         indices = sorted(self._index[name] for name in wrenches if name != GROUND)
         bodies = {k: wrenches[self._branches[k].body] for k in indices}
         return {k: _in_tree(at, self._links[k], self._axes[k]) for k, at in bodies.items()}

@@ -283,8 +283,9 @@ def followed(joint: LoadedJoint, alone: Speeds, carrier: Twist) -> tuple[Speeds,
 def accelerated(
     columns: Sequence[Twist], rates: Speeds, offset: Vector, carrier: Twist
 ) -> tuple[Twist, Speeds]:
-    """Return a body's acceleration and its joint's rates u' from the joint's rates r and the
-    acceleration of the `carrier`."""
+    """Return the acceleration of a body and the rates u' of the speeds of its joint. They follow
+    from the joint's rates r, relative to a carrier without angular acceleration about the joint's
+    axes, and the acceleration of the `carrier`, `offset` away."""
     pairs = zip(columns, rates, strict=True)
     relative = [subtract(rate, column.angular.dot(carrier.angular)) for column, rate in pairs]
     twist = at_offset(carrier, offset)

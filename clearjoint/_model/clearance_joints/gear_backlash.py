@@ -52,8 +52,8 @@ class LineOfCentres:
     height: Scalar
 
     def angle_in(self, gear: Motion, axis: Vector) -> Scalar:
-        """Return the angle of `along` about a gear's axis, rad in [-pi, pi], measured from the
-        first of the axis's `transverse_axes`."""
+        """Return the angle of `along` about a gear's `axis`, in its body's axes, rad in [-pi, pi],
+        from the first of the `transverse_axes` of the axis."""
         start, quarter = transverse_axes(unit(axis))
         line = gear.components(self.along)
         return polar_angle(line.dot(quarter), line.dot(start))
@@ -273,30 +273,34 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         return dict.fromkeys(self.contact_labels(), law)
 
     def _mesh_cycle(self, line: LineOfCentres, first: Motion, second: Motion) -> AtFlank:
-        """Return the function that adds what varies over the mesh cycle to the gap of a flank."""
+        """Return the function that adds the rate of the transmission error and the factor of the
+        stiffness to the gap of a flank. Its depth contains the error, by `displacement`."""
         error, stiffness = self.transmission_error, self.stiffness
         if error is None and stiffness is None:
             return lambda gap, side: (gap, None)
         angle = self._mesh_angle(line, first)
-        # The mesh angle changes as the second centre moves across the line in the first gear: its
-        # rate, rad/s, is the product of `gradient`, rad/m, with the velocity of this centre.
+        # The mesh angle changes as the second centre moves across the line, as seen from the first
+        # gear: its rate, rad/s, is the product of `gradient`, rad/m, with this `relative` velocity.
         to_second = line.along * line.distance + line.axis * line.height
         arms = self.point_first + first.components(to_second), self.point_second
         gradient = line.across * (-self.teeth_first / line.distance)
         relative = second.velocity_at(arms[1]) - first.velocity_at(arms[0])
         error_slope = None if error is None else error.at(angle).slope
-        factor = None if stiffness is None else stiffness.factor_and_slope(angle)
+        stiffness_factor = None if stiffness is None else stiffness.factor_and_slope(angle)
         rate = gradient.dot(relative)
 
         def varied(gap: Gap, side: float) -> tuple[Gap, SideForce]:
             slope = elastic = ZERO
             if error_slope is not None:
-                by_angle = -side * error_slope
-                gap = replace(gap, rate=gap.rate + by_angle * rate)
-                slope = gradient * by_angle
-            if factor is not None:
-                elastic = gradient * (-factor[1] * self.law.stored_energy(gap))
-                gap = replace(gap, factor=Slope(factor[0], factor[1] * rate))
+                depth_by_angle = -side * error_slope
+                gap = replace(gap, rate=gap.rate + depth_by_angle * rate)
+                slope = gradient * depth_by_angle
+            if stiffness_factor is not None:
+                value, by_angle = stiffness_factor
+                # At constant penetration, the stored energy changes with the angle, by the
+                # stiffness: minus its gradient is a force.
+                elastic = gradient * (-by_angle * self.law.stored_energy(gap))
+                gap = replace(gap, factor=Slope(value, by_angle * rate))
             return gap, SideForce(*arms, slope, elastic)
 
         return varied

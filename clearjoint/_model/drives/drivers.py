@@ -180,8 +180,7 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
 
 
 def torque_about(angle: Row, torque: Scalar) -> dict[str, Wrench]:
-    """Return the wrench on each body of a torque, N m, about the axis of an angle, given as a
-    `Row`."""
+    """Return, by body, the wrench of `torque`, N m, about the axis of `angle`, a `Row`."""
     # The Jacobian of the angle is the wrench of a torque of 1 N m on each body.
     return {name: Wrench(pair.force, pair.moment * torque) for name, pair in angle.jacobian.items()}
 

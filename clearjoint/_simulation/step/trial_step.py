@@ -227,12 +227,11 @@ def _or_rejected(finite: Condition, outcome: SolverStep, y: Variables) -> Solver
 
 
 def may_jump(method: Method, scene: Scene) -> bool:
-    """Return whether rates may be discontinuous from the end of one step to the start of the next,
-    so that the rates which the solver has kept must be computed anew. Rates are discontinuous at
-    breakpoints and where a contact begins to drag bristles. If steps end at contact events, they
-    are also discontinuous where a force jumps at the onset or end of a contact; if the force does
-    not jump, it is still zero at the onset, and a new entry speed does not change the rates. If
-    steps go across contact events, a new entry speed changes them."""
+    """Return whether rates may be discontinuous between two steps, so that those which the solver
+    has kept must be computed anew. Rates are discontinuous at breakpoints and where a contact
+    begins to drag bristles. Where steps end at contact events, rates also jump if the force jumps
+    at the onset or end of a contact; a force that does not jump is zero at the onset, so that a new
+    entry speed does not change the rates. Where steps go across contact events, it does."""
     if has_breakpoints(scene) or bool(scene.bristle_laws()):
         return True
     return uses_entry_speed(scene) if method.landing is None else contacts_jump(scene)

@@ -365,8 +365,8 @@ def _same_axes(layout: Layout, other: Layout) -> bool:
 
 
 def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list[int]]:
-    """Numbers of the pending lanes, by number of their chunk, from the result code (`codes`) and
-    the number (`order`) of the lane in each row."""
+    """Numbers of the pending lanes, by index of their chunk. Row k has the lane `order[k]` with the
+    result code `codes[k]`, and a chunk has `chunk` rows."""
     pending: dict[int, list[int]] = {}
     for row in np.flatnonzero(codes == PENDING):
         pending.setdefault(int(row) // chunk, []).append(int(order[row]))

@@ -359,7 +359,7 @@ def test_correlated_noise_is_that_of_the_process(correlation):
     # The variance of the mean of N samples is (1 + r)/(1 - r)/N.
     mean = np.full((20000, 1), 1.0 / 20000)
     expected = (1.0 + correlation) / (1.0 - correlation) / 20000
-    assert found.information(mean)[0, 0] == pytest.approx(expected, rel=0.15)
+    assert found.gradient_covariance(mean)[0, 0] == pytest.approx(expected, rel=0.15)
     effective = (1.0 - correlation**2) / (1.0 + correlation**2) * 20000
     assert found.effective == pytest.approx(effective, rel=0.1)
 
