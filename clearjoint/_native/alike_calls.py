@@ -1,9 +1,9 @@
 """Calls of one function for many elements, computed together by vectors of the processor.
 
 A program calls a function for each element of a kind, such as the contacts of thirty joints. Up to
-`CALLS_AT_ONCE` calls that do not depend on each other become one call of a function whose values
-are vectors, with an element for each call. Its operations are those of the original function, so
-that the results have the same bits. For three contacts with the parameters p, q and r::
+`CALLS_AT_ONCE` calls that do not depend on each other become one call of a function of vectors,
+which have an element for each call. Its operations are those of the original function, so that the
+results have the same bits. For three contacts with the parameters p, q and r::
 
     a = evaluate f(p)           v = build(p, q, r)
     b = evaluate f(q)           w = evaluate f_of_vectors(v)
@@ -17,16 +17,15 @@ from .operations import Block, Operation, Operations, Value
 from .pieces import cells_written
 
 CALLS_AT_ONCE = 8
-"""Largest number of calls that are joined: the floats of a vector of 512 bits."""
+"""Largest number of calls that are joined: the number of floats in a vector of 512 bits."""
 FEWEST = 3
-"""Smallest number of calls that are joined, since arguments must be joined before a call for
-vectors and its results taken apart after it. The number is a guess: scenes have functions for four
-elements or more."""
+"""Smallest number of calls that are joined, since making vectors of the arguments and taking
+results apart costs time. The number is a guess: scenes have functions for four elements or more."""
 
 
 def join_alike_calls(program: Operations, fixed: Iterable[int] = ()) -> None:
-    """Join the calls in all blocks of a program. The cells `fixed`, which the caller of the program
-    writes or reads, stay where they are."""
+    """Join the calls in all blocks of a program. Values in the cells `fixed` are not moved to other
+    cells, since the caller of the program writes or reads them."""
     _Joining(program, set(fixed)).join_all()
 
 
@@ -56,7 +55,7 @@ class _Joining:
             self._use_moved_cells(block)
 
     def _join_block(self, block: Block) -> None:
-        """Join calls between which no branch or loop stands, in a block and in those inside it."""
+        """Join calls in a block, and in those inside it, but not across branches and loops."""
         new: Block = []
         sequence: list[Operation] = []
         for entry in block:
@@ -75,9 +74,9 @@ class _Joining:
     def _joined(self, sequence: list[Operation]) -> list[Operation]:
         """Return a sequence of operations, without branches and loops, with its calls joined.
 
-        The level of an operation is the largest number of calls on any path of results and
-        arguments that leads to it. Calls on the same level do not depend on each other. The
-        operations are executed in the order of their levels.
+        The level of an operation is the largest number of calls, including itself, on any chain of
+        operations that lead to it by their results. Calls on the same level do not depend on each
+        other. The operations are executed in the order of their levels.
         """
         program = self._program
         levels: dict[Value, int] = {}
@@ -126,8 +125,8 @@ class _Joining:
         return new
 
     def _call_of_vectors(self, function: int, calls: list[Operation]) -> Iterator[Operation]:
-        """Yield the operations that join the arguments of calls, and the call of the function of
-        vectors with the number `function`."""
+        """Yield the operations that make vectors of the arguments of calls, and last the call of
+        the function of vectors with the index `function`."""
         program = self._program
         arguments: list[Value] = [program.constant("i", function)]
         for values in zip(*(call.arguments[1:] for call in calls), strict=True):
@@ -142,9 +141,9 @@ class _Joining:
         yield Operation(program.new("results"), "evaluate", tuple(arguments))
 
     def _next_to_each_other(self, values: tuple[Value, ...]) -> int | None:
-        """Move the cells from which values are read next to each other, and return the first one;
-        ``None`` if the values are not all read from cells that can be moved. Such cells hold values
-        from outside of a function, such as the parameters of elements."""
+        """Move values that are read from cells to adjacent cells, from which one load reads all of
+        them, and return the first of these cells; ``None`` if any value cannot be moved. Those that
+        can come from outside of a function, such as the parameters of elements."""
         program = self._program
         if len(values) < CALLS_AT_ONCE or not all(value in self._loads for value in values):
             return None
@@ -167,7 +166,8 @@ class _Joining:
         vectors: dict[tuple[Value | None, Value], Value],
     ) -> Iterator[Operation]:
         """Yield the operations that replace `result`, which reads a result of one call: they take
-        the element `place` from the vector that the joined `call` returns."""
+        the element `place` from the vector that the joined `call` returns. `vectors` has those that
+        have been read already, by the call's value and the index of the result."""
         program, number = self._program, result.arguments[2]
         assert result.out is not None and call.out is not None
         vector = vectors.get((call.out, number))
