@@ -460,8 +460,8 @@ class HostFirst(Generic[Arguments, Result]):
         return self._compiled.programs()
 
     def _results(self, call: Callable[[], Result], is_new: bool) -> list[Result]:
-        """Return a list with the result of `call`, empty if NumPy cannot compute it. `is_new`: whether
-        this is the first attempt for arguments of this structure."""
+        """Return a list with the result of `call`, empty if NumPy cannot compute it. `is_new`:
+        whether this is the first attempt for arguments of this structure."""
         results: list[Result] = []
         with np.errstate(all="ignore"):
             try:

@@ -36,6 +36,9 @@ class _Joining:
         self._written = set[int]()
         # New numbers of cells that have moved next to each other, by their former numbers.
         self._moved: dict[int, int] = {}
+        # Vectors of results that have been read, by the value of the joined call and that of the
+        # result's index.
+        self._vectors: dict[tuple[Value, Value], Value] = {}
         # Loads of single cells in the function that is being read, by their results.
         self._loads: dict[Value, Operation] = {}
 
@@ -105,8 +108,6 @@ class _Joining:
             return sequence
         # Calls that are joined, by their results: the call for all, and the place in its vectors.
         places: dict[Value | None, tuple[Operation, int]] = {}
-        # Vectors of results that have been read, by the call for all and the number of the result.
-        vectors: dict[tuple[Value | None, Value], Value] = {}
         new: list[Operation] = []
         for level in sorted(by_level):
             # The joined calls come first on their level, since their arguments have lower levels.
@@ -119,7 +120,7 @@ class _Joining:
                     places |= {single.out: (call, place) for place, single in enumerate(group)}
             for operation in by_level[level]:
                 if operation.name == "result" and operation.arguments[0] in places:
-                    new += self._element_for(operation, *places[operation.arguments[0]], vectors)
+                    new += self._element_for(operation, *places[operation.arguments[0]])
                 elif operation.out not in places:
                     new.append(operation)
         return new
@@ -141,9 +142,9 @@ class _Joining:
         yield Operation(program.new("results"), "evaluate", tuple(arguments))
 
     def _next_to_each_other(self, values: tuple[Value, ...]) -> int | None:
-        """Move values that are read from cells to adjacent cells, from which one load reads all of
-        them, and return the first of these cells; ``None`` if any value cannot be moved. Those that
-        can come from outside of a function, such as the parameters of elements."""
+        """Move the cells from which values are read next to each other, so that one load reads all
+        of them, and return the first one; ``None`` if any value is not read from a cell that can be
+        moved. Values that are come from outside of a function, as do parameters of elements."""
         program = self._program
         if len(values) < CALLS_AT_ONCE or not all(value in self._loads for value in values):
             return None
@@ -158,22 +159,15 @@ class _Joining:
         self._moved |= {cell: start + place for place, cell in enumerate(cells)}
         return start
 
-    def _element_for(
-        self,
-        result: Operation,
-        call: Operation,
-        place: int,
-        vectors: dict[tuple[Value | None, Value], Value],
-    ) -> Iterator[Operation]:
+    def _element_for(self, result: Operation, call: Operation, place: int) -> Iterator[Operation]:
         """Yield the operations that replace `result`, which reads a result of one call: they take
-        the element `place` from the vector that the joined `call` returns. `vectors` has those that
-        have been read already, by the call's value and the index of the result."""
+        the element `place` from the vector that the joined `call` returns."""
         program, number = self._program, result.arguments[2]
         assert result.out is not None and call.out is not None
-        vector = vectors.get((call.out, number))
+        vector = self._vectors.get((call.out, number))
         if vector is None:
             vector = program.new(f"{program.kinds[result.out]}v")
-            vectors[call.out, number] = vector
+            self._vectors[call.out, number] = vector
             yield Operation(vector, "result", (call.out, call.arguments[0], number))
         yield Operation(result.out, "element", (vector, program.constant("i", place)))
 

@@ -90,7 +90,7 @@ class Cells:
             self.size += leaf.size
 
     def columns(self) -> PyTree:
-        """Return the example with the index in a row of each element in place of the element."""
+        """Return the example with each element of its arrays replaced by its index in a row."""
         return self._tree([np.arange(self.size)[r.cells].reshape(r.shape) for r in self._regions])
 
     def rows(self, trees: PyTree) -> Float[np.ndarray, "n {self.size}"]:

@@ -46,7 +46,7 @@ class Native(Generic[Arguments, Result]):
 
     - `native`: the function in native code.
 
-    **Arguments:** `warns`: whether a `NativeFallbackWarning` is issued if that cannot be made.
+    **Arguments:** `warns`: whether a `NativeFallbackWarning` is issued if there is no native code.
     """
 
     __wrapped__: Callable[Arguments, Result]

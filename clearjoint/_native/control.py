@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from jax.extend import core
+from jax.extend.core import ClosedJaxpr
 
 from .indexing import read_block
 from .lowering import (
@@ -64,10 +64,12 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
         return _selected(lower, condition, lower.inline(yes, unchanged), no_results)
     if ops.width == 1 or ops.is_uniform(condition):
         return _branch(lower, condition, yes, no, arguments)
-    # In several lanes both branches may be executed, each for the lanes that need it.
+    # In several lanes both branches may be executed, each for the lanes that need it. A jump would
+    # cost more than a short branch.
     opposite = ops.emit("not", "b", condition)
-    yes_results = _if_any(lower, condition, yes, arguments, yes_size, in_memory)
-    no_results = _if_any(lower, opposite, no, arguments, no_size, in_memory)
+    yes_jumps, no_jumps = (in_memory or n > LONGEST_CHOICE for n in (yes_size, no_size))
+    yes_results = _if_any(lower, condition, yes, arguments, yes_jumps)
+    no_results = _if_any(lower, opposite, no, arguments, no_jumps)
     return _selected(lower, condition, yes_results, no_results)
 
 
@@ -93,18 +95,13 @@ def _moved(new: Sequence[Array], old: Sequence[Array]) -> list[tuple[InMemory, I
 
 
 def _if_any(
-    lower: Lowering,
-    condition: Value,
-    branch: core.ClosedJaxpr,
-    arguments: Sequence[Array],
-    size: int,
-    in_memory: bool,
+    lower: Lowering, condition: Value, branch: ClosedJaxpr, arguments: Sequence[Array], jumps: bool
 ) -> list[Array]:
-    """Add a branch of `size` equations for the lanes in which its condition holds; in the others,
-    its results are not used. `in_memory`: whether any result is an array in memory."""
-    # A jump would cost more than a short branch. Since the short branch is executed in all lanes,
-    # it must not overwrite its arguments, which lanes that need the other branch still use.
-    if size <= LONGEST_CHOICE and not in_memory:
+    """Add a branch for the lanes in which its condition holds; in the others, its results are not
+    used. `jumps`: whether the branch is skipped if its condition holds in no lane."""
+    # Without a jump, the branch is executed in all lanes. It must not overwrite its arguments,
+    # which the other branch still needs.
+    if not jumps:
         return lower.inline(branch, [borrowed(argument) for argument in arguments])
     results: list[Array] = []
 
@@ -125,18 +122,14 @@ class _DifferentArraysError(Exception):
 
 
 def _branch(
-    lower: Lowering,
-    condition: Value,
-    yes: core.ClosedJaxpr,
-    no: core.ClosedJaxpr,
-    arguments: Sequence[Array],
+    lower: Lowering, condition: Value, yes: ClosedJaxpr, no: ClosedJaxpr, arguments: Sequence[Array]
 ) -> list[Array]:
     """Add a jump to one of two branches, for a condition that is the same in all lanes."""
 
     def added(copies: bool) -> list[Array]:
         first_results: list[Array] = []
 
-        def compute(branch: core.ClosedJaxpr) -> list[Value]:
+        def compute(branch: ClosedJaxpr) -> list[Value]:
             results = lower.inline(branch, arguments)
             # The first call, for `yes`, sets `first_results`. Each must have cells of its own,
             # since `no` may give different arrays where `yes` gives the same array twice.
@@ -204,8 +197,8 @@ def loop(
     iterate: Callable[[list[Array]], list[Array]],
     uniform: bool = False,
 ) -> list[Array]:
-    """Add a loop to the program, and return its carries (arrays) after the last iteration, from
-    those before the `first`. Arrays in memory stay in their cells.
+    """Add a loop to the program, and return its carries (arrays) after the last iteration. They
+    begin as `first`. Arrays in memory stay in their cells.
 
     **Arguments:** `holds`: adds the condition for a further iteration, as a function of the
     carries; `iterate`: adds the loop's body for carries, and returns the next ones; `uniform`:

@@ -173,8 +173,8 @@ def _joined_cells(
 class BoundFunction:
     """A native function with some of its arguments fixed, for many calls.
 
-    It takes and returns rows of numbers as in `Cells`, (n, …), one row for each of n calls. Only
-    one thread may call it at a time, because all calls use the same memory.
+    It takes and returns rows of numbers as in `Cells`, one for each call. Only one thread may call
+    it at a time, because all calls use the same memory.
 
     - `results`: converts rows of results to PyTrees.
 

@@ -319,9 +319,6 @@ RULES: dict[str, EquationRule] = {
     "dynamic_update_slice": _dynamic_update_slice,
     "gather": _gather,
     "scatter": partial(_scatter, name=""),
-    "scatter-add": partial(_scatter, name="add"),
-    "scatter-mul": partial(_scatter, name="mul"),
-    "scatter-min": partial(_scatter, name="min"),
-    "scatter-max": partial(_scatter, name="max"),
+    **{f"scatter-{name}": partial(_scatter, name=name) for name in ("add", "mul", "min", "max")},
 }
 """Rules by the names of primitives."""

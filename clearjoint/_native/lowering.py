@@ -33,7 +33,7 @@ LARGEST_UNROLLED = 48
 """Largest number of elements of an array whose elements are separate values. A larger array is
 processed by loops, which saves code and time of compilation."""
 LONGEST_PACKED = 16
-"""Largest number of tangents that are computed as one vector: two of the processor's 512 bits."""
+"""Largest number of tangents in one vector, which takes two of the processor's, of 512 bits."""
 LONGEST_CHOICE = 24
 """Largest number of equations of a branch that is computed even if its result is not needed: a
 jump around a longer one costs less."""
@@ -43,7 +43,7 @@ shorter one, exchanging values in memory costs more than the function saves."""
 SMALLEST_SHARED = 60
 """Number of equations from which on a jaxpr that many places share becomes a function."""
 FEWEST_CALLS = 3
-"""Number of calls from which on such a jaxpr becomes a function."""
+"""Number of calls from which on a jaxpr of `SMALLEST_FUNCTION` equations becomes a function."""
 MOST_ELEMENTARY = 32
 """Number of elementary functions, such as sines, that are written out, with some 50 operations
 each. Further ones in the same program are calls of a function."""
@@ -167,7 +167,7 @@ class Function:
     - `parameters`: the first cell of each value that differs between calls. The caller writes it.
     - `places`: the arguments that differ between calls, as arrays inside the function. If they are
       in memory, the caller copies its arrays to their cells.
-    - `results`: arrays of values inside the function.
+    - `results`: arrays that the function returns, of values as they are named inside of it.
     - `cells`: the first cell of each value in `results` that the function computes and writes. All
       other values in `results` are computed outside, once for all calls.
     """
@@ -183,7 +183,7 @@ class Function:
 class PureFunction:
     """A function of machine code for a jaxpr, which takes and returns values.
 
-    - `results`: arrays of values inside the function.
+    - `results`: arrays that the function returns, of values as they are named inside of it.
     - `computed`: the values in `results` that the function returns. The others are constants.
     """
 
@@ -542,7 +542,7 @@ class Lowering:
         equations = zip(opened.eqns, survey.operations, strict=True)
         for number, (equation, operation) in enumerate(equations):
             if operation is None:
-                self._add_equation(equation, arrays, survey.last_reads, number)
+                self._add_equation(equation, number, arrays, survey)
             else:
                 operands = [scalar(self._atom(atom, arrays)) for atom in equation.invars]
                 arrays[equation.outvars[0]] = self.ops.emit(operation, "f", *operands)
@@ -558,14 +558,10 @@ class Lowering:
         return self.constant(np.asarray(atom.val, dtype=aval_of(atom).dtype))
 
     def _add_equation(
-        self,
-        equation: Equation,
-        arrays: dict[Atom, Array],
-        last_reads: dict[Atom, int],
-        number: int,
+        self, equation: Equation, number: int, arrays: dict[Atom, Array], survey: Survey
     ) -> None:
-        """Add an equation to the program, and its results to `arrays`. `number` is its index in the
-        jaxpr, and `last_reads` as in `Survey`.
+        """Add an equation, with the index `number` in its jaxpr, to the program, and its results to
+        `arrays`.
 
         Arrays in memory that are read later are marked as not owned: arguments that are read again,
         and results that share cells with these or with each other.
@@ -578,8 +574,8 @@ class Lowering:
             if isinstance(array, InMemory) and not isinstance(atom, core.Literal):
                 # A rule may overwrite an argument that no later equation reads. If the argument
                 # occurs twice in this equation, writing for one would change the other.
-                is_last = last_reads[atom] == number and list(equation.invars).count(atom) == 1
-                if not is_last:
+                is_last_read = survey.last_reads[atom] == number
+                if not (is_last_read and list(equation.invars).count(atom) == 1):
                     read_later[atom] = array
                     array = replace(array, owned=False)
             arguments.append(array)

@@ -55,7 +55,7 @@ class Branch:
     """Execute the block `yes` if the condition holds, else the block `no`.
 
     The values `outs` become `yes_values` or `no_values`, which the executed block computes. If the
-    condition is a vector, of lanes or of tangents, `yes` is executed if any element holds.
+    condition is a vector, of lanes or of tangents, `yes` is executed if any of its elements holds.
     Operations in `yes` or after the branch must then select the results of the other elements.
     """
 
@@ -388,15 +388,16 @@ class Operations:
         return range(self._starts[after - 1], end)
 
     def load(self, kind: str, start: int, index: Value | None = None) -> Value:
-        """Add the read of the cell `start`, plus `index` if given; of a vector, from there on."""
+        """Add the read of the cell `start`, or `start` + `index`. A vector is read from there
+        on."""
         cell, arguments = self._address(start, index)
         out = self.new(kind)
         self.block.append(Operation(out, "load", arguments, cell))
         return out
 
     def store(self, value: Value, start: int, index: Value | None = None) -> None:
-        """Add the write of a value to the cell `start`, plus `index` if given. Within `masked`,
-        only lanes in which its condition holds write."""
+        """Add the write of a value to the cell `start`, or `start` + `index`. Within `masked`, only
+        lanes in which its condition holds write."""
         if self._mask is not None:
             kind = self.kinds[value]
             value = self.emit("select", kind, self._mask, value, self.load(kind, start, index))
@@ -535,8 +536,8 @@ class Operations:
         ]
 
     def once(self, key: tuple, add: Callable[[], Value]) -> Value:
-        """Return the value of the entries that `add` adds. They are not added if this block, or one
-        that contains it, has entries with an equal `key`."""
+        """Return the value of the entries that `add` adds. They are not added again if this block,
+        or one that contains it, has added them with the same `key`."""
         value = self._known.get(key)
         if value is None:
             value = self._known[key] = add()
@@ -583,9 +584,9 @@ class Operations:
         holds: Callable[[list[Value]], Value],
         body: Callable[[list[Value]], list[Value]],
     ) -> list[Value]:
-        """Add a loop and return its carries after the last iteration, from those before the
-        `first`. `holds` adds the condition for a further iteration, as a function of the carries,
-        and `body` the loop's body, which returns the next carries."""
+        """Add a loop and return its carries after the last iteration, which begin as `first`.
+        `holds` adds the condition for a further iteration, as a function of the carries, and `body`
+        the loop's body, which returns the next carries."""
         # The condition is computed in its own block, which is executed once more than the body.
         carries = [self.new(self.kinds[value]) for value in first]
         head, inner = [], []

@@ -29,7 +29,7 @@ class _Pieces:
 class Division:
     """Divides the long sequences of operations of a function into pieces.
 
-    - `pieces`: operations of the pieces, by the numbers by which operations "call" name them.
+    - `pieces`: operations of each piece, by its `number` in operations "call".
 
     **Arguments:** `ordered`: returns operations in the order in which they shall be executed;
     `needed`: returns the values that an operation uses; `first`: number of the first piece;
