@@ -70,7 +70,8 @@ def _is_as_before(names: _Namespace, before: _Namespace) -> bool:
     """Return whether a namespace has the same objects under the same names as before.
 
     Modules may have further names, such as those of submodules. Classes may not, since an added
-    method may override an inherited one, but for names with two underscores, which Python adds.
+    method may override an inherited one, except for names that begin with two underscores, of which
+    Python adds some.
     """
     added = () if isinstance(names, dict) else names.keys() - before.keys()
     return all(names.get(name) is value for name, value in before.items()) and all(

@@ -278,9 +278,9 @@ def shared_by_many(calls: int, function: Callable[..., Result], *arguments: PyTr
 
 
 def kind_of_leaf(leaf: PyTree) -> tuple[PyTree, ...]:
-    """Return what a program depends on: of an array, `ARRAY`, shape, dtype, and whether its type is
-    weak (of a Python number, which takes the type of the other operand); else the leaf's type, and
-    the leaf."""
+    """Return what a program depends on. For an array these are `ARRAY`, shape, dtype, and whether
+    the type is weak (of a Python number, which takes that of the other operand); else type and
+    leaf."""
     # The attributes of a tracer itself take ten times as long as those of its `aval`.
     array: PyTree = leaf.aval if isinstance(leaf, Tracer) else leaf
     if array is not leaf or _is_array(leaf):
@@ -361,8 +361,7 @@ def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Argument
 
 @contextmanager
 def program_is_made_inside() -> Iterator[None]:
-    """Context with which this thread's time in `seconds_of_compiling` ends, unless it began
-    before."""
+    """Context that ends this thread's time in `seconds_of_compiling`, unless it began before."""
     thread = threading.get_ident()
     is_inner = thread in _began
     before = _began.setdefault(thread, None)

@@ -127,9 +127,8 @@ class _Plan:
         return table
 
     def products(self) -> list[tuple[int, int, int, int]]:
-        """Return the products of blocks and parts of a vector whose sum is matrix times vector,
-        each as (part of the result, block, part of the vector, 1 if the block is transposed else
-        0)."""
+        """Return the products of blocks and parts of a vector whose sum is matrix times vector:
+        (part of the result, block, part of the vector, 1 if the block is transposed, else 0)."""
         table = [(i, self.slots[i, j], j, 0) for i, j in self.entries]
         return table + [(j, slot, i, 1) for i, slot, j, _ in table if i != j]
 

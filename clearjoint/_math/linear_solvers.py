@@ -19,7 +19,7 @@ from .vectors import Scalar, add, is_zero, multiply, subtract
 Rows = Sequence[Sequence[Scalar]]
 """Rows of a matrix. Of a symmetric one, only the first i + 1 entries of row i are read."""
 Solve = Callable[[Sequence[Scalar]], list[Scalar]]
-"""Function of the right side of a system of n equations, (n,), that returns the solution, (n,)."""
+"""Function of the right side of a system of equations, n scalars, that returns the n unknowns."""
 
 
 def elimination_order(
@@ -31,8 +31,9 @@ def elimination_order(
     bools that are zero or not.
 
     **Returns:** the indices of the unknowns in the order of their elimination; for each unknown in
-    this order, the places in it of those that share an equation with it; and, for each column of
-    the triangular factor in this order, the sorted rows of the nonzero entries below the diagonal.
+    this order, the places in it of the others with nonzero entries in its row; and, for each column
+    of the triangular factor in this order, the sorted rows of the nonzero entries below the
+    diagonal.
     """
     neighbours: list[set[int]] = [set() for _ in nonzero]
     for i, row in enumerate(nonzero):
