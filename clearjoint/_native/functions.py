@@ -1,11 +1,12 @@
 """Compile functions of PyTrees to machine code, and call them."""
 
 import math
+import operator
 import threading
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from itertools import compress
 from typing import TypeVar, cast
 
@@ -302,8 +303,8 @@ class FlatArguments:
     def joined(parts: "tuple[FlatArguments, ...]") -> "FlatArguments":
         return FlatArguments(
             lambda: tuple(argument for part in parts for argument in part.arguments),
-            [leaf for part in parts for leaf in part.leaves],
-            [array for part in parts for array in part.arrays],
+            reduce(operator.iadd, [part.leaves for part in parts], []),
+            reduce(operator.iadd, [part.arrays for part in parts], []),
             any(part.traced for part in parts),
             tuple([part.key for part in parts]),
             parts,
