@@ -47,10 +47,11 @@ def gram_matrix(first: Rows, second: Rows) -> AbstractMatrix:
     multiplications += sum(len(column) * (len(column) + 3) // 2 for column in below)
     if multiplications > MOST_MULTIPLICATIONS:
         return BlockMatrix(first, second)
-    pairs = zip(first, counts, strict=True)
-    return ScalarMatrix(
-        [[inner(a, b) if n else 0.0 for b, n in zip(second, row, strict=False)] for a, row in pairs]
-    )
+    rows = [
+        [inner(a, b) if count else 0.0 for b, count in zip(second, of_row, strict=False)]
+        for a, of_row in zip(first, counts, strict=True)
+    ]
+    return ScalarMatrix(rows)
 
 
 class _Plan:
@@ -140,6 +141,7 @@ class BlockMatrix(AbstractMatrix):
         self.n = len(first)
         # Rows of D with similar entries form groups: the rows of blocks of D, X and S.
         groups = _groups([{k // SIZE for k in _support(row)} for row in first])
+        # The columns of blocks in which each group has entries, in D and in X.
         of_first, of_second = (
             [{k // SIZE for row in group for k in _support(rows[row])} for group in groups]
             for rows in (first, second)

@@ -80,7 +80,7 @@ class NativeProgram:
             lowering.stored(array, aval_of(out)) for array, out in zip(results, outs, strict=True)
         ]
         regions = [*filter(None, self.inputs), *self.outputs]
-        join_alike_calls(lowering.ops, (k for r in regions for k in (r.start,) if r.size == 1))
+        join_alike_calls(lowering.ops, (r.start for r in regions if r.size == 1))
         stopwatch.end("lowering")
         self.code = Code(lowering, stopwatch)
         # All small arguments of floats are written at once, and so are all those of integers and

@@ -195,14 +195,11 @@ def _reduce_memory(
     lower: Lowering, array: InMemory, axes: tuple[int, ...], combine: Combine
 ) -> InMemory:
     """Return an array in memory that combines the elements of another along adjacent axes."""
-    # The array as one of shape (before, along, after), and the result as one of (before, after).
-    lengths = (
-        array.shape[: axes[0]],
-        array.shape[axes[0] : axes[-1] + 1],
-        array.shape[axes[-1] + 1 :],
-    )
-    before, along, after = map(math.prod, lengths)
-    ops, out = lower.ops, lower.new_array((*lengths[0], *lengths[2]), array.kind)
+    # The array counts as one of shape (before, along, after), the result as one of (before, after).
+    first, end = axes[0], axes[-1] + 1
+    shape_before, shape_after = array.shape[:first], array.shape[end:]
+    before, along, after = map(math.prod, (shape_before, array.shape[first:end], shape_after))
+    ops, out = lower.ops, lower.new_array((*shape_before, *shape_after), array.kind)
 
     def index(*terms: tuple[Value, int], first: int = 0) -> Value:
         numbers, strides = zip(*terms, strict=True)
