@@ -51,10 +51,10 @@ def remember_contents() -> None:
 def source_digest() -> str:
     """Return the digest of the package's source files as they were when its import began.
 
-    **Raises:** `ChangedCodeError` if the files have changed since then; if an object in a module or
-    class of this package was replaced after the import; or if there are no source files or
-    `remember_contents` has not been called. After a change that a call has noticed, every later
-    call raises it, even if the change is undone.
+    **Raises:** `ChangedCodeError` if the files have changed since then, as by an upgrade; if an
+    object in a module or class of this package was replaced after the import; or if there are no
+    source files or `remember_contents` has not been called. After a change that a call has noticed,
+    every later call raises it, even if the change is undone.
     """
     global _contents
     # The files are read before the comparison, which then also covers the files that were read.

@@ -41,7 +41,7 @@ def digest_of(value: object) -> str:
     - numbers, strings, bytes, ``None``, ``...``, arrays, tuples, lists, dictionaries and frozen
       sets;
     - functions and classes of this package, of the packages `VERSIONED`, or of a few modules of
-      Python, such as `functools`; their methods; and instances that can be pickled.
+      Python, such as `functools`; and methods and instances of these that can be pickled.
 
     **Raises:** `NotPlainError` for a value that contains anything else, such as an array that JAX
     traces or an array of objects, that contains itself, or that is nested too deeply.

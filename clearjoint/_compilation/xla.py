@@ -87,6 +87,12 @@ SHARED = "shared_function"
 """Name of the jaxprs that `traced_for_a_kind` makes. Native code has one function for each."""
 
 
+_Shared: TypeAlias = Callable[[Iterable[PyTree]], PyTree]
+SharedFunctions: TypeAlias = dict[Hashable, _Shared]
+"""Functions that `traced_for_a_kind` has traced, each for the arrays among its arguments'
+leaves."""
+
+
 @dataclass
 class _Program:
     """What is known of a program that JAX is tracing.
@@ -96,7 +102,7 @@ class _Program:
     - `tangents`: number of parameters by which its variables are differentiated; 0 for none.
     """
 
-    shared: dict[Hashable, "_Shared"]
+    shared: SharedFunctions
     tangents: int = 0
 
 
@@ -127,41 +133,32 @@ class NotSharedError(Exception):
     """Raised if the calls of a function cannot share its jaxpr."""
 
 
-class _Shared:
-    """A function of PyTrees that JAX has traced for one kind of arguments (see
-    `traced_for_a_kind`), given by example leaves and a structure. It is called with the arrays
-    among the leaves."""
+def _traced_for(
+    function: Callable[..., PyTree], leaves: Sequence[PyTree], structure: PyTree, is_called: bool
+) -> _Shared:
+    """Trace a function of PyTrees for one kind of arguments (see `traced_for_a_kind`), given by
+    example leaves and a structure. The result is a function of the arrays among the leaves."""
+    others, arrays = divided(leaves)
+    # The leaves of the function's result, with placeholders for arrays, and its structure, once JAX
+    # has traced it. Structural zeros stay Python numbers, which the caller leaves out of its
+    # formulas.
+    static: list[PyTree] = []
+    form: PyTree = None
 
-    def __init__(
-        self,
-        function: Callable[..., PyTree],
-        leaves: Sequence[PyTree],
-        structure: PyTree,
-        is_called: bool,
-    ):
-        others, arrays = divided(leaves)
-        # The results of the function with placeholders for arrays, once JAX has traced it.
-        # Structural zeros stay Python numbers, which the caller leaves out of its formulas.
-        self._results: tuple[list[PyTree], PyTree] = [], None
+    def shared_function(*arrays: PyTree) -> list[PyTree]:
+        nonlocal static, form
+        result = function(*jax.tree.unflatten(structure, joined(others, arrays)))
+        leaves, form = jax.tree.flatten(result)
+        static, traced = divided(leaves)
+        return traced
 
-        def shared_function(*arrays: PyTree) -> list[PyTree]:
-            result = function(*jax.tree.unflatten(structure, joined(others, arrays)))
-            leaves, form = jax.tree.flatten(result)
-            static, traced = divided(leaves)
-            self._results = static, form
-            return traced
-
-        shared_function.__name__ = SHARED if is_called else "traced_for_a_kind"
-        call = jax.make_jaxpr(jax.jit(shared_function))(*arrays)
-        # A traced value from outside belongs to one call, but the jaxpr to all of them.
-        if any(isinstance(constant, Tracer) for constant in call.consts):
-            raise NotSharedError
-        self._call = _evaluation_of(call)
-
-    def __call__(self, arrays: Iterable[PyTree]) -> PyTree:
-        results = self._call(*arrays)
-        others, form = self._results
-        return jax.tree.unflatten(form, joined(others, results))
+    shared_function.__name__ = SHARED if is_called else "traced_for_a_kind"
+    jaxpr = jax.make_jaxpr(jax.jit(shared_function))(*arrays)
+    # A traced value from outside belongs to one call, but the jaxpr to all of them.
+    if any(isinstance(constant, Tracer) for constant in jaxpr.consts):
+        raise NotSharedError
+    call = _evaluation_of(jaxpr)
+    return lambda arrays: jax.tree.unflatten(form, joined(static, call(*arrays)))
 
 
 def _evaluation_of(call: ClosedJaxpr) -> Callable[..., Sequence[PyTree]]:
@@ -183,8 +180,6 @@ def _evaluation_of(call: ClosedJaxpr) -> Callable[..., Sequence[PyTree]]:
     return jaxpr_as_fun(call)
 
 
-SharedFunctions: TypeAlias = dict[Hashable, _Shared]
-"""Functions that `traced_for_a_kind` has traced."""
 _shared_by_call: ContextVar[SharedFunctions | None] = ContextVar("call", default=None)
 
 
@@ -253,7 +248,7 @@ def traced_for_a_kind(
     except TypeError as error:
         raise NotSharedError from error
     if shared is None:
-        shared = program.shared[key] = _Shared(function, leaves, structure, is_called)
+        shared = program.shared[key] = _traced_for(function, leaves, structure, is_called)
     return shared(leaf for leaf, kind in zip(leaves, kinds, strict=True) if kind[0] is ARRAY)
 
 
