@@ -6,15 +6,14 @@ This module imports only Python's standard library, because `.package_code` does
 import hashlib
 
 DIGITS = 16
-"""Default number of hexadecimal characters of a digest: 64 bits, with which equal digests of
-different contents are practically excluded among those that a store of results compares."""
+"""Default number of hexadecimal characters of a digest: 64 bits, enough to tell the contents of a
+store of results apart."""
 LONG = 40
-"""Number of characters of the digests that name saved programs, or that protect their files."""
+"""Number of characters of the digests that name saved programs, or detect damaged files."""
 
 
 def digest(*parts: str | bytes, digits: int = DIGITS) -> str:
-    """Return the digest of a sequence of texts or bytes, `digits` hexadecimal digits (even, at most
-    128)."""
+    """Return the digest of texts or bytes in `digits` hexadecimal digits, even and at most 128."""
     state = hashlib.blake2b(digest_size=digits // 2)
     for part in parts:
         content = part.encode() if isinstance(part, str) else part

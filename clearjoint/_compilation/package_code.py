@@ -16,13 +16,13 @@ PACKAGE = __name__.split(".")[0]
 """Name of this package."""
 _FOLDER = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 _OF_THE_PROCESS = (f"{PACKAGE}._runtime", f"{PACKAGE}._compilation")
-"""Modules of this package, with their submodules, whose variables change while a process runs.
-Programs do not depend on these variables."""
+"""Modules, with their submodules, whose variables change while a process runs. Programs do not
+depend on these variables."""
 _Namespace = Mapping[str, object]
 _contents: list[tuple[_Namespace, dict[str, object]]] = []
-"""Namespace of each module and class of this package, and what it contained when the import ended.
-The list is empty before, and again once a change has been noticed: even if the change is undone,
-JAX may have traced programs from the changed code and reuse them."""
+"""Namespace of each module and class of this package, and its content at the end of the import. The
+list is emptied when a change is noticed: even if the change is undone, JAX may reuse programs that
+it has traced from the changed code."""
 
 
 class ChangedCodeError(Exception):
@@ -31,8 +31,8 @@ class ChangedCodeError(Exception):
 
 
 def remember_contents() -> None:
-    """Record the objects in the loaded modules and classes of the package, for `source_digest`. It
-    must be called at the end of the import of the package."""
+    """Record the objects in the package's modules and classes, for `source_digest`. It must be
+    called at the end of the import of the package."""
     global _contents
     modules: list[_Namespace] = [
         vars(module)
@@ -51,11 +51,10 @@ def remember_contents() -> None:
 def source_digest() -> str:
     """Return the digest of the package's source files as they were when its import began.
 
-    **Raises:** `ChangedCodeError` if the files have changed since then, because the package was
-    upgraded or edited while the process ran; if a function, class or constant in a module of this
-    package, or an attribute of one of its classes, was replaced after the import; or if there are
-    no source files or `remember_contents` has not been called. After a change that a call has
-    noticed, every later call raises this error, even if the change is undone.
+    **Raises:** `ChangedCodeError` if the files have changed since then, as by an upgrade; if an
+    object in a module or class of this package was replaced after the import; or if there are no
+    source files or `remember_contents` has not been called. After a change that a call has noticed,
+    every later call raises it, even if the change is undone.
     """
     global _contents
     # The files are read before the comparison, which then also covers the files that were read.
@@ -68,11 +67,11 @@ def source_digest() -> str:
 
 
 def _is_as_before(names: _Namespace, before: _Namespace) -> bool:
-    """Whether a namespace has the same objects under the same names as before.
+    """Return whether a namespace has the same objects under the same names as before.
 
     Modules may have further names, such as those of submodules. Classes may not, since an added
-    method may override an inherited one; names that begin with two underscores are excepted,
-    because Python adds some itself.
+    method may override an inherited one, except for names that begin with two underscores, of which
+    Python adds some.
     """
     added = () if isinstance(names, dict) else names.keys() - before.keys()
     return all(names.get(name) is value for name, value in before.items()) and all(
@@ -81,8 +80,8 @@ def _is_as_before(names: _Namespace, before: _Namespace) -> bool:
 
 
 def _files() -> dict[str, tuple[int, ...]]:
-    """Size, times of change and inode of each source file, of which at least one changes if the
-    file is written or replaced. They are compared much faster than the files."""
+    """Return size, times of change and inode of each source file, of which one changes if the file
+    is written or replaced. They are compared much faster than the files."""
     paths = (
         os.path.join(folder, name)
         for folder, _, names in os.walk(_FOLDER)

@@ -1,8 +1,7 @@
 """Digests of values that consist only of data, and of functions and classes of known packages.
 
-A digest is part of the key under which a compiled program is saved. Values that contain functions,
-classes or instances of classes from elsewhere are refused, since a change of the sources of these
-would not be noticed.
+A digest is part of the key under which a compiled program is saved. Functions, classes and their
+instances from elsewhere are refused, since a change of their sources would not be noticed.
 """
 
 import sys
@@ -22,8 +21,8 @@ VERSIONED = (
 )
 """Packages whose versions identify their sources."""
 _KNOWN = {PACKAGE, *VERSIONED, "builtins", "collections", "copyreg", "functools", "types"}
-"""Packages whose functions and classes are accepted. Most modules of Python's standard library are
-not, because a user's file such as ``profile.py`` may have the name of one."""
+"""Packages whose functions and classes are accepted. Most modules of Python's library are not,
+because a user's file such as ``profile.py`` may have the name of one."""
 _DATA = (type(None), bool, int, float, complex, str, bytes, type(Ellipsis))
 """Types whose values are identified by their `repr`."""
 
@@ -41,9 +40,8 @@ def digest_of(value: object) -> str:
 
     - numbers, strings, bytes, ``None``, ``...``, arrays, tuples, lists, dictionaries and frozen
       sets;
-    - functions and classes from modules of this package, of the packages `VERSIONED`, or of a few
-      modules of Python, such as `functools`; their methods; and instances of such classes that can
-      be pickled.
+    - functions and classes of this package, of the packages `VERSIONED`, or of a few modules of
+      Python, such as `functools`; and methods and instances of these that can be pickled.
 
     **Raises:** `NotPlainError` for a value that contains anything else, such as an array that JAX
     traces or an array of objects, that contains itself, or that is nested too deeply.
@@ -55,7 +53,7 @@ def digest_of(value: object) -> str:
 
 
 def _nested(value: object) -> object:
-    """Nested tuples of plain Python values whose `repr` identifies the value."""
+    """Return nested tuples of plain Python values whose `repr` identifies the value."""
     # Exact types: an instance of a subclass could hold further data, and is handled last.
     kind = type(value)
     if kind in _DATA:
@@ -92,8 +90,10 @@ def _nested(value: object) -> object:
 
 
 def _named(value: object) -> object:
-    """Return module and qualified name of a function or class of a known package; raise a
-    `NotPlainError` if that name refers neither to it nor to a wrapper of it."""
+    """Return module and qualified name of a function or class of a known package.
+
+    **Raises:** `NotPlainError` if that name refers neither to it nor to a wrapper of it.
+    """
     module, name = str(getattr(value, "__module__", None)), getattr(value, "__qualname__", "")
     member = sys.modules.get(module) if module.split(".")[0] in _KNOWN else None
     for part in name.split("."):

@@ -2,8 +2,8 @@
 
 The folder is in JAX's compilation cache. Programs are machine code and are read by `pickle`, so
 whoever can write to the folder can have code executed by whoever reads from it. The folder is
-therefore made accessible to its owner only, and a folder to which others may write, or which others
-could exchange because they may write to one of the folders above it, is not used.
+therefore made accessible to its owner only. It is not used if others may write to it, or may
+exchange it because they may write to a folder above it.
 """
 
 import os
@@ -19,10 +19,8 @@ import jax
 from .digests import LONG, digest
 
 MOST_BYTES = 1_000_000_000
-"""Largest total size of the files. In a larger folder, the files that have not been used for
-longest are removed."""
+"""Largest total size of the files. Beyond it, those not used for longest are removed."""
 _OTHER_PATH = "give another path to `configure(cache=...)` or in the variable CLEARJOINT_CACHE."
-_SUFFIX = ".program"
 _is_on = False
 """Whether whole native programs are saved."""
 
@@ -30,9 +28,9 @@ _is_on = False
 def keep_programs(keep: bool = True) -> None:
     """Set whether whole native programs are saved in JAX's compilation cache.
 
-    A whole program consists of machine code and the layout of its arguments and results. A later
-    process loads it without tracing the function. If `keep` is false, only the machine code is
-    saved: a later process then traces the function again, but need not compile it.
+    A whole program is machine code with the layout of its arguments and results, which a later
+    process loads without tracing the function. If `keep` is false, only the machine code is saved:
+    a later process traces the function again, but need not compile it.
     """
     global _is_on
     _is_on = keep
@@ -43,8 +41,7 @@ def keeps_programs() -> bool:
 
 
 def cache_in_use() -> Path | None:
-    """Return the folder of JAX's compilation cache; ``None`` if the cache is off, or if its path is
-    a URL."""
+    """Return the folder of JAX's compilation cache; ``None`` if it is off or its path is a URL."""
     cache = jax.config.jax_compilation_cache_dir  # pyright: ignore
     if not (cache and jax.config.jax_enable_compilation_cache):  # pyright: ignore
         return None
@@ -54,7 +51,7 @@ def cache_in_use() -> Path | None:
 def prepare_folder(folder: Path) -> str | None:
     """Make a folder that only its owner may enter, unless it exists.
 
-    **Returns:** ``None`` if the folder may be used, else a message with the reason and the remedy.
+    **Returns:** ``None``, or a message why the folder cannot be used, with the remedy.
 
     **Raises:** `ValueError` if the path is that of a file, or leads through a file.
     """
@@ -89,17 +86,13 @@ def prepare_folder(folder: Path) -> str | None:
 
 def is_private(folder: Path) -> bool:
     """Return whether only the user of this process and the administrator may write to a folder, or
-    exchange it.
-
-    Anyone else who may do so could have code executed by this process. On systems without POSIX
-    permissions, such as Windows, the result is always ``True``.
-    """
+    exchange it: always ``True`` on systems without POSIX permissions, such as Windows."""
     return _exposed(folder) is None
 
 
 def _exposed(folder: Path) -> Path | None:
-    """The folder, or else the first one above it, to which other users may write; ``None`` if they
-    may write to none."""
+    """Return the folder, or the first one above it, to which other users may write; ``None`` if
+    they may write to none."""
     if not hasattr(os, "getuid"):
         return None
     if not _is_ours(folder.stat()):
@@ -121,9 +114,8 @@ def _is_ours(status: os.stat_result) -> bool:
 
 @contextmanager
 def system_errors_suppressed() -> Iterator[None]:
-    """Context that suppresses errors of the operating system. A `TimeoutError` without the number
-    of such an error is raised: a handler of signals has raised it, to end a run after a limit of
-    time."""
+    """Context that suppresses errors of the operating system, but not a `TimeoutError` without an
+    error number: a handler of signals raises it to end a run after a limit of time."""
     try:
         yield
     except OSError as error:
@@ -132,9 +124,8 @@ def system_errors_suppressed() -> Iterator[None]:
 
 
 def _read_private(path: Path) -> bytes | None:
-    """Return the content of a file; ``None`` if others may write to it or to its folder. Folder and
-    file are opened before their permissions are checked, so that neither can be exchanged between
-    the check and the reading."""
+    """Return the content of a file; ``None`` if others may write to it or to its folder. Both are
+    opened before their permissions are checked, so that neither can be exchanged in between."""
     if not hasattr(os, "getuid"):
         return path.read_bytes()
     if not is_private(path.parent):
@@ -150,15 +141,15 @@ def _read_private(path: Path) -> bytes | None:
 
 
 class ProgramStore:
-    """Folder with a file for each compiled program: a checksum, and the compressed content. The
-    files have at most `most_bytes` in all."""
+    """Folder with a file for each compiled program, at most `most_bytes` in all. A file has a
+    checksum and the compressed content."""
 
     def __init__(self, folder: Path, most_bytes: int = MOST_BYTES):
         self._folder, self._most_bytes = folder, most_bytes
 
     def read(self, key: str) -> bytes | None:
         """Return the content that was written under a key; ``None`` if there is none, if it is
-        damaged, or if other users may write to the folder."""
+        damaged, or if other users may write to it."""
         path = self._path(key)
         whole = content = b""
         with system_errors_suppressed(), suppress(zlib.error):
@@ -172,9 +163,11 @@ class ProgramStore:
         return content
 
     def write(self, key: str, content: bytes) -> None:
-        """Write content under a key, so that other processes read either all of it or nothing. To a
-        folder to which other users may write, nothing is written. Raise an `OSError` if the content
-        cannot be written."""
+        """Write content under a key, so that other processes read either all of it or nothing. It
+        is not written to a folder to which other users may write.
+
+        **Raises:** `OSError` if it cannot be written.
+        """
         self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         if not is_private(self._folder):
             return
@@ -192,7 +185,7 @@ class ProgramStore:
         self._remove_oldest()
 
     def _path(self, key: str) -> Path:
-        return self._folder / f"{key}{_SUFFIX}"
+        return self._folder / f"{key}.program"
 
     def _remove_oldest(self) -> None:
         files = []

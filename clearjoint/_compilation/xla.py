@@ -12,6 +12,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from dataclasses import dataclass
 from functools import cache, cached_property, partial, update_wrapper, wraps
 from typing import Generic, NamedTuple, ParamSpec, TypeAlias, TypeVar
 
@@ -27,17 +28,14 @@ from jaxtyping import PyTree
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 _began: dict[int, float | None] = {}
-"""For each thread within `program_is_made_inside`, by its identifier, the time of `time.monotonic`
-at which it began to compile a program, or ``None`` if it has not."""
+"""By the identifier of each thread within `program_is_made_inside`, the `time.monotonic` at which
+it began to compile a program; ``None`` if it has not."""
 CALLS = {
-    "jit": "jaxpr",
-    "closed_call": "call_jaxpr",
-    "eval_jaxpr": "call_jaxpr",
-    "remat2": "jaxpr",
-    "custom_jvp_call": "call_jaxpr",
-    "custom_vjp_call": "call_jaxpr",
+    **dict.fromkeys(("jit", "remat2"), "jaxpr"),
+    **dict.fromkeys(("closed_call", "eval_jaxpr"), "call_jaxpr"),
+    **dict.fromkeys(("custom_jvp_call", "custom_vjp_call"), "call_jaxpr"),
 }
-"""Primitives that only call a jaxpr, each with the name of its parameter that holds this jaxpr."""
+"""Primitives that only call a jaxpr, with the name of the parameter that holds it."""
 
 
 def traced_once(function: Callable[..., Result], recomputes: bool = False) -> Callable[..., Result]:
@@ -45,12 +43,12 @@ def traced_once(function: Callable[..., Result], recomputes: bool = False) -> Ca
 
     A function that is called several times within a program, such as the rates in the stages of a
     step, would otherwise be traced at each call. Leaves that are not arrays must be hashable. The
-    jaxpr is discarded with the wrapper. `equinox.filter_jit` would keep it for the next run, in
-    which a global variable that the function reads may have changed.
+    jaxpr is discarded with the wrapper: `equinox.filter_jit` would keep it for the next run, when a
+    global variable that the function reads may have changed.
 
     **Arguments:** `recomputes`: whether the transpose of the function's derivative computes the
-    function again (`jax.checkpoint`), instead of taking all that it needs of it as arguments. A
-    large function has thousands of these, which native code passes through memory.
+    function again (`jax.checkpoint`), instead of taking its intermediate results as arguments: a
+    large function has thousands, which native code passes through memory.
     """
 
     # Only arrays are traced; other leaves are static, so that the function can branch on them.
@@ -76,8 +74,8 @@ ELEMENTWISE = "elementwise_function"
 
 
 def elementwise(function: Callable[..., Result], *arguments: PyTree) -> Result:
-    """Evaluate a function that works element by element on arrays of one shape, and scalars. Native
-    code has one loop over the elements if they are many, instead of one for each operation."""
+    """Evaluate a function that works element by element on arrays of one shape, and scalars. For
+    many elements, native code then has one loop, instead of one for each operation."""
 
     def elementwise_function(*arguments: PyTree) -> Result:
         return function(*arguments)
@@ -89,6 +87,13 @@ SHARED = "shared_function"
 """Name of the jaxprs that `traced_for_a_kind` makes. Native code has one function for each."""
 
 
+_Shared: TypeAlias = Callable[[Iterable[PyTree]], PyTree]
+SharedFunctions: TypeAlias = dict[Hashable, _Shared]
+"""Functions that `traced_for_a_kind` has traced, each for the arrays among its arguments'
+leaves."""
+
+
+@dataclass
 class _Program:
     """What is known of a program that JAX is tracing.
 
@@ -97,10 +102,8 @@ class _Program:
     - `tangents`: number of parameters by which its variables are differentiated; 0 for none.
     """
 
-    def __init__(self) -> None:
-        of_call = _shared_by_call.get()
-        self.shared: dict[Hashable, _Shared] = {} if of_call is None else of_call
-        self.tangents = 0
+    shared: SharedFunctions
+    tangents: int = 0
 
 
 _program: ContextVar[_Program | None] = ContextVar("program", default=None)
@@ -109,7 +112,8 @@ _program: ContextVar[_Program | None] = ContextVar("program", default=None)
 @contextmanager
 def _one_program() -> Iterator[_Program]:
     """Context in which JAX traces a program; contexts inside of it yield the same object."""
-    program = _program.get() or _Program()
+    of_call = _shared_by_call.get()
+    program = _program.get() or _Program({} if of_call is None else of_call)
     token = _program.set(program)
     try:
         yield program
@@ -129,47 +133,41 @@ class NotSharedError(Exception):
     """Raised if the calls of a function cannot share its jaxpr."""
 
 
-class _Shared:
-    """A function of PyTrees that JAX has traced for the kind of arguments with the given leaves and
-    structure, see `traced_for_a_kind`. It is called with the arrays among the leaves."""
+def _traced_for(
+    function: Callable[..., PyTree], leaves: Sequence[PyTree], structure: PyTree, is_called: bool
+) -> _Shared:
+    """Trace a function of PyTrees for one kind of arguments (see `traced_for_a_kind`), given by
+    example leaves and a structure. The result is a function of the arrays among the leaves."""
+    others, arrays = divided(leaves)
+    # The leaves of the function's result, with placeholders for arrays, and its structure, once JAX
+    # has traced it. Structural zeros stay Python numbers, which the caller leaves out of its
+    # formulas.
+    static: list[PyTree] = []
+    form: PyTree = None
 
-    def __init__(
-        self,
-        function: Callable[..., PyTree],
-        leaves: Sequence[PyTree],
-        structure: PyTree,
-        is_called: bool,
-    ):
-        others, arrays = divided(leaves)
-        # The results of the function with placeholders for arrays, once JAX has traced it.
-        # Structural zeros stay Python numbers, which the caller leaves out of its formulas.
-        self._results: tuple[list[PyTree], PyTree] = [], None
+    def shared_function(*arrays: PyTree) -> list[PyTree]:
+        nonlocal static, form
+        result = function(*jax.tree.unflatten(structure, joined(others, arrays)))
+        leaves, form = jax.tree.flatten(result)
+        static, traced = divided(leaves)
+        return traced
 
-        def shared_function(*arrays: PyTree) -> list[PyTree]:
-            result = function(*jax.tree.unflatten(structure, joined(others, arrays)))
-            leaves, form = jax.tree.flatten(result)
-            static, traced = divided(leaves)
-            self._results = static, form
-            return traced
-
-        shared_function.__name__ = SHARED if is_called else "traced_for_a_kind"
-        call = jax.make_jaxpr(jax.jit(shared_function))(*arrays)
-        # A traced value from outside belongs to one call, but the jaxpr to all of them.
-        if any(isinstance(constant, Tracer) for constant in call.consts):
-            raise NotSharedError
-        self._call = _evaluation_of(call)
-
-    def __call__(self, arrays: Iterable[PyTree]) -> PyTree:
-        results = self._call(*arrays)
-        others, form = self._results
-        return jax.tree.unflatten(form, joined(others, results))
+    shared_function.__name__ = SHARED if is_called else "traced_for_a_kind"
+    jaxpr = jax.make_jaxpr(jax.jit(shared_function))(*arrays)
+    # A traced value from outside belongs to one call, but the jaxpr to all of them.
+    if any(isinstance(constant, Tracer) for constant in jaxpr.consts):
+        raise NotSharedError
+    call = _evaluation_of(jaxpr)
+    return lambda arrays: jax.tree.unflatten(form, joined(static, call(*arrays)))
 
 
 def _evaluation_of(call: ClosedJaxpr) -> Callable[..., Sequence[PyTree]]:
-    """Return the function that a jaxpr computes, whose single equation calls another jaxpr. To add
-    this equation to the program that is being traced takes two fifths of the time of evaluating the
-    jaxpr, and less than the checks of arguments by `jax.jit`; these were a tenth of the tracing of
-    a large scene."""
+    """Return the function that a jaxpr computes, whose single equation calls another jaxpr.
+
+    Adding this equation to the program that is being traced takes two fifths of the time of
+    `jaxpr_as_fun`, and less than `jax.jit`, whose checks of arguments were a tenth of the tracing
+    of a large scene.
+    """
     jaxpr = call.jaxpr
     if not jaxpr.outvars:
         # Scenes have hundreds of ideal joints without constraint rows.
@@ -182,8 +180,6 @@ def _evaluation_of(call: ClosedJaxpr) -> Callable[..., Sequence[PyTree]]:
     return jaxpr_as_fun(call)
 
 
-SharedFunctions: TypeAlias = dict[Hashable, _Shared]
-"""Functions that `traced_for_a_kind` has traced."""
 _shared_by_call: ContextVar[SharedFunctions | None] = ContextVar("call", default=None)
 
 
@@ -233,34 +229,32 @@ def traced_for_a_kind(
 
     Arguments are of one kind if they have equal structures, equal leaves that are no arrays, and
     arrays of equal shapes and dtypes. In each program, or in all programs of `one_call`, JAX traces
-    the function once for each kind. In native code this becomes one function; if `is_called` is
-    false, its equations are instead repeated at each call. Leaves of the result that are no arrays
-    are returned as at the first call. All calls must pass the same function object: two objects
-    never share a jaxpr.
+    the same function object once for each kind. In native code this becomes one function; if
+    `is_called` is false, its equations are repeated at each call instead. Leaves of the result that
+    are no arrays are returned as at the first call.
 
-    **Raises:** `NotSharedError` if no program is being made, or if the calls cannot share a jaxpr:
-    if a static part of the arguments is not hashable, or the function uses a value that JAX traces
-    and that is not among its arguments.
+    **Raises:** `NotSharedError` if no program is being made, if a static part of the arguments is
+    not hashable, or if the function uses a value that JAX traces and that is not an argument.
     """
     program = _program.get()
     if program is None:
         raise NotSharedError
     leaves, structure = jax.tree.flatten(arguments)
-    kinds = tuple(map(_kind_of, leaves))
+    kinds = tuple(map(kind_of_leaf, leaves))
     key = function, is_called, structure, kinds
     try:
         shared = program.shared.get(key)
     except TypeError as error:
         raise NotSharedError from error
     if shared is None:
-        shared = program.shared[key] = _Shared(function, leaves, structure, is_called)
+        shared = program.shared[key] = _traced_for(function, leaves, structure, is_called)
     return shared(leaf for leaf, kind in zip(leaves, kinds, strict=True) if kind[0] is ARRAY)
 
 
 FEWEST = 4
-"""Number of calls, or of elements of a class, from which on a function is shared. Fewer are written
-out: the program is faster, because what several of them compute is computed once, and shorter,
-because no arguments are passed."""
+"""Number of calls, or of elements of a class, from which on a function is shared. Fewer calls are
+written out: the program is then shorter, since it passes no arguments, and faster, since what
+several calls compute is computed once."""
 
 
 def are_many(calls: int) -> bool:
@@ -269,15 +263,18 @@ def are_many(calls: int) -> bool:
 
 
 def shared_by_many(calls: int, function: Callable[..., Result], *arguments: PyTree) -> Result:
-    """Evaluate a function as `traced_for_a_kind` does if there are many calls of it and they can
-    share a jaxpr; otherwise call it."""
+    """Evaluate a function by `traced_for_a_kind` if it has many calls, and they can share a jaxpr;
+    otherwise call it."""
     if are_many(calls):
         with suppress(NotSharedError):
             return traced_for_a_kind(function, *arguments)
     return function(*arguments)
 
 
-def _kind_of(leaf: PyTree) -> tuple[PyTree, ...]:
+def kind_of_leaf(leaf: PyTree) -> tuple[PyTree, ...]:
+    """Return what a program depends on. For an array these are `ARRAY`, shape, dtype, and whether
+    the type is weak (of a Python number, which takes that of the other operand); else type and
+    leaf."""
     # The attributes of a tracer itself take ten times as long as those of its `aval`.
     array: PyTree = leaf.aval if isinstance(leaf, Tracer) else leaf
     if array is not leaf or _is_array(leaf):
@@ -300,9 +297,8 @@ class Traced(NamedTuple):
 
 
 def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> Traced:
-    """Trace a function for given arguments. In JAX 0.12 some operations, such as
-    `jax.numpy.searchsorted`, are a single equation until JAX lowers the jaxpr. Here they are
-    expanded to the equations of which they consist."""
+    """Trace a function for given arguments. Operations that are a single equation in JAX 0.12 until
+    it lowers the jaxpr, such as `jax.numpy.searchsorted`, are expanded."""
     with _one_program() as context:
         program, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
     if hasattr(partial_eval, "lower_jaxpr2"):  # JAX 0.11 and later have this function.
@@ -313,14 +309,13 @@ def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> Traced:
 @contextmanager
 def collector_at_rest() -> Iterator[None]:
     """Switch off Python's garbage collector within the context."""
-    if not gc.isenabled():
-        yield
-        return
+    was_enabled = gc.isenabled()
     gc.disable()
     try:
         yield
     finally:
-        gc.enable()
+        if was_enabled:
+            gc.enable()
 
 
 def is_tracing() -> bool:
@@ -335,16 +330,15 @@ def _state_without_trace() -> object:
 
 
 def seconds_of_compiling() -> float:
-    """Return for how long a program has been traced and compiled, the longest of all threads; zero
-    if none is. Progress bars show it."""
+    """Return for how long, s, a program has been traced and compiled: the longest time of all
+    threads, or zero. Progress bars show it."""
     times = [began for began in list(_began.values()) if began is not None]
     return time.monotonic() - min(times) if times else 0.0
 
 
 def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Wrap a function that JAX traces, so that the time of `seconds_of_compiling` begins at its
-    call. The compiled program must be called within `program_is_made_inside`, at whose end the time
-    ends."""
+    """Wrap a function so that the time of `seconds_of_compiling` begins when JAX traces it. The
+    time ends with the context `program_is_made_inside`, within which the program must be called."""
 
     @wraps(function)
     def traced(*arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
@@ -361,8 +355,7 @@ def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Argument
 
 @contextmanager
 def program_is_made_inside() -> Iterator[None]:
-    """Context at the end of which this thread's time in `seconds_of_compiling` ends, unless the
-    time had begun before the context."""
+    """Context that ends this thread's time in `seconds_of_compiling`, unless it began before."""
     thread = threading.get_ident()
     is_inner = thread in _began
     before = _began.setdefault(thread, None)
@@ -385,9 +378,9 @@ _ONE_FUNCTION = {"xla_cpu_small_call": "true", "inlineable": "false"}
 class Compiled(Generic[Arguments, Result]):
     """Function that XLA compiles at its first call, as by `equinox.filter_jit`.
 
-    A program serves all arguments that differ only in the entries of arrays; any other change
-    compiles a further program. JAX's cache on disk saves compiled programs. `compiler_options` of
-    XLA are added to `OPTIONS`.
+    A program serves all arguments that differ only in the numbers in arrays; any other change
+    compiles a further program. JAX's cache on disk saves programs. `compiler_options` of XLA are
+    added to `OPTIONS`.
     """
 
     __wrapped__: Callable[Arguments, Result]
@@ -418,8 +411,8 @@ class Compiled(Generic[Arguments, Result]):
 
 
 USUAL_ERRORS = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
-"""Errors by which a function or value shows that it is not of the kind that is tried. No wider
-class is caught: a handler of signals may raise an error, such as `TimeoutError`, to end a run."""
+"""Errors of a function or value that does not support what is tried. No wider class is caught,
+since a handler of signals may raise an error, such as `TimeoutError`, to end a run."""
 _NEEDS_JAX = (*USUAL_ERRORS, NotImplementedError)
 """Errors of functions that NumPy cannot compute; those of JAX are subclasses."""
 
@@ -427,9 +420,9 @@ _NEEDS_JAX = (*USUAL_ERRORS, NotImplementedError)
 class HostFirst(Generic[Arguments, Result]):
     """Function of PyTrees that NumPy computes if it can, and otherwise a program of XLA.
 
-    It serves for functions that are called once or twice in a run. NumPy takes milliseconds for
-    some hundred scalar operations, but XLA takes half a second to compile them. NumPy can't compute
-    a function that needs JAX, for instance for a derivative.
+    It serves for functions that are called once or twice in a run: NumPy takes milliseconds for
+    some hundred scalar operations, which XLA compiles in half a second. NumPy cannot compute a
+    function that needs JAX, for instance for a derivative.
     """
 
     __wrapped__: Callable[Arguments, Result]
@@ -460,8 +453,8 @@ class HostFirst(Generic[Arguments, Result]):
         return self._compiled.programs()
 
     def _results(self, call: Callable[[], Result], is_new: bool) -> list[Result]:
-        """A list with the result of `call`, empty if NumPy cannot compute it. `is_new`: it is not
-        yet known whether the function needs JAX."""
+        """Return a list with the result of `call`, empty if NumPy cannot compute it. `is_new`:
+        whether this is the first attempt for arguments of this structure."""
         results: list[Result] = []
         with np.errstate(all="ignore"):
             try:
@@ -486,9 +479,9 @@ def in_one_function(function: Callable[Arguments, Result]) -> Callable[Arguments
     """Wrap a function of PyTrees so that XLA's CPU compiler compiles it as one function.
 
     Without this wrapper, XLA starts a kernel for each group of operations, and recomputes in each
-    kernel what several of them need. A step of a run, with some thousand operations on scalars,
-    would take forty times as long, and ten times as long to compile. `set_xla_metadata`, which
-    gives attributes to a call, is experimental in JAX.
+    one what several need. A step of a run, with some thousand operations on scalars, would take
+    forty times as long, and ten times as long to compile. `set_xla_metadata`, which gives
+    attributes to a call, is experimental in JAX.
     """
     call = eqx.filter_jit(function)
 

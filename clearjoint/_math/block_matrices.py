@@ -1,15 +1,14 @@
 """Sparse symmetric matrices in blocks, for systems of linear equations that are too large for
 unrolled arithmetic.
 
-A matrix S = D X^T is divided into blocks of `SIZE` rows and columns, of which only those that are
-not structural zeros are stored, in one array, block after block and row by row. The sequence of
-operations on blocks is known while JAX traces. It is listed in tables, over which loops run, so
-that the length of the program does not depend on the matrix.
+A matrix S = D X^T is divided into blocks of `SIZE` rows and columns. Those that are not structural
+zeros are stored in one array, block after block and row by row. The sequence of operations on
+blocks is known while JAX traces, and listed in tables, over which loops run, so that the length of
+the program does not depend on the matrix.
 """
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import compress
 from typing import TypeAlias
 
 import jax
@@ -21,50 +20,38 @@ from .linear_solvers import AbstractMatrix, Rows, ScalarMatrix, Solve, eliminati
 from .vectors import Scalar, is_zero
 
 SIZE = 6
-"""Number of rows and columns of a block. The constraints of a joint have at most six rows, and a
-body has six speeds. Native code computes with blocks of up to six rows as separate numbers."""
+"""Number of rows and columns of a block: a joint has at most six constraint rows, and a body has
+six speeds. Native code computes with the numbers of up to six rows as separate values."""
 ELEMENTS = SIZE * SIZE
 MOST_MULTIPLICATIONS = 2500
-"""Largest number of multiplications of a system of equations that is solved by unrolled arithmetic:
-those of about 15 rows without zeros. Compiling them takes about a second."""
+"""Largest number of multiplications of a system that is solved by unrolled arithmetic, as of about
+15 rows without zeros. Compiling them takes about a second."""
 _Place: TypeAlias = tuple[int, int]
 _Step: TypeAlias = tuple[int, ...]
-"""A row of a table: numbers for the kind of the operation, and indices of blocks or vectors."""
+"""A row of a table: the kind of an operation, and indices of rows or blocks."""
+_Change: TypeAlias = Callable[[jax.Array, jax.Array], tuple[jax.Array, jax.Array]]
 _UPDATE, _DIVIDE, _FACTORISE = 0, 1, 2
 
 
 def gram_matrix(first: Rows, second: Rows) -> AbstractMatrix:
-    """Return the symmetric matrix S = D X^T of the rows of D and X: a `ScalarMatrix` if its
-    equations take at most `MOST_MULTIPLICATIONS`, otherwise a `BlockMatrix`."""
+    """Return the symmetric matrix S = D X^T, from the rows of D (`first`) and X (`second`): a
+    `ScalarMatrix` if its system takes at most `MOST_MULTIPLICATIONS`, else a `BlockMatrix`."""
     supports = [[_support(row) for row in rows] for rows in (first, second)]
-    neighbours: list[set[int]] = [set() for _ in first]
-    shared: list[list[bool]] = []
-    multiplications = 0
     # An entry (i, j) of S, with j <= i, takes one multiplication for each column in which row i of
     # D and row j of X both have an entry; it is zero if there is no such column.
-    for i, of_first in enumerate(supports[0]):
-        counts = [len(of_first & of_second) for of_second in supports[1][: i + 1]]
-        multiplications += sum(counts)
-        shared.append([count > 0 for count in counts])
-        # The indices j < i of the nonzero entries: `compress` skips those with a count of zero.
-        for j in compress(range(i), counts):
-            neighbours[i].add(j)
-            neighbours[j].add(i)
-    _, _, below = elimination_order(neighbours)
+    counts = [[len(a & b) for b in supports[1][: i + 1]] for i, a in enumerate(supports[0])]
+    _, _, below = elimination_order(counts)
     # Eliminating an unknown that is coupled with m later ones takes m multiplications for the
     # column of the factor, and m (m + 1)/2 for the entries that it changes: m (m + 3)/2.
+    multiplications = sum(map(sum, counts))
     multiplications += sum(len(column) * (len(column) + 3) // 2 for column in below)
     if multiplications > MOST_MULTIPLICATIONS:
         return BlockMatrix(first, second)
-    return ScalarMatrix(
-        [
-            [
-                inner(row, other) if coupled else 0.0
-                for coupled, other in zip(of_row, second, strict=False)
-            ]
-            for row, of_row in zip(first, shared, strict=True)
-        ]
-    )
+    rows = [
+        [inner(a, b) if count else 0.0 for b, count in zip(second, of_row, strict=False)]
+        for a, of_row in zip(first, counts, strict=True)
+    ]
+    return ScalarMatrix(rows)
 
 
 class _Plan:
@@ -73,27 +60,27 @@ class _Plan:
     - `order`: the groups of rows in their order of elimination. All other indices of groups are
       places in this order.
     - `sizes`: the number of rows of each group.
-    - `slots`: index of each stored block by its place (row, column), on or below the diagonal.
-      Blocks of the factor that are zero in the matrix (fill-in) are included.
+    - `slots`: index of each stored block by its place (row, column), on or below the diagonal, also
+      of blocks that are zero in the matrix but not in its factor (fill-in).
     - `entries`: the places of the blocks of the matrix itself.
     """
 
-    def __init__(self, neighbours: Sequence[set[int]], sizes: Sequence[int]):
-        self.order, reordered, self._below = elimination_order(neighbours)
+    def __init__(self, coupled: Sequence[Sequence[bool]], sizes: Sequence[int]):
+        self.order, neighbours, self._below = elimination_order(coupled)
         self.sizes = [sizes[group] for group in self.order]
         places = [(i, j) for j, column in enumerate(self._below) for i in (j, *column)]
         self.slots = {at: k for k, at in enumerate(places)}
-        self.entries = [(i, j) for i, j in places if i == j or i in reordered[j]]
+        self.entries = [(i, j) for i, j in places if i == j or i in neighbours[j]]
 
     def rows(self, group: int, block: int) -> list[int]:
-        """Return the indices, among the rows of all blocks, of the rows of one block that belong to
-        a group: the block's first rows, without the padding after them."""
+        """Return the indices of the rows of one block that belong to a group, without the padding
+        after them. Rows are counted over all blocks, here and in the tables."""
         return [SIZE * block + row for row in range(self.sizes[group])]
 
     def factorisation(self) -> list[_Step]:
-        """Return the table for `_factor`, with one row for each row of a block: kind, indices of
-        the row to be changed and of the row to be multiplied, and index of the block by which it is
-        multiplied. The inverses of the diagonal blocks follow the blocks in `slots`."""
+        """Return the table for `_factor`: in each row the kind of the operation, the index of the
+        row that it changes, and those of a row and of the block by which this is multiplied. The
+        inverses of the diagonal blocks are stored after the blocks in `slots`."""
         table: list[_Step] = []
         slots, first_inverse = self.slots, len(self.slots)
         for j, column in enumerate(self._below):
@@ -112,10 +99,10 @@ class _Plan:
         return table
 
     def solution(self, sweeps: int) -> list[_Step]:
-        """Return the table for `_iterated`. Each row has (former, sign, transposed, target, block,
-        source), and means: part[target] = former * part[target] + sign * block @ part[source],
-        where a `transposed` of 1 transposes the block. The parts are those of three vectors, one
-        after the other: b, x (zero at first) and r (equal to b at first)."""
+        """Return the table for `_iterated`. A row (former, sign, transposed, target, block, source)
+        means part[target] = former * part[target] + sign * block @ part[source], with the block
+        transposed if `transposed` is 1. The parts are those of three vectors, one after the other:
+        b, x (zero at first) and r (b at first)."""
         count = len(self.order)
         b, x, r = ([*range(first, first + count)] for first in (0, count, 2 * count))
         # The blocks of the matrix come first, then those of the factor, inverses, and the identity.
@@ -141,8 +128,8 @@ class _Plan:
         return table
 
     def products(self) -> list[tuple[int, int, int, int]]:
-        """Return the products whose sum is that of the matrix and a vector, each as (part of the
-        result, index of the block, part of the vector, 1 if the block is transposed)."""
+        """Return the products of blocks and parts of a vector whose sum is matrix times vector:
+        (part of the result, block, part of the vector, 1 if the block is transposed, else 0)."""
         table = [(i, self.slots[i, j], j, 0) for i, j in self.entries]
         return table + [(j, slot, i, 1) for i, slot, j, _ in table if i != j]
 
@@ -154,13 +141,16 @@ class BlockMatrix(AbstractMatrix):
         self.n = len(first)
         # Rows of D with similar entries form groups: the rows of blocks of D, X and S.
         groups = _groups([{k // SIZE for k in _support(row)} for row in first])
-        columns = [_block_columns(groups, rows) for rows in (first, second)]
-        count = len(groups)
-        neighbours = [
-            {other for other in range(count) if other != group and _coupled(columns, group, other)}
-            for group in range(count)
+        # The columns of blocks in which each group has entries, in D and in X.
+        of_first, of_second = (
+            [{k // SIZE for row in group for k in _support(rows[row])} for group in groups]
+            for rows in (first, second)
+        )
+        coupled = [
+            [bool(of_first[i] & of_second[j] or of_first[j] & of_second[i]) for j in range(i)]
+            for i in range(len(groups))
         ]
-        self._plan = _Plan(neighbours, [*map(len, groups)])
+        self._plan = _Plan(coupled, [*map(len, groups)])
         order = self._plan.order
         self._groups = [groups[k] for k in order]
         # From here on, groups are in the order of elimination. The place of each row is its index
@@ -168,7 +158,7 @@ class BlockMatrix(AbstractMatrix):
         self._places = np.zeros(self.n, int)
         for k, group in enumerate(self._groups):
             self._places[group] = SIZE * k + np.arange(len(group))
-        of_first, of_second = ([part[k] for k in order] for part in columns)
+        of_first, of_second = ([part[k] for k in order] for part in (of_first, of_second))
         # Each block (i, j) of S is the sum over c of products A B^T of the blocks A = (i, c) of D
         # and B = (j, c) of X. The blocks are numbered when they are first needed.
         steps: list[_Step] = []
@@ -185,8 +175,8 @@ class BlockMatrix(AbstractMatrix):
         self._blocks = _sums_of_products(self._padding(), left, right, steps)
 
     def _padding(self) -> np.ndarray:
-        """Return zero blocks, flattened, with ones on the diagonal in the rows beyond those of a
-        group, without which the blocks would be singular."""
+        """Return all blocks, flattened, with zeros but for ones on the diagonal in the rows beyond
+        those of a group: the matrix would be singular without them."""
         blocks = np.zeros((len(self._plan.slots), SIZE, SIZE))
         for k, group in enumerate(self._groups):
             for row in range(len(group), SIZE):
@@ -226,11 +216,8 @@ def _support(row: Sequence[Scalar]) -> set[int]:
 
 def _groups(columns: Sequence[set[int]]) -> list[list[int]]:
     """Return lists of at most `SIZE` consecutive rows that share a row of blocks, from the columns
-    of blocks in which each row has entries.
-
-    A row joins the rows before it if less than half of their columns of blocks differ, as for the
-    rows of one joint. Otherwise, blocks would couple rows that have nothing in common.
-    """
+    of blocks in which each row has entries. A row joins the rows before it if less than half of
+    their columns differ, as in one joint, so that blocks couple no unrelated rows."""
     groups: list[list[int]] = []
     union: set[int] = set()
     for row, own in enumerate(columns):
@@ -242,17 +229,6 @@ def _groups(columns: Sequence[set[int]]) -> list[list[int]]:
             groups.append([row])
             union = own
     return groups
-
-
-def _block_columns(
-    groups: Sequence[Sequence[int]], rows: Sequence[Sequence[Scalar]]
-) -> list[set[int]]:
-    return [{k // SIZE for row in group for k in _support(rows[row])} for group in groups]
-
-
-def _coupled(columns: Sequence[list[set[int]]], i: int, j: int) -> bool:
-    first, second = columns
-    return bool(first[i] & second[j]) or bool(first[j] & second[i])
 
 
 def _blocks(
@@ -270,7 +246,7 @@ def _blocks(
 
 
 def _gathered(numbers: Sequence[Scalar], index: np.ndarray) -> jax.Array:
-    """Return an array with the number of each index, or zero where the index is -1."""
+    """Return an array of the numbers with the given indices, with zero for an index of -1."""
     array = jnp.stack([*map(jnp.asarray, (*numbers, 0.0))])
     # The remainder turns -1 into the index of the zero at the end.
     return _taken(array, index % len(array))
@@ -286,17 +262,13 @@ def _block(blocks: jax.Array, index: jax.Array) -> jax.Array:
 
 
 def _row(array: jax.Array, index: jax.Array) -> jax.Array:
-    """Return the row of a block, or the part of a vector, with an index among all of them."""
+    """Return the row of a block, or the part of a vector, with an index counted over the array."""
     return jax.lax.dynamic_slice_in_dim(array, index * SIZE, SIZE)
 
 
-def _looped(
-    step: Callable[[jax.Array, jax.Array], tuple[jax.Array, jax.Array]],
-    start: jax.Array,
-    table: Sequence[_Step],
-) -> jax.Array:
-    """Return an array after a loop over the rows of a table. In each pass, ``step(array, row of the
-    table)`` returns the new numbers of one row of the array, and the index of this row."""
+def _looped(step: _Change, start: jax.Array, table: Sequence[_Step]) -> jax.Array:
+    """Return an array after a loop over the rows of a table. For the array and a row of the table,
+    `step` returns the new numbers of one row of the array, (SIZE,), and the index of this row."""
 
     def changed(array: jax.Array, row: jax.Array) -> tuple[jax.Array, None]:
         numbers, index = step(array, row)
@@ -310,8 +282,8 @@ def _sums_of_products(
 ) -> jax.Array:
     """Return the blocks `start` plus products A B^T of blocks A of `first` and B of `second`.
 
-    Each row of the table adds one row of a product. It has the index of the row that is added to,
-    the index of the row of A, and the index of the block B; rows are counted over all blocks.
+    Each row of the table adds one row of a product. It has the indices of the row that it changes,
+    of the row of A, and of the block B.
     """
 
     def step(sums: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -322,7 +294,8 @@ def _sums_of_products(
 
 
 def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
-    """Return the blocks of L, with L L^T the matrix in `blocks`, and its diagonal's inverses."""
+    """Return the blocks of L, where L L^T is the matrix in `blocks`, and the inverses of its
+    diagonal blocks."""
     # The inverse W of L in a diagonal block is computed row by row. With the rows of W that are
     # known, and zeros in the others, W times row i of the block is row i of L without its diagonal
     # element. Rows beyond those of a group are those of the identity.
@@ -353,15 +326,11 @@ def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
 
 
 def _image(
-    blocks: jax.Array,
-    block: jax.Array,
-    transposed: jax.Array,
-    vectors: jax.Array,
-    source: jax.Array,
+    blocks: jax.Array, block: jax.Array, transposed: jax.Array, parts: jax.Array, source: jax.Array
 ) -> jax.Array:
-    """Return the product of a block, transposed where `transposed` is 1, and a part of a vector."""
+    """Return the product of a block, transposed if `transposed` is 1, and a part of a vector."""
     matrix = _block(blocks, block)
-    return jnp.where(transposed > 0, matrix.T, matrix) @ _row(vectors, source)
+    return jnp.where(transposed > 0, matrix.T, matrix) @ _row(parts, source)
 
 
 def _product(plan: _Plan, blocks: jax.Array, vector: jax.Array) -> jax.Array:
@@ -408,8 +377,7 @@ def _solving(
 
     @solution.defjvp
     def _(
-        primals: tuple[jax.Array, jax.Array, jax.Array],
-        tangents: tuple[jax.Array, jax.Array, jax.Array],
+        primals: tuple[jax.Array, ...], tangents: tuple[jax.Array, ...]
     ) -> tuple[jax.Array, jax.Array]:
         (stored, blocks, right), (_, matrix_rate, right_rate) = primals, tangents
         solve = partial(solution, stored, blocks)

@@ -16,30 +16,27 @@ import numpy as np
 from .vectors import Scalar
 
 NEWTON_STEPS = 4
-"""Number of Newton steps in `hermite_root`. Once the position is near the root, each step doubles
-the number of correct digits."""
+"""Number of Newton steps in `hermite_root`. Near the root, each one doubles the correct digits."""
 TINY = 1e-200
 """Smallest magnitude of the divisor in `Parabola.part_below`, the coefficient of x^2."""
 SECANT_STEPS = 12
-"""Number of evaluations in `secant_root`. It is fixed, so that lanes side by side do the same."""
+"""Number of evaluations in `secant_root`, fixed so that lanes side by side do the same."""
 REFINEMENTS = 3
 """Number of evaluations in `highest`."""
 MARGIN = 0.05
 """Smallest distance of a new evaluation in `highest` from the outer two of three points, relative
-to the distance between these two. The next parabola divides by distances of points, which would
-enlarge rounding errors if they were smaller. No parabola follows the last evaluation, so the limit
-does not apply to it."""
+to the distance between these. The next parabola divides by distances of points, and smaller ones
+would enlarge rounding errors. The last evaluation, without a next parabola, has no limit."""
 GUESS_MARGIN = 0.1
-"""Smallest distance of the first evaluation in `highest_after` from the ends of the interval,
-relative to its length. It is larger than `MARGIN`, because the position is extrapolated."""
+"""As `MARGIN`, for the first evaluation in `highest_after` and the ends of its interval. It is
+larger, because the position is extrapolated."""
 LARGEST_SHIFT = 0.25
 """Largest distance between the maxima of the parabola and of the cubic in `highest_after`, relative
-to the length of the interval. For a larger one, the cubic's maximum is not near the parabola's, and
-a single Newton step does not find it."""
+to the length of the interval. A single Newton step does not find one that is farther away."""
 
 
 def gauss_rule(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the nodes and weights of Gauss quadrature with some points over [0, 1]."""
+    """Return the nodes and weights, (count,) each, of Gauss quadrature over [0, 1]."""
     nodes, weights = np.polynomial.legendre.leggauss(count)
     return 0.5 * (nodes + 1.0), 0.5 * weights
 
@@ -52,7 +49,7 @@ class Slope(NamedTuple):
 
 
 def hermite_value(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
-    """Return the value at x of the cubic with the given values and rates at the ends of a step."""
+    """Return the value at x of the cubic with given values and rates at the ends of a step."""
     y = 1.0 - x
     left = y * y * ((1.0 + 2.0 * x) * start.value + x * h * start.rate)
     right = x * x * ((1.0 + 2.0 * y) * end.value - y * h * end.rate)
@@ -60,15 +57,15 @@ def hermite_value(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
 
 
 def hermite_rate(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
-    """Return the rate at x of the cubic with the given values and rates at the ends of a step."""
+    """Return the rate at x of the cubic with given values and rates at the ends of a step."""
     y = 1.0 - x
     slope = 6.0 * x * y * (end.value - start.value) / h
     return slope + y * (1.0 - 3.0 * x) * start.rate + x * (3.0 * x - 2.0) * end.rate
 
 
 def hermite_root(start: Slope, end: Slope, h: Scalar) -> Scalar:
-    """Return the approximate position x of the root of a cubic whose values at the ends of a step
-    have opposite signs, by `NEWTON_STEPS` Newton steps within a shrinking bracket."""
+    """Return the approximate root x of a cubic with values of opposite signs at the ends of a step,
+    by `NEWTON_STEPS` Newton steps within a shrinking bracket."""
     lower, upper = jnp.zeros_like(end.value), jnp.ones_like(end.value)
     # Start from the root of the straight line through both ends.
     x = start.value / (start.value - end.value)
@@ -88,7 +85,7 @@ def hermite_root(start: Slope, end: Slope, h: Scalar) -> Scalar:
 
 
 class Bend(NamedTuple):
-    """A value, its rate and its second rate (second derivative by time) at one end of a step."""
+    """A value and its first and second derivative by time at one end of a step."""
 
     value: Scalar
     rate: Scalar
@@ -223,11 +220,10 @@ def highest_after(
     point before them.
 
     The function is evaluated twice: at the maximum of the parabola through the three points, and at
-    the maximum of the cubic through these points and the first evaluation. The value of the result
-    is the largest of the function's values at `first`, `last` and the two evaluations. The position
-    is that of an end if the end is higher than both evaluations. Otherwise it is the maximum of the
-    parabola through the higher evaluation and its neighbours, which is nearer to the function's
-    maximum than the evaluated points.
+    that of the cubic through these points and the first evaluation. The result has the largest
+    value of `first`, `last` and the two evaluations. Its position is that of an end if this is
+    higher than both evaluations, and otherwise the maximum of the parabola through the higher
+    evaluation and its neighbours, which is nearer to the function's maximum than these points.
     """
     margin = GUESS_MARGIN * (last.x - first.x)
     # If the extrapolated parabola has no maximum, the search begins in the middle.
@@ -274,9 +270,9 @@ def highest(
     x.
 
     The function is evaluated `REFINEMENTS` times, by successive parabolic interpolation (R. Brent,
-    Algorithms for Minimization without Derivatives, 1973, ch. 5). After each evaluation, the higher
-    one of the two inner points and its neighbours are kept. The result is the highest of the last
-    three points, not the maximum of a parabola, which would be too large at a kink.
+    Algorithms for Minimization without Derivatives, 1973, ch. 5). Each time, the higher one of the
+    two inner points and its neighbours are kept. The result is the highest of the last three
+    points; the maximum of a parabola would be too large at a kink.
     """
     for count in reversed(range(REFINEMENTS)):
         # The last evaluation is not used for a further parabola, and may be near the other points.
@@ -302,10 +298,7 @@ def higher(first: Point, second: Point) -> Point:
 
 
 def _either(condition: Scalar, first: Point, second: Point) -> Point:
-    return Point(
-        x=jnp.where(condition, first.x, second.x),
-        value=jnp.where(condition, first.value, second.value),
-    )
+    return Point(*map(partial(jnp.where, condition), first, second))
 
 
 def _slope(first: Point, second: Point) -> Scalar:
@@ -313,5 +306,5 @@ def _slope(first: Point, second: Point) -> Scalar:
 
 
 def _positive(length: Scalar) -> Scalar:
-    """Return a length, or 1 in place of zero: a divisor of differences over this length."""
+    """Return a length as a divisor: 1 in place of zero."""
     return jnp.where(length > 0.0, length, 1.0)

@@ -1,14 +1,15 @@
 """Solvers for symmetric positive semidefinite systems of linear equations.
 
 The matrix of a system is S = D X^T, where the rows of D and X are lists of scalars. Operations on
-entries that are the Python number zero are omitted. Unrolled scalar arithmetic solves systems that
-take few multiplications (`ScalarMatrix`), and loops over blocks all others, since the compile time
-of unrolled code grows faster than its length.
+entries that are the Python number zero are omitted. Unrolled scalar arithmetic (`ScalarMatrix`)
+solves systems that take few multiplications. Loops over blocks (`.block_matrices`) solve all
+others, since the compile time of unrolled code grows faster than its length.
 """
 
 import abc
 from collections.abc import Callable, Sequence
 from functools import reduce
+from itertools import compress
 
 import jax.numpy as jnp
 from typing_extensions import override
@@ -16,22 +17,29 @@ from typing_extensions import override
 from .vectors import Scalar, add, is_zero, multiply, subtract
 
 Rows = Sequence[Sequence[Scalar]]
-"""Rows of a matrix; of a symmetric one, only the entries up to the diagonal are read, so that row i
-may have only i + 1 entries."""
+"""Rows of a matrix. Of a symmetric one, only the first i + 1 entries of row i are read."""
 Solve = Callable[[Sequence[Scalar]], list[Scalar]]
-"""Function of the right side of a system of equations, n scalars, that returns the solution."""
+"""Function of the right side of a system of equations, n scalars, that returns the n unknowns."""
 
 
 def elimination_order(
-    neighbours: Sequence[set[int]],
+    nonzero: Sequence[Sequence[int]],
 ) -> tuple[list[int], list[set[int]], list[list[int]]]:
     """Return an order in which to eliminate the unknowns of a sparse symmetric matrix.
 
-    `neighbours` are, for each row, the columns of its nonzero entries beside the diagonal. The
-    results are the indices of the unknowns in the order of their elimination; the neighbours with
-    places in this order as indices; and for each column of the triangular factor, the rows below
-    the diagonal with nonzero entries, sorted.
+    **Arguments:** `nonzero`: row i tells which of the first i entries are nonzero, by numbers or
+    bools that are zero or not.
+
+    **Returns:** the indices of the unknowns in the order of their elimination; for each unknown in
+    this order, the places in it of the others with nonzero entries in its row; and, for each column
+    of the triangular factor in this order, the sorted rows of the nonzero entries below the
+    diagonal.
     """
+    neighbours: list[set[int]] = [set() for _ in nonzero]
+    for i, row in enumerate(nonzero):
+        for j in compress(range(i), row):
+            neighbours[i].add(j)
+            neighbours[j].add(i)
     order = _least_degree_order(neighbours)
     place = {unknown: k for k, unknown in enumerate(order)}
     reordered = [{place[other] for other in neighbours[unknown]} for unknown in order]
@@ -46,9 +54,9 @@ def elimination_order(
 
 
 def _least_degree_order(neighbours: Sequence[set[int]]) -> list[int]:
-    """Return the indices of unknowns in an order of elimination that reduces fill-in: next is
-    always one that is coupled with the fewest remaining ones (W. F. Tinney, J. W. Walker, Direct
-    solutions of sparse network equations, 1967)."""
+    """Return the indices of unknowns in an order of elimination that reduces fill-in: the next one
+    is coupled with the fewest remaining ones (W. F. Tinney, J. W. Walker, Direct solutions of
+    sparse network equations, 1967)."""
     remaining = {i: set(others) for i, others in enumerate(neighbours)}
     order = []
     while remaining:
@@ -62,22 +70,13 @@ def _least_degree_order(neighbours: Sequence[set[int]]) -> list[int]:
     return order
 
 
-def _neighbours(matrix: Rows) -> list[set[int]]:
-    neighbours: list[set[int]] = [set() for _ in matrix]
-    for i, row in enumerate(matrix):
-        for j in range(i):
-            if not is_zero(row[j]):
-                neighbours[i].add(j)
-                neighbours[j].add(i)
-    return neighbours
-
-
 class Factorisation:
-    """Factorisation L D L^T of a symmetric positive definite matrix in scalar arithmetic, without
-    operations on structural zeros, in an `elimination_order` of the unknowns."""
+    """Factorisation L D L^T of a symmetric positive definite matrix, with its unknowns in an
+    `elimination_order`, by scalar arithmetic without operations on structural zeros."""
 
     def __init__(self, matrix: Rows):
-        self._order, _, self._below = elimination_order(_neighbours(matrix))
+        nonzero = [[not is_zero(entry) for entry in row] for row in matrix]
+        self._order, _, self._below = elimination_order(nonzero)
         n = len(matrix)
         # The entries left of the diagonal, by column: of L, and of the product L D.
         self._lower: list[dict[int, Scalar]] = [{} for _ in range(n)]
@@ -112,7 +111,7 @@ class Factorisation:
 
 
 def _reduced(start: Scalar, first: dict[int, Scalar], second: dict[int, Scalar]) -> Scalar:
-    """Return `start` minus the sum of products of entries with the same key in both others."""
+    """Return `start` minus the products of those entries of the others that have the same key."""
     for k, a in first.items():
         if k in second:
             start = subtract(start, multiply(a, second[k]))
@@ -130,8 +129,8 @@ class AbstractMatrix(abc.ABC):
 
     @abc.abstractmethod
     def solving(self, shift: Scalar = 0.0, sweeps: int = 1) -> Solve:
-        """Return the function that solves S x = b by a number of iterations (`sweeps`) x <- x + (S
-        + `shift` I)^-1 (b - S x) from x = 0; one suffices if `shift` is zero.
+        """Return the function that solves S x = b. From x = 0, it computes the iteration
+        x <- x + (S + `shift` I)^-1 (b - S x) `sweeps` times; once suffices if `shift` is zero.
 
         S + `shift` I must be positive definite, and is factorised once.
         """
@@ -166,10 +165,8 @@ class ScalarMatrix(AbstractMatrix):
 
 
 class AbstractSolver(abc.ABC):
-    """Base class of solvers for S x = b.
-
-    The matrix is S = D M^-1 D^T, with the Jacobian D of constraints and a mass matrix M.
-    """
+    """Base class of solvers for S x = b, with S = D M^-1 D^T from the Jacobian D of constraints and
+    a mass matrix M."""
 
     def significant(self, row: Sequence[Scalar]) -> list[Scalar]:
         """Return a row of D, with zeros in place of entries that are rounding errors."""
@@ -195,15 +192,14 @@ class LeastNorm(AbstractSolver):
     to the solution of least norm. Each iteration multiplies the error by at most eps/(eps + sigma),
     where sigma is the smallest nonzero eigenvalue of S (E. Bayo, A. Avello, Singularity-free
     augmented Lagrangian algorithms, 1994). Unlike an eigenvalue decomposition, it can be
-    differentiated where eigenvalues coincide. `relative_shift` is eps relative to the mean of the
-    diagonal of S; unless sigma is far below that mean, three iterations (`sweeps`) reduce the error
-    to the size of rounding errors.
+    differentiated where eigenvalues coincide. `relative_shift` is eps over the mean of the diagonal
+    of S. Unless sigma is far below that mean, three `sweeps` reduce the error to rounding errors.
     """
 
     relative_shift = 1e-8
     sweeps = 3
     rounding = 1e-12
-    """Largest absolute value of an entry of a row of D that counts as a rounding error. Entries are
+    """Largest absolute value of an entry of D that counts as a rounding error. Entries are
     components of unit vectors, or of arms in m. The row of a constraint that the coordinates always
     satisfy consists of such errors, and would make the solution arbitrary."""
 

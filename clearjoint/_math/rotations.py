@@ -87,8 +87,8 @@ def normalised(p: EulerParameters) -> EulerParameters:
 
 
 NORM_DRIFT = 1e-6
-"""Error of the squared norm of Euler parameters up to which `kept_unit` leaves them unchanged. The
-correction is exact to first order: it reduces an error of this size to 2.5e-13."""
+"""Error of the squared norm up to which `kept_unit` leaves Euler parameters unchanged. Exact to
+first order, the correction reduces an error of this size to 2.5e-13."""
 
 
 def kept_unit(p: EulerParameters) -> EulerParameters:
@@ -141,9 +141,8 @@ def transverse_axes(axis: Vector) -> tuple[Vector, Vector]:
 
 
 SMALL = 1e-4
-"""Squared sine below which `_angle_over_sine` uses a series for an acute angle. `_curvature` uses
-another series for squared angles below 100 times this number. The errors of both series are below
-rounding errors."""
+"""Squared sine of an acute angle below which `_angle_over_sine` uses a series; `_curvature` does so
+for squared angles below 100 times this number. The errors of both are below rounding errors."""
 TINY = 1e-200
 """Squared sine up to which the sine counts as zero."""
 
@@ -161,32 +160,24 @@ class RotationVector(NamedTuple):
 
     def rate(self, spin: Vector) -> Vector:
         """Return the time derivative of the rotation vector, rad/s, for the spin of the rotated
-        frame relative to the fixed one, rad/s, in axes of the fixed frame.
-
-        It is the inverse left Jacobian of the exponential map (J. Solà et al., A micro Lie theory
-        for state estimation in robotics, 2018) times the spin.
-        """
+        frame relative to the fixed one, rad/s, in axes of the fixed frame: the inverse left
+        Jacobian of the exponential map (J. Solà et al., A micro Lie theory for state estimation in
+        robotics, 2018) times the spin."""
         product = self.vector.cross(spin)
         return spin - product * 0.5 + self.vector.cross(product) * self.factor
 
     def torque(self, moment: Vector) -> Vector:
         """Return the torque on the rotated frame, N m, in axes of the fixed frame, for the moment
-        that is work-conjugate to the rotation vector.
-
-        Both have the same power, ``moment . rate = torque . spin``, so the matrix of this map is
-        the transpose of that in `rate`.
-        """
+        that is work-conjugate to the rotation vector: the power is moment . rate = torque . spin,
+        so the matrix of this map is the transpose of that in `rate`."""
         product = self.vector.cross(moment)
         return moment + product * 0.5 + self.vector.cross(product) * self.factor
 
 
 def rotation_vector(rotation: Matrix) -> RotationVector:
     """Return the rotation vector of a matrix that transforms components in the rotated frame to
-    components in the fixed frame.
-
-    At exactly half a revolution, two opposite vectors describe the same rotation, and the `vector`
-    of the result is zero instead.
-    """
+    those in the fixed frame. At exactly half a revolution, where two opposite vectors describe the
+    same rotation, `vector` is zero instead."""
     x, y, z = rotation.rows
     # The antisymmetric part of the matrix is the cross-product matrix of sine times axis, and the
     # trace is 1 + 2 cosine.

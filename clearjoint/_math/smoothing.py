@@ -17,7 +17,7 @@ from .vectors import Condition, Scalar, Vector, are_traced_alike, library, squar
 
 
 def where(condition: Condition, first: Scalar, second: Scalar) -> Scalar:
-    """Return `first` if the condition holds, else `second`; for arrays element by element."""
+    """Return `first` where the condition holds, else `second`."""
     if isinstance(condition, bool | np.bool_):
         return first if condition else second
     # JAX traces the primitive in less time than `jax.numpy.where`.

@@ -1,7 +1,7 @@
 """PyTrees of many scalars as one array, so that an operation on all is one equation of the program.
 
 Written out for each scalar, the sums of a Runge-Kutta step were a quarter of the program of a
-mechanism with 30 joints, and took as much of the time of its compilation.
+mechanism with 30 joints, and of the time of its compilation.
 """
 
 from collections.abc import Hashable
@@ -14,8 +14,8 @@ from typing_extensions import override
 from .vectors import Scalar
 
 FEWEST = 49
-"""Smallest number of scalars that are stacked: native code has a loop over so many elements, but
-turns shorter arrays into separate scalars again."""
+"""Smallest number of scalars that are stacked: native code has a loop over the elements of such an
+array, but turns a shorter one into separate scalars again."""
 
 
 class Stacked(eqx.Module):

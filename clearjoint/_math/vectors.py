@@ -42,13 +42,13 @@ def _is(value: Scalar, number: float) -> bool:
 
 
 def are_traced_alike(a: Scalar, b: Scalar) -> bool:
-    """Return whether both numbers are tracers of the same shape and dtype, so that the primitive
-    can be called directly, which JAX traces in a quarter of the time of an operator."""
+    """Return whether both numbers are tracers of the same shape and dtype, so that a primitive can
+    be called directly."""
     return isinstance(a, Tracer) and isinstance(b, Tracer) and a.aval == b.aval
 
 
 def have_primitive(a: Scalar, b: Scalar) -> bool:
-    """Return whether JAX's primitives can be called with both numbers as they are: two tracers of
+    """Return whether a primitive of JAX can be called with both numbers directly: two tracers of
     the same shape and dtype, or a float64 tracer of shape () and a Python float. An operator takes
     four times as long to trace."""
     if isinstance(a, Tracer) and isinstance(b, Tracer):
@@ -270,8 +270,8 @@ structural. The pattern of an array without structural components may be ``None`
 class ConstantFolded:
     """PyTree of numbers, with the structural components of its vectors and matrices.
 
-    Compiled programs depend on the patterns, which are static, but not on the numbers. `patterns`
-    has one for each leaf of `tree`; an empty tuple stands for no structural components at all.
+    Compiled programs depend on the `patterns`, one for each leaf of `tree`, but not on the numbers.
+    Empty `patterns` stand for no structural components at all.
     """
 
     tree: PyTree
@@ -290,10 +290,9 @@ def fold_constants(
 ) -> ConstantFolded:
     """Mark exact zeros and ones in arrays of shape (3,) and (3, 3) of a PyTree as structural.
 
-    Components of tracers, and of arrays in fields with the metadata ``{"table": True}``, are not
-    marked. Neither are those of leaves for which `varied`, a PyTree of the same structure, is true,
-    because their numbers differ between runs of the same program. `flattened` are leaves and
-    structure of `tree`, if they are known already.
+    Not marked are tracers, arrays in fields with the metadata ``{"table": True}``, and leaves for
+    which `varied`, a PyTree of the same structure, is true, because their numbers differ between
+    runs of the same program. `flattened` are the leaves and structure of `tree`, if known.
     """
     leaves, structure = jax.tree.flatten(tree) if flattened is None else flattened
     shapes = tuple([leaf.shape if type(leaf) is np.ndarray else np.shape(leaf) for leaf in leaves])
@@ -317,24 +316,20 @@ def fold_constants(
 
 
 _DIGITS = (None, 0.0, 1.0)
-"""Structural components by the digits that stand for them in the arguments of `_patterns`."""
+"""Structural components by their digits in the arguments of `_patterns`."""
 
 
 @lru_cache(maxsize=1024)
 def _patterns(
     digits: bytes, vectors: tuple[int, ...], sizes: tuple[int, ...], leaves: int
 ) -> tuple[Pattern, ...]:
-    """Return the patterns of a number of `leaves`, from the indices of the vectors among them, the
-    `sizes` of these vectors, and the digits (`_DIGITS`) of all their components."""
+    """Return the patterns of `leaves` leaves, from the digits (see `_DIGITS`) of the components of
+    all vectors, and the indices and sizes of these vectors."""
     patterns: list[Pattern] = [None] * leaves
     components = iter(digits)
     for k, size in zip(vectors, sizes, strict=True):
         patterns[k] = tuple(_DIGITS[next(components)] for _ in range(size))
     return tuple(patterns)
-
-
-NETWORKS = "equinox.nn"
-"""Package of neural-network layers."""
 
 
 @lru_cache(maxsize=1024)
@@ -351,8 +346,8 @@ def _vectors(
 
 @lru_cache(maxsize=1024)
 def _in_tables(structure: jax.tree_util.PyTreeDef) -> list[bool]:  # pyright: ignore
-    """Return for each leaf whether it is in a field with ``{"table": True}`` in its metadata, or in
-    a layer of a network: there an array of shape (3,) is no vector."""
+    """Return for each leaf whether it is in a field with the metadata ``{"table": True}``, or in a
+    layer of a network: there an array of shape (3,) is no vector."""
     return _leaves_in_tables(jax.tree.unflatten(structure, [0] * structure.num_leaves), False)
 
 
@@ -360,7 +355,8 @@ def _leaves_in_tables(node: PyTree, in_table: bool) -> list[bool]:
     if jax.tree_util.all_leaves([node]):
         return [in_table]
     declared, flags = getattr(type(node), "__dataclass_fields__", {}), []
-    in_table = in_table or any(base.__module__.startswith(NETWORKS) for base in type(node).__mro__)
+    bases = type(node).__mro__
+    in_table = in_table or any(base.__module__.startswith("equinox.nn") for base in bases)
     # The parts of the node itself, whatever its class, in JAX's order.
     parts = jax.tree_util.tree_leaves_with_path(node, is_leaf=lambda part: part is not node)
     for (key,), part in parts:
@@ -394,8 +390,8 @@ def unpack(tree: PyTree, leading: int = 0) -> PyTree:
     `EulerParameters` or `Matrix`.
 
     In compiled programs, components that are exactly 0 or 1 become Python numbers. Fields declared
-    by `quantity` with ``table=True`` keep their arrays. If arrays have a number of `leading` axes
-    before these shapes, the scalars are arrays with these axes.
+    by `quantity` with ``table=True`` keep their arrays. With `leading` axes before these shapes,
+    the components are arrays with these axes.
 
     >>> extend.unpack(np.array([1.0, 2.0, 3.0])).y.item()
     2.0

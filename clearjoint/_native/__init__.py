@@ -4,16 +4,10 @@
 parts of JAX on which they rely, and which calls of the package are compiled in this way.
 """
 
-from .compiled import Native, NativeFallbackWarning, is_native, over_rows
-from .functions import NativeFunction, evaluated
-from .lowering import UnsupportedPrimitiveError
-
-__all__ = [
-    "Native",
-    "NativeFallbackWarning",
-    "NativeFunction",
-    "UnsupportedPrimitiveError",
-    "evaluated",
-    "is_native",
-    "over_rows",
-]
+from .compiled import Native as Native
+from .compiled import NativeFallbackWarning as NativeFallbackWarning
+from .compiled import is_native as is_native
+from .compiled import over_rows as over_rows
+from .functions import NativeFunction as NativeFunction
+from .functions import evaluated as evaluated
+from .lowering import UnsupportedPrimitiveError as UnsupportedPrimitiveError

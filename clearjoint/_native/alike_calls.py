@@ -1,9 +1,9 @@
 """Calls of one function for many elements, computed together by vectors of the processor.
 
 A program calls a function for each element of a kind, such as the contacts of thirty joints. Up to
-`CALLS_AT_ONCE` calls that do not depend on each other become one call of a function whose values
-are vectors, with an element for each call. Its operations are those of the original function, so
-that the results have the same bits. For three contacts with the parameters p, q and r::
+`CALLS_AT_ONCE` calls that do not depend on each other become one call of a function of vectors,
+which have an element for each call. Its operations are those of the original function, so that the
+results have the same bits. For three contacts with the parameters p, q and r::
 
     a = evaluate f(p)           v = build(p, q, r)
     b = evaluate f(q)           w = evaluate f_of_vectors(v)
@@ -17,16 +17,15 @@ from .operations import Block, Operation, Operations, Value
 from .pieces import cells_written
 
 CALLS_AT_ONCE = 8
-"""Largest number of calls that are joined: the floats of a vector of 512 bits."""
+"""Largest number of calls that are joined: the number of floats in a vector of 512 bits."""
 FEWEST = 3
-"""Smallest number of calls that are joined, since arguments must be joined before a call for
-vectors and its results taken apart after it. The number is a guess: scenes have functions for four
-elements or more."""
+"""Smallest number of calls that are joined, since making vectors of the arguments and taking
+results apart costs time. The number is a guess: scenes have functions for four elements or more."""
 
 
 def join_alike_calls(program: Operations, fixed: Iterable[int] = ()) -> None:
-    """Join the calls in all blocks of a program. The cells `fixed`, which the caller of the program
-    writes or reads, stay where they are."""
+    """Join the calls in all blocks of a program. Values in the cells `fixed` are not moved to other
+    cells, since the caller of the program writes or reads them."""
     _Joining(program, set(fixed)).join_all()
 
 
@@ -37,6 +36,9 @@ class _Joining:
         self._written = set[int]()
         # New numbers of cells that have moved next to each other, by their former numbers.
         self._moved: dict[int, int] = {}
+        # Vectors of results that have been read, by the value of the joined call and that of the
+        # result's index.
+        self._vectors: dict[tuple[Value, Value], Value] = {}
         # Loads of single cells in the function that is being read, by their results.
         self._loads: dict[Value, Operation] = {}
 
@@ -56,7 +58,7 @@ class _Joining:
             self._use_moved_cells(block)
 
     def _join_block(self, block: Block) -> None:
-        """Join calls between which no branch or loop stands, in a block and in those inside it."""
+        """Join calls in a block, and in those inside it, but not across branches and loops."""
         new: Block = []
         sequence: list[Operation] = []
         for entry in block:
@@ -75,9 +77,9 @@ class _Joining:
     def _joined(self, sequence: list[Operation]) -> list[Operation]:
         """Return a sequence of operations, without branches and loops, with its calls joined.
 
-        The level of an operation is the largest number of calls on any path of results and
-        arguments that leads to it. Calls on the same level do not depend on each other. The
-        operations are executed in the order of their levels.
+        The level of an operation is the largest number of calls, including itself, on any chain of
+        operations that lead to it by their results. Calls on the same level do not depend on each
+        other. The operations are executed in the order of their levels.
         """
         program = self._program
         levels: dict[Value, int] = {}
@@ -106,8 +108,6 @@ class _Joining:
             return sequence
         # Calls that are joined, by their results: the call for all, and the place in its vectors.
         places: dict[Value | None, tuple[Operation, int]] = {}
-        # Vectors of results that have been read, by the call for all and the number of the result.
-        vectors: dict[tuple[Value | None, Value], Value] = {}
         new: list[Operation] = []
         for level in sorted(by_level):
             # The joined calls come first on their level, since their arguments have lower levels.
@@ -120,14 +120,14 @@ class _Joining:
                     places |= {single.out: (call, place) for place, single in enumerate(group)}
             for operation in by_level[level]:
                 if operation.name == "result" and operation.arguments[0] in places:
-                    new += self._element_for(operation, *places[operation.arguments[0]], vectors)
+                    new += self._element_for(operation, *places[operation.arguments[0]])
                 elif operation.out not in places:
                     new.append(operation)
         return new
 
     def _call_of_vectors(self, function: int, calls: list[Operation]) -> Iterator[Operation]:
-        """Yield the operations that join the arguments of calls, and the call of the function of
-        vectors with the number `function`."""
+        """Yield the operations that make vectors of the arguments of calls, and last the call of
+        the function of vectors with the index `function`."""
         program = self._program
         arguments: list[Value] = [program.constant("i", function)]
         for values in zip(*(call.arguments[1:] for call in calls), strict=True):
@@ -142,9 +142,9 @@ class _Joining:
         yield Operation(program.new("results"), "evaluate", tuple(arguments))
 
     def _next_to_each_other(self, values: tuple[Value, ...]) -> int | None:
-        """Move the cells from which values are read next to each other, and return the first one;
-        ``None`` if the values are not all read from cells that can be moved. Such cells hold values
-        from outside of a function, such as the parameters of elements."""
+        """Move the cells from which values are read next to each other, so that one load reads all
+        of them, and return the first one; ``None`` if any value is not read from a cell that can be
+        moved. Values that are come from outside of a function, as do parameters of elements."""
         program = self._program
         if len(values) < CALLS_AT_ONCE or not all(value in self._loads for value in values):
             return None
@@ -159,22 +159,15 @@ class _Joining:
         self._moved |= {cell: start + place for place, cell in enumerate(cells)}
         return start
 
-    def _element_for(
-        self,
-        result: Operation,
-        call: Operation,
-        place: int,
-        vectors: dict[tuple[Value | None, Value], Value],
-    ) -> Iterator[Operation]:
-        """Yield the operations that replace `result`, an operation that reads one value of a call.
-        They take the element `place` of a vector that the joined `call` returns; `vectors` has
-        those that have been read, by call and number of the value."""
+    def _element_for(self, result: Operation, call: Operation, place: int) -> Iterator[Operation]:
+        """Yield the operations that replace `result`, an operation that reads one value of a call:
+        they take the element `place` of a vector that the joined `call` returns."""
         program, number = self._program, result.arguments[2]
         assert result.out is not None and call.out is not None
-        vector = vectors.get((call.out, number))
+        vector = self._vectors.get((call.out, number))
         if vector is None:
             vector = program.new(f"{program.kinds[result.out]}v")
-            vectors[call.out, number] = vector
+            self._vectors[call.out, number] = vector
             yield Operation(vector, "result", (call.out, call.arguments[0], number))
         yield Operation(result.out, "element", (vector, program.constant("i", place)))
 

@@ -1,8 +1,8 @@
 """Memory of native programs, and the arrays and PyTrees that it holds.
 
-Memory is divided into cells. A cell holds a number of 8 bytes for each lane: a float64, or an
-integer or bool as an int64. An array occupies consecutive cells, one for each element in row-major
-order, and a PyTree the cells of its arrays, one array after the other.
+A cell holds a number of 8 bytes for each lane: a float64, or an integer or bool as an int64. An
+array occupies consecutive cells, one for each element in row-major order, and a PyTree the cells of
+its arrays, one array after the other.
 """
 
 import math
@@ -26,7 +26,7 @@ class Region(NamedTuple):
 
     @staticmethod
     def of(array: "ShapedArray | jax.ShapeDtypeStruct | np.ndarray", start: int) -> "Region":
-        """Return the region from the cell `start` on with the shape and dtype of `array`."""
+        """Return the region of an array like `array` from the cell `start` on."""
         end = start + math.prod(array.shape)
         return Region(slice(start, end), tuple(array.shape), np.dtype(array.dtype))
 
@@ -40,16 +40,16 @@ class Region(NamedTuple):
 
 
 def numbers_of(floats: np.ndarray, dtype: np.dtype) -> np.ndarray:
-    """Return memory as an array in which to read and write numbers of a dtype: for floats the
-    memory itself, for integers and bools a view of its bits as int64."""
+    """Return memory as an array of numbers of a dtype: for floats the memory itself, for integers
+    and bools a view of its bits as int64."""
     return floats if dtype.kind == "f" else floats.view(np.int64)
 
 
 class Memory:
     """Memory of a program, in which each cell has one number for each of n lanes.
 
-    - `floats`, `integers`: (cells, n), the same memory as float64 and as int64.
-    - `address`: address of the first cell.
+    - `floats`, `integers`: the same memory as float64 and as int64, (cells, n).
+    - `address`: address of the first cell, a multiple of 64.
     """
 
     def __init__(self, cells: int, lanes: int = 1):
@@ -65,8 +65,7 @@ class Memory:
         numbers_of(self.floats, region.dtype)[region.cells] = np.asarray(array).reshape(-1, 1)
 
     def read(self, region: Region) -> np.ndarray:
-        """Return the array of a region in a memory of one lane, as a view if the dtype has 64
-        bits."""
+        """Return an array from the memory of one lane, as a view if its dtype has 64 bits."""
         numbers = numbers_of(self.floats, region.dtype)[region.cells]
         return numbers.reshape(region.shape).astype(region.dtype, copy=False)
 
@@ -74,9 +73,9 @@ class Memory:
 class Cells:
     """Conversion of PyTrees to rows of numbers, with the layout of a program's memory, and back.
 
-    A row has the numbers of one PyTree as float64; integers and bools are int64 numbers whose bits
-    stand in the place of a float64. All PyTrees have the structure, shapes, dtypes and static
-    leaves of `example`. Native functions that are called many times take and return such rows.
+    A row has the numbers of one PyTree as float64. Integers and bools are converted to int64, and
+    the bits of these read as a float64. All PyTrees have the structure, shapes, dtypes and static
+    leaves of `example`.
 
     - `size`: number of cells of a PyTree.
     """
@@ -91,13 +90,12 @@ class Cells:
             self.size += leaf.size
 
     def columns(self) -> PyTree:
-        """Return the example with each element of its arrays replaced by the element's index in a
-        row."""
+        """Return the example with each element of its arrays replaced by its index in a row."""
         return self._tree([np.arange(self.size)[r.cells].reshape(r.shape) for r in self._regions])
 
     def rows(self, trees: PyTree) -> Float[np.ndarray, "n {self.size}"]:
-        """Return the numbers of the n PyTrees `trees`, which are one PyTree whose arrays have a
-        leading axis of length n. Without arrays, n counts as 0."""
+        """Return the rows of n PyTrees, given as one PyTree of arrays (n, ...). Without arrays, n
+        counts as 0."""
         leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(eqx.filter(trees, eqx.is_array))]
         floats = np.zeros((len(leaves[0]) if leaves else 0, self.size))
         for leaf, region in zip(leaves, self._regions, strict=True):
@@ -112,7 +110,7 @@ class Cells:
         return jax.tree.map(lambda leaf: leaf[0], self.trees(row[None]))
 
     def trees(self, rows: Float[np.ndarray, "n {self.size}"]) -> PyTree:
-        """Return n PyTrees as one, whose arrays have a leading axis of length n."""
+        """Return the PyTrees of n rows as one PyTree of arrays (n, ...)."""
         floats = np.ascontiguousarray(rows)
         return self._tree(
             [

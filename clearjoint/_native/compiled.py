@@ -24,7 +24,7 @@ T = TypeVar("T")
 SWITCH = "CLEARJOINT_NATIVE"
 """Environment variable: with the value 0, XLA compiles everything."""
 _reported: set[str] = set()
-"""Reasons for which a `NativeFallbackWarning` was issued."""
+"""Reasons of the warnings that were issued."""
 
 
 class NativeFallbackWarning(UserWarning):
@@ -34,21 +34,19 @@ class NativeFallbackWarning(UserWarning):
 class Native(Generic[Arguments, Result]):
     """A function that is compiled when it is first called, on CPUs to native code.
 
-    XLA compiles the function instead in each of these cases:
+    XLA compiles the function instead
 
-    - on accelerators;
+    - on accelerators, or if the environment variable `CLEARJOINT_NATIVE` is 0;
     - inside of JAX's transformations, such as `jax.jit` and `jax.grad`;
     - for calls with keyword arguments;
-    - if native code cannot be made, for instance if a primitive has no rule; then also in later
-      calls with arguments of this structure, shapes, dtypes and static leaves;
-    - if the environment variable `CLEARJOINT_NATIVE` is 0.
+    - if native code cannot be made, for instance if a primitive has no rule; also in later calls
+      with arguments of this structure, shapes, dtypes and static leaves.
 
     Arrays in results of native code are NumPy arrays.
 
     - `native`: the function in native code.
 
-    **Arguments:** `warns`: whether a `NativeFallbackWarning` is issued if native code cannot be
-    made.
+    **Arguments:** `warns`: whether a `NativeFallbackWarning` is issued if there is no native code.
     """
 
     __wrapped__: Callable[Arguments, Result]
@@ -65,9 +63,8 @@ class Native(Generic[Arguments, Result]):
         return self._result(arguments, self.native.run, lambda result: result)
 
     def in_parts(self, *arguments: PyTree) -> tuple[FlatArguments, ...]:
-        """Return the parts of a result that is a tuple, each flattened: arguments of further calls
-        of this or another function. In native code, no PyTree is made of a part that is only passed
-        on."""
+        """Return each part of a result that is a tuple, flattened as an argument of another call.
+        In native code, no PyTree is made of a part that is only passed on."""
         return self._result(
             arguments,
             self.native.run_in_parts,
@@ -97,19 +94,16 @@ class Native(Generic[Arguments, Result]):
 
 
 def is_native() -> bool:
-    """Return whether programs are compiled to native code: on CPUs, unless `CLEARJOINT_NATIVE` is
-    0."""
+    """Return whether native code is made: on CPUs, unless `CLEARJOINT_NATIVE` is 0."""
     return os.environ.get(SWITCH, "1") != "0" and jax.default_backend() == "cpu"
 
 
 def over_rows(function: Callable[..., Result], count: ArrayLike, *rows: PyTree) -> Result:
     """Return the results of a function for the first `count` of n rows, in arrays (n, ...).
 
-    In native code a loop computes one row after another, because a mapped function would be written
-    out once for each row. Elsewhere `jax.vmap` computes all rows at once.
-
-    **Arguments:** `count`: number of rows to compute; the results of the others have no meaning.
-    `rows`: PyTrees of arrays (n, ...), of which `function` takes one row each.
+    `rows` are PyTrees of arrays (n, ...), of which `function` takes one row each. The results of
+    rows from `count` on have no meaning. Native code computes one row after another, because a
+    mapped function would be written out once for each row; XLA computes all rows at once.
     """
     if not is_native():
         return jax.vmap(function)(*rows)
@@ -133,7 +127,7 @@ def over_rows(function: Callable[..., Result], count: ArrayLike, *rows: PyTree) 
 
 
 def report_fallback(error: UnsupportedPrimitiveError) -> None:
-    """Issue a `NativeFallbackWarning`, unless this process has issued one with the same reason."""
+    """Issue a `NativeFallbackWarning`, once for each reason in a process."""
     reason = str(error)
     if reason not in _reported:
         _reported.add(reason)

@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from jax.extend import core
+from jax.extend.core import ClosedJaxpr
 
 from .indexing import read_block
 from .lowering import (
@@ -36,9 +36,9 @@ from .operations import Symbol, Value
 def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Array) -> list[Array]:
     """Add a branch (`jax.lax.cond`).
 
-    The condition is a bool, or the index of a branch. If it is known while the program is built,
-    only the chosen branch is added. If not, and both branches are short and return no large array,
-    both are executed and the results selected. In all other cases the program jumps.
+    If the condition, a bool or the index of a branch, is known while the program is built, only
+    that branch is added. Otherwise, if both branches are short and return no large array, both are
+    executed and the results selected. In all other cases the program jumps.
     """
     branches = equation.params["branches"]
     ops, condition = lower.ops, scalar(condition, "a branch whose condition is an array")
@@ -64,10 +64,12 @@ def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Arr
         return _selected(lower, condition, lower.inline(yes, unchanged), no_results)
     if ops.width == 1 or ops.is_uniform(condition):
         return _branch(lower, condition, yes, no, arguments)
-    # In several lanes both branches may be executed, each for the lanes that need it.
+    # In several lanes both branches may be executed, each for the lanes that need it. A jump would
+    # cost more than a short branch.
     opposite = ops.emit("not", "b", condition)
-    yes_results = _if_any(lower, condition, yes, arguments, yes_size, in_memory)
-    no_results = _if_any(lower, opposite, no, arguments, no_size, in_memory)
+    yes_jumps, no_jumps = (in_memory or n > LONGEST_CHOICE for n in (yes_size, no_size))
+    yes_results = _if_any(lower, condition, yes, arguments, yes_jumps)
+    no_results = _if_any(lower, opposite, no, arguments, no_jumps)
     return _selected(lower, condition, yes_results, no_results)
 
 
@@ -84,7 +86,7 @@ def _selected(lower: Lowering, condition: Value, yes: list[Array], no: list[Arra
 
 
 def _moved(new: Sequence[Array], old: Sequence[Array]) -> list[tuple[InMemory, InMemory]]:
-    """Pairs of a new and an old array in memory that do not begin at the same cell."""
+    """Return the pairs of a new and an old array in memory that begin at different cells."""
     return [
         (a, b)
         for a, b in zip(new, old, strict=True)
@@ -93,18 +95,13 @@ def _moved(new: Sequence[Array], old: Sequence[Array]) -> list[tuple[InMemory, I
 
 
 def _if_any(
-    lower: Lowering,
-    condition: Value,
-    branch: core.ClosedJaxpr,
-    arguments: Sequence[Array],
-    size: int,
-    in_memory: bool,
+    lower: Lowering, condition: Value, branch: ClosedJaxpr, arguments: Sequence[Array], jumps: bool
 ) -> list[Array]:
-    """Add a branch with `size` equations for the lanes in which its condition holds. Its results in
-    other lanes are not used. `in_memory`: whether any result is an array in memory."""
-    # A jump would cost more than a short branch. Since the short branch is executed in all lanes,
-    # it must not overwrite its arguments, which lanes that need the other branch still use.
-    if size <= LONGEST_CHOICE and not in_memory:
+    """Add a branch for the lanes in which its condition holds; in the others, its results are not
+    used. `jumps`: whether the branch is skipped if its condition holds in no lane."""
+    # Without a jump, the branch is executed in all lanes. It must not overwrite its arguments,
+    # which the other branch still needs.
+    if not jumps:
         return lower.inline(branch, [borrowed(argument) for argument in arguments])
     results: list[Array] = []
 
@@ -121,25 +118,20 @@ def _if_any(
 
 
 class _DifferentArraysError(Exception):
-    """Raised if two branches give different arrays in memory, and that of the first branch must not
-    be overwritten."""
+    """Raised if two branches give different arrays in memory, and the first one's is not owned."""
 
 
 def _branch(
-    lower: Lowering,
-    condition: Value,
-    yes: core.ClosedJaxpr,
-    no: core.ClosedJaxpr,
-    arguments: Sequence[Array],
+    lower: Lowering, condition: Value, yes: ClosedJaxpr, no: ClosedJaxpr, arguments: Sequence[Array]
 ) -> list[Array]:
-    """Add a jump to one of two branches, for a condition that all lanes share, or a single lane."""
+    """Add a jump to one of two branches, for a condition that is the same in all lanes."""
 
     # Cells that an array does not own, such as those of an argument, must not be overwritten. With
     # `copies`, `yes` copies such results, so that `no` can overwrite the copies.
     def added(copies: bool) -> list[Array]:
         first_results: list[Array] = []
 
-        def compute(branch: core.ClosedJaxpr) -> list[Value]:
+        def compute(branch: ClosedJaxpr) -> list[Value]:
             results = lower.inline(branch, arguments)
             # The first call, for `yes`, sets `first_results`. Each must have cells of its own,
             # since `no` may give different arrays where `yes` gives the same array twice.
@@ -169,7 +161,7 @@ def _branch(
 
 
 def apart(lower: Lowering, arrays: list[Array]) -> list[Array]:
-    """Return arrays with the same numbers of which no two have cells in common."""
+    """Return arrays of the same numbers, copied where two of them have cells in common."""
     in_memory = [array for array in arrays if isinstance(array, InMemory)]
     return [
         # Each array in memory overlaps with itself.
@@ -207,16 +199,12 @@ def loop(
     iterate: Callable[[list[Array]], list[Array]],
     uniform: bool = False,
 ) -> list[Array]:
-    """Add a loop to the program, and return its arrays (carries) after the last iteration.
+    """Add a loop to the program, and return its carries (arrays) after the last iteration. They
+    begin as `first`. Arrays in memory stay in their cells.
 
-    Arrays in memory stay in their cells from one iteration to the next.
-
-    **Arguments:**
-
-    - `first`: carries before the first iteration.
-    - `holds`: adds the condition for a further iteration, as a function of the carries.
-    - `iterate`: adds the loop's body, as a function of the carries that returns the next ones.
-    - `uniform`: whether the condition is the same in all lanes.
+    **Arguments:** `holds`: adds the condition for a further iteration, as a function of the
+    carries; `iterate`: adds the loop's body for carries, and returns the next ones; `uniform`:
+    whether the condition is the same in all lanes.
 
     **Raises:** `UnsupportedPrimitiveError` for carries in memory in a program of several lanes,
     unless the condition is uniform. Lanes that have finished could not keep these arrays.
@@ -258,8 +246,8 @@ def loop(
 
 
 def _move_to(lower: Lowering, places: Sequence[Array], results: Sequence[Array]) -> None:
-    """Copy those `results` that are arrays in memory to the cells of the arrays `places`, from
-    which later operations read them. Other results need no copy, since they are values."""
+    """Copy those `results` that are in memory to the cells of the arrays `places`, from which later
+    operations read them."""
     # Arrays may exchange their cells or parts of them. They are copied to new cells first, so that
     # none is overwritten before it is read.
     taken = [old for old in places if isinstance(old, InMemory)]
@@ -324,9 +312,5 @@ def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]
     return [*results[1:], *map(lower.in_usual_form, outputs)]
 
 
-RULES: dict[str, EquationRule] = {
-    "cond": _cond,
-    "while": _while,
-    "scan": _scan,
-}
+RULES: dict[str, EquationRule] = {"cond": _cond, "while": _while, "scan": _scan}
 """Rules by the names of primitives."""

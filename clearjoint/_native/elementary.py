@@ -1,15 +1,17 @@
 """Elementary functions as arithmetic operations, which apply to scalars and to vectors alike.
 
-The C library would be called for each element of a vector. The operations are the same for vectors
-of any length, so that the bits of a result do not depend on the length.
+Functions of the C library would be called for each element of a vector. The operations are the
+same for vectors of any length, so that the bits of a result do not depend on the length.
 
-Sines and cosines are computed by a reduction of the angle with fused multiply-adds (Cody and Waite)
-and by the polynomials of Sun's fdlibm, angles of points by its polynomial for a reduced quotient;
-exponentials, logarithms, powers and hyperbolic tangents by sums of two doubles, a high and a low
-part (Dekker), and Taylor's polynomials of a reduced argument. The errors, measured with mpmath in
-the tests, are below one unit in the last place: at most 0.95 for `expm1`, 0.8 for sines, cosines
-and `tanh`, and 0.7 for the others. For infinities, NaN and arguments outside of the ranges given
-below, all of these functions but `tanh` call the C library.
+- Sines and cosines: the angle is reduced with fused multiply-adds (Cody and Waite), and evaluated
+  by the polynomials of Sun's fdlibm.
+- Arc tangents: fdlibm's polynomial of a reduced quotient.
+- Exponentials, logarithms, powers and `tanh`: Taylor polynomials of a reduced argument, with sums
+  of two doubles, a high and a low part (Dekker).
+
+The errors, measured with mpmath in the tests, are at most 0.95 units in the last place for `expm1`,
+0.8 for sines, cosines and `tanh`, and 0.7 for the others. For infinities, NaN and arguments outside
+of the ranges given below, all of these functions but `tanh` call the C library.
 """
 
 import math
@@ -18,16 +20,15 @@ from collections.abc import Callable, Sequence
 from .operations import Symbol
 
 LARGEST_ANGLE = 1e8
-"""Largest absolute value of the argument of sines and cosines, rad. The reduction of larger angles
-would lose digits."""
+"""Largest absolute angle, rad, of sines and cosines: the reduction of others would lose digits."""
 LARGEST_EXPONENT = 700.0
-"""Largest absolute value of the argument of exponentials and, for powers, of the product of the
-exponent and the logarithm of the base. The results, from 1e-304 to 1e304, are normal numbers."""
+"""Largest absolute value of x in exp(x), and of exponent log(base) in powers. The results, from
+1e-304 to 1e304, are normal numbers."""
 LEAST_NORMAL, LARGEST_NUMBER = 2.2250738585072014e-308, 1.7976931348623157e308
 """Range of the arguments of logarithms, of 1 + x for `log1p`, and of the bases of powers."""
 _LN_2 = (0.6931471805598903, 5.497923018708371e-14)
-"""High and low part of log(2). The product of the high part and the exponent of a double is exact,
-since the high part ends in zero bits."""
+"""High and low part of log(2). The high part ends in zero bits, so that its product with the
+exponent of a double is exact."""
 _TWO_THIRDS = (2.0 / 3.0, 3.700743415417188e-17)
 """High and low part of 2/3."""
 _LOGARITHM = tuple(2.0 / k for k in range(5, 29, 2))
@@ -37,8 +38,8 @@ _EXPONENTIAL = tuple(1.0 / math.factorial(k) for k in range(3, 15))
 _LAST_TANH = 22.0
 """Argument from which on tanh rounds to one."""
 _ROOT_OF_HALF = 0x3FE6A09E667F3BCD
-"""Bits of the square root of 1/2 as an integer. Logarithms write a number as m 2**k, and this root
-is the lower bound of m."""
+"""Bits of the square root of 1/2, as an integer: the lower bound of m where a logarithm writes its
+argument as m 2**k."""
 _HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33)
 """pi/2 as a sum of three doubles."""
 _QUARTER_PI = (0.7853981633974483, 3.061616997868383e-17)
@@ -46,44 +47,29 @@ _QUARTER_PI = (0.7853981633974483, 3.061616997868383e-17)
 _TANGENT_OF_EIGHTH = 0.41421356237309503
 """tan(pi/8)."""
 LEAST_QUOTIENT, LARGEST_QUOTIENT = 1e-290, 1e290
-"""Range of the absolute values of the arguments of arc tangents, but for a zero beside a number
-that is not. Remainders of their quotients are normal numbers."""
+"""Range of |y| and |x| in arc tangents of y/x, in which the remainder of the division is a normal
+number. One of the two may also be zero."""
 _ROUNDING = 6755399441055744.0
-"""1.5 * 2**52. The last bits of its sum with a number of absolute value below 2**51 are those of
-the integer nearest to the number."""
+"""1.5 * 2**52. Added to a number of absolute value below 2**51, it gives a sum whose last bits are
+those of the nearest integer."""
 # Coefficients of fdlibm's polynomials: for sines from the third power on, for cosines from the
 # fourth power on.
 _SINE = (
-    -1.66666666666666324348e-01,
-    8.33333333332248946124e-03,
-    -1.98412698298579493134e-04,
-    2.75573137070700676789e-06,
-    -2.50507602534068634195e-08,
-    1.58969099521155010221e-10,
-)
+    -1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.98412698298579493134e-04,
+    2.75573137070700676789e-06, -2.50507602534068634195e-08, 1.58969099521155010221e-10,
+)  # fmt: skip
 _COSINE = (
-    4.16666666666666019037e-02,
-    -1.38888888888741095749e-03,
-    2.48015872894767294178e-05,
-    -2.75573143513906633035e-07,
-    2.08757232129817482790e-09,
-    -1.13596475577881948265e-11,
-)
+    4.16666666666666019037e-02, -1.38888888888741095749e-03, 2.48015872894767294178e-05,
+    -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.13596475577881948265e-11,
+)  # fmt: skip
 
 # For arc tangents up to 7/16, from the third power on, with alternating signs as 1/3, 1/5, ...
 _ARC_TANGENT = (
-    3.33333333333329318027e-01,
-    -1.99999999998764832476e-01,
-    1.42857142725034663711e-01,
-    -1.11111104054623557880e-01,
-    9.09088713343650656196e-02,
-    -7.69187620504482999495e-02,
-    6.66107313738753120669e-02,
-    -5.83357013379057348645e-02,
-    4.97687799461593236017e-02,
-    -3.65315727442169155270e-02,
-    1.62858201153657823623e-02,
-)
+    3.33333333333329318027e-01, -1.99999999998764832476e-01, 1.42857142725034663711e-01,
+    -1.11111104054623557880e-01, 9.09088713343650656196e-02, -7.69187620504482999495e-02,
+    6.66107313738753120669e-02, -5.83357013379057348645e-02, 4.97687799461593236017e-02,
+    -3.65315727442169155270e-02, 1.62858201153657823623e-02,
+)  # fmt: skip
 
 
 def _fma(a: Symbol, b: Symbol | float, c: Symbol | float) -> Symbol:
@@ -169,19 +155,19 @@ def _sine_and_cosine(angle: Symbol) -> tuple[Symbol, Symbol, Symbol]:
 
 
 def _with_library(name: str, fits: Symbol, usual: Symbol, *arguments: Symbol) -> Symbol:
-    """Return `usual` if `fits` holds, else the result of the C function `name`. A program calls it
-    only if `fits` is false in some lane."""
+    """Return `usual` where `fits` holds, else the result of the C function `name`, which a program
+    calls only if `fits` is false in some lane."""
     ops, beyond = usual.ops, ~fits
     first, *others = arguments
 
-    def rare() -> list[int]:
+    def by_library() -> list[int]:
         return [beyond.select(first.emit(name, *others), usual).value]
 
-    def result() -> list[int]:
-        return ops.branch(beyond.value, rare, lambda: [usual.value])
+    def result() -> int:
+        return ops.branch(beyond.value, by_library, lambda: [usual.value])[0]
 
     # The same function of the same arguments is computed once, as a pure operation is.
-    return Symbol(ops, ops.once((name, *(x.value for x in arguments)), result)[0])
+    return Symbol(ops, ops.once((name, *(x.value for x in arguments)), result))
 
 
 def _sine(angle: Symbol, name: str = "sin") -> Symbol:
@@ -238,11 +224,8 @@ def _logarithm_of(x: Symbol) -> tuple[Symbol, Symbol]:
 
 
 def _exponential_of(x: Symbol, x_low: Symbol | float) -> tuple[Symbol, Symbol, Symbol]:
-    """Return r, p and an integer whose last bits are those of n: exp(x + x_low) = 2**n (1 + r + p).
-
-    n is the integer nearest to x/log(2), r is the rounded remainder x + x_low - n log(2), and p is
-    the small rest.
-    """
+    """Return r, p and an integer that ends in the bits of n: exp(x + x_low) = 2**n (1 + r + p),
+    with n nearest to x/log(2), r the rounded x + x_low - n log(2), and p a small remainder."""
     # `shifted` has n in its last bits, and `minus` is -n as a float.
     shifted = x * (1.0 / math.log(2.0)) + _ROUNDING
     minus = -(shifted - _ROUNDING)
@@ -284,7 +267,7 @@ def _expm1(x: Symbol) -> Symbol:
 
 def _tanh(x: Symbol) -> Symbol:
     """Return tanh(x) as E / (E + 2), where E = exp(2 |x|) - 1, with the sign of x."""
-    # Beyond _LAST_TANH the result is one, and E would overflow.
+    # Beyond `_LAST_TANH` the result is one, and E would overflow.
     size, last = x.emit("abs"), x.like(_LAST_TANH)
     size = size.compare("gt", last).select(last, size)
     high, low = _exponential_less_one(size + size)
@@ -302,7 +285,7 @@ def _logarithm(x: Symbol) -> Symbol:
 
 
 def _log1p(x: Symbol) -> Symbol:
-    """Return log(1 + x) as log(u) + rest/u, where u is 1 + x rounded, with the error `rest`."""
+    """Return log(1 + x) as log(u) + rest/u, where u is 1 + x rounded and `rest` its error."""
     u, rest = _sum(x.like(1.0), x)
     high, low = _logarithm_of(u)
     usual = _keeping_zero(x, high + (low + rest / u))

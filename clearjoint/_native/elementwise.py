@@ -25,25 +25,18 @@ PARAMETERS = {
     "convert_element_type": "new_dtype",
 }
 """By the name of a primitive, the name of the parameter that its rule takes as last argument."""
-
 FLOAT_OPERATIONS = {
-    "add": "fadd",
+    **{name: f"f{name}" for name in ("add", "sub", "mul", "div", "neg")},
     "add_any": "fadd",
-    "sub": "fsub",
-    "mul": "fmul",
-    "div": "fdiv",
-    "neg": "fneg",
 }
-"""Operations of floats to which the rules of these primitives lead. Most operations of a program
-are among them, and `Symbol`s would take half of the time that it takes to add them."""
-
+"""Operations of single floats to which the rules of these primitives lead. Most equations of a
+program are among them, and are added in half of the time without the rule and its `Symbol`s."""
 IDENTITIES = ("copy", "stop_gradient", "optimization_barrier")
 """Primitives whose results are their arguments."""
 
 
 def apply(ops: Operations, name: str, *values: Value, parameter: object = None) -> Value:
-    """Apply the rule of the primitive `name` to values, with its parameter named in
-    `PARAMETERS`."""
+    """Apply the rule of a primitive to values, with its parameter if it is in `PARAMETERS`."""
     arguments: list[object] = [Symbol(ops, value) for value in values]
     if parameter is not None:
         arguments.append(parameter)
@@ -101,8 +94,7 @@ def _extreme(name: str) -> Rule:
 
 
 def _is_number(a: Symbol) -> bool:
-    """Return whether a float, or each element of a vector, is known before the program runs, and
-    not NaN."""
+    """Return whether a float, or each element of a vector, has a known value other than NaN."""
     number = a.ops.repeated_number(a.value)
     return isinstance(number, float) and not math.isnan(number)
 
@@ -119,16 +111,12 @@ def _divide(a: Symbol, b: Symbol) -> Symbol:
 def _whole_division(
     name: str, a: Symbol, b: Symbol, by_zero: Symbol, by_minus_one: Symbol
 ) -> Symbol:
-    """Return the quotient or remainder of integers. LLVM leaves divisions by zero and of the least
-    integer by -1 undefined. For these divisors the operation divides by one, and its result is not
-    used."""
+    """Return the quotient or remainder of integers, with the given results for division by 0 and
+    -1: LLVM leaves division by 0, and of the least integer by -1, undefined."""
+    # For these divisors the operation divides by one, and its result is not used.
     is_zero, is_minus_one = b.compare("eq", 0), b.compare("eq", -1)
     quotient = a.emit(name, (is_zero | is_minus_one).select(b.like(1), b))
     return is_zero.select(by_zero, is_minus_one.select(by_minus_one, quotient))
-
-
-def _absolute(a: Symbol) -> Symbol:
-    return a.emit("abs") if a.letter == "f" else a.compare("lt", 0).select(-a, a)
 
 
 def _sign(a: Symbol) -> Symbol:
@@ -154,23 +142,8 @@ def _clamp(low: Symbol, a: Symbol, high: Symbol) -> Symbol:
     return _extreme("lt")(_extreme("gt")(a, low), high)
 
 
-def _logistic(a: Symbol) -> Symbol:
-    return a.like(1) / (a.like(1) + ELEMENTARY["exp"](-a))
-
-
-def _one_minus_square(a: Symbol) -> Symbol:
-    """Return (1 + a)(1 - a), a primitive from JAX 0.11 on, as in derivatives of tanh."""
-    one = a.like(1)
-    return (one + a) * (one - a)
-
-
-def _logarithm_of_base_two(a: Symbol) -> Symbol:
-    """Return log(a) times 1/log(2) as XLA does; a primitive from JAX 0.11 on."""
-    return ELEMENTARY["log"](a) * (1 / math.log(2))
-
-
 def _polynomial(x: Symbol, *coefficients: Symbol) -> Symbol:
-    """Return a polynomial by Horner's rule, constant first; a primitive from JAX 0.12 on."""
+    """Return a polynomial by Horner's rule, constant first."""
     total = coefficients[-1]
     for coefficient in coefficients[-2::-1]:
         total = total * x + coefficient
@@ -185,8 +158,7 @@ def _remainder(a: Symbol, b: Symbol) -> Symbol:
 
 
 def _select(index: Symbol, *cases: Symbol) -> Symbol:
-    """Return one of the cases, selected by a bool or an integer; an index out of range counts as
-    the nearest."""
+    """Return the case with an index, a bool or an integer; out of range, the nearest case."""
     if index.letter == "b":
         return index.select(cases[1], cases[0])
     result = cases[-1]
@@ -196,9 +168,8 @@ def _select(index: Symbol, *cases: Symbol) -> Symbol:
 
 
 def convert(a: Symbol, letter: str) -> Symbol:
-    """Convert a value to the dtype with the given letter. A float becomes an integer without its
-    fraction, or the nearest integer of the range; NaN becomes zero. An int64 becomes an int32 that
-    keeps the lower 32 bits."""
+    """Convert a value to the kind with the given letter. A float loses its fraction, or becomes the
+    nearest integer of the range, and NaN zero. An int64 keeps its lower 32 bits as an int32."""
     old = a.letter
     if old == letter:
         return a
@@ -215,8 +186,8 @@ def convert(a: Symbol, letter: str) -> Symbol:
 
 
 def _convert(a: Symbol, dtype: DTypeLike) -> Symbol:
-    """Convert a value to a dtype. An integer beyond the range of uint32, which is computed in
-    int64, keeps its higher bits here; `Lowering` cuts them off."""
+    """Convert a value to a dtype. To uint32, which is computed in int64, an integer keeps its
+    higher bits here; `Lowering` cuts them off."""
     if a.letter == "f" and np.dtype(dtype) == np.uint32:
         # A float beyond the range of uint32 becomes the nearest integer of that range.
         a = _clamp(a.like(0), a, a.like((1 << 32) - 1))
@@ -234,19 +205,19 @@ RULES: dict[str, Rule] = {
     "max": _extreme("gt"),
     "min": _extreme("lt"),
     "neg": operator.neg,
-    "abs": _absolute,
+    "abs": lambda a: a.emit("abs") if a.letter == "f" else a.compare("lt", 0).select(-a, a),
     "sign": _sign,
     "is_finite": lambda a: a.emit("abs").compare("lt", math.inf),
     "integer_pow": _integer_power,
     "square": lambda a: a * a,
-    "one_minus_square": _one_minus_square,
+    "one_minus_square": lambda a: (a.like(1) + a) * (a.like(1) - a),  # from JAX 0.11 on
     "pow": lambda a, b: float_power(a, convert(b, "f")),
     "rsqrt": lambda a: a.like(1) / a.emit("sqrt"),
     "round": lambda a, method: a.emit("round_even" if int(method) == 1 else "round_away"),
     "clamp": _clamp,
-    "logistic": _logistic,
-    "log2": _logarithm_of_base_two,
-    "polynomial": _polynomial,
+    "logistic": lambda a: a.like(1) / (a.like(1) + ELEMENTARY["exp"](-a)),
+    "log2": lambda a: ELEMENTARY["log"](a) * (1 / math.log(2)),  # from JAX 0.11 on; as XLA does
+    "polynomial": _polynomial,  # from JAX 0.12 on
     "rem": _remainder,
     "select_n": _select,
     "convert_element_type": _convert,

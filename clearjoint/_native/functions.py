@@ -1,10 +1,12 @@
 """Compile functions of PyTrees to machine code, and call them."""
 
 import math
+import operator
 import threading
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import suppress
-from functools import cached_property
+from dataclasses import dataclass
+from functools import cached_property, reduce
 from itertools import compress
 from typing import TypeVar, cast
 
@@ -23,6 +25,7 @@ from .._compilation.xla import (
     collector_at_rest,
     divided,
     joined,
+    kind_of_leaf,
     program_is_made_inside,
     program_of,
 )
@@ -31,34 +34,30 @@ from . import control, indexing, linear_algebra, structure
 from .alike_calls import CALLS_AT_ONCE, join_alike_calls
 from .cells import Cells, Memory, Region
 from .lowering import LARGEST_UNROLLED, LONGEST_PACKED, Lowering, UnsupportedPrimitiveError, aval_of
-from .machine_code import Code, RecentPrograms, Stopwatch, is_weak, load, load_or_make
+from .machine_code import Code, RecentPrograms, Stopwatch, load, load_or_make
 from .operations import Number, Operations
 
 RULES = structure.RULES | indexing.RULES | control.RULES | linear_algebra.RULES
 """Rules of the primitives that do not work element by element, by the primitives' names."""
 LARGE = 256
-"""Number of elements from which on an argument is written to memory by a call of NumPy of its own.
-Smaller arguments are joined and written together: for few numbers, a call takes longer than the
-copying itself."""
+"""Number of elements from which on an argument is written to memory by its own call of NumPy.
+Smaller ones are joined and written together, since a call takes longer than copying a few
+numbers."""
 Argument = TypeVar("Argument")
 _COMPILES = threading.RLock()
-"""Lock that a thread holds while it makes a program, so that no two threads make the same one."""
+"""Held while a thread makes a program, so that no two threads make the same one."""
 
 
 class NativeProgram:
     """A closed jaxpr as machine code, to be called with arrays.
 
-    - `code`: the machine code.
-    - `inputs`: cells of memory for each argument; ``None`` for an argument that the program does
-      not use.
+    - `inputs`: cells of memory for each argument; ``None`` for one that the program does not use.
     - `outputs`: cells of memory for each result.
 
     **Arguments:** `tangents`: number of tangents, 0 for none. Arrays whose only axis has this
-    length are computed as vectors of the processor. `stopwatch`: measures the stages of
-    compilation.
+    length are computed as vectors of the processor.
 
-    **Raises:** `UnsupportedPrimitiveError` for a primitive, or a use of one, without a rule, for an
-    unsupported dtype such as float32, and if LLVM rejects the program.
+    **Raises:** `UnsupportedPrimitiveError`, also for an unsupported dtype such as float32.
     """
 
     def __init__(
@@ -81,41 +80,33 @@ class NativeProgram:
             lowering.stored(array, aval_of(out)) for array, out in zip(results, outs, strict=True)
         ]
         regions = [*filter(None, self.inputs), *self.outputs]
-        join_alike_calls(lowering.ops, (k for r in regions for k in (r.start,) if r.size == 1))
+        join_alike_calls(lowering.ops, (r.start for r in regions if r.size == 1))
         stopwatch.end("lowering")
         self.code = Code(lowering, stopwatch)
         # All small arguments of floats are written at once, and so are all those of integers and
         # bools. This takes a tenth of the time of separate writes. `_small` has an entry for floats
-        # and one for the others: the arguments' numbers `ks`; the cells of those that the program
-        # uses; and the indices of these elements if all arguments `ks` are joined to one array.
+        # and one for the others: the indices of the arguments, and the results of `_joined_cells`.
         avals = [aval_of(variable) for variable in closed.jaxpr.invars]
         small = [k for k, aval in enumerate(avals) if aval.size < LARGE]
-        floats = [k for k in small if avals[k].dtype.kind == "f"]
-        others = [k for k in small if avals[k].dtype.kind != "f"]
-        self._small = []
-        for ks in (floats, others):
-            ends = np.cumsum([0, *(avals[k].size for k in ks)]).tolist()
-            used_here = [(self.inputs[k], slice(*ends[n : n + 2])) for n, k in enumerate(ks)]
-            pairs = [(r.cells, source) for r, source in used_here if r is not None]
-            cells, sources = (_indices(pair[side] for pair in pairs) for side in (0, 1))
-            self._small.append((ks, cells, sources))
+        self._small: list[tuple[list[int], np.ndarray, np.ndarray]] = []
+        for are_floats in (True, False):
+            ks = [k for k in small if (avals[k].dtype.kind == "f") is are_floats]
+            cells = _joined_cells([self.inputs[k] for k in ks], [avals[k].size for k in ks])
+            self._small.append((ks, *cells))
         self._large = {
             k: r for k, r in enumerate(self.inputs) if r is not None and avals[k].size >= LARGE
         }
         self._read = _Reading(self.outputs)
 
     def memory(self, leaves: Sequence[ArrayLike], floats: np.ndarray | None = None) -> Memory:
-        """Return new memory that contains the program's constants and its arguments.
+        """Return new memory with the program's constants and its arguments.
 
         **Arguments:** `leaves`: an array for each argument of the jaxpr, also for unused ones;
-        `floats`: their `FlatArguments.floats`, if known already.
+        `floats`: their `FlatArguments.floats`, if known.
         """
         memory = self.code.memory()
-        small_floats, small_others = self._small
-        for target, numbers, (ks, cells, sources) in (
-            (memory.floats, floats, small_floats),
-            (memory.integers, None, small_others),
-        ):
+        targets = (memory.floats, floats), (memory.integers, None)
+        for (target, numbers), (ks, cells, sources) in zip(targets, self._small, strict=True):
             if len(cells):
                 if numbers is None:
                     numbers = np.concatenate([leaves[k] for k in ks], axis=None)
@@ -135,8 +126,8 @@ class NativeProgram:
 
 
 class _Reading:
-    """Reads small arrays of floats of equal shape together, because a separate read takes a
-    microsecond, and results have hundreds of arrays."""
+    """Reads the arrays of regions, and small arrays of floats of equal shape together: results have
+    hundreds of arrays, and a separate read of one takes a microsecond."""
 
     def __init__(self, regions: Sequence[Region]):
         by_shape: dict[tuple[int, ...], list[int]] = {}
@@ -170,11 +161,21 @@ def _indices(cells: Iterable[slice]) -> np.ndarray:
     return np.r_[(slice(0, 0), *cells)]
 
 
+def _joined_cells(
+    regions: Sequence[Region | None], sizes: Sequence[int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return, for arrays of some sizes that are joined to one, the cells of their regions and the
+    indices of the elements that belong there, without those of arrays that have no region."""
+    pairs = zip(regions, np.cumsum(sizes).tolist(), strict=True)
+    used = [(r.cells, slice(end - r.size, end)) for r, end in pairs if r is not None]
+    return _indices(cells for cells, _ in used), _indices(elements for _, elements in used)
+
+
 class BoundFunction:
     """A native function with some of its arguments fixed, for many calls.
 
-    It takes and returns rows of numbers as in `Cells`, one row for each call. Only one thread may
-    call it at a time, because all calls use the same memory.
+    It takes and returns rows of numbers as in `Cells`, one for each call. Only one thread may call
+    it at a time, because all calls use the same memory.
 
     - `results`: converts rows of results to PyTrees.
 
@@ -197,12 +198,9 @@ class BoundFunction:
             if region is not None and k not in varied and region.size > LARGEST_UNROLLED
         ]
         # Cells of the varied arguments that the program uses: in a row, and in memory.
-        starts = np.cumsum([0, *(np.size(flat.arrays[k]) for k in varied)]).tolist()
-        regions = zip(
-            map(slice, starts, starts[1:]), (program.inputs[k] for k in varied), strict=True
+        self._target, self._source = _joined_cells(
+            [program.inputs[k] for k in varied], [np.size(flat.arrays[k]) for k in varied]
         )
-        used = [(row, region.cells) for row, region in regions if region is not None]
-        self._source, self._target = (_indices(pair[k] for pair in used) for k in (0, 1))
         self._out = _indices(region.cells for region in outputs)
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
@@ -219,14 +217,12 @@ class BoundFunction:
 def evaluated(
     function: Callable[..., ArrayLike], calls: Sequence[tuple[ArrayLike, ...]]
 ) -> list[Number] | None:
-    """Evaluate a scalar function of small arrays in Python, without compiling it.
+    """Return the results of calls of a scalar function of small arrays, without compiling it.
 
-    Operations on known numbers are computed while a jaxpr is lowered, so lowering alone gives the
-    result. JAX itself would compile a program for each kind of operation, which takes 20 ms.
-
-    **Returns:** the result of each of the calls, which must have arguments of the same shapes and
-    dtypes; ``None`` if any of them cannot be computed in this way, for instance with loops or
-    `exp`.
+    The calls must have arguments of the same shapes and dtypes. Operations on known numbers are
+    computed while a jaxpr is lowered, so lowering alone gives the result. JAX itself would compile
+    a program for each kind of operation, which takes 20 ms. The result is ``None`` if a call cannot
+    be computed in this way, for instance with loops or `exp`.
     """
     # Shapes and dtypes are those of all calls, so one jaxpr serves them all.
     closed = jax.make_jaxpr(function)(*calls[0])
@@ -246,8 +242,8 @@ def evaluated(
 
 
 class _Key:
-    """Key of flattened arguments, with a hash computed once. Equal keys are mostly the same object:
-    for thirty joints, comparing two keys part by part takes as long as flattening."""
+    """Key of flattened arguments. Its hash is computed once, and `of` returns the same object for
+    equal parts: for thirty joints, comparing the parts of two keys takes as long as flattening."""
 
     __slots__ = ("_hash", "layout", "parts")
 
@@ -277,31 +273,26 @@ _KEYS: RecentPrograms[_Key] = RecentPrograms()
 """Recent keys by their parts."""
 
 
+@dataclass(eq=False)
 class FlatArguments:
-    """Arguments of a function, flattened.
+    """Arguments of a function, flattened: all of them, or a single one (a part).
 
-    - `parts`: one object of this class for each argument; none if this is such a part.
+    - `make`: returns the arguments themselves.
     - `arrays`: the arrays of NumPy and JAX among the leaves.
     - `traced`: whether JAX traces any of them.
     - `key`: equal for arguments that need the same program: structure, shapes and types of the
       arrays, and all other leaves with their types.
+    - `parts`: one object for each argument; empty in a part.
     - `all_floats`: whether all leaves are 64-bit NumPy arrays of floats.
-
-    **Arguments:** `arguments`: returns the arguments themselves.
     """
 
-    def __init__(
-        self,
-        arguments: Callable[[], tuple[PyTree, ...]],
-        leaves: list[PyTree],
-        arrays: list[ArrayLike],
-        traced: bool,
-        key: Hashable,
-        parts: "tuple[FlatArguments, ...]" = (),
-        all_floats: bool = False,
-    ):
-        self._arguments, self.leaves, self.arrays = arguments, leaves, arrays
-        self.traced, self.key, self.parts, self.all_floats = traced, key, parts, all_floats
+    make: Callable[[], tuple[PyTree, ...]]
+    leaves: list[PyTree]
+    arrays: list[ArrayLike]
+    traced: bool
+    key: Hashable
+    parts: "tuple[FlatArguments, ...]" = ()
+    all_floats: bool = False
 
     @staticmethod
     def of(arguments: tuple[PyTree, ...]) -> "FlatArguments":
@@ -310,32 +301,25 @@ class FlatArguments:
 
     @staticmethod
     def joined(parts: "tuple[FlatArguments, ...]") -> "FlatArguments":
-        leaves, arrays, keys = [], [], []
-        traced, all_floats = False, True
-        for part in parts:
-            leaves += part.leaves
-            arrays += part.arrays
-            keys.append(part.key)
-            traced, all_floats = traced or part.traced, all_floats and part.all_floats
         return FlatArguments(
             lambda: tuple(argument for part in parts for argument in part.arguments),
-            leaves,
-            arrays,
-            traced,
-            tuple(keys),
+            reduce(operator.iadd, [part.leaves for part in parts], []),
+            reduce(operator.iadd, [part.arrays for part in parts], []),
+            any(part.traced for part in parts),
+            tuple([part.key for part in parts]),
             parts,
-            all_floats,
+            all(part.all_floats for part in parts),
         )
 
     @cached_property
     def arguments(self) -> tuple[PyTree, ...]:
-        """The arguments themselves. Programs take their arrays, so those that are the results of
-        another program are made only where Python needs them."""
-        return self._arguments()
+        """The arguments themselves, made when they are first needed: a program takes only their
+        arrays, also if they are results of another program."""
+        return self.make()
 
     @property
     def tree(self) -> PyTree:
-        """The only argument, if this is a part."""
+        """The argument of a part."""
         (tree,) = self.arguments
         return tree
 
@@ -345,14 +329,14 @@ class FlatArguments:
 
     @property
     def tree_structure(self) -> PyTree:
-        """The structure of the only argument, if this is a part and no folded scene."""
+        """The structure of the argument of a part, other than a `ConstantFolded`."""
         assert isinstance(self.key, _Key)
         return self.key.parts[0]
 
     @cached_property
     def floats(self) -> np.ndarray:
-        """The numbers of all arrays of floats with fewer than `LARGE` elements, one array after the
-        other. Those of a scene are joined once for all programs of a run."""
+        """The numbers of all arrays of floats with fewer than `LARGE` elements, joined. For a scene
+        this is done once for all programs of a run."""
         if self.parts:
             return np.concatenate([part.floats for part in self.parts])
         layout = self._layout
@@ -362,7 +346,7 @@ class FlatArguments:
             # JAX, and views such as of every second number, can't be joined in this way.
             with suppress(BufferError, TypeError):
                 return np.frombuffer(b"".join(small))  # pyright: ignore
-        return np.concatenate(small, axis=None) if small else _NONE
+        return np.concatenate(small, axis=None) if small else np.zeros(0)
 
     @property
     def numbers(self) -> bytes:
@@ -373,8 +357,8 @@ class FlatArguments:
         return b"".join([self.floats.tobytes(), *others])
 
     def changes(self, earlier: "FlatArguments") -> tuple[bool, ...] | None:
-        """Return whether each leaf of a single argument differs from that of an earlier argument
-        with the same key; ``None`` if it has other leaves than small arrays of floats."""
+        """Return for each leaf of a part whether it differs from that of an earlier part with the
+        same key; ``None`` if there are leaves other than small arrays of floats."""
         if not self.all_floats or self._layout.others:
             return None
         ends = np.cumsum([array.size for array in self.arrays])  # pyright: ignore
@@ -393,7 +377,7 @@ class FlatArguments:
 
 
 class _Layout:
-    """Which of the arrays of an argument `FlatArguments.floats` joins.
+    """Which of the arrays of a part `FlatArguments.floats` joins.
 
     - `small`: for each array, whether it is joined: floats with fewer than `LARGE` elements.
     - `others`: indices of the arrays that are not joined.
@@ -407,7 +391,6 @@ class _Layout:
         self.all_double = all(dtype == _FLOAT64 for _, dtype in compress(kinds, self.small))
 
 
-_NONE = np.zeros(0)
 _FLOAT64 = np.dtype(np.float64)
 
 
@@ -415,23 +398,23 @@ def flattened(argument: PyTree) -> FlatArguments:
     if isinstance(argument, FlatArguments):
         return argument
     if isinstance(argument, ConstantFolded):
-        # The folded scene is an argument of each program of a run, so its parts are kept with it.
+        # The folded scene is an argument of each program of a run, so its flattened form is kept.
         kept = vars(argument)
         if "flattened" not in kept:
             kept["flattened"] = _folded(flattened(argument.tree), argument)
         return kept["flattened"]
     flat = _KEPT.get(id(argument))
-    return _newly_flattened(argument) if flat is None else flat
+    return of_leaves(argument, *jax.tree.flatten(argument)) if flat is None else flat
 
 
 _KEPT: RecentPrograms[FlatArguments] = RecentPrograms()
-"""Flattened forms by the identity of the argument, which they hold, so that no other object has the
-same identity."""
+"""Flattened forms by the `id` of the argument. Each holds its argument, so that no other object
+gets the same `id`."""
 
 
 def keep_flattened(argument: Argument) -> Argument:
-    """Keep the flattened form of a small argument of many calls, and return the argument."""
-    _KEPT.add(id(argument), _newly_flattened(argument))
+    """Return the argument, whose flattened form is kept for further calls. It must not change."""
+    _KEPT.add(id(argument), of_leaves(argument, *jax.tree.flatten(argument)))
     return argument
 
 
@@ -457,10 +440,6 @@ def _folded(tree: FlatArguments, made: ConstantFolded) -> FlatArguments:
     return flat
 
 
-def _newly_flattened(argument: PyTree) -> FlatArguments:
-    return of_leaves(argument, *jax.tree.flatten(argument))
-
-
 def of_leaves(
     argument: PyTree,
     leaves: list[PyTree],
@@ -483,20 +462,18 @@ def of_leaves(
 
 
 def _key_of_leaf(leaf: PyTree) -> Hashable:
-    if not eqx.is_array(leaf):
-        # By their digits, since 0.0 == -0.0 and NaN != NaN.
-        return type(leaf), leaf.hex() if type(leaf) is float else leaf
-    # A weak type is the same as a strong one only for the numbers themselves.
-    if leaf.dtype == _FLOAT64 and not is_weak(leaf):
-        return leaf.shape
-    return (leaf.shape, leaf.dtype, True) if is_weak(leaf) else (leaf.shape, leaf.dtype)
+    # As in `of_leaves`, the shape is the key of an array of float64, unless its type is weak.
+    kind = kind_of_leaf(leaf)
+    return kind[1] if kind[2:] == (_FLOAT64, False) else kind
 
 
 class NativeFunction:
-    """A function of PyTrees that is compiled to machine code when it is first called. As with
-    `equinox.filter_jit`, a change of anything other than the numbers in arrays compiles a further
-    program. Arrays in results are NumPy's. Calls raise `UnsupportedPrimitiveError` as those of
-    `NativeProgram` do."""
+    """A function of PyTrees that is compiled to machine code when it is first called, or loaded
+    from disk. As with `equinox.filter_jit`, a change of anything other than the numbers in arrays
+    compiles a further program. Arrays in results are NumPy's.
+
+    **Raises:** `UnsupportedPrimitiveError`, when a program cannot be made.
+    """
 
     def __init__(self, function: Callable[..., PyTree]):
         self._function, self._traced = function, begins_a_program(function)
@@ -515,14 +492,13 @@ class NativeFunction:
         return result(program(flat.arrays, flat.floats))
 
     def run_in_parts(self, flat: FlatArguments) -> tuple[FlatArguments, ...]:
-        """Return the parts of a result that is a tuple, each flattened, as arguments of a further
+        """Return each part of a result that is a tuple, flattened as an argument of another
         call."""
         program, result = self.program(flat)
         return result.in_parts(program(flat.arrays, flat.floats))
 
     def rows(self, arguments: tuple[PyTree, ...], columns: Sequence[np.ndarray | None]) -> PyTree:
-        """Return the results of n calls as one PyTree, with a leading axis of length n in each
-        array.
+        """Return the results of n calls as one PyTree of arrays (n, ...).
 
         **Arguments:** `arguments`: those of one call; `columns`: for each leaf of the arguments its
         n values, (n, ...), or ``None`` if it is the same in all calls. At least one array must have
@@ -537,13 +513,13 @@ class NativeFunction:
         return bound.results.trees(bound(Cells(examples).rows(values)))
 
     def bound(self, shared: PyTree, *examples: PyTree) -> BoundFunction:
-        """Return this function with its first argument fixed. Of the other arguments, `examples`
-        have the structure, shapes, dtypes and static leaves; their numbers are not used."""
+        """Return this function with its first argument fixed. The numbers in the `examples` of the
+        other arguments are not used."""
         flat, fixed = FlatArguments.of((shared, *examples)), len(FlatArguments.of((shared,)).arrays)
         return BoundFunction(self, flat, range(fixed, len(flat.arrays)))
 
     def program(self, flat: FlatArguments) -> tuple[NativeProgram, "Result"]:
-        """Return the program, loaded or made, and the structure of its result."""
+        """Return the program, loaded or made, and the form of its result."""
         program = self._programs.recent(flat.key)
         if program is None:
             # Calls may come from several threads, but each program is compiled once.
@@ -592,8 +568,7 @@ class NativeFunction:
 
 
 class Result:
-    """The structure and static leaves of a function's result, with `ARRAY` in place of its
-    arrays."""
+    """Form of a function's result: a PyTree with `ARRAY` in place of its arrays."""
 
     def __init__(self, tree: PyTree):
         self._tree = tree
@@ -611,7 +586,7 @@ class Result:
         return jax.tree.unflatten(self._structure, joined(self._leaves, arrays))
 
     def in_parts(self, arrays: Sequence[np.ndarray]) -> tuple[FlatArguments, ...]:
-        """Return the parts of a result that is a tuple. Their PyTrees are made only where needed:
+        """Return the parts of a result that is a tuple. Their PyTrees are made only when needed:
         for thirty joints, making and flattening them was a third of the time of a call."""
         remaining = iter(arrays)
         return tuple(part._flattened(remaining) for part in self._parts)

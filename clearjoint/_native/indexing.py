@@ -1,8 +1,7 @@
 """Rules of the primitives that read or write elements at computed indices.
 
-A block is a rectangular part of an array. It is given by the row-major index of its first element,
-which the program computes, and by the offsets of all its elements from there, which are known while
-the program is built.
+A block is a rectangular part of an array, given by the row-major index of its first element, which
+the program computes, and the offsets of its elements from there, which are known before.
 """
 
 import math
@@ -43,7 +42,7 @@ def _moved_inside(
     lower: Lowering, starts: Sequence[Value], lengths: Sequence[int], sizes: Sequence[int]
 ) -> tuple[list[Symbol], Symbol]:
     """Return the starts of a block along some axes, moved so that it lies inside of the array, and
-    whether it did before. `lengths` and `sizes`: of the array and the block along these axes."""
+    whether it did so before. `lengths` and `sizes` are those of the array and of the block."""
     inside: list[Symbol] = []
     fits = Symbol(lower.ops, lower.ops.constant("b", True))
     for start, length, size in zip(starts, lengths, sizes, strict=True):
@@ -54,8 +53,10 @@ def _moved_inside(
     return inside, fits
 
 
-def _flat_index(lower: Lowering, indices: Sequence[Symbol], strides: Sequence[int]) -> Symbol:
-    total = Symbol(lower.ops, lower.ops.constant("i", 0))
+def flat_index(
+    lower: Lowering, indices: Sequence[Symbol], strides: Sequence[int], first: int = 0
+) -> Symbol:
+    total = Symbol(lower.ops, lower.ops.constant("i", first))
     for index, stride in zip(indices, strides, strict=True):
         total += index * stride
     return total
@@ -64,8 +65,7 @@ def _flat_index(lower: Lowering, indices: Sequence[Symbol], strides: Sequence[in
 def read_block(
     lower: Lowering, memory: InMemory, first: Value, offsets: np.ndarray, shape: tuple[int, ...]
 ) -> Array:
-    """Return a block of the array `memory`, which must be wholly inside, as an array of the given
-    shape."""
+    """Return a block that lies wholly inside of the array `memory`, in the given shape."""
     ops = lower.ops
     if offsets.size <= LARGEST_UNROLLED:
         return lower.array(_elements(lower, memory, first, offsets), shape)
@@ -89,12 +89,11 @@ def _elements(lower: Lowering, memory: InMemory, first: Value, offsets: np.ndarr
 def _block_of_slice(
     lower: Lowering, shape: tuple[int, ...], sizes: tuple[int, ...], starts: Sequence[Array]
 ) -> tuple[Value, np.ndarray]:
-    """Return the row-major index of a slice's first element, after the slice is moved inside, and
-    the offsets of all its elements from there."""
+    """Return the first element and the offsets of a slice, as a block that is moved inside."""
     values = [lower.values(start)[0] for start in starts]
     inside, _ = _moved_inside(lower, values, shape, sizes)
     strides = _strides(shape)
-    return _flat_index(lower, inside, strides).value, _offsets(sizes, strides)
+    return flat_index(lower, inside, strides).value, _offsets(sizes, strides)
 
 
 def _dynamic_slice(
@@ -137,9 +136,9 @@ def _dynamic_update_slice(
 
 
 def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -> list[Array]:
-    """Return one block of the array for each row of indices (see `jax.lax.gather`). In the mode
-    "fill", all elements of a block that does not lie wholly inside of the array become the fill
-    value. In all other modes, the block is moved inside."""
+    """Return one block of the array for each row of indices (see `jax.lax.gather`). A block that
+    lies partly outside of the array is moved inside; in the mode "fill", all of its elements are
+    the fill value instead."""
     ops, parameters = lower.ops, equation.params
     numbers, sizes = parameters["dimension_numbers"], parameters["slice_sizes"]
     if numbers.operand_batching_dims:
@@ -159,7 +158,7 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
     def block_at(starts: list[Value], read: Callable[[Value], list[Value]]) -> list[Value]:
         lengths, extents = ([all_axes[axis] for axis in axes] for all_axes in (shape, sizes))
         inside, fits = _moved_inside(lower, starts, lengths, extents)
-        values = read(_flat_index(lower, inside, [strides[axis] for axis in axes]).value)
+        values = read(flat_index(lower, inside, [strides[axis] for axis in axes]).value)
         if not fills or not values:
             return values
         # The block has been read after it was moved inside. If it had to be moved, its elements are
@@ -168,24 +167,19 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
         missing = ops.constant(kind, _fill_value(parameters["fill_value"], out.dtype))
         return [ops.emit("select", kind, fits.value, value, missing) for value in values]
 
+    # The elements are numbered block after block. `elements` has the number of the element at each
+    # place of the result, in which the axes of a block are `offset_dims`.
+    elements = np.arange(out.size).reshape([*batch, *block])
+    elements = np.moveaxis(elements, range(len(batch), elements.ndim), numbers.offset_dims).ravel()
     if out.size <= LARGEST_UNROLLED:
         read = _block_reader(lower, array, shape, offsets)
-        flat = lower.values(indices)
-        blocks = [
-            block_at(flat[k * depth : (k + 1) * depth], read) for k in range(math.prod(batch))
-        ]
-        # A `Value` is an integer, the name of a number in the program.
-        values = np.array(blocks, dtype=np.int64).reshape([*batch, *block])
-        # The axes of a block go to `offset_dims` of the result, those of the batch between them.
-        values = np.moveaxis(values, range(len(batch), values.ndim), numbers.offset_dims)
-        return [lower.array(values.ravel().tolist(), tuple(out.shape))]
-
+        starts = lower.values(indices)
+        rows = [starts[k * depth : (k + 1) * depth] for k in range(math.prod(batch))]
+        values = [value for row in rows for value in block_at(row, read)]
+        return [lower.array([values[k] for k in elements], tuple(out.shape))]
     # A large result is written by a loop over the blocks. Unless their axes come last, a table has
-    # the place of each element in the result: `elements` has the number of the element at each
-    # place, so that `argsort` gives the inverse.
-    elements = np.arange(out.size).reshape([*batch, *block])
-    elements = np.moveaxis(elements, range(len(batch), elements.ndim), numbers.offset_dims)
-    places = None if is_contiguous(elements.ravel()) else lower.table(np.argsort(elements, None))
+    # the place of each element in the result, the inverse of `elements`.
+    places = None if is_contiguous(elements) else lower.table(np.argsort(elements))
     table, memory = lower.in_memory(indices, index_shape), lower.in_memory(array, shape)
     result = lower.new_array(tuple(out.shape), memory.kind)
     read = _block_reader(lower, memory, shape, offsets)
@@ -241,13 +235,11 @@ def _fill_value(fill_value: object, dtype: np.dtype) -> float | int | bool:
 def _scatter(
     lower: Lowering, equation: Equation, array: Array, indices: Array, updates: Array, name: str
 ) -> list[Array]:
-    """Return an array in which updates replace elements, or are combined with them (see
-    `jax.lax.scatter`).
+    """Return an array in which updates replace elements, or are combined with them by the primitive
+    `name` unless it is "" (see `jax.lax.scatter`).
 
-    A window is the part of the array that the updates for one row of indices change. If it does not
-    lie wholly inside of the array, its updates are dropped; in the mode "clip" it is moved inside.
-
-    **Arguments:** `name`: primitive that combines an element and an update; "" for "scatter".
+    A window is the block of the array that the updates for one row of indices change. If it lies
+    partly outside of the array, its updates are dropped; in the mode "clip" it is moved inside.
     """
     shape, index_shape, update_shape = (aval_of(v).shape for v in equation.invars)
     numbers, depth = equation.params["dimension_numbers"], index_shape[-1]
@@ -284,7 +276,7 @@ def _scatter(
         inside, fits = _moved_inside(lower, window_starts, lengths, extents)
         along = [start + offsets.pop(axis) for start, axis in zip(inside, axes, strict=True)]
         rest = sum(strides[axis] * offset for axis, offset in offsets.items())
-        target = _flat_index(lower, along, [strides[axis] for axis in axes]) + rest
+        target = flat_index(lower, along, [strides[axis] for axis in axes]) + rest
         if memory is not None:
             # Moved inside, the target is an element of the array even if nothing is to change.
             old = Symbol(ops, ops.load(memory.kind, memory.start, target.value))
@@ -327,9 +319,6 @@ RULES: dict[str, EquationRule] = {
     "dynamic_update_slice": _dynamic_update_slice,
     "gather": _gather,
     "scatter": partial(_scatter, name=""),
-    "scatter-add": partial(_scatter, name="add"),
-    "scatter-mul": partial(_scatter, name="mul"),
-    "scatter-min": partial(_scatter, name="min"),
-    "scatter-max": partial(_scatter, name="max"),
+    **{f"scatter-{name}": partial(_scatter, name=name) for name in ("add", "mul", "min", "max")},
 }
 """Rules by the names of primitives."""

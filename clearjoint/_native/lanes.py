@@ -1,9 +1,9 @@
 """Loops that compute several lanes at once, each in one element of the processor's vectors.
 
 A lane is one of several runs that differ only in numbers, as in a sweep. The memory of a group of
-lanes has a column for each lane. A loop in machine code returns to its host, the Python code that
-called it, as soon as a lane needs the host, for instance to empty a buffer of results. The next
-call continues all lanes. The arithmetic of a lane does not depend on other columns.
+lanes has a column for each lane. A loop returns to its host, the Python code that called it, when
+lanes need the host, for instance to empty a buffer of results. The next call continues all lanes.
+The arithmetic of a lane does not depend on other columns.
 """
 
 import abc
@@ -27,22 +27,21 @@ from .machine_code import Code, RecentPrograms, Stopwatch, load_or_make
 from .operations import Operations, Symbol, Value
 
 WIDTH = 8
-"""Number of lanes in a group: as many as a vector of 512 bits holds, or two of 256."""
+"""Number of lanes in a group: the numbers in a vector of 512 bits, or in two of 256."""
 LONGEST_RUN = 4096
-"""Number of steps after which the loop returns at the latest, so that its host can react to an
-interrupt and show progress."""
+"""Largest number of steps before the loop returns, so that its host can react to an interrupt and
+show progress."""
 
 
 class AbstractLaneLoop(abc.ABC):
     """A loop that advances the states of a group of lanes.
 
     - `width`: number of lanes.
-    - `own_cells`, `state_cells`: cells of the constant data of a lane and of its state, in both
-      cases one array after the other.
+    - `own_cells`, `state_cells`: cells of the constant data of a lane, and of its state.
     - `occupied`: cell that is 1 if the column has a lane, else 0. A column without a lane is
       advanced too, but the loop never returns because of it.
-    - `status`: regions of the scalars that a loop computes for its host from the state of a lane,
-      by name, such as "moves": whether the lane can take a step without the host.
+    - `status`: regions, by name, of the scalars that the loop computes for its host from the state
+      of a lane, such as "moves": whether the lane can take a step without the host.
     """
 
     width: int
@@ -53,16 +52,18 @@ class AbstractLaneLoop(abc.ABC):
 
     @abc.abstractmethod
     def columns(self, shared: PyTree) -> Memory:
-        """Return memory for a group of lanes with the data `shared`, with no column occupied."""
+        """Return memory for a group of lanes with the data `shared`, and no lane in any column."""
 
     @abc.abstractmethod
     def run(self, columns: Memory) -> int:
-        """Advance all lanes by the same number of steps, and return this number. The loop returns
-        when lanes need their host, or after a largest number of steps. The subclass decides on this
-        number, and on how many lanes must need the host."""
+        """Advance all lanes by the same number of steps, and return this number.
+
+        The subclass decides how many lanes must need the host before the loop returns, and after
+        how many steps it returns at the latest.
+        """
 
     def write_lane(self, columns: Memory, lane: int, own: np.ndarray, state: np.ndarray) -> None:
-        """Put a lane into a column, with rows of numbers as `Cells.rows` returns them."""
+        """Put a lane into a column, from the rows (see `Cells`) of its data and its state."""
         columns.floats[self.own_cells, lane] = own
         columns.floats[self.state_cells, lane] = state
         columns.integers[self.occupied, lane] = 1
@@ -72,9 +73,8 @@ class AbstractLaneLoop(abc.ABC):
         columns.integers[self.occupied, lane] = 0
 
     def status_of(self, columns: Memory) -> dict[str, np.ndarray]:
-        """Return the status of all columns by name, (lanes,) each, as the last `run` has left it.
-        Integers and bools are int64. The arrays are views of the memory, which the next `run`
-        changes."""
+        """Return the `status` after the last `run`, by name, (width,) each, with int64 for integers
+        and bools. The arrays are views of the memory, which the next `run` changes."""
         return {
             name: numbers_of(columns.floats, region.dtype)[region.start]
             for name, region in self.status.items()
@@ -84,18 +84,15 @@ class AbstractLaneLoop(abc.ABC):
 class LaneLoop(AbstractLaneLoop):
     """A loop over the steps of `WIDTH` lanes, in machine code.
 
-    - `code`: the machine code.
-
     **Arguments:**
 
-    - `step`: returns the state after a step.
-    - `status`: returns scalars by name. Among them is "moves", whether the lane can take a step
-      without its host.
+    - `step`: function of `shared`, `own` and `state` that returns the state after a step.
+    - `status`: function of the same that returns scalars by name, among them "moves".
     - `shared`: data of all lanes.
     - `own`, `state`: constant data and state of one lane. Of the arrays in `shared`, `own` and
       `state`, only shapes and dtypes are used; all other leaves become part of the program.
 
-    **Raises:** `UnsupportedPrimitiveError` as `NativeProgram`.
+    **Raises:** `UnsupportedPrimitiveError`.
     """
 
     width = WIDTH
@@ -178,8 +175,7 @@ class LaneLoop(AbstractLaneLoop):
 
 
 _LOOPS: RecentPrograms[LaneLoop] = RecentPrograms()
-"""Loops that this process has made, by the function of a step and the structure, shapes, types and
-static values of the data of their lanes."""
+"""Loops of this process, by the function of a step and the `FlatArguments.key` of their data."""
 _LOOPS_LOCK = threading.Lock()
 
 
@@ -188,8 +184,8 @@ def made_lane_loop(
     status: Callable[[PyTree, PyTree, PyTree], dict[str, PyTree]],
     trees: tuple[PyTree, PyTree, PyTree],
 ) -> LaneLoop:
-    """Return the `LaneLoop` for `trees`, the shared data and the data and the state of one lane:
-    made earlier in this process, loaded from disk, or compiled."""
+    """Return the `LaneLoop` of the arguments `trees` (`shared`, `own` and `state`): made earlier in
+    this process, loaded from disk, or compiled."""
     key = step, FlatArguments.of(trees).key
     # The lock makes other threads wait for a loop that is being compiled.
     with program_is_made_inside(), _LOOPS_LOCK:
@@ -207,26 +203,24 @@ def _traced(
     arrays: tuple[PyTree, PyTree, PyTree],
     static: tuple[PyTree, PyTree, PyTree],
 ) -> tuple[list[str], core.ClosedJaxpr, core.ClosedJaxpr]:
-    """Return the names of the scalars of `status`, and the jaxprs of `step` and `status`, both as
+    """Return the names of the scalars of `status`, and the jaxprs of `step` and `status` as
     functions of the leaves of `arrays`."""
-    leaves, structure = jax.tree.flatten(arrays)
     names: list[str] = []
 
-    def step_of_arrays(*leaves: PyTree) -> list[PyTree]:
-        trees = eqx.combine(jax.tree.unflatten(structure, leaves), static)
+    def arrays_after(*trees: PyTree) -> list[PyTree]:
         return jax.tree.leaves(eqx.filter(step(*trees), eqx.is_array))
 
     # The names are known once JAX has traced this function.
-    def status_of_arrays(*leaves: PyTree) -> list[PyTree]:
-        values = status(*eqx.combine(jax.tree.unflatten(structure, leaves), static))
+    def scalars(*trees: PyTree) -> list[PyTree]:
+        values = status(*trees)
         names[:] = values
         return [jax.numpy.asarray(value) for value in values.values()]
 
     # All arguments are kept (`instantiate`), so that both jaxprs have the same ones.
     def program(function: Callable[..., list[PyTree]]) -> core.ClosedJaxpr:
-        closed = program_of(function, *leaves).jaxpr
+        closed = program_of(lambda *trees: function(*eqx.combine(trees, static)), *arrays).jaxpr
         outs = [True] * len(closed.jaxpr.outvars)
         needed, _ = partial_eval.dce_jaxpr(closed.jaxpr, outs, instantiate=True)
         return core.ClosedJaxpr(needed, closed.consts)
 
-    return names, program(step_of_arrays), program(status_of_arrays)
+    return names, program(arrays_after), program(scalars)

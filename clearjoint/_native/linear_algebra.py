@@ -1,6 +1,6 @@
 """Rules of the primitives of linear algebra, by loops over arrays in memory.
 
-Matrices are the last two axes of an array; all axes before them number the matrices.
+Matrices are the last two axes of an array; the axes before them number the matrices.
 """
 
 import math
@@ -93,8 +93,8 @@ def large_product(lower: Lowering, equation: Equation, *factors: Array) -> list[
 
 
 def _cholesky(lower: Lowering, equation: Equation, matrix: Array) -> list[Array]:
-    """Return the lower triangular factor L of L L^T, row by row. Of the matrix, only the lower
-    triangle is read; if it is not positive definite, the factor contains NaN."""
+    """Return the lower triangular factor L of a matrix L L^T, of which only the lower triangle is
+    read. The factor contains NaN if the matrix is not positive definite."""
     shape = tuple(aval_of(equation.invars[0]).shape)
     source, factor, n = lower.in_memory(matrix, shape), lower.new_array(shape, "f"), shape[-1]
     ops, zero = lower.ops, _index(lower, 0)
@@ -132,8 +132,8 @@ def _cholesky(lower: Lowering, equation: Equation, matrix: Array) -> list[Array]
 def _triangular_solve(
     lower: Lowering, equation: Equation, matrix: Array, right: Array
 ) -> list[Array]:
-    """Return the solution X of A X = B for triangular matrices A, by substitution; with the
-    parameter `left_side` false, that of X A = B (see `jax.lax.linalg.triangular_solve`)."""
+    """Return the solution X of A X = B, or X A = B, for triangular matrices A, by substitution (see
+    `jax.lax.linalg.triangular_solve`)."""
     parameters, ops = equation.params, lower.ops
     shapes = [tuple(aval_of(atom).shape) for atom in equation.invars]
     pairs = zip((matrix, right), shapes, strict=True)
@@ -181,8 +181,5 @@ def _triangular_solve(
     return [lower.in_usual_form(x)]
 
 
-RULES: dict[str, EquationRule] = {
-    "cholesky": _cholesky,
-    "triangular_solve": _triangular_solve,
-}
+RULES: dict[str, EquationRule] = {"cholesky": _cholesky, "triangular_solve": _triangular_solve}
 """Rules by the names of primitives."""

@@ -1,11 +1,10 @@
 """Text of a program in LLVM's intermediate language.
 
 A product that is used only as a term of one sum is computed together with the sum, by a fused
-multiply-add. This module decides for which products this is done. If LLVM decided, the choice would
-depend on the number of lanes, and so would the last bits of a lane's results.
+multiply-add. This module decides for which products this is done. If LLVM decided, the choice, and
+with it the last bits of a lane's results, would depend on the number of lanes.
 
-The text is written here and not by `llvmlite.ir`, whose objects for instructions took three times
-as long, a tenth of a first answer.
+The text is not written by `llvmlite.ir`, whose objects for instructions took three times as long.
 """
 
 import struct
@@ -17,8 +16,6 @@ from .operations import Block, Branch, Entry, Loop, Number, Operation, Operation
 from .pieces import FEWEST, Division, cells_written, count_operations
 
 _BASES = {"f": "double", "i": "i64", "w": "i32", "b": "i1"}
-_CELL = {"f": "f", "i": "i", "w": "i", "b": "i"}
-"""Kinds of numbers in memory, where all have 64 bits, by the first letters of values' kinds."""
 _SIGNS = ("lt", "le", "gt", "ge", "eq")
 _INSTRUCTIONS = {
     **{name: name for name in ("fadd", "fsub", "fmul", "fdiv", "xor", "and", "or")},
@@ -33,7 +30,7 @@ _INSTRUCTIONS = {
     "fne": "fcmp une",
     "is_nan_either": "fcmp uno",
 }
-"""LLVM's instructions of two arguments of one type, by the names of operations."""
+"""LLVM's instructions with two arguments of one type, by the names of operations."""
 _CONVERSIONS = {
     "int_to_float": "sitofp",
     "bool_to_float": "uitofp",
@@ -60,14 +57,12 @@ LIBRARY = frozenset(
     "asinh acosh atanh exp exp2 expm1 log log1p pow cbrt "
     "fmod nextafter erf erfc tgamma lgamma".split()
 )
-"""Functions of the C library, which are called for one lane, or tangent, after the other."""
-
-
+"""Functions of the C library. Each element of a vector takes a call of its own."""
 LONGEST_BLOCK = 200
-"""Largest number of operations that are written in one block. Without optimisation, LLVM selects
-instructions in a time that grows with the square of a block's length: for 40 000 lines it took
-5.8 s, and 0.8 s in short blocks. With all of its passes LLVM joins the blocks first, and the
-machine code is the same."""
+"""Largest number of operations that are written in one block. Without optimisation, LLVM's time for
+selecting instructions grows with the square of a block's length: for 40 000 lines it was 5.8 s, and
+0.8 s in short blocks. With optimisation LLVM joins the blocks first: the machine code is the
+same."""
 
 
 def llvm_text(program: Operations, result: Value | None = None) -> str:
@@ -76,17 +71,16 @@ def llvm_text(program: Operations, result: Value | None = None) -> str:
     In C, the function would be declared as ``int64_t program(double *memory)``. The address of the
     memory is a multiple of 64. A cell has 8 bytes for each lane.
 
-    **Arguments:** `program`: the program, which is changed: results of branches that nothing uses
-    are removed; `result`: a value of kind "i" whose number in the first lane the function returns,
-    instead of 0.
+    **Arguments:** `program`: is changed, since what nothing uses is removed; `result`: a value of
+    kind "i" whose number in the first lane the function returns, instead of 0.
     """
     return _Writer(program).module(result)
 
 
 class _Writer:
-    """Writes the text of a program, in three passes over its entries. The first pass goes backwards
-    and finds the entries that are needed. Of these, the second pass finds the products that are
-    computed together with a sum, and the third pass writes the text."""
+    """Writes the text of a program, in three passes over its entries. The first one, backwards,
+    finds the entries that are needed; the second one the products that are computed together with a
+    sum; and the third one writes the text."""
 
     def __init__(self, program: Operations):
         self._program, self._width = program, program.width
@@ -143,10 +137,7 @@ class _Writer:
             returned = "i64" if is_program else "void"
             if results:
                 returned = f"{{{', '.join(map(self._type_of, results))}}}"
-            parameters, _ = self._program.signatures.get(number, ([], []))
-            # Calls with equal arguments may be joined, and moved across writes to memory.
-            is_pure = self._program.is_without_memory(number)
-            self._begin(number, returned, parameters, is_pure, is_program)
+            self._begin(number, returned)
             self._write(block)
             if results:
                 together = "undef"
@@ -166,15 +157,11 @@ class _Writer:
             self._lines.append("}")
         return "\n".join([*self._lines, *self._declared.values(), ""])
 
-    def _begin(
-        self,
-        number: int,
-        returned: Form,
-        parameters: Sequence[Value] = (),
-        is_pure: bool = False,
-        is_program: bool = False,
-    ) -> None:
+    def _begin(self, number: int, returned: Form) -> None:
+        # The program itself comes after its functions, and before the pieces of a division.
+        is_program = number == len(self._program.functions)
         self._returned[number] = returned
+        parameters, _ = self._program.signatures.get(number, ([], []))
         self._values.update((value, f"%a{k}") for k, value in enumerate(parameters))
         # A function reaches its memory by this pointer only, which LLVM cannot see by itself.
         memory = "ptr noalias align 64 %memory"
@@ -182,7 +169,8 @@ class _Writer:
         # Functions save time of compilation. Inlined, one would be compiled for each call.
         scope, name = ("", "program") if is_program else ("internal ", f"f{number}")
         attributes = "" if is_program else " noinline"
-        attributes += " nounwind readnone" if is_pure else ""
+        # Calls with equal arguments may be joined, and moved across writes to memory.
+        attributes += " nounwind readnone" if number in self._program.without_memory else ""
         # On an unaligned stack, vectors would extend across two cache lines.
         self._lines.append(
             f"define {scope}{returned} @{name}({arguments}){attributes} alignstack(64) {{"
@@ -192,23 +180,22 @@ class _Writer:
     # Which operations are needed, and which products are fused.
 
     def _results(self, function: int) -> list[Value]:
-        """Return the results of a pure function that any call needs; none for other functions."""
+        """Return the results of a pure function that any call needs; ``[]`` for other functions."""
         needed = sorted(self._needed_results.get(function, ()))
         return [self._program.signatures[function][1][k] for k in needed]
 
     def _mark(self, block: Block) -> bool:
-        """Count the uses of values in a block, from its end backwards, and return whether it has an
-        effect other than its values."""
+        """Mark the entries of a block, from its end backwards, as `_mark_entry` does."""
         # A list, since `any` alone would stop at the first effect and leave entries unmarked.
         effects = [self._mark_entry(entry) for entry in reversed(block)]
         return any(effects)
 
     def _mark_entry(self, entry: Entry) -> bool:
-        """Count the uses of values in an entry, record in `_live` whether it is needed, and return
-        whether it has an effect other than its values. Later entries must have been marked already.
+        """Count the uses of values in an entry if it is needed, and add it to `_live`. Later
+        entries must have been marked before.
 
-        An operation has such an effect if it has no result; every needed branch or loop is taken to
-        have one.
+        The result is whether the entry has an effect other than its values: an operation without a
+        result has one, and each needed branch or loop is taken to have one.
         """
         uses = self._uses
         if isinstance(entry, Operation):
@@ -244,12 +231,9 @@ class _Writer:
         return not isinstance(entry, Operation) or entry.out is None
 
     def _fuse(self, block: Block) -> None:
-        """Find products whose only use is in a sum or difference of the same block.
-
-        If both terms of a sum are such products, only the first one is fused with the sum. A
-        product whose sum is in an inner block is not fused, since a loop would compute it again in
-        each iteration.
-        """
+        """Find products whose only use is in a sum or difference of the same block: in an inner
+        block, a loop would compute the product in each iteration. If both terms of a sum are such
+        products, only the first one is fused with the sum."""
         # Products that have been passed on the way and are not fused yet, with their factors.
         candidates: dict[Value, tuple[Value, ...]] = {}
         for entry in block:
@@ -349,9 +333,8 @@ class _Writer:
 
         LLVM roughly keeps the order in which operations are written. In the new order fewer values
         occupy registers, and a single run takes 0.93 of the time. Loads, stores, calls, and
-        operations whose results no other given operation uses keep their order. If an operation
-        needs the results of several others, the one at the end of the longest chain of dependent
-        operations comes first.
+        operations whose results none of the others uses keep their order. If an operation needs the
+        results of several others, the one that ends the longest chain of operations comes first.
         """
         # Operations that have not been placed and may be moved, by their results, and the lengths
         # of the longest chains that end with them.
@@ -384,8 +367,7 @@ class _Writer:
         return ordered
 
     def _needed(self, entry: Operation) -> tuple[Value, ...]:
-        """Return the values that an operation uses, with the factors in place of a fused
-        product."""
+        """Return the values that an operation uses, with its factors for each fused product."""
         if self._products.keys().isdisjoint(entry.arguments):
             return entry.arguments
         groups = (self._products.get(value, (value,)) for value in entry.arguments)
@@ -471,7 +453,7 @@ class _Writer:
     def _call(
         self, name: str, form: Form, arguments: Sequence[tuple[Form, Word]], attributes: str = ""
     ) -> Word:
-        """Call a function from outside of the module, and declare it if this is its first use."""
+        """Call a function from outside of the module, and declare it at its first use."""
         if name not in self._declared:
             types = ", ".join(form_of_argument for form_of_argument, _ in arguments)
             self._declared[name] = f"declare {form} @{name}({types}){attributes}"
@@ -514,8 +496,8 @@ class _Writer:
         return self._call(f"llvm.vector.reduce.or.{_mangled(form)}", "i1", [(form, word)])
 
     def _pointer(self, start: int, index: Value | None, lane: int = 0) -> Word:
-        """Return the address of a lane's number in the cell `start`, or in `start` + `index`; for
-        lane 0 it is also that of the whole cell."""
+        """Return the address of a lane's number in the cell `start`, plus `index` if given. For
+        lane 0 it is that of the whole cell."""
         offset: Word = str(start * self._width + lane)
         if index is not None:
             word = self._value(index)
@@ -529,10 +511,11 @@ class _Writer:
         return index is None or self._program.is_uniform(index)
 
     def _form_in_memory(self, kind: str) -> Form:
-        return self._type(_CELL[kind[0]] + kind[1:])
+        # In memory, integers and bools have 64 bits.
+        return self._type(("f" if kind[0] == "f" else "i") + kind[1:])
 
     def _load(self, entry: Operation) -> Word:
-        """Read a cell. If the lanes may have different indices, the cells are read lane by lane."""
+        """Read a cell, or if lanes may have different indices, one for each lane."""
         assert entry.out is not None
         kind, index = self._program.kinds[entry.out], next(iter(entry.arguments), None)
         cell = self._form_in_memory(kind)
@@ -554,7 +537,7 @@ class _Writer:
         return content
 
     def _store(self, entry: Operation) -> None:
-        """Write a cell. If the lanes may have different indices, it is written lane by lane."""
+        """Write a cell, or if lanes may have different indices, one for each lane."""
         value, index = (*entry.arguments, None)[:2]  # without an index, the only cell
         assert value is not None
         kind, content = self._program.kinds[value], self._value(value)
@@ -573,8 +556,7 @@ class _Writer:
             self._lines.append(f"store {element} {word}, ptr {pointer}, align 8")
 
     def _write_branch(self, entry: Branch) -> None:
-        """Write a jump to the block `yes` if the condition holds in any lane or for any tangent,
-        else to `no` (see `.operations.Branch`)."""
+        """Write a jump to the block `yes` if any element of the condition holds, else to `no`."""
         yes, no, end = self._label(), self._label(), self._label()
         condition = self._holds_in_any(entry.condition)
         self._lines.append(f"br i1 {condition}, label %{yes}, label %{no}")
@@ -590,12 +572,8 @@ class _Writer:
             self._values[out] = self._add(self._phi(values, ends))
 
     def _write_loop(self, entry: Loop) -> None:
-        """Write a loop: a head, which computes the condition, and a body, which jumps back to the
-        head.
-
-        Phi instructions in the head set the carries. Operations "select" in the body let finished
-        lanes keep their values (see `control.loop`).
-        """
+        """Write a loop: a head, in which phi instructions set the carries and which computes the
+        condition, and a body, which jumps back to the head."""
         before, head, body, end = self._block, self._label(), self._label(), self._label()
         self._lines.append(f"br label %{head}")
         self._begin_block(head)
@@ -623,7 +601,7 @@ class _Writer:
 
 
 def _parts(form: Form) -> tuple[Form, int]:
-    """Return the type of the elements of a vector, and their number, which is 0 for a scalar."""
+    """Return the type of the elements of a vector, and their number: 0 for a scalar."""
     if not form.startswith("<"):
         return form, 0
     count, base = form[1:-1].split(" x ")

@@ -30,24 +30,23 @@ from .elementwise import FLOAT_OPERATIONS, IDENTITIES, PARAMETERS, RULES, apply
 from .operations import KINDS, Operations, Symbol, Value
 
 LARGEST_UNROLLED = 48
-"""Largest number of elements of an array whose elements are separate values. Each element of a
-larger one would cost code and time of compilation, which a loop saves."""
+"""Largest number of elements of an array whose elements are separate values. A larger array is
+processed by loops, which saves code and time of compilation."""
 LONGEST_PACKED = 16
-"""Largest number of tangents that are kept as a vector: two vectors of 512 bits."""
+"""Largest number of tangents in one vector, which takes two of the processor's, of 512 bits."""
 LONGEST_CHOICE = 24
-"""Largest number of equations of a branch that is computed whether its result is needed or not. To
-compute a longer one in vain costs more than a jump."""
+"""Largest number of equations of a branch that is computed even if its result is not needed: a
+jump around a longer one costs less."""
 SMALLEST_FUNCTION = 1000
-"""Number of equations from which on a jaxpr that is called repeatedly becomes a function. For a
-shorter one, the exchange of values in memory costs more than the code that a function saves."""
+"""Number of equations from which on a jaxpr that is called repeatedly becomes a function. With a
+shorter one, exchanging values in memory costs more than the function saves."""
 SMALLEST_SHARED = 60
 """Number of equations from which on a jaxpr that many places share becomes a function."""
 FEWEST_CALLS = 3
-"""Number of calls from which on a jaxpr becomes a function. For fewer calls, a function would save
-little code."""
+"""Number of calls from which on a jaxpr of `SMALLEST_FUNCTION` equations becomes a function."""
 MOST_ELEMENTARY = 32
-"""Number of elementary functions, such as sines, of a program whose operations are added at their
-places. A sine has some 50 operations; in a program with more of them, further ones are calls."""
+"""Number of elementary functions, such as sines, that are written out, with some 50 operations
+each. Further ones in the same program are calls of a function."""
 Atom = core.Var | core.Literal
 Equation = core.JaxprEqn
 # Kinds by dtype: finding the name of a dtype takes 20 times as long as this look-up.
@@ -56,8 +55,8 @@ _UNSIGNED, _LARGEST_UINT32 = np.dtype("uint32"), (1 << 32) - 1
 
 
 class UnsupportedPrimitiveError(NotImplementedError):
-    """Raised for a primitive, or a use of one, for which there is no rule, for arrays of an
-    unsupported type, and for a program that LLVM rejects."""
+    """Raised for a primitive, or a use of one, without a rule, for arrays of an unsupported type,
+    and for a program that LLVM rejects."""
 
     def __init__(self, what: str, location: str = ""):
         super().__init__(f"{what}, in {location}" if location else what)
@@ -92,13 +91,13 @@ class InMemory:
 Array = Value | Packed | np.ndarray | InMemory
 """A scalar, a vector of tangents, a NumPy array of values, or an array in memory."""
 EquationRule = Callable[..., Sequence[Array]]
-"""Function of a `Lowering`, an equation of a jaxpr and the equation's arguments that adds
-operations to the program and returns the equation's results. It raises `UnsupportedPrimitiveError`
-for a use of the primitive that it does not support."""
+"""Function that adds the operations of an equation to a program and returns the equation's results.
+Its arguments are a `Lowering`, the equation and the equation's arguments. It raises
+`UnsupportedPrimitiveError` for a use of the primitive that it does not support."""
 
 
 def scalar(array: Array, what: str = "an array in the place of a number") -> Value:
-    """Return an array of shape () as a value. For other shapes, `what` is the text of the error."""
+    """Return an array of shape () as a value; `what` is the text of the error for other shapes."""
     if not isinstance(array, int):
         raise UnsupportedPrimitiveError(what)
     return array
@@ -123,7 +122,7 @@ def kind_of(array: ShapedArray | Region | np.ndarray) -> str:
 
 
 def element_indices(aval: ShapedArray) -> np.ndarray:
-    """Return the row-major indices of the elements of an array, in its shape."""
+    """Return the row-major index of each element, in the shape of the array."""
     return np.arange(aval.size).reshape(aval.shape)
 
 
@@ -154,8 +153,8 @@ def count_equations(jaxpr: core.Jaxpr) -> int:
 
 @dataclass
 class RepeatedCall:
-    """Several equations that call the same jaxpr. `shared`: for each argument, whether all of them
-    pass the same. `function`: the lowered jaxpr, once the first of them has been lowered."""
+    """Several equations that call the same jaxpr. For each argument, `shared` tells whether it is
+    the same in all calls. `function` is ``None`` until the first call is lowered."""
 
     shared: list[bool]
     function: "Function | None" = None
@@ -165,13 +164,12 @@ class RepeatedCall:
 class Function:
     """A function of machine code for a jaxpr, which exchanges values with its callers in memory.
 
-    - `parameters`: for each value that differs between calls, the first cell to which the caller
-      writes it.
-    - `places`: the arrays that differ between calls. Those in memory have the cells to which the
-      caller copies its arrays.
-    - `results`: arrays that the function returns, with the values as they are named inside of it.
-    - `cells`: for each value in `results` that the function computes, the first cell to which the
-      function writes it. All other values in `results` are computed outside, once for all calls.
+    - `parameters`: the first cell of each value that differs between calls. The caller writes it.
+    - `places`: the arguments that differ between calls, as arrays inside the function. If they are
+      in memory, the caller copies its arrays to their cells.
+    - `results`: arrays that the function returns, of values as they are named inside of it.
+    - `cells`: the first cell of each value in `results` that the function computes and writes. All
+      other values in `results` are computed outside, once for all calls.
     """
 
     number: int
@@ -183,10 +181,10 @@ class Function:
 
 @dataclass(frozen=True)
 class PureFunction:
-    """A function of machine code for a jaxpr, of values that are passed as arguments.
+    """A function of machine code for a jaxpr, which takes and returns values.
 
-    - `results`: arrays that the function returns, with the values as they are named inside of it.
-    - `computed`: the values in `results` that the function computes. The others are constants.
+    - `results`: arrays that the function returns, of values as they are named inside of it.
+    - `computed`: the values in `results` that the function returns. The others are constants.
     """
 
     number: int
@@ -195,8 +193,8 @@ class PureFunction:
 
 
 def repeated_calls(jaxpr: core.Jaxpr) -> dict[int, RepeatedCall]:
-    """Return the equations that call a large inner jaxpr repeatedly, by their `id`. Those that call
-    the same one share one `RepeatedCall`."""
+    """Return, by the `id` of each equation that calls a large inner jaxpr repeatedly, the
+    `RepeatedCall` of this jaxpr."""
     # Calls of the same jaxpr share one object for it.
     groups: dict[int, list[Equation]] = {}
     for equation in jaxpr.eqns:
@@ -238,10 +236,11 @@ def _float_operation(equation: Equation) -> str | None:
 
 @dataclass(frozen=True)
 class Survey:
-    """What is found once for a jaxpr, which may be inlined for each of hundreds of branches.
+    """Properties of a jaxpr, found once, although it may be inlined at hundreds of places.
 
-    - `operations`: for each equation, the operation if it is one of single floats, which most are.
-    - `last_reads`: the number of the last equation that reads a variable, and may overwrite it.
+    - `operations`: for each equation, its name in `FLOAT_OPERATIONS` if it is one of single floats.
+    - `last_reads`: for each variable, the index of the last equation that reads it, which may
+      overwrite it.
     - `has_repeated_calls`: whether it has `repeated_calls`.
     """
 
@@ -292,8 +291,7 @@ class Lowering:
         return Region.of(aval, self.ops.allocate(aval.size))
 
     def argument(self, region: Region) -> Array:
-        """Return the argument of the program that is in a region. If it stays in memory, it may be
-        overwritten."""
+        """Return the array that the program finds in a region, and may overwrite."""
         return self.in_usual_form(InMemory(region.start, region.shape, kind_of(region), owned=True))
 
     def constant(self, array: ArrayLike) -> Array:
@@ -315,13 +313,13 @@ class Lowering:
         return np.array(values, dtype=np.int64).reshape(shape)
 
     def table(self, numbers: np.ndarray) -> InMemory:
-        """Return known integers in memory, where loops read them, as one row."""
+        """Return known integers as an array in memory with one axis, from which loops read."""
         table = InMemory(self.ops.allocate(numbers.size), (numbers.size,), "i")
         self.constants[table.start] = numbers.ravel()
         return table
 
     def is_known(self, memory: InMemory) -> bool:
-        """Return whether the numbers of an array are known, and so the same in all lanes."""
+        """Return whether the numbers of an array are known, and thus equal in all lanes."""
         return memory.start in self.constants
 
     def new_array(self, shape: tuple[int, ...], kind: str) -> InMemory:
@@ -342,7 +340,7 @@ class Lowering:
         return array.ravel().tolist()
 
     def vector(self, array: Array) -> Value:
-        """Return an array with an element for each tangent, or a scalar repeated, as a vector."""
+        """Return an array with one element for each tangent as a vector; a scalar is repeated."""
         if isinstance(array, Packed):
             return array.value
         if isinstance(array, int) and self.ops.kinds[array].endswith("p"):
@@ -351,18 +349,16 @@ class Lowering:
         return self.ops.pack(values * (self.ops.tangents if len(values) == 1 else 1))
 
     def in_usual_form(self, memory: InMemory) -> Array:
-        """Return an array in memory, or the values of one that is short enough to be unrolled."""
+        """Return the array itself, or its values if it is short enough to be unrolled."""
         return memory if memory.size > LARGEST_UNROLLED else self.read(memory)
 
     def read(self, memory: InMemory) -> Array:
-        """Load an array, which must be short enough to be unrolled, from memory, element by
-        element."""
+        """Load each element of an array, which must be short enough to be unrolled."""
         return self.array(self.values(memory), memory.shape)
 
     def write(self, array: Array, start: int, index: Value | None = None) -> None:
-        """Add the writes of an array to the cells from `start`, or `start` + `index`, on. If the
-        array is in memory, its own cells must not overlap with these, because it is copied one
-        element after the other."""
+        """Write an array to the cells from `start`, or `start` + `index`, on. The array's own
+        cells, if it is in memory, must not overlap with these: it is copied element by element."""
         ops = self.ops
         if not isinstance(array, InMemory):
             for k, value in enumerate(self.values(array)):
@@ -397,8 +393,8 @@ class Lowering:
         return copy
 
     def flatten(self, arrays: Sequence[Array]) -> list[Value]:
-        """Return all values of arrays in one list, as branches, loops and functions exchange them.
-        A vector of tangents is one value, and an array in memory is left out."""
+        """Return the values of arrays in one list, as branches, loops and functions exchange them.
+        A vector of tangents is one value; arrays in memory have none."""
         flat: list[Value] = []
         for array in arrays:
             if isinstance(array, Packed):
@@ -408,8 +404,7 @@ class Lowering:
         return flat
 
     def unflatten(self, values: Sequence[Value], like: Sequence[Array]) -> list[Array]:
-        """Return arrays with the given values and the forms of `like`, whose arrays in memory are
-        kept."""
+        """Return arrays of the forms of `like` with other values. Those in memory are unchanged."""
         remaining = iter(values)
         arrays: list[Array] = []
         for array in like:
@@ -425,8 +420,8 @@ class Lowering:
         return arrays
 
     def take(self, array: Array, indices: np.ndarray) -> Array:
-        """Return the elements of an array at known row-major indices, in the shape of `indices`. If
-        the array is in memory, the result may share its cells."""
+        """Return the elements of an array at row-major `indices`, in the shape of these. If the
+        array is in memory, the result may share its cells."""
         shape, flat, ops = indices.shape, indices.ravel(), self.ops
         if isinstance(array, InMemory) and is_contiguous(flat):
             part = InMemory(array.start + int(flat[0]), shape, array.kind, array.owned)
@@ -458,11 +453,11 @@ class Lowering:
         arguments: Sequence[Array],
         by_vectors: bool = False,
     ) -> InMemory:
-        """Add a loop that applies a function to the elements of arrays, and return its results.
+        """Add a loop over the elements of arrays, and return the array of its results.
 
         **Arguments:** `rule`: adds the operations for one element of each argument; `arguments`:
-        arrays of the given shape, and scalars; `by_vectors`: whether the function also takes
-        vectors, so that a program with tangents computes several elements at once.
+        arrays of the given shape, and scalars; `by_vectors`: whether `rule` also takes vectors, so
+        that a program with tangents computes several elements at once.
         """
         ops = self.ops
         out = self.new_array(shape, kind)
@@ -492,8 +487,7 @@ class Lowering:
         return out
 
     def _by_one_loop(self, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
-        """Add a loop for each result of a jaxpr that was made by `elementwise`, or by JAX's
-        derivatives of one."""
+        """Add a loop for each result of a jaxpr of `elementwise`, or of a derivative of one."""
         results: list[Array] = []
         for out in closed.jaxpr.outvars:
             # The derivatives of a linear function do not need its values, which have another shape.
@@ -514,7 +508,7 @@ class Lowering:
         return results
 
     def _element(self, jaxpr: core.Jaxpr, *values: Value) -> Value:
-        """Add the equations of a jaxpr for one element of each argument, or a vector of them."""
+        """Add the equations of a jaxpr for one element, or one vector, of each argument."""
         arrays: dict[Atom, Array] = dict(zip(jaxpr.invars, values, strict=True))
         are_vectors = any(self.ops.kinds[value].endswith("p") for value in values)
         for equation in jaxpr.eqns:
@@ -532,12 +526,15 @@ class Lowering:
     def inline(
         self, jaxpr: core.ClosedJaxpr | core.Jaxpr, arguments: Sequence[Array]
     ) -> list[Array]:
-        """Add the equations of a jaxpr to the program and return its results. Owned arrays in
-        memory among the arguments may be overwritten."""
+        """Add the equations of a jaxpr to the program and return its results. Arguments in memory
+        may be overwritten if they are `owned`."""
         closed = jaxpr if isinstance(jaxpr, core.ClosedJaxpr) else core.ClosedJaxpr(jaxpr, ())
         opened = closed.jaxpr
         constants = [self.constant(const) for const in closed.consts]
-        survey = self._survey_of(opened)
+        survey = self._surveys.get(id(opened))
+        if survey is None:
+            survey = self._surveys[id(opened)] = Survey.of(opened)
+            self._jaxprs.append(opened)
         if survey.has_repeated_calls:
             self._repeated |= repeated_calls(opened)
         arrays: dict[Atom, Array] = dict(zip(opened.constvars, constants, strict=True))
@@ -545,18 +542,11 @@ class Lowering:
         equations = zip(opened.eqns, survey.operations, strict=True)
         for number, (equation, operation) in enumerate(equations):
             if operation is None:
-                self._add_equation(equation, arrays, survey.last_reads, number)
+                self._add_equation(equation, number, arrays, survey)
             else:
                 operands = [scalar(self._atom(atom, arrays)) for atom in equation.invars]
                 arrays[equation.outvars[0]] = self.ops.emit(operation, "f", *operands)
         return [self._atom(atom, arrays) for atom in opened.outvars]
-
-    def _survey_of(self, jaxpr: core.Jaxpr) -> "Survey":
-        survey = self._surveys.get(id(jaxpr))
-        if survey is None:
-            survey = self._surveys[id(jaxpr)] = Survey.of(jaxpr)
-            self._jaxprs.append(jaxpr)
-        return survey
 
     def _atom(self, atom: Atom, arrays: dict[Atom, Array]) -> Array:
         if not isinstance(atom, core.Literal):
@@ -568,32 +558,24 @@ class Lowering:
         return self.constant(np.asarray(atom.val, dtype=aval_of(atom).dtype))
 
     def _add_equation(
-        self,
-        equation: Equation,
-        arrays: dict[Atom, Array],
-        last_reads: dict[Atom, int],
-        number: int,
+        self, equation: Equation, number: int, arrays: dict[Atom, Array], survey: Survey
     ) -> None:
-        """Add an equation, the one with the given number in its jaxpr, to the program, and its
-        results to `arrays`. `last_reads` has the number of the last equation that reads a variable.
+        """Add an equation, with the index `number` in its jaxpr, to the program, and its results to
+        `arrays`.
 
-        Arrays in memory that something else may read later are marked as not owned: arguments that
-        are read again, and results that share cells with these or with each other.
+        Arrays in memory that are read later are marked as not owned: arguments that are read again,
+        and results that share cells with these or with each other.
         """
         arguments: list[Array] = []
         read_later: dict[Atom, InMemory] = {}
         for atom in equation.invars:
             array = self._atom(atom, arrays)
             # The numbers of a literal are never overwritten.
-            if (
-                not isinstance(array, int)
-                and isinstance(array, InMemory)
-                and not isinstance(atom, core.Literal)
-            ):
+            if isinstance(array, InMemory) and not isinstance(atom, core.Literal):
                 # A rule may overwrite an argument that no later equation reads. If the argument
                 # occurs twice in this equation, writing for one would change the other.
-                is_last = last_reads[atom] == number and list(equation.invars).count(atom) == 1
-                if not is_last:
+                is_last_read = survey.last_reads[atom] == number
+                if not (is_last_read and list(equation.invars).count(atom) == 1):
                     read_later[atom] = array
                     array = replace(array, owned=False)
             arguments.append(array)
@@ -647,8 +629,10 @@ class Lowering:
         self, repeated: RepeatedCall, closed: core.ClosedJaxpr, arguments: list[Array]
     ) -> list[Array]:
         """Add a call of the function for a jaxpr, and at the first call the function itself.
-        Functions keep programs short: the time that LLVM needs for a block grows faster than its
-        length, and each Runge-Kutta stage computes the rates by the same large jaxpr."""
+
+        Functions keep programs short, since LLVM's time for a block grows faster than its length:
+        each Runge-Kutta stage computes the rates by the same large jaxpr.
+        """
         # Arguments that are the same in all calls are used directly; the others are passed.
         ops, pairs = self.ops, list(zip(arguments, repeated.shared, strict=True))
         varied = [array for array, shared in pairs if not shared]
@@ -698,8 +682,9 @@ class Lowering:
         ]
 
     def _call_shared(self, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
-        """Add a call of the function for a jaxpr that many places call, and at the first call the
-        function. All arguments are passed, so that every block can call it."""
+        """Add a call of the function for a jaxpr that many places share, and at the first call the
+        function itself. Unlike that of `_call`, it uses no values from outside but its arguments
+        and constants, so that it can be called from any block."""
         ops = self.ops
         if any(isinstance(array, InMemory) for array in arguments):
             return self.inline(closed, arguments)
@@ -719,8 +704,8 @@ class Lowering:
     def _shared_function(
         self, add: Callable[[list[Array]], list[Array]], like: list[Array], kinds: list[str]
     ) -> PureFunction:
-        """Add a function that every block can call. `add` adds its operations; `like` are arrays of
-        the forms of its arguments, whose values have the given kinds."""
+        """Add a function that can be called from any block. `add` adds its operations, and returns
+        its results, for arguments of the forms of `like`, whose values have the given kinds."""
 
         def build(
             results: list[Array], computed: list[Value], parameters: list[Value]
@@ -746,8 +731,8 @@ class Lowering:
 
     def _elementary(self, name: str, *values: Value) -> Value:
         """Add the operations of an elementary function of floats or, after `MOST_ELEMENTARY` of
-        them, a call of a function of machine code. One such function returns both sine and cosine,
-        which have most of their operations in common."""
+        them, a call of a function of machine code. Sines and cosines share one function, which
+        returns both, since most of their operations are the same."""
         ops = self.ops
         # Functions of known numbers are not counted: a sine, for instance, needs no operation then.
         if all(ops.number(value) is not None for value in values):
@@ -771,9 +756,8 @@ class Lowering:
     def operation(
         self, name: str, aval: ShapedArray, parameter: object = None
     ) -> Callable[..., Value]:
-        """Return the function that applies the elementwise primitive `name`, with a `parameter` as
-        in `apply`; its result has the dtype of `aval`."""
-
+        """Return the function that applies the elementwise primitive `name` to values, with a
+        `parameter` as in `apply`. Its result has the dtype of `aval`."""
         if name in ELEMENTARY:
             return partial(self._elementary, name)
 
@@ -791,13 +775,15 @@ class Lowering:
         kind, shape = kind_of(aval), tuple(aval.shape)
         parameter = _parameter_of(equation)
         rule = self.operation(name, aval, parameter)
-        if shape != ():
-            arguments = [
-                self._repeat_axes(argument, aval_of(v), shape)
-                for argument, v in zip(arguments, equation.invars, strict=True)
-            ]
         if shape == ():
             return rule(*self.flatten(arguments))
+        # Axes of length 1 are repeated.
+        arguments = [
+            array
+            if isinstance(array, int) or tuple(aval_of(atom).shape) == shape
+            else self.take(array, np.broadcast_to(element_indices(aval_of(atom)), shape))
+            for array, atom in zip(arguments, equation.invars, strict=True)
+        ]
         if aval.size > LARGEST_UNROLLED:
             return self._by_loop(rule, kind, shape, arguments, by_vectors=True)
         if self.is_packed(shape):
@@ -808,8 +794,3 @@ class Lowering:
             for argument in arguments
         ]
         return self.array([rule(*row) for row in zip(*rows, strict=True)], shape)
-
-    def _repeat_axes(self, array: Array, aval: ShapedArray, shape: tuple[int, ...]) -> Array:
-        if isinstance(array, int) or tuple(aval.shape) == shape:
-            return array
-        return self.take(array, np.broadcast_to(element_indices(aval), shape))

@@ -2,9 +2,9 @@
 
 LLVM compiles the text of a program for the processor of this machine. Two kinds of files are saved
 in JAX's compilation cache. A file with machine code is named by a digest of the LLVM text. A file
-with a whole program also has the layout of arguments and results, and is named by a digest of the
-function, the form of the arguments, versions and settings, so that a process that reads it neither
-traces the function nor makes the text.
+with a whole program also has the layout of arguments and results. It is named by a digest of the
+function, the form of the arguments, versions and settings, so that a process that reads it need
+neither trace the function nor make the text.
 """
 
 import ctypes
@@ -26,7 +26,6 @@ import jax
 import llvmlite
 import llvmlite.binding as llvm
 from jaxtyping import PyTree
-from numpy.typing import ArrayLike
 from typing_extensions import override
 
 from .._compilation import keeps_programs
@@ -42,21 +41,21 @@ from .operations import Value
 
 Program = TypeVar("Program")
 QUICK, OPTIMISED = 0, 2
-"""LLVM's levels of optimisation, of 0 to 3, at which a program is compiled first, and again after
-it has run for a while. For a chain of 30 joints with backlash, LLVM takes 1.0 s at the first level
-and 5.3 s at the second, and a step takes 78 and 39 µs; for the double pendulum, 0.1 s, 0.9 s, 2.2
-and 1.9 µs. Results do not depend on the level, because `.llvm_text` decides which products are
-fused, and LLVM gets no permission to rearrange operations on floats."""
+"""LLVM's levels of optimisation (0 to 3) at which a program is compiled first, and again after it
+has run for a while. For a chain of 30 joints with backlash, LLVM takes 1.0 s and 5.3 s, and a step
+then 78 µs and 39 µs; for the double pendulum, 0.1 s and 0.9 s, and 2.2 µs and 1.9 µs. Results do
+not depend on the level, because `.llvm_text` decides which products are fused, and LLVM gets no
+permission to rearrange operations on floats."""
 SECONDS_A_CHARACTER = 3e-6
-"""Time of running, s, for each character of a program's text, after which the program is optimised.
-It is about the time that optimising takes. Runs that end before do not pay for it; longer ones lose
-a part of this time."""
+"""Running time, s, for each character of a program's text, after which the program is optimised.
+Optimising takes about as long, so that it at most doubles the time of a run that ends soon
+after."""
 _IRRELEVANT = ("cache_dir", "persistent_cache", "compilation_cache", "log", "traceback", "dump")
 """Programs do not depend on settings of JAX whose names contain one of these texts."""
 
 
 _NOT_PICKLED = (*USUAL_ERRORS, EOFError, ImportError, RecursionError, pickle.PickleError)
-"""Errors of a program that cannot be pickled, and of a file of another version when it is read."""
+"""Errors of `pickle` for a program that cannot be pickled, or a file of another version."""
 _NOT_DESCRIBED = (*USUAL_ERRORS, ChangedCodeError, NotPlainError, RecursionError)
 MOST_PROGRAMS = 256
 """Largest number of programs that `RecentPrograms` holds."""
@@ -65,9 +64,9 @@ MOST_PROGRAMS = 256
 class RecentPrograms(OrderedDict[Hashable, Program]):
     """Programs of a process by their keys, at most `MOST_PROGRAMS`, for use by several threads.
 
-    A program occupies about 1 MB and four of the mappings of memory of which a process may have 65
-    530. Beyond the limit, the least recently used program is removed. Its machine code is freed
-    when the last call of it has ended, because a call holds the program.
+    A program occupies about 1 MB, and 4 of the 65 530 mappings of memory that a process may have.
+    Beyond the limit, the least recently used program is removed. Its machine code is freed after
+    its last call, because a call holds the program.
     """
 
     def recent(self, key: Hashable) -> Program | None:
@@ -87,14 +86,14 @@ class RecentPrograms(OrderedDict[Hashable, Program]):
 
 
 class Stopwatch:
-    """Measures the processor time, s, that this thread spends in each stage of making a program."""
+    """Measures the processor time, s, of this thread in each stage of making a program."""
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
         self._last = time.thread_time()
 
     def end(self, stage: str) -> None:
-        """Record the time since the previous call, or since the start, as that of a stage."""
+        """Record the time since the last call, or since the start, as that of a stage."""
         now = time.thread_time()
         self.seconds[stage] = now - self._last
         self._last = now
@@ -104,13 +103,12 @@ class Code:
     """Machine code of a program. The object can be pickled.
 
     The code is compiled, or read from disk, when the object is made, and loaded into the process
-    when it is first run. It is compiled quickly first, and optimised once it has run for long,
-    unless it is found optimised on disk.
+    when it is first run. It is compiled quickly, and optimised once it has run for long, unless
+    the optimised code is on disk.
 
     - `seconds`: processor time, s, of each stage.
 
-    **Arguments:** `result`: value of the program, an int64, that `run` returns; in a program of
-    several lanes `run` returns that of the first one.
+    **Arguments:** `result`: value of the program, an int64, that `run` returns for the first lane.
 
     **Raises:** `UnsupportedPrimitiveError` if LLVM rejects the program.
     """
@@ -146,8 +144,7 @@ class Code:
         self._read_optimised()
 
     def memory(self) -> Memory:
-        """Return new memory for the program, with its constants and with zeros in all other
-        cells."""
+        """Return new memory with the program's constants, and zeros in all other cells."""
         memory = Memory(self._cells, self._lanes)
         for start, array in self._constants.items():
             memory.write(Region.of(array, start), array)
@@ -273,12 +270,10 @@ def load_or_make(
 
     The program is made and not saved
 
-    - unless `keep_programs` in `.._compilation.program_store` has switched saving on;
-    - if JAX's compilation cache is not in use;
+    - unless `keep_programs` has switched saving on and JAX's compilation cache is in use;
     - if the package's code has changed since its import;
-    - if the function or its arguments contain classes or functions that belong neither to this
-      package nor to one of a known version, since a change of their code would not be noticed;
-    - if they contain other values that `digest_of` refuses;
+    - if the function or its arguments contain values that `digest_of` refuses, such as functions of
+      a user, since a change of their code would not be noticed;
     - if the program cannot be pickled or written.
     """
     place = _place(function, arguments)
@@ -295,8 +290,7 @@ def load_or_make(
 
 
 def load(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> object:
-    """Load the program that `load_or_make` has saved for the same function and arguments; ``None``
-    if there is none, or if it cannot be read."""
+    """Load the program that `load_or_make` has saved; ``None`` if none can be read."""
     return _read_program(_place(function, arguments))
 
 
@@ -329,8 +323,8 @@ def _place(
 
 
 def _key(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> str:
-    """Return the key of a function's program, a text that is the same in all processes. It depends
-    on the shapes and dtypes of arrays in the arguments, but not on their numbers."""
+    """Return the key of a function's program, the same in all processes and for all numbers in the
+    arrays of the arguments."""
     forms = jax.tree.map(_form, arguments)
     settings = {
         name: repr(value)
@@ -345,13 +339,7 @@ def _form(leaf: PyTree) -> PyTree:
         return leaf
     # `digest_of` would take a `jax.ShapeDtypeStruct` apart: a second for a hundred joints. Bytes
     # are not among the leaves that are no arrays.
-    return f"{leaf.dtype.name} {leaf.shape} {is_weak(leaf)}".encode()
-
-
-def is_weak(array: ArrayLike) -> bool:
-    """Return whether an array has a weak type: JAX makes it from a Python number, and gives results
-    of operations with it the type of the other operand."""
-    return getattr(array, "weak_type", False)
+    return f"{leaf.dtype.name} {leaf.shape} {getattr(leaf, 'weak_type', False)}".encode()
 
 
 @functools.cache

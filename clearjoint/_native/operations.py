@@ -1,11 +1,10 @@
 """Operations on scalars: the form of a program between a jaxpr and LLVM's language.
 
 A value is named by an integer and computed once (static single assignment). Its kind is ``f``
-(float64), ``i`` (int64), ``w`` (int32) or ``b`` (bool). A kind with the suffix ``p`` is that of a
-vector of tangents: derivatives of one variable by several parameters. With the suffix ``v`` it is
-that of a vector with an element for each of several calls, which are computed together. A program
-may compute several runs, called lanes, at once; each value is then a vector with a number for each
-lane.
+(float64), ``i`` (int64), ``w`` (int32) or ``b`` (bool). The suffix ``p`` marks a vector of
+tangents: derivatives of one variable by several parameters. The suffix ``v`` marks a vector with an
+element for each of several calls that are computed together. In a program that computes several
+runs at once, called lanes, each value is a vector with a number for each lane.
 """
 
 import bisect
@@ -33,14 +32,14 @@ class Operation:
     Most operations are pure, such as "fadd": they only compute `out` from the arguments.
     `.llvm_text` lists them. The others are
 
-    - "load", which reads the cell `number`, or `number` + the argument if there is one;
-    - "store", which writes the first argument to the cell `number`, or to `number` + the second
-      argument if there is one;
+    - "load", which reads the cell `number`, plus the argument if there is one;
+    - "store", which writes the first argument to the cell `number`, plus the second argument if
+      there is one;
     - "call", which executes the function `number` of the program. The function reads its arguments
       from memory and writes its results there.
 
-    A vector of tangents is read from, or written to, the given cell and the following ones. For
-    "store" and "call", `out` is ``None``.
+    A vector of tangents occupies that cell and the following ones. "store" and "call" have no
+    `out`.
     """
 
     out: Value | None
@@ -55,11 +54,9 @@ class Operation:
 class Branch:
     """Execute the block `yes` if the condition holds, else the block `no`.
 
-    The values `outs` become `yes_values` or `no_values`, which the executed block computes. With
-    several lanes, `yes` is executed for all lanes if the condition holds in any lane. Operations in
-    `yes` or after the branch must then select the right results for the lanes in which the
-    condition does not hold. The same applies to the elements of a condition that is a vector of
-    tangents.
+    The values `outs` become `yes_values` or `no_values`, which the executed block computes. If the
+    condition is a vector, of lanes or of tangents, `yes` is executed if any of its elements holds.
+    Operations in `yes` or after the branch must then select the results of the other elements.
     """
 
     condition: Value
@@ -71,7 +68,7 @@ class Branch:
 
     @property
     def arguments(self) -> tuple[Value, ...]:
-        """The values that the branch itself uses, without those that its blocks use."""
+        """Values that the branch uses, except for those that only its blocks use."""
         return (self.condition, *self.yes_values, *self.no_values)
 
     @property
@@ -84,9 +81,9 @@ class Loop:
     """Execute the block `head`, which computes `condition`; while it holds, execute `body` and then
     `head` again.
 
-    The values `carries` start as `first`; each execution of the body computes the next ones as
-    `following`. With several lanes, the body is executed for all lanes as long as the condition
-    holds in any lane, and must leave the carries of the other lanes unchanged.
+    The values `carries` begin as `first`, and become `following` after each execution of the body.
+    With several lanes, the body is executed for all lanes as long as the condition holds in any
+    lane, and must leave the carries of the other lanes unchanged.
     """
 
     carries: list[Value]
@@ -127,8 +124,8 @@ _FOLDED: dict[str, Callable] = {
     **dict.fromkeys(("int_to_float", "bool_to_float"), float),
     **dict.fromkeys(("bool_to_int", "widen", "narrow"), int),
 }
-"""Operations that are computed while the program is built, instead of being added to it, if all
-arguments are known. The results are rounded as by the processor."""
+"""Operations that are computed while the program is built if all arguments are known, with the
+rounding of the processor."""
 _RANGE = {"i": 1 << 63, "w": 1 << 31}
 """For each kind of integers, the largest integer plus 1."""
 
@@ -136,28 +133,29 @@ _RANGE = {"i": 1 << 63, "w": 1 << 31}
 class Operations:
     """Builds the blocks of a program.
 
-    A pure operation is not added if its result can be computed from known numbers, if its result is
-    one of its operands (x times 1), or if the same operation on the same arguments has been added
-    already in this block or in one that contains it. Where a simpler operation has the same result,
-    as the negation for x times -1, the simpler one is added instead. Loads, stores and calls are
-    always added.
+    A pure operation is not added if its result is known, if its result is one of its operands (x
+    times 1), or if this block, or one that contains it, has the same operation on the same
+    arguments. A simpler operation with the same result is added in its place, such as a negation
+    for x times -1. Loads, stores and calls are always added.
 
     - `kinds`: kind of each value.
     - `constants`: numbers of the values that are known.
     - `cells`: number of cells of memory that the program uses.
     - `block`: the block to which entries are added.
     - `functions`: blocks of the program's functions.
-    - `signatures`: for pure functions, by their numbers, the values of arguments and results.
-    - `of_vectors`: for pure functions of numbers, by their numbers, the numbers of functions that
-      compute several calls of them at once (see `.alike_calls`).
+    - `signatures`: values of the arguments and of the results of each pure function, by its index
+      in `functions`.
+    - `without_memory`: indices of the pure functions that, with all that they call, neither read
+      nor write memory, so that calls may be joined or moved.
+    - `of_vectors`: by the index of a pure function, that of the function that computes several of
+      its calls at once (see `.alike_calls`).
     - `tangents`: number of tangents, 0 for none.
-    - `padded_tangents`: number of elements of a vector of tangents, and so of its cells: the
-      smallest power of two that is not below `tangents`, since the processor's vectors have such
-      lengths. The additional elements repeat the last tangent.
+    - `padded_tangents`: number of elements of a vector of tangents, and of its cells: `tangents`
+      rounded up to a power of two, as the processor's vectors. The last tangent fills it up.
 
-    **Arguments:** `width`: number of lanes; `calls_at_once`: number of calls that functions
-    `of_vectors` compute, 1 for no such functions. A program of several lanes can have neither
-    tangents nor these.
+    **Arguments:** `width`: number of lanes; `calls_at_once`: number of calls that a function in
+    `of_vectors` computes, 1 for no such functions. A program of several lanes can have neither
+    tangents nor such functions.
     """
 
     def __init__(self, width: int = 1, tangents: int = 0, calls_at_once: int = 1):
@@ -174,9 +172,9 @@ class Operations:
         self.functions: list[Block] = []
         self.signatures: dict[int, tuple[list[Value], list[Value]]] = {}
         self.of_vectors: dict[int, int] = {}
-        # For pure functions, the number of elements of their values, and those without memory.
+        self.without_memory: set[int] = set()
+        # For pure functions, the number of elements of their values.
         self._widths: dict[int, int] = {}
-        self._without_memory: set[int] = set()
         # For each function that is being built, from the outermost one on: the block around it, and
         # the index of this block's keys in `_scopes`.
         self._outside: list[tuple[Block, int]] = []
@@ -196,8 +194,7 @@ class Operations:
         self._mask: Value | None = None
 
     def new(self, kind: str, depth: int | None = None) -> Value:
-        """Return a new value of a kind, inside of `depth` functions, by default all that are being
-        built."""
+        """Return a new value inside of `depth` functions, by default all that are being built."""
         depth = len(self._outside) if depth is None else depth
         self.kinds.append(kind)
         value = len(self.kinds) - 1
@@ -220,7 +217,7 @@ class Operations:
         return value
 
     def number(self, value: Value) -> Number | None:
-        """Return the number of a value that is known; ``None`` if only the run determines it."""
+        """Return the number of a value; ``None`` if only the run determines it."""
         return self.constants.get(value)
 
     def is_uniform(self, value: Value) -> bool:
@@ -232,8 +229,7 @@ class Operations:
         self._uniform.add(value)
 
     def emit(self, name: str, kind: str, *arguments: Value) -> Value:
-        """Add the pure operation `name` unless it is redundant (see the class), and return its
-        result."""
+        """Return the result of the pure operation `name`, which is added if necessary."""
         simpler = self._simplified(name, kind, arguments)
         if simpler is not None:
             return simpler
@@ -258,8 +254,10 @@ class Operations:
 
     def _simplified(self, name: str, kind: str, arguments: tuple[Value, ...]) -> Value | None:
         """Return the result of an operation without adding it, or ``None`` if no rule applies.
-        Every rule holds for all numbers, also for NaN, infinities and negative zeros. There is none
-        for x + 0.0, for instance, which is not x if x is -0.0."""
+
+        Every rule holds for all numbers, also for NaN, infinities and negative zeros: there is none
+        for x + 0.0, which is not x if x is -0.0.
+        """
         known = [self.constants.get(value) for value in arguments]
         if name in _FOLDED and None not in known:
             number = _FOLDED[name](*known)
@@ -325,8 +323,8 @@ class Operations:
         return self.constants.get(value if element is None else element)
 
     def _is_all(self, value: Value, number: float) -> bool:
-        """Return whether a float, or each element of a vector, is known to be `number`. Zeros of
-        different signs are different numbers here."""
+        """Return whether a float, or each element of a vector, is known to be `number`, also by the
+        sign of zero."""
         repeated = self.repeated_number(value)
         return (
             isinstance(repeated, float)
@@ -335,8 +333,8 @@ class Operations:
         )
 
     def _operand_of(self, name: str, value: Value) -> Value | None:
-        """Return the argument of the operation `name` that computed a value; ``None`` if another
-        operation did."""
+        """Return the first argument of the operation `name` if this computed a value, else
+        ``None``."""
         definition, arguments = self._definitions.get(value, ("", ()))
         return arguments[0] if definition == name else None
 
@@ -366,8 +364,8 @@ class Operations:
 
     @contextmanager
     def inside(self, block: Block) -> Iterator[Block]:
-        """Within the context, add entries to `block`. Their values are not reused after it, because
-        the program may get there without having executed the block."""
+        """Add entries to `block` within the context. Their values are not reused after it, because
+        the program may not have executed the block."""
         outer, self.block = self.block, block
         self._scopes.append([])
         try:
@@ -390,16 +388,16 @@ class Operations:
         return range(self._starts[after - 1], end)
 
     def load(self, kind: str, start: int, index: Value | None = None) -> Value:
-        """Add the read of the cell `start` + `index`, or `start` without an index. A vector is read
-        from this cell and the following ones."""
+        """Add the read of the cell `start`, or `start` + `index`. A vector is read from there
+        on."""
         cell, arguments = self._address(start, index)
         out = self.new(kind)
         self.block.append(Operation(out, "load", arguments, cell))
         return out
 
     def store(self, value: Value, start: int, index: Value | None = None) -> None:
-        """Add the write of a value to the cell `start` + `index`, or `start` without an index.
-        Within `masked`, only lanes in which its condition holds write."""
+        """Add the write of a value to the cell `start`, or `start` + `index`. Within `masked`, only
+        lanes in which its condition holds write."""
         if self._mask is not None:
             kind = self.kinds[value]
             value = self.emit("select", kind, self._mask, value, self.load(kind, start, index))
@@ -408,9 +406,9 @@ class Operations:
 
     @contextmanager
     def masked(self, condition: Value | None) -> Iterator[None]:
-        """Within the context, only lanes in which a condition holds write to memory. The conditions
-        of nested contexts must all hold. With ``None``, all lanes write, whatever the conditions of
-        outer contexts."""
+        """Let only lanes in which a condition holds write to memory within the context. The
+        conditions of nested contexts must all hold. With ``None``, all lanes write, whatever the
+        conditions of outer contexts."""
         outer = self._mask
         if outer is None or condition is None:
             self._mask = condition
@@ -422,8 +420,8 @@ class Operations:
             self._mask = outer
 
     def _address(self, start: int, index: Value | None) -> tuple[int, tuple[Value, ...]]:
-        """Return the cell and the arguments with which an operation addresses `start` + `index`; a
-        known index is added to the cell."""
+        """Return the `number` of a load or store for `start` + `index`, and its argument for the
+        index. A known index is a part of the number."""
         number = None if index is None else self.constants.get(index)
         if number is None:
             return start, () if index is None else (index,)
@@ -432,8 +430,7 @@ class Operations:
     # Functions.
 
     def function(self, build: Callable[[], None]) -> int:
-        """Add a function that the current block, and blocks inside it, can call, and return its
-        number.
+        """Add a function that the current block, and blocks inside it, can call; return its index.
 
         Values from outside that the function uses are written to memory in the current block, and
         the function reads them there. It writes in all lanes, even inside a `masked` context.
@@ -457,13 +454,12 @@ class Operations:
     def pure_function(
         self, kinds: list[str], build: Callable[[list[Value]], list[Value]], width: int = 0
     ) -> int:
-        """Add a function of values to the program, which `called` calls in any block, and return
-        its number.
+        """Add a function that takes and returns values, and return its index. `called` calls it.
 
-        **Arguments:** `kinds`: kinds of its arguments; `build`: adds the entries of the function,
-        for the values of its arguments, and returns the values of its results. It must use no other
-        values from outside than constants. What it writes to memory must not be read outside.
-        `width`: number of lanes of its values, by default that of the functions around it.
+        **Arguments:** `kinds`: kinds of its arguments; `build`: adds the entries of the function
+        for given arguments, and returns the results. Of the values from outside, it may use only
+        constants. What it writes to memory must not be read outside. `width`: number of elements of
+        its values, by default the number of lanes.
         """
         # Nothing from outside is reused in the function, and nothing is moved out of it.
         outside, scopes, known = self._outside, self._scopes, self._known
@@ -482,22 +478,22 @@ class Operations:
         self.signatures[number] = parameters, results
         self._widths[number] = inner_width
         if not self._uses_memory(inner):
-            self._without_memory.add(number)
+            self.without_memory.add(number)
         return number
 
     def add_function_of_vectors(
         self, function: int, kinds: list[str], build: Callable[[list[Value]], list[Value]]
     ) -> None:
-        """Add a function that computes `calls_at_once` calls of a pure function together, and enter
-        it in `of_vectors`; `kinds` and `build` as in `pure_function`.
+        """Add a function to `of_vectors` that computes `calls_at_once` calls of a pure function
+        together; `kinds` and `build` as in `pure_function`.
 
-        None is entered in a program of several lanes, nor if the function uses memory or vectors of
+        There is none in a program of several lanes, nor if the function uses memory or vectors of
         tangents. If this shows only after building, the new function remains without calls.
         """
         if (
             self.calls_at_once == 1
             or self.width > 1
-            or function not in self._without_memory
+            or function not in self.without_memory
             or any(kind[1:] for kind in kinds)  # a suffix marks vectors
         ):
             return
@@ -509,13 +505,8 @@ class Operations:
         )
         is_alike = kinds_of_results == new_kinds_of_results
         has_tangents = any(kind.endswith("p") for kind in self.kinds[kinds_before:])
-        if is_alike and not has_tangents and number in self._without_memory:
+        if is_alike and not has_tangents and number in self.without_memory:
             self.of_vectors[function] = number
-
-    def is_without_memory(self, function: int) -> bool:
-        """Return whether a pure function, and those that it calls, neither read nor write memory,
-        so that calls may be joined or moved."""
-        return function in self._without_memory
 
     def _uses_memory(self, block: Block) -> bool:
         for entry in block:
@@ -524,7 +515,7 @@ class Operations:
                     return True
                 if entry.name == "evaluate":
                     called = int(self.constants[entry.arguments[0]])
-                    if called not in self._without_memory:
+                    if called not in self.without_memory:
                         return True
             if any(map(self._uses_memory, entry.blocks)):
                 return True
@@ -544,19 +535,14 @@ class Operations:
             for k, value in enumerate(results)
         ]
 
-    def once(self, key: tuple, add: Callable[[], list[Value]]) -> list[Value]:
-        """Add entries unless this block, or one that contains it, has them already, and return
-        their values. The entries are identified by `key`."""
-        present = [self._known[key, 0]] if (key, 0) in self._known else []
-        while present and (key, len(present)) in self._known:
-            present.append(self._known[key, len(present)])
-        if present:
-            return present
-        values = add()
-        for k, value in enumerate(values):
-            self._known[key, k] = value
-            self._scopes[-1].append((key, k))
-        return values
+    def once(self, key: tuple, add: Callable[[], Value]) -> Value:
+        """Return the value of the entries that `add` adds. They are not added again if this block,
+        or one that contains it, has added them with the same `key`."""
+        value = self._known.get(key)
+        if value is None:
+            value = self._known[key] = add()
+            self._scopes[-1].append(key)
+        return value
 
     def is_inside(self, value: Value) -> bool:
         return self._depths.get(value, 0) == len(self._outside)
@@ -565,9 +551,8 @@ class Operations:
         self.block.append(Operation(None, "call", (), function))
 
     def pass_on(self, value: Value, cell: int | None = None) -> int:
-        """Add an operation that writes a value to a cell, by default a new one, and return the
-        cell. It passes an argument or a result of a function, so all lanes write, even within
-        `masked`."""
+        """Write an argument or a result of a function to a cell, by default a new one, and return
+        the cell. All lanes write, even within `masked`."""
         if cell is None:
             cell = self.allocate_for(self.kinds[value])
         self.block.append(Operation(None, "store", (value,), cell))
@@ -583,8 +568,8 @@ class Operations:
     def branch(
         self, condition: Value, yes: Callable[[], list[Value]], no: Callable[[], list[Value]]
     ) -> list[Value]:
-        """Add a branch and return its values. `yes` and `no` add the entries of a block, and return
-        values of the same kinds."""
+        """Add a branch and return its values. `yes` and `no` each add the entries of a block and
+        return its results, of the same kinds."""
         blocks, values = ([], []), []
         for block, build in zip(blocks, (yes, no), strict=True):
             with self.inside(block):
@@ -599,8 +584,9 @@ class Operations:
         holds: Callable[[list[Value]], Value],
         body: Callable[[list[Value]], list[Value]],
     ) -> list[Value]:
-        """Add a loop and return its carries after the last iteration. `holds` adds the condition
-        for a further iteration, and `body` the loop's body, which returns the next carries."""
+        """Add a loop and return its carries after the last iteration, which begin as `first`.
+        `holds` adds the condition for a further iteration, as a function of the carries, and `body`
+        the loop's body, which returns the next carries."""
         # The condition is computed in its own block, which is executed once more than the body.
         carries = [self.new(self.kinds[value]) for value in first]
         head, inner = [], []
@@ -618,11 +604,8 @@ class Operations:
         first: list[Value],
         visit: Callable[[Value, list[Value]], list[Value]],
     ) -> list[Value]:
-        """Add a loop over the indices from `begin` to `end` - 1, and return its last carries.
-
-        **Arguments:** `first`: the carries before the loop; `visit`: adds the body, as a function
-        of the index and the carries, and returns the next carries.
-        """
+        """Add a loop over the indices from `begin` to `end` - 1, and return its last carries, as in
+        `loop`. `visit` adds the body for an index and carries, and returns the next carries."""
 
         def holds(carries: list[Value]) -> Value:
             # All lanes have the same index, so they can read and write a cell at once.
@@ -655,10 +638,10 @@ def _operator(
 class Symbol:
     """A value of a program on which Python's operators act: they add operations to the program.
 
-    The kind of the first operand decides which operation an operator adds: `+` is "fadd" for floats
-    and "add" for integers. Sum, difference and product of bools are "or", "xor" and "and". The
-    second operand may be a number. `letter` is the first letter of the kind, the kind of a single
-    element: "f" for a vector of tangents, whose kind is "fp".
+    The kind of the first operand decides on the operation: `+` is "fadd" for floats and "add" for
+    integers. Sum, difference and product of bools are "or", "xor" and "and". The second operand may
+    be a number. `letter` is the kind of a single element: "f" for a vector of tangents of the kind
+    "fp".
     """
 
     __slots__ = ("kind", "letter", "ops", "value")
@@ -674,8 +657,8 @@ class Symbol:
         return Symbol(self.ops, constant)
 
     def emit(self, name: str, *others: "Symbol | Number", letter: str = "") -> "Symbol":
-        """Add an operation whose result has a kind with the given first letter, by default that of
-        this value."""
+        """Add an operation whose result has a kind with this `letter`, by default the value's
+        own."""
         kind = letter + self.kind[1:] if letter else self.kind
         values = [(x if isinstance(x, Symbol) else self.like(x)).value for x in others]
         return Symbol(self.ops, self.ops.emit(name, kind, self.value, *values))
@@ -693,8 +676,7 @@ class Symbol:
         return self.emit("not")
 
     def compare(self, name: str, other: "Symbol | Number") -> "Symbol":
-        """Return the comparison "lt", "le", "gt", "ge", "eq" or "ne" of this value and another
-        one."""
+        """Return the comparison "lt", "le", "gt", "ge", "eq" or "ne" with another value."""
         return self.emit(("f" if self.letter == "f" else "i") + name, other, letter="b")
 
     def select(self, yes: "Symbol", no: "Symbol") -> "Symbol":

@@ -1,9 +1,9 @@
 """Division of long programs into pieces, so that LLVM's time is proportional to their length.
 
-LLVM allocates registers for all values of a function together, and keeps its instructions in lists
-that it searches, so that its time grows with the square of the length: for a chain of 100 joints,
-it was 39 s. Values that pass from one piece to another go through memory, where most of them would
-be anyway, because the processor has registers for few.
+LLVM allocates registers for all values of a function together, and searches lists of its
+instructions, so that its time grows with the square of the length: for a chain of 100 joints, it
+was 39 s. Values pass from one piece to another through memory, where most of them would be anyway,
+because the processor has registers for few.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence, Set
@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from .operations import Block, Operation, Operations, Value
 
 FEWEST = 40_000
-"""Number of operations of a program from which on it is divided. For 24 000, as of a chain of 30
-joints with backlash, the exchange of values costs as much time of compilation as it saves."""
+"""Number of operations from which on a program is divided. With 24 000, for a chain of 30 joints
+with backlash, the exchange of values costs as much time of compilation as division saves."""
 LONGEST = 1500
-"""Largest number of operations without a branch or loop between them that are not divided."""
+"""Largest number of operations between branches and loops that are not divided."""
 LENGTH = 250
 """Number of operations of a piece."""
 
@@ -29,12 +29,11 @@ class _Pieces:
 class Division:
     """Divides the long sequences of operations of a function into pieces.
 
-    - `pieces`: operations of the pieces, by their numbers.
+    - `pieces`: operations of each piece, by its `number` in operations "call".
 
     **Arguments:** `ordered`: returns operations in the order in which they shall be executed;
-    `needed`: returns the values that an operation uses; `first`: number of the first piece, by
-    which operations "call" name it; `written`: cells that the function and those it calls may write
-    to.
+    `needed`: returns the values that an operation uses; `first`: number of the first piece;
+    `written`: cells to which the function and those that it calls may write.
     """
 
     def __init__(
@@ -57,8 +56,7 @@ class Division:
         self._unchanged: dict[Value, int] = {}
 
     def divide(self, block: Block, results: Iterable[Value] = ()) -> None:
-        """Replace the long sequences of a block by calls. The values `results` are used after the
-        block."""
+        """Replace long sequences in a block by calls. The values `results` are used after it."""
         self._cut(block)
         if not self.pieces:
             return
@@ -119,8 +117,8 @@ class Division:
                 self._unchanged[out] = cell
 
     def _with_exchange(self, number: int, piece: list[Operation]) -> Iterator[Operation]:
-        """Yield the operations of a piece, with reads of the values that it gets from others right
-        before their first use, and writes of those that others use."""
+        """Yield the operations of a piece, with a read of each value from outside right before its
+        first use, and writes of the values that others use."""
         loaded = set[Value]()
         for operation in piece:
             for value in self._needed(operation):
@@ -136,9 +134,8 @@ class Division:
                 yield Operation(None, "store", (operation.out,), self._cells[operation.out])
 
     def _call(self, block: Block) -> None:
-        """Replace each `_Pieces` in a block by the calls of its pieces. Before the calls, values
-        that the pieces use are written to their cells; after them, values that the pieces compute
-        for undivided operations are read from theirs."""
+        """Replace each `_Pieces` in a block by calls, after writes of the values that the pieces
+        use and before reads of the values that undivided operations use of theirs."""
         new: Block = []
         for entry in block:
             if not isinstance(entry, _Pieces):
@@ -171,8 +168,7 @@ def cells_of(program: Operations, value: Value, start: int) -> range:
 
 
 def cells_written(program: Operations, block: Block, by_functions: Sequence[Set[int]]) -> set[int]:
-    """Return the cells to which the operations of a block may write. `by_functions` has these cells
-    for each function that the block may call."""
+    """Return the cells to which a block may write, from those for each function that it calls."""
     cells = set[int]()
     for entry in block:
         for inner in entry.blocks:
@@ -192,8 +188,8 @@ def cells_written(program: Operations, block: Block, by_functions: Sequence[Set[
 
 
 def _parts(operations: list[Operation]) -> Iterator[list[Operation]]:
-    """Yield parts of about `LENGTH` operations of a list. The results of a call "evaluate" are read
-    right after it, since only single values can pass to another part through memory."""
+    """Yield parts of about `LENGTH` operations. The results of a call "evaluate" are read right
+    after it, since only single values can pass to another part through memory."""
     results: dict[Value, list[Operation]] = {}
     for operation in operations:
         if operation.name == "result":

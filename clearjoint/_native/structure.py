@@ -14,6 +14,7 @@ import numpy as np
 from jax.core import ShapedArray
 
 from .elementwise import apply, convert
+from .indexing import flat_index
 from .linear_algebra import large_product
 from .lowering import (
     LARGEST_UNROLLED,
@@ -32,11 +33,11 @@ from .lowering import (
 from .operations import Symbol, Value
 
 Rearrange = Callable[[np.ndarray, dict], Sequence[np.ndarray]]
-"""Function of the indices of an array's elements and an equation's parameters, whose result are the
-indices of the elements of each array of the result."""
+"""Function of the row-major indices of an array's elements, in its shape, and an equation's
+parameters. It returns the indices in the shapes and places of the equation's results."""
 Join = Callable[[list[np.ndarray], dict], np.ndarray]
-"""Function of the indices of the elements of several arrays, counted through all of them, and an
-equation's parameters, whose result are the indices of the result's elements."""
+"""As `Rearrange`, but of a list of several arrays, whose elements are numbered one array after the
+other, to a single result."""
 Combine = Callable[[Value, Value], Value]
 
 
@@ -126,8 +127,8 @@ def _copied_to(lower: Lowering, array: InMemory, target: InMemory, places: np.nd
 
 
 def _pad(lower: Lowering, equation: Equation, array: Array, padding: Array) -> list[Array]:
-    """Return the array with the scalar `padding` before, after and between its elements. Negative
-    numbers of paddings before or after remove elements."""
+    """Return the array with the scalar `padding` before, after and between its elements. A negative
+    number of them before or after removes elements."""
     aval, out = aval_of(equation.invars[0]), aval_of(equation.outvars[0])
     # For each place of the result, whether it has an element of the array, and which one.
     inside, indices = np.ones(out.shape, bool), np.zeros(out.shape, int)
@@ -154,8 +155,8 @@ def _iota(lower: Lowering, equation: Equation) -> list[Array]:
 
 
 def _empty(lower: Lowering, equation: Equation) -> list[Array]:
-    """Return zeros for an array whose elements are written before they are read. The transpose of a
-    loop begins with such arrays."""
+    """Return zeros for an array that is written before it is read, as in the transpose of a
+    loop."""
     aval = aval_of(equation.outvars[0])
     return [lower.constant(np.zeros(aval.shape, aval.dtype))]
 
@@ -168,7 +169,7 @@ def _nonempty(equation: Equation) -> ShapedArray:
 
 
 def _reduce(lower: Lowering, equation: Equation, array: Array, name: str) -> list[Array]:
-    """Return the array in which the primitive `name` combines elements along some axes."""
+    """Return an array whose elements are combined along some axes by the primitive `name`."""
     aval, axes = _nonempty(equation), tuple(equation.params["axes"])
     out = aval_of(equation.outvars[0])
     combine = lower.operation(name, out)
@@ -178,8 +179,7 @@ def _reduce(lower: Lowering, equation: Equation, array: Array, name: str) -> lis
             return [_cumulate_memory(lower, array, combine)]
         if axes != tuple(range(axes[0], axes[-1] + 1)):
             raise UnsupportedPrimitiveError(f"{equation.primitive.name} along axes {axes}")
-        before, after = math.prod(aval.shape[: axes[0]]), math.prod(out.shape[axes[0] :])
-        return [_reduce_memory(lower, array, before, after, tuple(out.shape), combine)]
+        return [_reduce_memory(lower, array, axes, combine)]
     values = np.array(lower.values(array)).reshape(aval.shape)
     # One row for each element of the result, with the elements that are combined to it.
     others = [k for k in range(values.ndim) if k not in axes]
@@ -192,38 +192,31 @@ def _reduce(lower: Lowering, equation: Equation, array: Array, name: str) -> lis
 
 
 def _reduce_memory(
-    lower: Lowering,
-    array: InMemory,
-    before: int,
-    after: int,
-    shape: tuple[int, ...],
-    combine: Combine,
+    lower: Lowering, array: InMemory, axes: tuple[int, ...], combine: Combine
 ) -> InMemory:
-    """Return an array in memory, of the given `shape`, that combines the elements of `array` along
-    adjacent axes. `before`, `after`: numbers of elements of all axes before and after these."""
-    ops, out = lower.ops, lower.new_array(shape, array.kind)
-    along = array.size // (before * after)
+    """Return an array in memory that combines the elements of another along adjacent axes."""
+    # The array counts as one of shape (before, along, after), the result as one of (before, after).
+    first, end = axes[0], axes[-1] + 1
+    shape_before, shape_after = array.shape[:first], array.shape[end:]
+    before, along, after = map(math.prod, (shape_before, array.shape[first:end], shape_after))
+    ops, out = lower.ops, lower.new_array((*shape_before, *shape_after), array.kind)
 
-    # The index `first` plus the sum of the products of values and sizes.
-    def index(first: int, *terms: tuple[Value, int]) -> Value:
-        place = ops.constant("i", first)
-        for k, size in terms:
-            product = ops.emit("mul", "i", k, ops.constant("i", size))
-            place = ops.emit("add", "i", place, product)
-        return place
+    def index(*terms: tuple[Value, int], first: int = 0) -> Value:
+        numbers, strides = zip(*terms, strict=True)
+        return flat_index(lower, [Symbol(ops, k) for k in numbers], strides, first).value
 
     def element(i: Value, k: Value) -> None:
-        target = index(0, (i, after), (k, 1))
+        target = index((i, after), (k, 1))
 
         # In the order of the elements, with the result so far in memory. It begins as the first
         # element, so that j = 0 stands for the second one, which is `after` places further on.
         def add(j: Value) -> None:
-            place = index(after, (i, along * after), (j, after), (k, 1))
+            place = index((i, along * after), (j, after), (k, 1), first=after)
             total = ops.load(array.kind, out.start, target)
             value = ops.load(array.kind, array.start, place)
             ops.store(combine(total, value), out.start, target)
 
-        begin = ops.load(array.kind, array.start, index(0, (i, along * after), (k, 1)))
+        begin = ops.load(array.kind, array.start, index((i, along * after), (k, 1)))
         ops.store(begin, out.start, target)
         ops.repeat(along - 1, add)
 
@@ -241,8 +234,8 @@ def _by_halves(combine: Combine, row: list[Value]) -> Value:
 def _cumulate_memory(
     lower: Lowering, array: InMemory, combine: Combine, out: InMemory | None = None
 ) -> Value:
-    """Add a loop that combines all elements of an array in memory, from the first to the last, and
-    return the total. The result after each element is written to `out`, if there is one."""
+    """Add a loop that combines all elements of an array in memory, in their order, and return the
+    total. The results after each element are written to `out`, if given."""
     ops = lower.ops
     first = ops.load(array.kind, array.start)
     if out is not None:
@@ -282,8 +275,8 @@ def _cumulate(lower: Lowering, equation: Equation, array: Array, name: str) -> l
 
 
 def _arg_extreme(lower: Lowering, equation: Equation, array: Array, compare: str) -> list[Array]:
-    """Return the indices of the largest ("gt") or smallest ("lt") elements along an axis; of equal
-    elements, the first index. If there are NaNs, the index is that of the first NaN."""
+    """Return the index of the largest ("gt") or smallest ("lt") element along an axis: the first of
+    equal ones, or the first NaN if there are any."""
     aval, (axis,) = _nonempty(equation), equation.params["axes"]
     out, ops = aval_of(equation.outvars[0]), lower.ops
     if isinstance(array, InMemory):
@@ -312,8 +305,8 @@ def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Arra
     out = aval_of(equation.outvars[0])
 
     def rows(array: Array, number: int, batch: Sequence[int], along: Sequence[int]) -> list:
-        """Return the elements of argument `number` as lists (axes `batch`, other axes, axes
-        `along`), each group of axes joined to one."""
+        """Return the elements of argument `number` in nested lists, with the axes (`batch`, others,
+        `along`), of which each stands for a group of the array's axes."""
         shape = aval_of(equation.invars[number]).shape
         # `preferred_element_type` may be wider than the arguments, which are converted first.
         elements = (Symbol(lower.ops, value) for value in lower.values(array))
@@ -366,14 +359,10 @@ RULES: dict[str, EquationRule] = {
     "iota": _iota,
     "reduce_sum": partial(_reduce, name="add"),
     "reduce_prod": partial(_reduce, name="mul"),
-    "reduce_max": partial(_reduce, name="max"),
-    "reduce_min": partial(_reduce, name="min"),
-    "reduce_or": partial(_reduce, name="or"),
-    "reduce_and": partial(_reduce, name="and"),
+    **{f"reduce_{name}": partial(_reduce, name=name) for name in ("max", "min", "or", "and")},
     "cumsum": partial(_cumulate, name="add"),
     "cumprod": partial(_cumulate, name="mul"),
-    "cummax": partial(_cumulate, name="max"),
-    "cummin": partial(_cumulate, name="min"),
+    **{f"cum{name}": partial(_cumulate, name=name) for name in ("max", "min")},
     "argmax": partial(_arg_extreme, compare="gt"),
     "argmin": partial(_arg_extreme, compare="lt"),
     "dot_general": _dot_general,
