@@ -128,6 +128,11 @@ class RobotFit(AbstractTabular):
     held: dict[str, tuple[float, str]]
     limits: dict[str, tuple[float, float]]
 
+    @property
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """95 % interval of each value by name: those of the `fit`, and `limits`."""
+        return self.fit.intervals | self.limits
+
     @override
     def to_xarray(self) -> "xr.Dataset":
         """Return estimates and held values along "parameter", with the unit and the bounds of the
@@ -147,12 +152,10 @@ class RobotFit(AbstractTabular):
 
     def _rows(self) -> dict[str, tuple[float, float, float, str]]:
         """Return value, bounds and unit of each parameter."""
-        fit, unknown, intervals = self.fit, (math.nan, math.nan), self.fit.intervals
-        rows = {n: (fit.estimates[n], *intervals[n], fit.units[n]) for n in fit.parameters}
-        return rows | {
-            name: (value, *self.limits.get(name, unknown), unit)
-            for name, (value, unit) in self.held.items()
-        }
+        estimates, units = self.fit.estimates, self.fit.units
+        values = {name: (estimates[name], units[name]) for name in estimates} | self.held
+        unknown, intervals = (math.nan, math.nan), self.intervals
+        return {n: (x, *intervals.get(n, unknown), unit) for n, (x, unit) in values.items()}
 
     @override
     def __str__(self) -> str:

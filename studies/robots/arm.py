@@ -220,11 +220,11 @@ def table(draws: Sequence[Draw]) -> list[tuple[str, ...]]:
     for label, true in draws[0].truth.items():
         factor, unit = (np.degrees(1.0), "deg") if label.endswith("play") else (1.0, "N m")
         title = f"{label}, {unit}"
-        if label in first.held:
+        if label not in first.intervals:
             rows.append((title, f"{true * factor:.3g}", first.undetermined[label], "", "", ""))
             continue
-        ends = " to ".join(f"{end * factor:.4g}" for end in first.fit.intervals[label])
-        value = f"{first.fit.estimates[label] * factor:.4g}"
+        ends = " to ".join(f"{end * factor:.4g}" for end in first.intervals[label])
+        value = f"{draws[0].estimate(label) * factor:.4g}"
         rows.append((title, f"{true * factor:.3g}", value, ends, *coverage(draws, label)))
     mean_square = f"{draws[0].mean_square:.2f}"
     rows.append(("mean square of the residuals", "1", mean_square, "", "", ""))

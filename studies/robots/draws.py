@@ -23,7 +23,7 @@ class Draw:
 
     def holds(self, name: str) -> bool:
         """Return whether the 95 % interval holds the true value."""
-        low, high = self.found.fit.intervals.get(name, (np.inf, -np.inf))
+        low, high = self.found.intervals[name]
         return low <= self.truth[name] <= high
 
     def error(self, name: str) -> float:
@@ -50,8 +50,11 @@ COVERAGE: tuple[str, str] = (
 def coverage(draws: Sequence[Draw], name: str) -> tuple[str, str]:
     """Return how many of the intervals hold the true value of a parameter, without those of draws
     that don't determine it, and the spread of the errors over the standard errors."""
-    known = [draw for draw in draws if name in draw.found.fit.parameters]
+    known = [draw for draw in draws if name in draw.found.intervals]
     if not known:
         return "none", ""
-    held, errors = sum(draw.holds(name) for draw in known), [draw.error(name) for draw in known]
-    return f"{held} of {len(known)}", f"{np.mean(errors):.2f} ± {np.std(errors):.2f}"
+    held = sum(draw.holds(name) for draw in known)
+    # An estimate that is about zero has an interval, but no error of its logarithm.
+    errors = [draw.error(name) for draw in known if name in draw.found.fit.parameters]
+    spread = f"{np.mean(errors):.2f} ± {np.std(errors):.2f}" if errors else ""
+    return f"{held} of {len(known)}", spread

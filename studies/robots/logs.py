@@ -63,11 +63,12 @@ def estimates(found: cj.results.RobotFit, names: Mapping[str, str]) -> Rows:
     """Return estimates and 95 % intervals of parameters, which are named in the table."""
     rows = []
     for name, shown in names.items():
-        if name in found.held:
-            rows.append((shown, "not identifiable", ""))
+        if name in found.intervals:
+            value = found.held[name][0] if name in found.held else found.fit.estimates[name]
+            low, high = found.intervals[name]
+            rows.append((shown, f"{value:.3g}", f"{low:.3g} to {high:.3g}"))
         else:
-            value, ends = found.fit.estimates[name], found.fit.intervals[name]
-            rows.append((shown, f"{value:.3g}", f"{ends[0]:.3g} to {ends[1]:.3g}"))
+            rows.append((shown, "not identifiable", ""))
     return rows
 
 
