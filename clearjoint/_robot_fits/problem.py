@@ -1,6 +1,7 @@
 """The scene, the parameters and the measurements of the fit of a robot to its log."""
 
 import abc
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -29,8 +30,8 @@ from .._model.joints.ideal import PrismaticJoint, RevoluteJoint
 from .._model.joints.joint_friction import JointFriction
 from .._model.scene import Scene
 from .._parametrisation.parameter import Bounded, Linear, Log, Parameter
-from .._parametrisation.paths import set_value
-from .._parametrisation.variations import AbstractGroupedChange
+from .._parametrisation.paths import set_value, value_at
+from .._parametrisation.variations import AbstractGroupedChange, SceneNumber
 from .._scene_files.documents import FileLocation
 from .._scene_files.drive_train import COMPLIANCE, motor_name
 from .._scene_files.reading import number_of_text
@@ -292,13 +293,21 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
         for kind, start in (kinds if isinstance(kinds, Mapping) else dict.fromkeys(kinds)).items():
             expected, remedy = f"one of {', '.join(units)}", nearest(kind, units, "leave it out")
             require(kind in units, f"find[{joint!r}]", kind, expected, remedy)
+            where = f"find[{joint!r}][{kind!r}]"
             if isinstance(start, str):
                 start = number_of_text(start, units[kind], FileLocation("find", (joint, kind)))
+            positive = start is None or 0.0 < start < math.inf
+            require(positive, where, start, "finite and positive", "pass None for the robot's")
             if kind in RESISTANCES:
                 guess = _guess(log, positions, motor_of(robot, joint), joint, kind)
                 driven, parameter = _with_friction(driven, joint, kind, start, guess, units[kind])
             else:
                 parameter = _parameter(driven, joint, kind, start, units[kind])
+            number = parameter.value
+            if number is None and isinstance(parameter.variation, SceneNumber):
+                number = float(value_at(driven.scene, parameter.variation.path))
+            expected, remedy = "positive in the robot, or given", f'pass {{"{kind}": start}}'
+            require(number is None or number > 0.0, where, number, expected, remedy)
             parameters[joint, kind] = parameter
     # A spline has a knot before the log, so that its second knot is the first time of the log. A
     # joint that is driven by its position follows the log from the start on.
@@ -491,19 +500,27 @@ def _with_friction(
     robot: Robot, joint: str, kind: str, start: float | None, guess: float | None, unit: str
 ) -> tuple[Robot, Parameter]:
     """Return the parameter of a joint's friction or damping, and the robot, with this friction or
-    damping, of the size `start` or else `guess`, also if its file gives none."""
+    damping, also if its file gives none. The start is `start`, or else the robot's number or, if
+    that is zero or missing, `guess`."""
     name, damper = _friction_name(robot, joint, kind), _damper(robot, joint)
-    if kind == "damping" and damper is not None:
-        return robot, Parameter(lambda s: s.forces[damper].damping, Log(), value=start, unit=unit)
+    damper = damper if kind == "damping" else None
     number = "viscosity" if kind == "damping" else "load"
-    parameter = Parameter(lambda s: getattr(s.joints[name], number), Log(), value=start, unit=unit)
+
+    def path(scene: Scene) -> Scalar:
+        if damper is not None:
+            return scene.forces[damper].damping
+        return getattr(scene.joints[name], number)
+
     present = robot.scene.joints.get(name)
-    if isinstance(present, JointFriction) and getattr(present, number) is not None:
-        return robot, parameter
-    size = guess if start is None else start
+    is_known = damper is not None or getattr(present, number, None) is not None
+    known = float(as_number(path(robot.scene))) if is_known else 0.0
+    size = start if start is not None else known if known > 0.0 else guess
     expected = "given, since the robot has none and the log no torque of the joint"
     remedy = f'pass {{"{kind}": start}}'
     require(size is not None, f"find[{joint!r}][{kind!r}]", size, expected, remedy)
+    parameter = Parameter(path, Log(), value=size, unit=unit)
+    if is_known:
+        return robot, parameter
     if isinstance(present, JointFriction):
         joints = {**robot.scene.joints, name: replace(present, viscosity=size)}
         return replace(robot, scene=replace(robot.scene, joints=joints)), parameter

@@ -281,6 +281,7 @@ WRONG = {
     "joint": ({"elbo": ["play"]}, {"elbow": "torque"}, "one of elbow, but is 'elbo': .*'elbow'"),
     "kind": ({"elbow": ["plays"]}, {"elbow": "torque"}, "one of play, stiffness.*'play'"),
     "unit": ({"elbow": {"play": "1 kg"}}, {"elbow": "torque"}, "find, `elbow.play`: found '1 kg'"),
+    "zero": ({"elbow": {"friction": 0.0}}, {"elbow": "torque"}, r"'friction'\]` must be.* is 0.0"),
     "mode": ({"elbow": ["play"]}, {"elbow": "torques"}, "one of angle, torque, held torque"),
     "not logged": ({"elbow": ["play"]}, {"elbow": "angle"}, "what the log has for 'elbow motor'"),
     "no loss": ({"elbow": ["loss"]}, {"elbow": "torque"}, "whose drive has a loss.*with_drive"),

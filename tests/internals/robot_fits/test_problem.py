@@ -23,6 +23,21 @@ def test_a_joint_that_follows_its_log_starts_with_the_rate_of_the_log(tmp_path):
     assert free.robot.speeds(free.state)["elbow"] == 0.0
 
 
+@pytest.mark.parametrize("kinds", [["friction", "damping"], ["damping", "friction"]])
+@pytest.mark.parametrize("present", [{}, {"friction": 0.0}, {"friction": 0.0, "viscosity": 0.0}])
+def test_resistances_of_zero_start_as_those_that_are_missing(present, kinds, tmp_path):
+    """In any order: a damping that the robot lacks is added with a friction of zero."""
+    law, times = cj.frictions.RegularisedCoulomb(1.0, 1e-4), np.arange(100) / 200.0
+    robot = rig(tmp_path).with_drive("elbow", cj.Drive(armature=0.02, law=law, **present))
+    table = pd.DataFrame({"t": times, "q [rad]": 0.4 * times, "tau [N m]": 10.0 * times})
+    columns = {"elbow": cj.LogColumn("q", noise=2e-4)}, {"elbow": cj.LogColumn("tau", noise=0.1)}
+    log = cj.RobotLog.read(table, angles=columns[0], torques=columns[1])
+    parameters = robot_problem(robot, log, {"elbow": kinds}, {"elbow": "torque"}).parameters
+    # A tenth of the largest torque, and this over the largest speed.
+    assert parameters["elbow friction"].value == pytest.approx(0.1 * 4.95)
+    assert parameters["elbow damping"].value == pytest.approx(0.1 * 4.95 / 0.4, rel=1e-3)
+
+
 @pytest.mark.parametrize("mode", ["torque", "angle"])
 def test_links_start_with_their_logged_motors(mode, tmp_path):
     """Also those of joints before, on which the load of a joint depends."""
