@@ -27,7 +27,7 @@ from .._model.bodies import State
 from .._model.joints.base import AbstractForce
 from .._model.scene import Scene
 from .._parametrisation import variations
-from .._parametrisation.parameter import GONE, WIDTH, Log, Parameter, free_parameters, held
+from .._parametrisation.parameter import WIDTH, Log, Parameter, free_parameters, held
 from .._parametrisation.readings import sensor_errors, units_of
 from .._parametrisation.variations import AbstractSeriesVariation, SeriesDelay
 from .._scene_files.robot import Robot
@@ -99,7 +99,7 @@ class RobotFit(AbstractTabular):
     - `log`, `driven_by`: those of the fit.
     - `undetermined`: for each parameter that the log doesn't determine, a sentence that says why.
     - `held`: value and unit at which each of these was held: its start, or its last estimate if it
-      is a position or speed at the start of the log, or about zero or infinite.
+      is a position or speed at the start of the log, or if the log excludes its start.
     - `limits`: the 95 % interval, from zero or to infinity, of what is about zero or infinite.
 
     ```python
@@ -349,10 +349,12 @@ def fit_robot(
         # A delay is no number of the scene, by which a run could be differentiated beforehand.
         examined = {n: p for n, p in present.items() if not isinstance(p.variation, SeriesDelay)}
         report = identifiability(scene, state, examined, measured, settings, start_time=log.start)
+        reasons, away = _undetermined(report, problem, examined), {}
         if fit is not None:
-            limits |= _at_an_end(report, fit, starts)
-        # What is about zero or infinite has no effect, so that its start would be a wrong value.
-        reasons = _undetermined(_without(report, limits), problem, examined)
+            # What looked determined at its start need not be so at the estimate. The others fit the
+            # log with the estimate, and may not with the start.
+            away = _away_from_starts(report, reasons, starts, fit)
+        limits = {n: ends for n, ends in away.items() if ends[0] == 0.0 or math.isinf(ends[1])}
         for name, (low, high) in limits.items():
             reasons[name] = f"{_subject(name, problem)} is {limit_text(low, high, units[name])}"
         if fit is not None and reasons.keys() == undetermined.keys():
@@ -362,7 +364,7 @@ def fit_robot(
         require(len(reasons) < len(present), "find", [*find], expected, "log another motion")
         # A position or speed at the start is held at its last estimate: the first one, from a few
         # samples, may be so wrong that it makes estimates that depend on it wrong too.
-        at_last = {*_of_kind(problem, reasons, *OF_START), *limits}
+        at_last = {*_of_kind(problem, reasons, *OF_START), *away}
         fixed = {name: (values if name in at_last else starts)[name] for name in reasons}
         present |= {name: held(free[name], value) for name, value in fixed.items()}
         fit = _best_fit(problem, present, settings, grow, options)
@@ -512,22 +514,25 @@ def _without(report: Identifiability, names: Collection[str]) -> Identifiability
     )
 
 
-def _at_an_end(
-    report: Identifiability, fit: Fit, starts: Mapping[str, float]
+def _away_from_starts(
+    report: Identifiability, undetermined: Collection[str], starts: Mapping[str, float], fit: Fit
 ) -> dict[str, tuple[float, float]]:
-    """Return the intervals of the estimates on a `Log` scale that have gone so far from their
-    starts towards zero or infinity that they no longer have an effect."""
-    ends = {}
-    errors = dict(zip(fit.parameters, np.sqrt(np.diag(fit.covariance)).tolist(), strict=True))
-    effects = zip(report.deviations_alone, report.limits, strict=True)
-    for name, scale, (alone, limit) in zip(report.names, report.scales, effects, strict=True):
-        if name in errors and isinstance(scale, Log) and alone > limit:
-            value, half = fit.estimates[name], WIDTH * errors[name]
-            if value < starts[name]:
-                ends[name] = 0.0, value * (1.0 + half)
-            elif errors[name] > GONE:
-                ends[name] = value / (1.0 + half), math.inf
-    return ends
+    """Return the intervals of undetermined parameters that do not contain the start, each as if all
+    others that are undetermined were known."""
+    away, widening = {}, dict(zip(fit.parameters, fit.widening.tolist(), strict=True))
+    for name in undetermined:
+        part = _without(report, {*undetermined} - {name})
+        k = part.names.index(name)
+        scale, coordinate, value = part.scales[k], float(part.coordinates[k]), float(part.values[k])
+        half = WIDTH * float(part.deviations[k]) * widening.get(name, 1.0)
+        rises = value > starts[name]
+        low, high = scale.interval(coordinate, half, rises)
+        if isinstance(scale, Log) and not rises:
+            # Forces are proportional to what may be zero, such as frictions and plays.
+            low, high = 0.0, value * (1.0 + half)
+        if not low <= starts[name] <= high:
+            away[name] = low, high
+    return away
 
 
 def _subject(name: str, problem: RobotProblem) -> str:

@@ -115,6 +115,31 @@ def test_a_friction_of_zero_is_bounded_and_makes_no_other_estimate_wrong(robot, 
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", range(12))
+def test_random_joints_are_found_from_the_same_starts(seed, robot):
+    """A third of them without friction, a third without damping, and a third without play."""
+    generator = np.random.default_rng(1000 + seed)
+
+    def drawn(low, high, nothing):
+        if generator.random() < 1.0 / 3.0:
+            return nothing
+        return float(np.exp(generator.uniform(np.log(low), np.log(high))))
+
+    truth = {"friction": drawn(0.05, 0.5, 0.0), "damping": drawn(0.01, 0.2, 0.0)}
+    play, inertia = drawn(0.003, 0.02, 1e-7), drawn(0.005, 0.03, 0.02)
+    joint, side = replace(JOINT, play=play, inertia=inertia, **truth), ("elbow", "elbow motor")
+    motion = swinging(seed, generator.uniform(1.5, 3.0))
+    log = log_of(log_table(joint, *motion, side=side[seed % 2], seed=seed), side[seed % 2])
+    found = cj.fit_robot(robot, log, FIND, {"elbow": "torque"}, **QUIET)
+    values = found.to_dataframe()["estimate"]
+    assert found.fit.p_value > 1e-4
+    for kind, value in truth.items():
+        assert values[f"elbow {kind}"] == pytest.approx(value, rel=0.02, abs=3e-3), kind
+    assert values["elbow inertia"] == pytest.approx(inertia, rel=0.02)
+    assert found.intervals["elbow play"][0] <= play + 3e-3
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, 2, 3])
 def test_a_log_without_play_does_not_show_one(robot, seed):
     log = log_of(log_table(replace(JOINT, play=1e-7), *swinging(seed, 1.5), seed=seed))
