@@ -201,8 +201,8 @@ LOAD = (
     (1.1642, -1.9456, 7.1161, -10.1073, 5.0141),
     (-1.000026, -0.023634, -0.4215, -0.038817, -0.090551),
 )
-"""Coefficients of the source's a1 and a2, for the load that rotation carries; these and those below
-are polynomials of the width-to-diameter ratio, lowest power first."""
+"""Coefficients of the source's a1 and a2, for the load that rotation carries. Each row, also in
+`ATTITUDE` and `SQUEEZE`, is a polynomial of the width-to-diameter ratio, lowest power first."""
 ATTITUDE = (
     (1.152624, -0.104565),
     (-2.5905, 0.798745),
@@ -210,7 +210,7 @@ ATTITUDE = (
     (-13.3414, 3.424337),
     (6.6294, -1.591732),
 )
-"""Coefficients of a3 to a7, for the angle between load and line of centres."""
+"""Coefficients of a3 to a7, for the angle between load and line of centres; a3 is the first row."""
 SQUEEZE = (
     (0.70038, 3.2415, -12.2486, 18.895, -9.3561),
     (-0.999935, 0.0157434, -0.74224, 0.42278, -0.368928),
@@ -250,7 +250,7 @@ class ButenschoenFilm(AbstractFilm):
 
     @override
     def force(self, gap: FilmGap) -> Vector:
-        width = gap.length / (2.0 * gap.bearing_radius)
+        width = gap.length / (2.0 * gap.bearing_radius)  # B/D
         ratio, _ = norm_and_direction(gap.offset)
         # The unit vector along the line of centres; it tends to zero for a centred journal.
         centres = gap.offset * (1.0 / jnp.sqrt(ratio * ratio + NEARLY_CENTRED**2))
@@ -289,7 +289,7 @@ def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
 
 
 def attitude(width: Scalar, ratio: Scalar) -> Scalar:
-    """Return the angle beta of `ButenschoenFilm`, rad."""
+    """Return the angle beta of `ButenschoenFilm`, rad. Arguments are those of `load_slope`."""
     # The angle for an infinitely long bearing, which the fit corrects for a finite width.
     long = jnp.arctan2(math.pi * jnp.sqrt(1.0 - ratio * ratio), 2.0 * ratio)
     return long * polynomial([polynomial(fit, width) for fit in ATTITUDE], ratio)

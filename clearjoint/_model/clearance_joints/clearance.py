@@ -416,7 +416,7 @@ class ClearanceJoint(AbstractCentredJoint):
         return Contact(gap, normal, on_bearing, on_journal, slip, on_axis, base.local)
 
     def _profile_contact(self, motions: Motions, base: JournalBase) -> Contact:
-        """Return the contact of a base with the wall if one of the two has a profile."""
+        """Return the contact of a base with the wall if the wall or the journal has a profile."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         x_axis, y_axis = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
         eccentricity = base.centre + base.arm
@@ -450,10 +450,10 @@ class ClearanceJoint(AbstractCentredJoint):
         return PlanarAxes(*(mine.dot(axis) for mine, axis in itertools.product(own, axes)))
 
     def _depth(self, base: JournalBase, eccentricity: Scalar) -> Scalar:
-        """Return the penetration e - c, m, of the eccentricity e, as (e^2 - c^2)/(e + c). A direct
-        difference would round differently at the two bases, which repeated impacts amplify to a
-        misalignment. In e^2 - c^2, the term with the largest rounding error is the same for
-        both."""
+        """Return the penetration e - c, m, of a base with the eccentricity e, for the clearance c,
+        as (e^2 - c^2)/(e + c). A direct difference would round differently at the two bases, which
+        repeated impacts amplify to a misalignment. In e^2 - c^2, the term with the largest rounding
+        error is the same for both bases."""
         common = base.centre.dot(base.centre) - self.clearance * self.clearance
         difference = base.arm.dot(base.centre * 2.0 + base.arm)
         return (common + difference) / (eccentricity + self.clearance)
@@ -555,6 +555,7 @@ class ClearanceJoint(AbstractCentredJoint):
         along = np.asarray(self.bearing_axis) / np.linalg.norm(self.bearing_axis)
         across = load - (load @ along) * along
         size = np.linalg.norm(across)
+        # A load along the axis presses the journal against no side of the wall.
         if not size > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
             return None
         # The contacts share the load: the axes are parallel, so that all are equally deep.
@@ -576,7 +577,8 @@ class ClearanceJoint(AbstractCentredJoint):
         return self._ideal(self.bearing_point + np.asarray(offset))
 
     def _ideal(self, centre: Triple) -> AbstractConstraint:
-        """Return the ideal joint with the journal's centre at `centre`, m in the bearing's body."""
+        """Return the ideal joint that holds the journal's centre at the point `centre` of the
+        bearing's body, (3,) m from its centre of mass in its axes."""
         kind = CylindricalJoint if self._is_free() else RevoluteJoint
         axes = self.bearing_axis, self.journal_axis
         return kind(*self.pair(), centre, self.journal_point, *axes)

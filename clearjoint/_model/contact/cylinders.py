@@ -75,9 +75,9 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         return sum(weight * 2.0 * node * force for weight, node, force in parts) * depth
 
     def deepest(self, gap: Gap) -> Scalar | None:
-        """Return the largest penetration for which the formula is valid, m; ``None`` by default.
-        Beyond 0.99 of it the force continues along its tangent. A run that records impacts warns of
-        deeper ones."""
+        """Return the largest penetration for which the formula is valid, m; ``None``, the default,
+        for no limit. Beyond 0.99 of this penetration the force continues along its tangent. A run
+        that records impacts warns of penetrations beyond the limit."""
         return None
 
     @override
@@ -100,8 +100,9 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         return jnp.where(gap.depth > 0.0, self.length * energy, 0.0)
 
     def _parts(self, gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
-        """Return the depth at which to evaluate the formula, m, and force, N/m, and energy, J/m,
-        that the tangent adds at larger depths."""
+        """Return the depth at which to evaluate the formula, m, which is limited to 0.99 of the
+        largest, and the force, N/m, and the energy, J/m, that the tangent adds beyond this limit.
+        """
         # Without contact the formulas are evaluated too; a positive depth keeps derivatives finite.
         depth = jnp.where(gap.depth > 0.0, gap.depth, 1e-6)
         deepest = self.deepest(gap)
@@ -175,7 +176,7 @@ class PerssonCylinder(AbstractCylinder):
     \tan\frac{\varepsilon}{2}$$
 
     epsilon is the half-angle of the contact, and E' = E/(1 - nu^2); for different materials 2 E*
-    replaces it. Persson's theory doesn't give the penetration. Here the half-angle follows from the
+    replaces E'. Persson's theory doesn't give the penetration. Here the half-angle follows from the
     overlap of the undeformed circles as in `LiuCylinder`, cos(epsilon) = dR/(dR + delta). For small
     penetrations the force is then several times that of the other formulas. `half_angle` and `load`
     show where a contact is too conformal for formulas that assume a small half-angle. Penetrations
@@ -217,8 +218,9 @@ class PerssonCylinder(AbstractCylinder):
 
 @jax.custom_jvp
 def inverse_of_load(ratio: Scalar) -> Scalar:
-    """Return the solution u > 1 of u exp(1 - u) = ratio, for a ratio between zero and one: that of
-    the penetration to the largest valid one. In `AbstractLogarithmicCylinder`, u is ln(A/P) + k."""
+    """Return the solution u > 1 of u exp(1 - u) = ratio, for a ratio between zero and one. In
+    `AbstractLogarithmicCylinder`, the ratio is the penetration over the largest valid penetration,
+    and u is ln(A/P) + k."""
     q = -jnp.log(ratio)
     # Newton's method for u - 1 - ln u = q, started from an upper bound.
     u = 1.0 + jnp.sqrt(2.0 * q) + q
@@ -298,8 +300,8 @@ class RadzimovskyCylinder(AbstractLogarithmicCylinder):
     R_j}{b}\right), \quad b = 1.60 \sqrt{\frac{P R}{E^*}}$$
 
     b is the width of the contact, and R = R_i R_j/dR the relative radius. The formula is used as
-    printed, although the factor 1.60 of Roark's handbook belongs to diameters; with that for radii,
-    2.26, the penetration would be smaller by P/(pi E*) ln 2.
+    printed, although the factor 1.60 of Roark's handbook belongs to diameters; with 2.26, that for
+    radii, the penetration would be smaller by P/(pi E*) ln 2.
 
     >>> law = cj.laws.Hertz(cj.laws.RadzimovskyCylinder(207e9, 0.3, length=20e-3))
     >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")
@@ -353,8 +355,8 @@ FIT, EXPONENT = 4.4086e-5, 6.804
 """Constants of the fit F_5/2 = FIT (4 - ratio)^EXPONENT for distance over roughness (Arcoumanis et
 al. 1997)."""
 AROUND = math.sqrt(math.pi) * math.gamma(EXPONENT + 1.0) / math.gamma(EXPONENT + 1.5)
-"""Integral of (1 - x^2)^EXPONENT from -1 to 1: that of the pressure, over its maximum, along the
-arc of contact, over half the arc."""
+"""Integral of (1 - x^2)^EXPONENT from -1 to 1. Along the arc of contact, from x = -1 to 1, the
+pressure has this form: its integral is `AROUND` times the largest pressure times half the arc."""
 
 
 class GreenwoodTripp(AbstractConverting):
@@ -429,8 +431,8 @@ class RoughCylinders(AbstractContactLaw):
     """Contact of a rough journal with its bearing: of asperities first, then of the walls.
 
     The force begins at a distance of four times the roughness, with the pressure of the asperities
-    along the arc of contact. The force of the walls is added once the mean surfaces meet. Choose it
-    for mixed lubrication: film and asperities of a `LubricatedJoint` share the load if its
+    along the arc of contact. The force of the walls is added once the mean surfaces meet. The law
+    is meant for mixed lubrication: film and asperities of a `LubricatedJoint` share the load if its
     `transition` is ``None``.
 
     **Arguments:**

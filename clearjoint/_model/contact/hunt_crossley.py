@@ -28,8 +28,8 @@ from .laws import (
 )
 
 _SERIES_BELOW = 1e-5
-"""Damping factor chi below which the series 1 - 2 chi/3 is more accurate than the rounded
-solution."""
+"""Damping factor chi below which the series 1 - 2 chi/3 of the delivered restitution is more
+accurate than the numerical solution, which is rounded."""
 _NEWTON = optimistix.Newton(rtol=1e-14, atol=1e-14)
 
 
@@ -145,10 +145,10 @@ class AbstractHertzianLaw(AbstractPowerLaw):
       force replaces K delta^n.
     - `exponent`: n, at least 1; a cylinder ignores it. Declare it as a static field, so that the
       compiled program can do without a general power for the values 1 and 1.5.
-    - `smoothing`: width w in m over which the force begins smoothly, or ``None``, as cylinders need
-      it. A ramp then replaces the penetration: zero below delta = -w, the parabola (delta + w)^2/(4
-      w) up to delta = w, and delta above. A ramp of the same form, of width w/(w + max(delta, 0)),
-      replaces the factor 1 + chi v/v0.
+    - `smoothing`: width w in m over which the force begins smoothly; ``None`` for no smoothing, the
+      only choice for cylinders. With a width, a ramp replaces the penetration: zero below delta =
+      -w, the parabola (delta + w)^2/(4 w) up to delta = w, and delta above. A ramp of the same
+      form, of width w/(w + max(delta, 0)), replaces the factor 1 + chi v/v0.
 
     ```python
     import clearjoint as cj

@@ -340,8 +340,9 @@ def _shape(value: PyTree) -> tuple[int, ...] | None:
 
 
 def breakpoints_of(*contents: PyTree) -> PyTree:
-    """Return the breakpoints, s, of each function of time in the given fields: `Increasing` for the
-    tables of this module, and empty for a Python function, whose breakpoints are unknown."""
+    """Return the breakpoints, s, of each function of time in the contents of fields that may hold
+    such functions: `Increasing` for the tables of this module, and empty for a Python function,
+    whose breakpoints are unknown."""
     # A vector may be a tuple of three components.
     parts = [p for field in contents for p in (field if isinstance(field, tuple) else (field,))]
     return tuple(_breakpoints(p) for p in parts if isinstance(p, AbstractFunctionOfTime))

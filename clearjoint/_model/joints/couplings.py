@@ -220,14 +220,15 @@ class UniversalMotion(AbstractMotionAtPoints):
     arm_child: Vector
 
     def _reference(self) -> EulerParameters:
-        """Return the orientation at zero angles."""
+        """Return the Euler parameters from the child's axes to the parent's at zero angles."""
         return aligning(transverse_axes(self.arm_parent)[0], self.arm_child)
 
     def _about_child(self, reference: EulerParameters) -> Hinge:
         return Hinge(self.point_parent, self.point_child, self.arm_child, reference)
 
     def _parents_arm(self, angle: Scalar) -> tuple[Vector, Vector]:
-        """Return the parent's arm in the child's axes, and its derivative by the second angle."""
+        """Return `arm_parent` in the child's axes at the second angle, `angle`, rad, and the
+        derivative of this vector by this angle."""
         start = rotation_matrix(self._reference()).transposed_times(self.arm_parent)
         quarter = self.arm_child.cross(start)
         c, s = cosine(angle), sine(angle)

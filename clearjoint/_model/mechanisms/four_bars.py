@@ -57,8 +57,8 @@ def four_bar(
     **Arguments:**
 
     - `clearance`: radial, m, by the pin's name; pins that are not named are ideal.
-    - `restitution`: requested of the default `law` of the pins with clearance, that of Lankarani
-      and Nikravesh.
+    - `law`: normal law of the pins with clearance; by default that of Lankarani and Nikravesh for
+      `STEEL` with the requested `restitution`.
     - `lengths`: of crank, coupler and rocker, and the distance between the axes of crank and
       rocker, m.
     - `masses`: of crank, coupler and rocker, kg.
@@ -189,7 +189,8 @@ def spatial_four_bar(
     **Arguments:**
 
     - `clearance`: radial, m; ``None`` for an ideal ball joint. The ball starts centred.
-    - `restitution`: requested of the default `law`, that of Lankarani and Nikravesh.
+    - `law`: normal law of the ball; by default that of Lankarani and Nikravesh for `STEEL` with the
+      requested `restitution`.
     - `speed`: of the crank at the start, rad/s. The state is that of the ideal mechanism.
     - `friction`: of the ball; none by default.
 
