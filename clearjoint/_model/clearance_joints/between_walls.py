@@ -99,9 +99,9 @@ class PinInSlot(AbstractFrictionJoint):
         if self.travel is not None:
             directions.append((ENDS, unit(self.slot_axis), self.travel))
         contacts = {}
-        for labels, outward, room in directions:
+        for labels, outward, total_play in directions:
             for side, label in zip(SIDES, labels, strict=True):
-                normal, half = outward * side, 0.5 * room
+                normal, half = outward * side, 0.5 * total_play
                 contacts[label] = self._contact_with_wall(
                     motions, self.slot_point, normal, half, self.pin_point, self.pin_radius
                 )

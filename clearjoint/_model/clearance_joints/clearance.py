@@ -485,6 +485,8 @@ class ClearanceJoint(AbstractCentredJoint):
         -1 for base V and 1 for base W."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axis, half = bearing.direction(unit(self.bearing_axis)), self._half()
+        # Vectors from the journal's centre to base W, and the velocity of base W relative to the
+        # centre. At another position on the axis, they are multiplied by it: 1 at W, -1 at V.
         centre, half_arm = self._offset(motions), journal.direction(half)
         half_velocity = journal.direction(journal.spin.cross(half))
         centre_velocity = journal.velocity_at(self.journal_point)
@@ -524,8 +526,8 @@ class ClearanceJoint(AbstractCentredJoint):
             offset = offset + journal.direction(self._half()) * points[base].position
         offset = bearing.components(offset)
         axis = unit(self.bearing_axis)
-        first, second = transverse_axes(axis)
-        return Vector(offset.dot(first), offset.dot(second), offset.dot(axis))
+        x_axis, y_axis = transverse_axes(axis)
+        return Vector(offset.dot(x_axis), offset.dot(y_axis), offset.dot(axis))
 
     def relative_angle(self, motions: Motions) -> Row:
         """Return the journal's angle about the bearing's axis, rad in [-pi, pi], as a `Row`. It is
@@ -570,8 +572,8 @@ class ClearanceJoint(AbstractCentredJoint):
         # angle of the normal, `slope` in m/rad, is the distance of the contact point from the line
         # through the bearing's centre along the normal. The journal's centre has the same distance.
         frame = transverse_axes(unit(Vector(*along)))
-        first, second = (np.array([*direction], float) for direction in frame)
-        wall = self.bearing_profile.at(math.atan2(across @ second, across @ first))
+        x_axis, y_axis = (np.array([*direction], float) for direction in frame)
+        wall = self.bearing_profile.at(math.atan2(across @ y_axis, across @ x_axis))
         beside = np.cross(along, across / size)
         offset = (distance + wall.value) / size * across + wall.slope * beside
         return self._ideal(self.bearing_point + np.asarray(offset))

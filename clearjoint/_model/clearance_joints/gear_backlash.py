@@ -324,6 +324,6 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         # internal gear this is on the side away from the internal gear's centre.
         half, beyond = 0.5 * self.module, math.pi if self.teeth_second < 0.0 else 0.0
         gap = math.pi / self.teeth_first - self.phase
-        teeth = self.teeth_first, self.teeth_second
-        pen.gear(first, radius=half * teeth[0], teeth=teeth[0], phase=gap + beyond)
-        pen.gear(second, radius=half * teeth[1], teeth=teeth[1], phase=math.pi)
+        teeth_first, teeth_second = self.teeth_first, self.teeth_second
+        pen.gear(first, radius=half * teeth_first, teeth=teeth_first, phase=gap + beyond)
+        pen.gear(second, radius=half * teeth_second, teeth=teeth_second, phase=math.pi)

@@ -127,7 +127,7 @@ class LiuCylinder(AbstractCylinder):
 
     @override
     def line_force(self, gap: Gap, depth: Scalar) -> Scalar:
-        clearance = radii_of(gap)[2]
+        _, _, clearance = radii_of(gap)
         root = jnp.sqrt(depth / (2.0 * (clearance + depth)))
         return 0.5 * jnp.pi / self.compliance() * depth * root
 
@@ -148,19 +148,21 @@ class PereiraCylinder(AbstractCylinder):
 
     @override
     def line_force(self, gap: Gap, depth: Scalar) -> Scalar:
-        clearance = 1e3 * radii_of(gap)[2]
+        # As the formula requires, lengths are in mm, and `modulus` is in MPa.
+        _, _, clearance = radii_of(gap)
+        clearance_mm = 1e3 * clearance
         # The clip keeps the logarithm positive: it vanishes at a clearance of 0.001 mm, which is
         # below the valid range.
-        narrow = 1.51 * jnp.log(1e3 * jnp.clip(clearance, 5e-3, 0.34954)) ** -0.151
-        slope = jnp.where(clearance < 0.34954, narrow, 0.0151 * clearance + 1.151)
-        exponent = slope * clearance**-0.005
+        narrow = 1.51 * jnp.log(1e3 * jnp.clip(clearance_mm, 5e-3, 0.34954)) ** -0.151
+        y = jnp.where(clearance_mm < 0.34954, narrow, 0.0151 * clearance_mm + 1.151)
+        exponent = y * clearance_mm**-0.005
         modulus = 1e-6 / self.compliance()
-        factor = (0.965 * clearance + 0.0965) * modulus / clearance
+        factor = (0.965 * clearance_mm + 0.0965) * modulus / clearance_mm
         return 1e3 * factor * (1e3 * depth) ** exponent
 
     @override
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        clearance = radii_of(gap)[2]
+        _, _, clearance = radii_of(gap)
         return (Limit(type(self).__name__, "clearance", "m", clearance, 5e-6, 10e-3),)
 
 
@@ -191,13 +193,13 @@ class PerssonCylinder(AbstractCylinder):
 
     @override
     def line_force(self, gap: Gap, depth: Scalar) -> Scalar:
-        clearance = radii_of(gap)[2]
+        _, _, clearance = radii_of(gap)
         # b^2 = tan^2(half-angle/2) = (1 - cos)/(1 + cos) for the cosine dR/(dR + delta).
         return self._line_load(depth / (2.0 * clearance + depth), clearance)
 
     def half_angle(self, gap: Gap) -> Scalar:
         """Return the half-angle of the contact at the penetration of a gap, rad."""
-        clearance = radii_of(gap)[2]
+        _, _, clearance = radii_of(gap)
         return jnp.arccos(clearance / (clearance + jnp.maximum(gap.depth, 0.0)))
 
     def load(self, half_angle: Scalar, clearance: Scalar) -> Scalar:
@@ -213,7 +215,8 @@ class PerssonCylinder(AbstractCylinder):
 
     @override
     def deepest(self, gap: Gap) -> Scalar:
-        return 2.0 * _MOST_CONTACT / (1.0 - _MOST_CONTACT) * radii_of(gap)[2]
+        _, _, clearance = radii_of(gap)
+        return 2.0 * _MOST_CONTACT / (1.0 - _MOST_CONTACT) * clearance
 
 
 @jax.custom_jvp
@@ -247,7 +250,8 @@ class AbstractLogarithmicCylinder(AbstractCylinder):
 
     def reference_load(self, gap: Gap) -> Scalar:
         """Return the load A for the radii of a gap, N/m."""
-        return self.factor * radii_of(gap)[2] / self.compliance()
+        _, _, clearance = radii_of(gap)
+        return self.factor * clearance / self.compliance()
 
     def _flatness(self) -> Scalar:
         return self.compliance() / jnp.pi
@@ -416,10 +420,10 @@ class GreenwoodTripp(AbstractConverting):
         # (depth - clearance phi^2/2)/sigma, which is zero at phi = sqrt(2 depth/clearance), the end
         # of the arc. With x = phi over this angle it is (depth/sigma) (1 - x^2). So the integral is
         # `AROUND` times (depth/sigma)^EXPONENT times half the arc, radius sqrt(2 depth/clearance),
-        # whose factor sqrt(depth/sigma) is contained in `ratio`.
-        ratio = positive_power(depth / self.roughness, EXPONENT + 0.5)
+        # whose factor sqrt(depth/sigma) is contained in `power`.
+        power = positive_power(depth / self.roughness, EXPONENT + 0.5)
         arc = radius * square_root(2.0 * self.roughness / clearance)
-        return self._scale() * AROUND * length * arc * ratio
+        return self._scale() * AROUND * length * arc * power
 
     def _scale(self) -> Scalar:
         """Return the pressure, Pa, at a distance of 3 sigma, where (4 - h/sigma)^6.804 is one."""

@@ -126,8 +126,8 @@ _GIVE_MODULUS = "give E in Pa; 1 GPa is 1e9 Pa"
 class AbstractElasticity(AbstractConverting):
     """Base class of the elastic force of a contact, which laws accept as their `stiffness`.
 
-    The force is K delta^n, with a stiffness K, the penetration delta and the law's exponent n, or it
-    is any other function of delta, which ignores n.
+    The force is K delta^n, with a stiffness K, the penetration delta and the law's exponent n, or
+    any other function of delta, which ignores n.
 
     >>> foundation = cj.laws.LiuCylinder(207e9, 0.3, length=10e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)

@@ -295,8 +295,8 @@ SI = "give it in SI units"
 
 
 def limited(torque: Scalar, lowest: Scalar, highest: Scalar, width: Scalar) -> Scalar:
-    """Return a torque limited to the range from `lowest` to `highest`, N m. From `width`, N m, below
-    each limit to `width` above it, a parabola replaces the kink."""
+    """Return a torque limited to the range from `lowest` to `highest`, N m. From `width` below each
+    limit to `width` above it, N m, a parabola replaces the kink."""
     # The excess above the upper limit is subtracted, and the shortfall below the lower limit is
     # added. Ramps make both zero between the limits; they are smooth, so that the torque has no
     # kinks.

@@ -174,6 +174,7 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
     def updated_memory(
         self, name: str, memory: ForceMemory, motions: Motions, t: Scalar
     ) -> dict[str, Scalar]:
+        # Names of the stored commands, from the newest to the oldest.
         commands = self._commands()
         if name == "command":
             # Number of samples in the delay, with one that is later by a rounding error: by so many

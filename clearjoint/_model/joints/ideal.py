@@ -423,10 +423,10 @@ class PlanarMotion(AbstractTurning):
         apart, spin = relative.displacement, relative.twist.angular
         offset = rotation @ apart
         velocity = rotation @ (relative.twist.linear + spin.cross(apart))
-        first, second = transverse_axes(self.normal_parent)
+        x_axis, y_axis = transverse_axes(self.normal_parent)
         return JointState(
-            (offset.dot(first), offset.dot(second), angle),
-            (velocity.dot(first), velocity.dot(second), spin.dot(self.axis)),
+            (offset.dot(x_axis), offset.dot(y_axis), angle),
+            (velocity.dot(x_axis), velocity.dot(y_axis), spin.dot(self.axis)),
         )
 
     @override

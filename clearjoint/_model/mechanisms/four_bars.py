@@ -146,12 +146,12 @@ def _intersection(tip: np.ndarray, foot: np.ndarray, coupler: float, rocker: flo
     # The pin's coordinate along the line between the centres, and the square of the pin's distance
     # from this line.
     along = (coupler**2 - rocker**2 + distance**2) / (2.0 * distance) if distance else math.inf
-    height = coupler**2 - along**2
+    squared_height = coupler**2 - along**2
     expected = f"rods that span the {distance:.6g} m from the crank pin to the rocker foot"
     remedy = "choose another angle, or other lengths"
-    require(height > 0.0, "lengths", (coupler, rocker), expected, remedy)
+    require(squared_height > 0.0, "lengths", (coupler, rocker), expected, remedy)
     normal = _perpendicular(across) / distance
-    return tip + along * across / distance + math.sqrt(height) * normal
+    return tip + along * across / distance + math.sqrt(squared_height) * normal
 
 
 def _perpendicular(vector: np.ndarray) -> np.ndarray:
