@@ -113,7 +113,7 @@ class PinInSlot(AbstractFrictionJoint):
 
     @override
     def centred_joint(self) -> AbstractConstraint:
-        """Return a joint that keeps the pin midway between the walls, but not between the ends."""
+        """Return a joint that keeps the pin midway between the walls, but free along the slot."""
         return self._ideal(self.slot_point)
 
     @override

@@ -96,7 +96,8 @@ class AbstractAxialPolicy(AbstractConverting):
         return None
 
     def shoulder_friction(self) -> tuple[AbstractFriction, Scalar] | None:
-        """Return the shoulders' friction law and mean radius, m; by default ``None``, for none."""
+        """Return the friction law of the shoulders and the mean radius of their faces, m; ``None``,
+        the default, for no friction."""
         return None
 
     def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:
@@ -557,7 +558,7 @@ class ClearanceJoint(AbstractCentredJoint):
         along = np.asarray(self.bearing_axis) / np.linalg.norm(self.bearing_axis)
         across = load - (load @ along) * along
         size = np.linalg.norm(across)
-        # A load along the axis presses the journal against no side of the wall.
+        # A load along the axis alone presses the journal against no side of the wall.
         if not size > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
             return None
         # The contacts share the load: the axes are parallel, so that all are equally deep.

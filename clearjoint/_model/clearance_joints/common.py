@@ -240,7 +240,7 @@ def offset_at_flat_wall(
     """
     upward = np.asarray(normal) / np.linalg.norm(normal)
     component = load @ upward
-    # A load along the walls presses the part against neither of them.
+    # A load along the walls alone presses the part against neither of them.
     if not abs(component) > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
         return None
     distance = clearance + resting_depth(laws, float(abs(component)), deepest)

@@ -159,8 +159,8 @@ class StiffnessSpline(AbstractMeshStiffness):
 
     @staticmethod
     def through(values: ArrayLike) -> "StiffnessSpline":
-        """Return the spline through values (N,) at the mesh angles 0, 2 pi/N, 4 pi/N, ... Divide
-        stiffnesses by that of the law."""
+        """Return the spline through values (N,) at the mesh angles 0, 2 pi/N, 4 pi/N, ... Each is
+        the stiffness at its angle over that of the law."""
         return StiffnessSpline(PeriodicSpline.through(values).coefficients)
 
     @override

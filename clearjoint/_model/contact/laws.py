@@ -79,7 +79,8 @@ def slip_velocity(relative: Vector, normal: Vector, rate: Scalar) -> Vector:
 
 class Limit(NamedTuple):
     """The range from `least` to `most` of a quantity, such as "penetration", in which a law is
-    valid, and the quantity's `value` at a contact. `law` is the name of the law's class.
+    valid, and the quantity's `value` at a contact, all in `unit`. `law` is the name of the law's
+    class.
 
     >>> cylinder = cj.laws.JohnsonCylinder(207e9, 0.3, length=10e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -416,7 +417,8 @@ def require_instance(argument: str, value: object, *kinds: type, remedy: str = "
 
 def require_flat_law(law: object, surfaces: str) -> None:
     """Raise a `ValueError` unless a law can be used between flat `surfaces`, such as "flanks". The
-    stiffness of an `AbstractElasticLaw` must be a number, since others may depend on radii."""
+    stiffness of an `AbstractElasticLaw` must be a number, since an `AbstractElasticity` may depend
+    on radii."""
     require_instance("law", law, AbstractContactLaw)
     # Whether a law of another class reads the radii is not visible from outside.
     if isinstance(law, AbstractElasticLaw):

@@ -42,8 +42,8 @@ from .functions_of_time import (
 class AbstractDrive(AbstractPair):
     """Base class of elements that prescribe a body's angle about an axis, or apply a torque to it.
     They do not hold the bodies on the axis: add a revolute joint, ideal or with clearance. `axis`
-    is in the first body's axes, any length. `orientation`, (4,) Euler parameters, transforms
-    components in the second body's axes to the first body's axes at angle zero."""
+    is in the first body's axes, any length. `orientation`, (4,) Euler parameters, scalar first,
+    transforms components in the second body's axes to the first body's axes at angle zero."""
 
     axis: eqx.AbstractVar[Triple]
     orientation: eqx.AbstractVar[Quadruple]

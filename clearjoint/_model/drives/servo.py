@@ -158,8 +158,8 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
         last_sample = self.instants()["sample"].latest(t)
         # The last sample was before the start: there the angle was another one.
         memory = {"angle": angle - speed * (t - last_sample)}
-        # Zero, of the same type as the angle.
         if self.integral is not None:
+            # Zero, of the same type as the angle.
             memory["integral"] = 0.0 * angle
         if self.speed_limit is not None:
             memory["goal"] = angle
