@@ -120,6 +120,8 @@ class LiuCylinder(AbstractCylinder):
 
     $$F = \frac{\pi}{2} E^* L \delta \sqrt{\frac{\delta}{2 (\Delta R + \delta)}}$$
 
+    The symbols are those of `AbstractCylinder`.
+
     >>> law = cj.laws.Hertz(cj.laws.LiuCylinder(207e9, 0.3, length=20e-3))
     >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")
     251 N
@@ -138,8 +140,8 @@ class PereiraCylinder(AbstractCylinder):
     $$F = \frac{(0.965 \Delta R + 0.0965) L E^*}{\Delta R} \delta^n, \quad n = Y \Delta R^{-0.005}$$
 
     The formula is in mm, N and MPa, but all arguments are in SI units. Y is 1.51 (ln(1000
-    dR))^-0.151 for clearances dR below 0.34954 mm, and 0.0151 dR + 1.151 above. The authors use the
-    damping of `LankaraniNikravesh`.
+    dR))^-0.151 for clearances dR below 0.34954 mm, and 0.0151 dR + 1.151 above. Other symbols are
+    those of `AbstractCylinder`. The authors use the damping of `LankaraniNikravesh`.
 
     >>> law = cj.laws.Hertz(cj.laws.PereiraCylinder(207e9, 0.3, length=20e-3))
     >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")
@@ -177,13 +179,13 @@ class PerssonCylinder(AbstractCylinder):
     $$\frac{E' \Delta R}{P} = \frac{2 - \ln(b^2 + 1) - 2 b^4}{\pi b^2 (b^2 + 1)}, \quad b =
     \tan\frac{\varepsilon}{2}$$
 
-    epsilon is the half-angle of the contact, and E' = E/(1 - nu^2); for different materials 2 E*
-    replaces E'. Persson's theory doesn't give the penetration. Here the half-angle follows from the
-    overlap of the undeformed circles as in `LiuCylinder`, cos(epsilon) = dR/(dR + delta). For small
-    penetrations the force is then several times that of the other formulas. `half_angle` and `load`
-    show where a contact is too conformal for formulas that assume a small half-angle. Penetrations
-    up to eight clearances, where nearly half of the bearing's circumference is in contact, count as
-    valid.
+    epsilon is the half-angle of the contact, P the force per length, dR the radial clearance, and
+    E' = E/(1 - nu^2); for different materials 2 E* (see `AbstractCylinder`) replaces E'. Persson's
+    theory doesn't give the penetration. Here the half-angle follows from the overlap of the
+    undeformed circles as in `LiuCylinder`, cos(epsilon) = dR/(dR + delta). For small penetrations
+    the force is then several times that of the other formulas. `half_angle` and `load` show where a
+    contact is too conformal for formulas that assume a small half-angle. Penetrations up to eight
+    clearances, where nearly half of the bearing's circumference is in contact, count as valid.
 
     >>> cylinder = cj.laws.PerssonCylinder(207e9, 0.3, length=20e-3)
     >>> load = cylinder.load(np.pi / 4, clearance=0.1e-3)  # of a half-angle of 45 degrees
@@ -276,6 +278,8 @@ class JohnsonCylinder(AbstractLogarithmicCylinder):
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{4 \pi E^* \Delta R}{P} - 1\right)$$
 
+    The symbols are those of `AbstractCylinder`.
+
     >>> law = cj.laws.Hertz(cj.laws.JohnsonCylinder(207e9, 0.3, length=20e-3))
     >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")
     1032 N
@@ -288,6 +292,8 @@ class EsduCylinder(AbstractLogarithmicCylinder):
     r"""Line contact of ESDU 78035, valid for penetrations up to four clearances.
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{4 \pi E^* \Delta R}{P} + 1\right)$$
+
+    The symbols are those of `AbstractCylinder`.
 
     >>> law = cj.laws.Hertz(cj.laws.EsduCylinder(207e9, 0.3, length=20e-3))
     >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")
@@ -303,9 +309,10 @@ class RadzimovskyCylinder(AbstractLogarithmicCylinder):
     $$\delta = \frac{P}{\pi E^*} \left(\frac{2}{3} + \ln \frac{4 R_i}{b} + \ln \frac{4
     R_j}{b}\right), \quad b = 1.60 \sqrt{\frac{P R}{E^*}}$$
 
-    b is the width of the contact, and R = R_i R_j/dR the relative radius. The formula is used as
-    printed, although the factor 1.60 of Roark's handbook belongs to diameters; with 2.26, that for
-    radii, the penetration would be smaller by P/(pi E*) ln 2.
+    b is the width of the contact, and R = R_i R_j/dR the relative radius; other symbols are those
+    of `AbstractCylinder`. The formula is used as printed, although the factor 1.60 of Roark's
+    handbook belongs to diameters; with 2.26, that for radii, the penetration would be smaller by
+    P/(pi E*) ln 2.
 
     >>> law = cj.laws.Hertz(cj.laws.RadzimovskyCylinder(207e9, 0.3, length=20e-3))
     >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")
@@ -333,7 +340,8 @@ class DubowskyFreudensteinCylinder(AbstractLoadByLength):
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{L^3 \Delta R}{F R_i R_j S} + 1\right)$$
 
-    S is 1/(pi E*). The formula is valid for penetrations up to L^2 dR/(R_i R_j).
+    S is 1/(pi E*); other symbols are those of `AbstractCylinder`. The formula is valid for
+    penetrations up to L^2 dR/(R_i R_j).
 
     >>> law = cj.laws.Hertz(cj.laws.DubowskyFreudensteinCylinder(207e9, 0.3, length=20e-3))
     >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")

@@ -184,8 +184,8 @@ class Jankowski(AbstractTunedDashpotLaw):
     $$F = K \delta^{3/2} + 2 z \sqrt{K m}\, \delta^{1/4} \dot\delta \;(\dot\delta > 0), \quad z =
     \frac{9 \sqrt{5}}{2} \frac{1 - c^2}{c (c (9 \pi - 16) + 16)}$$
 
-    In the rebound the force is K delta^1.5. It never pulls, and the delivered restitution is close
-    to c. The arguments are those of `KelvinVoigt`.
+    In the rebound the force is K delta^1.5. The force never pulls, and the delivered restitution is
+    close to the requested one, c. The arguments are those of `KelvinVoigt`.
 
     >>> law = cj.laws.Jankowski(restitution=0.5, stiffness=1e9, effective_mass=1.0)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=-0.1), None):.1f}")  # N, on the rebound

@@ -69,7 +69,7 @@ class AbstractRegularisedFriction(AbstractFriction):
 
 
 class RegularisedCoulomb(AbstractRegularisedFriction):
-    r"""Coulomb friction that is smooth around zero speed.
+    r"""Coulomb friction that is smooth around zero speed; v_d is the `regularisation_speed`.
 
     $$\mu(v) = \mu \tanh\frac{v}{v_d}$$
 
@@ -83,7 +83,7 @@ class RegularisedCoulomb(AbstractRegularisedFriction):
 
 
 class LinearCoulomb(AbstractRegularisedFriction):
-    r"""Coulomb friction that is linear below the speed v_d.
+    r"""Coulomb friction that is linear below v_d, the `regularisation_speed`.
 
     $$\mu(v) = \mu \min\left(\frac{v}{v_d}, 1\right)$$
 
@@ -101,7 +101,8 @@ class Threlfall(AbstractRegularisedFriction):
 
     $$\mu(v) = \mu \left(1 - e^{-3 \min(v / v_d, 1)}\right)$$
 
-    Above v_d, mu(v) is 0.9502 mu. With 0.95 mu, which is often printed, the law would jump at v_d.
+    Above v_d, the `regularisation_speed`, mu(v) is 0.9502 mu. With 0.95 mu, which is often printed,
+    the law would jump at v_d.
 
     >>> print(f"{cj.frictions.Threlfall(0.1).ratio(0.5):.4f}")  # 0.1 (1 - exp(-3))
     0.0950
@@ -304,8 +305,8 @@ class AbstractBristleFriction(AbstractConverting):
 
     @abc.abstractmethod
     def full_deflection(self) -> Scalar:
-        """Return the approximate deflection in steady sliding, m. The step size control relates
-        the error of the deflection to it."""
+        """Return the approximate deflection in steady sliding, m: the scale to which the step size
+        control relates the error of the deflection."""
 
     def stored_energy(self, deflection: Vector) -> Scalar:
         """Return the energy that the bristles can give back, over the normal force, m. The default
