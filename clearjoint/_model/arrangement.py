@@ -16,7 +16,8 @@ TOLERANCE = 1e-6
 distance between its points, relative to the larger of their distances from the bodies' origins, but
 to at least 1 mm. It is far above rounding errors, and far below usual clearances."""
 Pose: TypeAlias = tuple[np.ndarray, Rotation]
-"""Position of a body's centre of mass, (3,) m, and rotation from body to global axes."""
+"""Position of a body's centre of mass, (3,) m in global axes, and rotation from body to
+global axes."""
 
 
 def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0) -> State:
@@ -24,18 +25,20 @@ def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0)
 
     Each joint places the next body, at rest, such that the joint's two points coincide. The body's
     axes are parallel to those of the body before it, or turned by the smallest rotation that makes
-    the joint's axes parallel. Points and axes are those at which the joint's `draw` draws it;
-    joints that are drawn without a pair of points, such as a `DistanceJoint` or gears, are ignored.
+    the joint's axes parallel. A joint's points and axes are those of the two markers at which its
+    `draw` draws it; joints that are drawn without such a pair, such as a `DistanceJoint` or gears,
+    are ignored.
     The first body of a chain that is connected neither with the ground nor with a body of `given`
     is at the origin, parallel to the global axes. A closed chain may stay open at one of its
     joints: see `satisfies_joints`.
 
     **Arguments:**
 
-    - `given`: state of some bodies, kept with its entry speeds, work and bristles; none by default.
-    - `angle`: rad, by which the first joint is turned about its axis. Each further joint has -1.3
-      times the angle of the one before, also if it is not turned for lack of an axis. At zero, the
-      default, the links of a planar chain are parallel, perhaps in a singular position that
+    - `given`: state of some bodies; its other entries, such as entry speeds and work, are kept too.
+      ``None``, the default, for no bodies.
+    - `angle`: rad, by which the first joint is turned about its axis. The angle is multiplied by
+      -1.3 for each further joint; joints without an axis count too, but are not turned. At zero,
+      the default, the links of a planar chain are parallel, perhaps in a singular position that
       `assemble` can't leave.
     """
     given = State({}) if given is None else given
@@ -45,6 +48,7 @@ def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0)
         # The next joint between a body that has a place and one that has none.
         pair = next((p for p in joined if (p[0].body in poses) != (p[1].body in poses)), None)
         if pair is None:
+            # No joint leads to the other bodies: one of them begins a chain of its own.
             poses[missing[0]] = np.zeros(3), Rotation.identity()
             continue
         placed, other = pair if pair[0].body in poses else pair[::-1]
@@ -64,14 +68,14 @@ def satisfies_joints(scene: Scene, state: State) -> bool:
     Joints that close loops are tested too; joints that `arranged_state` ignores are not."""
     poses = _poses(state)
     for pair in survey(scene).joined:
-        (first, along), (second, along_second) = (_in_space(poses[m.body], m) for m in pair)
+        (point, axis), (other_point, other_axis) = (_in_space(poses[m.body], m) for m in pair)
         # At least 1 mm, since the points may be at the centres of mass.
         size = max(1e-3, *(float(np.linalg.norm(marker.point)) for marker in pair))
-        if np.linalg.norm(first - second) > TOLERANCE * size:
+        if np.linalg.norm(point - other_point) > TOLERANCE * size:
             return False
-        if along is not None and along_second is not None:
-            lengths = np.linalg.norm(along) * np.linalg.norm(along_second)
-            if np.linalg.norm(np.cross(along, along_second)) > TOLERANCE * lengths:
+        if axis is not None and other_axis is not None:
+            lengths = np.linalg.norm(axis) * np.linalg.norm(other_axis)
+            if np.linalg.norm(np.cross(axis, other_axis)) > TOLERANCE * lengths:
                 return False
     return True
 
@@ -92,10 +96,14 @@ def _in_space(pose: Pose, marker: Marker) -> tuple[np.ndarray, np.ndarray | None
 
 
 def _joined(pose: Pose, placed: Marker, other: Marker, angle: float) -> Pose:
-    """Return the pose of the body of `other` in which its point coincides with that of `placed`. If
-    both have an axis, the axes are parallel: the body is turned from the orientation of the body of
-    `placed` by the smallest rotation that achieves this, and then by `angle` about the axis."""
-    rotation = pose[1]
+    """Return the pose of a body that a joint connects with a placed body, which has the given pose.
+
+    The point of the marker `other`, on the body, coincides with the point of the marker `placed`,
+    on the placed body. If both markers have an axis, the body is turned from the placed body's
+    orientation by the smallest rotation that makes the axes parallel, and then by `angle`, rad,
+    about the axis.
+    """
+    _, rotation = pose
     point, target = _in_space(pose, placed)
     if target is not None and other.axis is not None:
         axis = rotation.apply(other.axis)

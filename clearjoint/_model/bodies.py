@@ -58,7 +58,7 @@ def _mass(mass: Number, density: Number, volume: Number) -> Number:
 
 
 def _inner(inner_diameter: Number, diameter: Number) -> Number:
-    """Return the checked diameter of a hole, m, zero for none."""
+    """Return the checked inner diameter of a body, m: below its outer `diameter`, zero if solid."""
     inner = as_number(inner_diameter)
     require_positive("inner_diameter", inner, "give it in m", zero=True)
     expected = "less than the diameter, {1} m"
@@ -114,14 +114,14 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
 
 def _is_positive_definite(matrix: np.ndarray | jax.Array) -> bool | jax.Array:
     """Return whether a symmetric matrix, (3, 3), has positive pivots in Gaussian elimination.
-    Native code, which evaluates checks fast, has no rule for eigenvalues."""
+    Eigenvalues are not used, since native code, which evaluates checks fast, can't compute them."""
     xp = matrix.__array_namespace__()
     (a, b, c), (_, d, e), (_, _, f) = matrix
     # Pivots that are not positive are replaced by one, so that nothing is divided by zero.
-    first = xp.where(a > 0, a, 1.0)
-    d, e, f = d - b * b / first, e - b * c / first, f - c * c / first
-    second = xp.where(d > 0, d, 1.0)
-    return (a > 0) & (d > 0) & (f - e * e / second > 0)
+    first_pivot = xp.where(a > 0, a, 1.0)
+    d, e, f = d - b * b / first_pivot, e - b * c / first_pivot, f - c * c / first_pivot
+    second_pivot = xp.where(d > 0, d, 1.0)
+    return (a > 0) & (d > 0) & (f - e * e / second_pivot > 0)
 
 
 class Body(AbstractReadable):
@@ -182,9 +182,9 @@ class Body(AbstractReadable):
 
         **Arguments:**
 
-        - `length`, `diameter`: m. Without a diameter, which only a mass allows, the rod is slender:
-          its transverse moments are m l^2/12, and the moment about its axis is that of a steel bar
-          of its mass and length.
+        - `length`, `diameter`: m. The diameter may be omitted if the mass is given. The rod is then
+          slender: its transverse moments are m l^2/12, and the moment about its axis is that of a
+          round steel bar of the same mass and length.
         - `axis`: direction of the rod, "x", "y" or "z".
 
         **Raises:** `ValueError` also if a density is given without a diameter, or if the steel bar
@@ -278,15 +278,16 @@ class Body(AbstractReadable):
         return float(np.sqrt(0.5 * trace / np.asarray(self.mass)))
 
     def angular_momentum(self, spin: Vector) -> Vector:
-        """Return the angular momentum about the centre of mass, kg m^2/s in body axes, of a body in
-        scalar form (see `unpack`)."""
+        """Return the angular momentum about the centre of mass, kg m^2/s in body axes, at a `spin`,
+        rad/s in body axes. The body must be in scalar form (see `unpack`)."""
         if isinstance(self.inertia, Matrix):
             return self.inertia @ spin
         return spin.componentwise_product(self.inertia)
 
 
 def _round_body(axis: str, mass: Number, about: Number, across: Number) -> Body:
-    """Return a body with the moments of inertia `about` an axis and `across` it, kg m^2."""
+    """Return a body with the moments of inertia, kg m^2, `about` its axis "x", "y" or "z", and
+    `across` this axis."""
     require(axis in AXES, "axis", axis, f"one of {AXES}", "pass one of these")
     return Body(mass, as_numbers([about if axis == name else across for name in AXES]))
 
@@ -322,10 +323,10 @@ class State(AbstractReadable):
 
     - `bodies`: `BodyState` of each body by name, without the ground.
     - `entry_speeds[joint][contact]`: entry speed of the current contact, m/s, zero without contact;
-      only for laws that use it. A contact that is closed when a run starts, without an entry speed
-      or with zero, gets 1e9 m/s, which makes the damping negligible, or its penetration rate if its
-      depth is at most 1e-12 m. States saved by `simulate_nonsmooth`, whose contacts are rigid, list
-      zero for each contact.
+      only for laws that use it. When a run starts, a missing or zero entry speed of a closed
+      contact is replaced: by the penetration rate if the depth is at most 1e-12 m, otherwise by 1e9
+      m/s, which makes the damping negligible. States saved by `simulate_nonsmooth`, whose contacts
+      are rigid, list zero for each contact.
     - `work`: energies since the start, J, by name: "normal damping", "friction", "film" and
       "stabilisation", positive if taken from the motion, and "supplied", positive if drives and
       loads supplied it; empty unless the run has ``Settings(ledger=True)``.
@@ -368,7 +369,8 @@ class State(AbstractReadable):
 
 @tree_dataclass
 class Wrench:
-    """A force at a body's centre of mass, N in global axes, and a moment, N m in body axes.
+    """A force at a body's centre of mass, N in global axes, and a moment about this point, N m in
+    body axes.
 
     >>> motion = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> motion.wrench(extend.Vector(0.0, 10.0, 0.0), extend.Vector(0.5, 0.0, 0.0)).moment.z  # N m
@@ -397,7 +399,8 @@ Vector(x=0.0, y=0.0, z=0.0)
 class Anchor:
     """A point of a moving body near a fixed point of the ground, to reduce rounding errors.
 
-    - `local`: the point, m from the centre of mass in body axes; `velocity`: m/s in global axes.
+    - `local`: the body's point, m from the centre of mass in body axes; `velocity`: of this point,
+      m/s in global axes.
     - `origin`: the fixed point, m in global axes.
     - `offset`: from the fixed point to the body's point, m in global axes. As a difference of
       coordinates of about a metre it would have too few digits for penetrations of nanometres.

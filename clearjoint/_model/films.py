@@ -104,7 +104,8 @@ class CaponeFilm(AbstractFilm):
 
     With x = `FilmGap.offset`, u = `FilmGap.rate`, the unit vector e along u and the axis n: rho = 1
     - x.x, d = x.e, q = n.(x cross e), G = 2/sqrt(rho) (pi/2 + atan(d/sqrt(rho))), V = (2 + d G)/rho
-    and Q = q/(1 - q^2). G. Adiletta, A. R. Guido, C. Rossi 1996 give it in components along fixed
+    and Q = q/(1 - q^2). mu is the viscosity, R the bearing's radius, L the film's length and c the
+    clearance. G. Adiletta, A. R. Guido, C. Rossi 1996 give the force in components along fixed
     axes.
 
     Choose it for short bearings: it is exact in the limit of small L/D, with the diameter D = 2R.
@@ -143,15 +144,16 @@ class PinkusSternlichtFilm(AbstractFilm):
     With the eccentricity ratio e, its rate e', and w, the sum of the spins of journal and bearing
     minus twice the rate of the offset's angle, let k^2 = (1 - e^2) ((w/(2 e'))^2 + 1/e^2). The
     radial force on the journal is positive along the offset, and the tangential force is positive a
-    quarter revolution ahead of it about the axis. For e' > 0 they are
+    quarter revolution ahead of the offset about the axis. For e' > 0 these two forces, over mu L
+    R^3/c^2 (viscosity mu, film length L, bearing radius R, clearance c), are in this order
 
         -6 e' (4 k e^2 + (2 + e^2) pi) (k + 3)/((2 + e^2) (1 - e^2)^1.5 (k + 3/2)), 6 pi e w (k +
         3)/((2 + e^2) (1 - e^2)^0.5 (k + 3/2)).
 
-    Both are multiplied by mu L R^3/c^2. For e' < 0, k replaces k + 3, and the radial force begins
-    with 6 e' (4 k e^2 - (2 + e^2) pi) instead. At e' = 0 both cases have the same limit, which is
-    the force there. The cited papers print the leading sign of the radial force for e' < 0 wrongly:
-    with their sign, the force would jump at e' = 0.
+    For e' < 0, k replaces k + 3 in both forces, and the radial force begins with 6 e' (4 k e^2 - (2
+    + e^2) pi) instead. At e' = 0 both cases have the same limit, which is the force there. The
+    cited papers print the leading sign of the radial force for e' < 0 wrongly: with their sign, the
+    force would jump at e' = 0.
 
     The formula is approximate: its error is 1 to 23 % for moderate squeeze and 34 % where squeeze
     dominates. An infinitely long bearing carries far more than a short one.
@@ -201,8 +203,8 @@ LOAD = (
     (1.1642, -1.9456, 7.1161, -10.1073, 5.0141),
     (-1.000026, -0.023634, -0.4215, -0.038817, -0.090551),
 )
-"""Coefficients of the source's a1 and a2, for the load that rotation carries; these and those below
-are polynomials of the width-to-diameter ratio, lowest power first."""
+"""Coefficients of the source's a1 and a2, for the load that rotation carries. Each row, also in
+`ATTITUDE` and `SQUEEZE`, is a polynomial of the width-to-diameter ratio, lowest power first."""
 ATTITUDE = (
     (1.152624, -0.104565),
     (-2.5905, 0.798745),
@@ -210,7 +212,7 @@ ATTITUDE = (
     (-13.3414, 3.424337),
     (6.6294, -1.591732),
 )
-"""Coefficients of a3 to a7, for the angle between load and line of centres."""
+"""Coefficients of a3 to a7, for the angle between load and line of centres; a3 is the first row."""
 SQUEEZE = (
     (0.70038, 3.2415, -12.2486, 18.895, -9.3561),
     (-0.999935, 0.0157434, -0.74224, 0.42278, -0.368928),
@@ -221,14 +223,14 @@ SQUEEZE = (
 class ButenschoenFilm(AbstractFilm):
     """Film of finite width: fits to solutions of Reynolds' equation for rotation and for squeeze.
 
-    Let B be the width of the film along the axis, D the bearing's diameter, psi = 2c/D, eps the
-    eccentricity ratio, delta the angle of the line of centres, eps' and delta' their rates, and
-    Omega the sum of the spins of journal and bearing minus 2 delta'. The line of centres is along
-    the offset of the journal. Rotation carries the load So_D B D mu |Omega|/psi^2 at the angle beta
-    from the line of centres, against the sense of Omega, and squeeze carries the load So_V B D mu
-    eps'/psi^2 along this line. The load numbers So_D and So_V and the angle beta are fitted
-    functions of B/D and eps; So_V also depends on the sign of eps'. So_D deviates by -3.3 to 6.8 %
-    from tabulated values.
+    Let B be the width of the film along the axis, D the bearing's diameter, psi = 2c/D with the
+    radial clearance c, mu the viscosity, eps the eccentricity ratio, delta the angle of the line of
+    centres, eps' and delta' their rates, and Omega the sum of the spins of journal and bearing
+    minus 2 delta'. The line of centres is along the offset of the journal. Rotation carries the
+    load So_D B D mu |Omega|/psi^2 at the angle beta from the line of centres, against the sense of
+    Omega, and squeeze carries the load So_V B D mu eps'/psi^2 along this line. The load numbers
+    So_D and So_V and the angle beta are fitted functions of B/D and eps; So_V also depends on the
+    sign of eps'. So_D deviates by -3.3 to 6.8 % from tabulated values.
 
     Choose it for B/D from 1/8 to 1; a joint with the film warns of others with a `LawRangeWarning`.
     The two solutions are added, which is an approximation; for simultaneous rotation and squeeze in
@@ -250,7 +252,7 @@ class ButenschoenFilm(AbstractFilm):
 
     @override
     def force(self, gap: FilmGap) -> Vector:
-        width = gap.length / (2.0 * gap.bearing_radius)
+        width = gap.length / (2.0 * gap.bearing_radius)  # B/D
         ratio, _ = norm_and_direction(gap.offset)
         # The unit vector along the line of centres; it tends to zero for a centred journal.
         centres = gap.offset * (1.0 / jnp.sqrt(ratio * ratio + NEARLY_CENTRED**2))
@@ -289,7 +291,7 @@ def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
 
 
 def attitude(width: Scalar, ratio: Scalar) -> Scalar:
-    """Return the angle beta of `ButenschoenFilm`, rad."""
+    """Return the angle beta of `ButenschoenFilm`, rad. Arguments are those of `load_slope`."""
     # The angle for an infinitely long bearing, which the fit corrects for a finite width.
     long = jnp.arctan2(math.pi * jnp.sqrt(1.0 - ratio * ratio), 2.0 * ratio)
     return long * polynomial([polynomial(fit, width) for fit in ATTITUDE], ratio)

@@ -111,8 +111,8 @@ class AbstractPen(abc.ABC):
         length: Single,
         profiles: tuple[AbstractProfile | None, AbstractProfile | None] = (None, None),
     ) -> None:
-        """Draw a journal in a bearing, each along the axis of its marker; a joint draws at most
-        one, at which a view shows the forces of all its contacts.
+        """Draw a journal in a bearing, each along the axis of its marker. A joint draws at most one
+        bearing, at which a view shows the forces of all contacts of the joint.
 
         **Arguments:** `radius`: of the bearing, m, or ``None`` if unknown. `clearance`: radial, m.
         `length`: of the journal, m. `profiles`: of bearing and journal; ``None`` for a circle.

@@ -119,6 +119,7 @@ class Harmonics(AbstractProfile):
     def at(self, angle: NumberOrArray) -> Deviation:
         cosines, sines = on_device(self.cosines), on_device(self.sines)
         numpy = library((angle,))
+        # `c` and `s` are of the angle, `cosine` and `sine` of k times the angle.
         c, s = cosine, sine = numpy.cos(angle), numpy.sin(angle)
         value = slope = bend = numpy.zeros_like(cosine)
         for k in range(1, len(cosines) + 1):
@@ -137,7 +138,7 @@ class Harmonics(AbstractProfile):
 
 
 class AbstractPeriodicSpline(AbstractProfile):
-    """Base class of periodic cubic splines with evenly spaced knots; `angles` is their number."""
+    """Base class of periodic cubic splines with evenly spaced knots; `angles` returns how many."""
 
     @override
     def at(self, angle: NumberOrArray) -> Deviation:
@@ -150,6 +151,7 @@ class AbstractPeriodicSpline(AbstractProfile):
         position = (turns - numpy.floor(turns)) * count
         knot = numpy.floor(position)
         x = position - knot
+        # Coefficients at the knot before the angle's interval, at both its ends, and after it.
         near = self.coefficients_around(knot.astype(int))
         a, b, c, d = (near[..., k] for k in range(4))
         # Powers of x of the four cubic B-splines that are not zero between two knots.
@@ -161,9 +163,8 @@ class AbstractPeriodicSpline(AbstractProfile):
 
     @abc.abstractmethod
     def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:
-        """Return the coefficients from the one before a knot to the second after it, (..., 4) m.
-        The index of the knot is 0 to N - 1 for N knots, or N by rounding, which stands for knot
-        0."""
+        """Return the coefficients, (..., 4) m, at four successive knots; the second is `knot`, an
+        index from 0 to N - 1 for N knots, or N by rounding, which stands for knot 0."""
 
 
 class PeriodicSpline(AbstractPeriodicSpline):
@@ -291,8 +292,8 @@ class JournalInBearing(NamedTuple):
         # The derivative of one step is that of the maximum (implicit function theorem).
         angle = angle + self._newton_step(angle)
         cosine, sine = jnp.cos(angle), jnp.sin(angle)
-        part, _, _ = self._journal_deviation(cosine, sine)
-        return Approach(cosine, sine, self.overlap(angle) - clearance, part)
+        of_journal, _, _ = self._journal_deviation(cosine, sine)
+        return Approach(cosine, sine, self.overlap(angle) - clearance, of_journal)
 
     def overlap(self, angle: NumberOrArray) -> Scalar:
         """Return the penetration, m, at an angle, rad, for a clearance of zero."""

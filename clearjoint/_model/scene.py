@@ -100,12 +100,15 @@ class Scene(AbstractReadable):
         for name, body in self.bodies.items():
             if not body.is_massless:
                 continue
+            # A body without inertia can't move freely: two joints determine its motion, or one
+            # joint has an armature, which provides the inertia.
             ideal = [j for j in self.joints.values() if isinstance(j, AbstractConstraint)]
             joints = [joint for joint in ideal if name in joint.body_names()]
             is_driven = any(getattr(joint, "armature", None) is not None for joint in joints)
             expected = "False unless the body is between two joints, or at one with an armature"
             argument, remedy = f"bodies[{name!r}].is_massless", "give that joint an `armature`"
             require(is_driven or len(joints) > 1, argument, True, expected, remedy)
+        # Friction may be pressed by an element with an elastic force: a contact joint or a spring.
         for name, joint in self.joints.items():
             if isinstance(joint, JointFriction) and joint.pressed_by is not None:
                 springs = {n: f for n, f in self.forces.items() if isinstance(f, TorsionalSpring)}

@@ -20,8 +20,8 @@ from .common import FLANKS, AbstractFlankJoint
 
 TURN = 2.0 * math.pi
 DEFAULT_RADIUS = 0.01
-"""Radius of the flanks, m, with a torsional stiffness and an angle `play`: it does not influence
-the motion then."""
+"""Radius of the flanks, m, if it is not given: it does not influence the motion if stiffness and
+play are given as a torsional stiffness and an angle."""
 
 
 class Backlash(AbstractNamedPair, AbstractFlankJoint):
@@ -141,8 +141,8 @@ class Backlash(AbstractNamedPair, AbstractFlankJoint):
         return 0.25 * self.radius * (TURN - self.play)
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the second body's angle about the axis, rad in [-pi, pi], as a `Row`; in the
-        middle of the play it is `middle`."""
+        """Return the second body's angle about the axis, rad in [-pi, pi], as a `Row`. This angle
+        is equal to the field `middle` in the middle of the play."""
         return relative_angle_row(*self._between(motions), self.axis_first, self.axis_second)
 
     @override
@@ -162,8 +162,9 @@ class Backlash(AbstractNamedPair, AbstractFlankJoint):
             # penetration is `arm` times the angle plus a constant, so that its derivatives are
             # `arm` times those of the angle. A couple has no point of action: the contact's points
             # are arbitrary.
-            first, second = (row.jacobian[name].moment * arm for name in self.pair())
-            contacts[label] = Contact(gap, axis * side, ZERO, ZERO, None, turning=(first, second))
+            by_first, by_second = (row.jacobian[name].moment * arm for name in self.pair())
+            turning = by_first, by_second
+            contacts[label] = Contact(gap, axis * side, ZERO, ZERO, None, turning=turning)
         return contacts
 
     @override

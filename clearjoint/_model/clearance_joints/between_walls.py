@@ -25,8 +25,8 @@ from .common import (
 from .journal_bases import SIDES
 
 WALLS, ENDS = ("lower wall", "upper wall"), ("lower end", "upper end")
-"""Labels of the contacts with the walls and the ends of the slot; "upper" is on the positive side
-of its normal or axis."""
+"""Labels of the contacts with the walls and the ends of the slot. The upper wall is on the side to
+which the slot's normal points, the upper end on the side to which the slot's axis points."""
 
 
 class PinInSlot(AbstractFrictionJoint):
@@ -55,7 +55,8 @@ class PinInSlot(AbstractFrictionJoint):
     - `travel`: m, total distance that the pin can move between the ends; ``None``, the default, for
       a slot without ends.
     - `law`: normal law of the flat walls and ends; its stiffness must be given as a number.
-    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
+    - `friction`: an `AbstractFriction` or an `AbstractBristleFriction`; ``None``, the default, for
+      no friction.
 
     >>> law = cj.laws.HuntCrossley(0.8, 1e9, exponent=1.0)
     >>> slot = cj.PinInSlot("lever", "crank", play=0.1e-3, pin_radius=5e-3, travel=0.15, law=law)
@@ -98,9 +99,9 @@ class PinInSlot(AbstractFrictionJoint):
         if self.travel is not None:
             directions.append((ENDS, unit(self.slot_axis), self.travel))
         contacts = {}
-        for labels, outward, room in directions:
+        for labels, outward, total_play in directions:
             for side, label in zip(SIDES, labels, strict=True):
-                normal, half = outward * side, 0.5 * room
+                normal, half = outward * side, 0.5 * total_play
                 contacts[label] = self._contact_with_wall(
                     motions, self.slot_point, normal, half, self.pin_point, self.pin_radius
                 )
@@ -112,7 +113,7 @@ class PinInSlot(AbstractFrictionJoint):
 
     @override
     def centred_joint(self) -> AbstractConstraint:
-        """Return a joint that keeps the pin in the slot's middle plane, not between its ends."""
+        """Return a joint that keeps the pin midway between the walls, but free along the slot."""
         return self._ideal(self.slot_point)
 
     @override
@@ -152,9 +153,9 @@ class SliderInGuide(AbstractFrictionJoint):
     Leine and C. Glocker, Multibody System Dynamics 23, 2010; their corners 1 to 4 are the contacts
     in this order). The walls have no ends.
 
-    The walls act only within the plane of the slider's axis and normal, in which other joints, such
-    as a `RevoluteJoint` at its pin, have to keep it. Its angle to the guide has to stay below 90
-    degrees.
+    The walls' forces act only in the plane of the slider's axis and normal. Other joints, such as a
+    `RevoluteJoint` at the slider's pin, have to keep the slider in this plane. The angle of the
+    slider to the guide has to stay below 90 degrees.
 
     **Arguments:**
 
@@ -168,7 +169,8 @@ class SliderInGuide(AbstractFrictionJoint):
     - `half_length`, `half_height`: half the slider's size along its axis and its normal, m.
     - `clearance`: m, on either side of a centred slider, smaller than `half_height`.
     - `law`: normal law of a corner at a flat wall; its stiffness must be given as a number.
-    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
+    - `friction`: an `AbstractFriction` or an `AbstractBristleFriction`; ``None``, the default, for
+      no friction.
 
     >>> law, sizes = cj.laws.ExactRestitution(0.4, 1e9), {"half_length": 0.05, "half_height": 0.025}
     >>> guide = cj.SliderInGuide("ground", "slider", **sizes, clearance=1e-3, law=law)

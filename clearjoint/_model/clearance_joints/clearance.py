@@ -96,7 +96,8 @@ class AbstractAxialPolicy(AbstractConverting):
         return None
 
     def shoulder_friction(self) -> tuple[AbstractFriction, Scalar] | None:
-        """Return the shoulders' friction law and mean radius, m; by default ``None``, for none."""
+        """Return the friction law of the shoulders and the mean radius of their faces, m; ``None``,
+        the default, for no friction."""
         return None
 
     def shoulder_gap(self, side: float, offset: Scalar, rate: Scalar) -> Gap:
@@ -416,7 +417,7 @@ class ClearanceJoint(AbstractCentredJoint):
         return Contact(gap, normal, on_bearing, on_journal, slip, on_axis, base.local)
 
     def _profile_contact(self, motions: Motions, base: JournalBase) -> Contact:
-        """Return the contact of a base with the wall if one of the two has a profile."""
+        """Return the contact of a base with the wall if the wall or the journal has a profile."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         x_axis, y_axis = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
         eccentricity = base.centre + base.arm
@@ -450,10 +451,10 @@ class ClearanceJoint(AbstractCentredJoint):
         return PlanarAxes(*(mine.dot(axis) for mine, axis in itertools.product(own, axes)))
 
     def _depth(self, base: JournalBase, eccentricity: Scalar) -> Scalar:
-        """Return the penetration e - c, m, of the eccentricity e, as (e^2 - c^2)/(e + c). A direct
-        difference would round differently at the two bases, which repeated impacts amplify to a
-        misalignment. In e^2 - c^2, the term with the largest rounding error is the same for
-        both."""
+        """Return the penetration e - c, m, of a base with the eccentricity e, for the clearance c,
+        as (e^2 - c^2)/(e + c). A direct difference would round differently at the two bases, which
+        repeated impacts amplify to a misalignment. In e^2 - c^2, the term with the largest rounding
+        error is the same for both bases."""
         common = base.centre.dot(base.centre) - self.clearance * self.clearance
         difference = base.arm.dot(base.centre * 2.0 + base.arm)
         return (common + difference) / (eccentricity + self.clearance)
@@ -485,6 +486,8 @@ class ClearanceJoint(AbstractCentredJoint):
         -1 for base V and 1 for base W."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axis, half = bearing.direction(unit(self.bearing_axis)), self._half()
+        # Vectors from the journal's centre to base W, and the velocity of base W relative to the
+        # centre. At another position on the axis, they are multiplied by it: 1 at W, -1 at V.
         centre, half_arm = self._offset(motions), journal.direction(half)
         half_velocity = journal.direction(journal.spin.cross(half))
         centre_velocity = journal.velocity_at(self.journal_point)
@@ -524,8 +527,8 @@ class ClearanceJoint(AbstractCentredJoint):
             offset = offset + journal.direction(self._half()) * points[base].position
         offset = bearing.components(offset)
         axis = unit(self.bearing_axis)
-        first, second = transverse_axes(axis)
-        return Vector(offset.dot(first), offset.dot(second), offset.dot(axis))
+        x_axis, y_axis = transverse_axes(axis)
+        return Vector(offset.dot(x_axis), offset.dot(y_axis), offset.dot(axis))
 
     def relative_angle(self, motions: Motions) -> Row:
         """Return the journal's angle about the bearing's axis, rad in [-pi, pi], as a `Row`. It is
@@ -555,6 +558,7 @@ class ClearanceJoint(AbstractCentredJoint):
         along = np.asarray(self.bearing_axis) / np.linalg.norm(self.bearing_axis)
         across = load - (load @ along) * along
         size = np.linalg.norm(across)
+        # A load along the axis alone presses the journal against no side of the wall.
         if not size > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
             return None
         # The contacts share the load: the axes are parallel, so that all are equally deep.
@@ -569,14 +573,15 @@ class ClearanceJoint(AbstractCentredJoint):
         # angle of the normal, `slope` in m/rad, is the distance of the contact point from the line
         # through the bearing's centre along the normal. The journal's centre has the same distance.
         frame = transverse_axes(unit(Vector(*along)))
-        first, second = (np.array([*direction], float) for direction in frame)
-        wall = self.bearing_profile.at(math.atan2(across @ second, across @ first))
+        x_axis, y_axis = (np.array([*direction], float) for direction in frame)
+        wall = self.bearing_profile.at(math.atan2(across @ y_axis, across @ x_axis))
         beside = np.cross(along, across / size)
         offset = (distance + wall.value) / size * across + wall.slope * beside
         return self._ideal(self.bearing_point + np.asarray(offset))
 
     def _ideal(self, centre: Triple) -> AbstractConstraint:
-        """Return the ideal joint with the journal's centre at `centre`, m in the bearing's body."""
+        """Return the ideal joint that holds the journal's centre at the point `centre` of the
+        bearing's body, (3,) m from its centre of mass in its axes."""
         kind = CylindricalJoint if self._is_free() else RevoluteJoint
         axes = self.bearing_axis, self.journal_axis
         return kind(*self.pair(), centre, self.journal_point, *axes)

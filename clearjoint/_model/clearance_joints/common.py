@@ -35,8 +35,8 @@ from ..joints.base import (
 FLANKS = {"lower flank": -1.0, "upper flank": 1.0}
 """Labels of two flanks, and the sign of the second body's rotation that each flank stops."""
 LEAST_DEPTH = 1e-18
-"""Smallest penetration that `resting_depth` tries, m from the onset of the force: far below
-rounding."""
+"""Smallest penetration that `resting_depth` tries, m from the onset of the force: far below the
+rounding errors of coordinates."""
 LEAST_TRANSVERSE_LOAD = 1e-6
 """Component of a load towards a wall (across a bearing's axis, or along the normal of flat walls),
 as a fraction of the load, up to which it counts as a rounding error."""
@@ -136,7 +136,11 @@ class AbstractFrictionJoint(AbstractOneLawJoint):
         self, first: Motion, second: Motion, on_first: Vector, on_second: Vector, normal: Vector
     ) -> Vector | None:
         """Return the tangential velocity of the second body relative to the first at a contact, m/s
-        in global axes; ``None`` without friction."""
+        in global axes; ``None`` without friction.
+
+        **Arguments:** `first`, `second`: motions of the bodies. `on_first`, `on_second`: contact
+        point, m from each body's centre of mass in its axes. `normal`: global unit vector.
+        """
         if self.friction is None:
             return None
         sliding = second.velocity_at(on_second) - first.velocity_at(on_first)
@@ -155,9 +159,9 @@ class AbstractFrictionJoint(AbstractOneLawJoint):
         `radius` zero) with a flat wall of the first body.
 
         **Arguments:** `origin`: a point in front of the wall, m in the first body's axes. `normal`:
-        unit vector in these axes, from there to the wall. `room`: distance along it, m, from the
-        origin to the centre of the part when it touches. `centre`: of the part, m in the second
-        body's axes.
+        unit vector in these axes, from the origin to the wall. `room`: distance along the normal,
+        m, from the origin to the centre of the part when the part touches the wall. `centre`: of
+        the part, m in the second body's axes. `radius`: of the part, m.
         """
         first, second = (motions[name] for name in self.pair())
         outward = first.direction(normal)
@@ -232,10 +236,11 @@ def offset_at_flat_wall(
 
     **Arguments:** `normal`: of the walls, (3,), any length. `clearance`: of the centred part on
     either side, m. `load`: force of the part on the walls' body, (3,) N in its axes. `laws`: of the
-    contacts that share the load. `deepest`: their largest penetration, m.
+    contacts that share the load. `deepest`: upper limit of their penetration, m.
     """
     upward = np.asarray(normal) / np.linalg.norm(normal)
     component = load @ upward
+    # A load along the walls alone presses the part against neither of them.
     if not abs(component) > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
         return None
     distance = clearance + resting_depth(laws, float(abs(component)), deepest)

@@ -52,8 +52,8 @@ class LineOfCentres:
     height: Scalar
 
     def angle_in(self, gear: Motion, axis: Vector) -> Scalar:
-        """Return the angle of `along` about a gear's `axis`, in its body's axes, rad in [-pi, pi],
-        from the first of the `transverse_axes` of the axis."""
+        """Return the angle of the line of centres about a gear's `axis`, rad in [-pi, pi], from the
+        first of the `transverse_axes` of `axis`, which is in the axes of the gear's body."""
         start, quarter = transverse_axes(unit(axis))
         line = gear.components(self.along)
         return polar_angle(line.dot(quarter), line.dot(start))
@@ -61,8 +61,8 @@ class LineOfCentres:
 
 AtFlank: TypeAlias = Callable[[Gap, float], tuple[Gap, SideForce | None]]
 """Function of a flank's gap and of the flank's sign in `FLANKS` that returns the complete gap and
-the `SideForce`. The depth of the given gap includes the transmission error, but its rate does
-not."""
+the `SideForce`, ``None`` for none. In the given gap, the depth already includes the transmission
+error; the error's rate and the stiffness factor are added."""
 
 
 def _require_teeth(argument: str, value: ArrayLike) -> None:
@@ -107,8 +107,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     **Arguments:**
 
     - `point_first`, `point_second`: the gears' centres, (3,) m from each body's centre of mass in
-      its axes. `axis_first`, `axis_second`: their axes, (3,) in body axes, parallel or
-      antiparallel.
+      its axes. `axis_first`, `axis_second`: the gears' axes, (3,) in each body's axes; in space
+      they are parallel or antiparallel.
     - `teeth_first`, `teeth_second`: z1 and z2, whole numbers of teeth; `teeth_second` is negative
       for an internal second gear, as in ISO 21771, which must be larger than the first.
     - `module`: m, in m.
@@ -117,10 +117,10 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     - `law`: normal law of the mesh, whose stiffness is given as a number. ISO 6336 gives about 20
       N/um per mm of tooth width for steel.
     - `pressure_angle`: alpha, rad, 0.1 to 0.8; 20 degrees by default.
-    - `phase`: rad, rotation of the first gear from its reference position; zero by default. At
-      phase 0, the gears are in the middle of the play if, in both bodies, the line from the first
-      centre to the second is along x of the frame with the axis as z (see
-      `quantities.JournalOffset`).
+    - `phase`: rad, rotation of the first gear from its reference position; zero by default. Each
+      gear has a frame, fixed to its body, whose z axis is the gear's axis (see
+      `quantities.JournalOffset`). At phase 0, the gears are in the middle of the play if the line
+      from the first centre to the second is along the x axes of both frames.
     - `stiffness`: the factor k over the mesh cycle, such as `clearjoint.profiles.TeethInMesh` for a
       contact ratio; ``None``, the default, for 1.
     - `transmission_error`: the static transmission error e over the mesh cycle, m, positive where
@@ -213,7 +213,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         return wrapped(displacement, self._base_pitch())
 
     def _mesh_angle(self, line: LineOfCentres, first: Motion) -> Scalar:
-        """Return the angle of the mesh cycle, rad, whose period is 2 pi."""
+        """Return the mesh angle phi = z1 (theta1 - phase), rad; the mesh has the period 2 pi."""
         return -self.teeth_first * (line.angle_in(first, self.axis_first) + self.phase)
 
     def _line(self, first: Motion, second: Motion) -> LineOfCentres:
@@ -237,20 +237,20 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         # The component of this velocity along a flank's normal is the rate of its penetration, also
         # where the distance of the centres changes.
         sliding = second.velocity_at(at_second) - first.velocity_at(at_first)
-        radii = add(*self._base_radii())
+        radii_sum = add(*self._base_radii())
         # The sum of the base radii is negative for an internal gear, whose contact is reversed.
-        sense = where(radii < 0.0, -1.0, 1.0)
+        sense = where(radii_sum < 0.0, -1.0, 1.0)
         # Cosine and sine of the working pressure angle alpha', which grows with the distance of the
         # centres (ISO 21771): cos(alpha') is the sum of the base radii over this distance.
-        tangential = radii * sense / line.distance
+        tangential = radii_sum * sense / line.distance
         square = 1.0 - tangential * tangential
         # Involutes have no common normal if the gears are closer than the sum of their base radii.
         meshes = square > 0.0
         radial = square_root(where(meshes, square, 1.0))
         # Half the play along the line of action at the gears' actual distance.
-        nominal = sine(self.pressure_angle), cosine(self.pressure_angle)
-        change = involute(radial, tangential) - involute(*nominal)
-        opening = radii * change + 0.5 * self.backlash * nominal[1]
+        nominal_sine, nominal_cosine = sine(self.pressure_angle), cosine(self.pressure_angle)
+        change = involute(radial, tangential) - involute(nominal_sine, nominal_cosine)
+        opening = radii_sum * change + 0.5 * self.backlash * nominal_cosine
         varied = self._mesh_cycle(line, first, second)
         contacts = {}
         for label, side in FLANKS.items():
@@ -274,17 +274,19 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
 
     def _mesh_cycle(self, line: LineOfCentres, first: Motion, second: Motion) -> AtFlank:
         """Return the function that adds the rate of the transmission error and the factor of the
-        stiffness to the gap of a flank. Its depth contains the error, by `displacement`."""
+        stiffness to the gap of a flank. The gap's depth already contains the transmission error,
+        which `displacement` subtracts."""
         error, stiffness = self.transmission_error, self.stiffness
+        # Nothing varies over the mesh cycle.
         if error is None and stiffness is None:
             return lambda gap, side: (gap, None)
         angle = self._mesh_angle(line, first)
         # The mesh angle changes as the second centre moves across the line, as seen from the first
         # gear: its rate, rad/s, is the product of `gradient`, rad/m, with this `relative` velocity.
         to_second = line.along * line.distance + line.axis * line.height
-        arms = self.point_first + first.components(to_second), self.point_second
+        arm_first, arm_second = self.point_first + first.components(to_second), self.point_second
         gradient = line.across * (-self.teeth_first / line.distance)
-        relative = second.velocity_at(arms[1]) - first.velocity_at(arms[0])
+        relative = second.velocity_at(arm_second) - first.velocity_at(arm_first)
         error_slope = None if error is None else error.at(angle).slope
         stiffness_factor = None if stiffness is None else stiffness.factor_and_slope(angle)
         rate = gradient.dot(relative)
@@ -301,7 +303,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
                 # stiffness: minus its gradient is a force.
                 elastic = gradient * (-by_angle * self.law.stored_energy(gap))
                 gap = replace(gap, factor=Slope(value, by_angle * rate))
-            return gap, SideForce(*arms, slope, elastic)
+            return gap, SideForce(arm_first, arm_second, slope, elastic)
 
         return varied
 
@@ -322,6 +324,6 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         # internal gear this is on the side away from the internal gear's centre.
         half, beyond = 0.5 * self.module, math.pi if self.teeth_second < 0.0 else 0.0
         gap = math.pi / self.teeth_first - self.phase
-        teeth = self.teeth_first, self.teeth_second
-        pen.gear(first, radius=half * teeth[0], teeth=teeth[0], phase=gap + beyond)
-        pen.gear(second, radius=half * teeth[1], teeth=teeth[1], phase=math.pi)
+        teeth_first, teeth_second = self.teeth_first, self.teeth_second
+        pen.gear(first, radius=half * teeth_first, teeth=teeth_first, phase=gap + beyond)
+        pen.gear(second, radius=half * teeth_second, teeth=teeth_second, phase=math.pi)

@@ -55,7 +55,8 @@ def axial_positions(labels: Iterable[str]) -> dict[str, float]:
 
 def require_bases_only(argument: str, name: str, labels: Iterable[str]) -> None:
     """Raise a `ValueError` if the journal of the joint `name` has contacts between its bases, for
-    models of wear that support contacts at the bases only."""
+    models of wear that support contacts at the bases only. `labels` are those of all contacts of
+    the joint; the message blames `argument`, through which the user chose the joint."""
     between = sorted(axial_positions(labels).keys() - {*BASES})
     reason = "wear along the axis is not resolved"
     expected = f"a joint whose journal touches at its bases, not at {between} too ({reason})"

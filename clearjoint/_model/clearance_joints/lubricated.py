@@ -44,7 +44,8 @@ def blending_factor(depth: Scalar, transition: Scalar) -> Scalar:
 
 
 class BlendedContactLaw(AbstractLawAround):
-    """A contact law times the `blending_factor`, so that its force begins smoothly."""
+    """A contact law times the `blending_factor` of the penetration, so that the force begins
+    smoothly; `transition`, m, is the penetration at which the factor reaches 1."""
 
     transition: Single
     force_jumps = False
@@ -60,8 +61,9 @@ class BlendedContactLaw(AbstractLawAround):
     @override
     def stored_energy(self, gap: Gap) -> Scalar:
         # By parts, the integral of factor times force is factor times energy, less the integral of
-        # the factor's slope times the energy. For the latter, Gauss quadrature in the square root
-        # of the depth is accurate for energies that grow with half-integer powers.
+        # the factor's slope times the energy. For this second integral, Gauss quadrature in the
+        # square root of the depth is accurate for energies that grow with half-integer powers. With
+        # depth = end node^2, an interval d(node) has the length 2 end node d(node) in depth.
         end = jnp.clip(gap.depth, 0.0, self.transition)
         removed: Scalar = 0.0
         for node, weight in zip(NODES, WEIGHTS, strict=True):
@@ -105,7 +107,7 @@ class LubricatedJoint(AbstractContactJoint):
     contact act together.
 
     With a film the journal touches the wall slowly, where laws with an entry speed have very large
-    damping: if the wall has to carry load, use a law without it in `dry`.
+    damping: if the wall has to carry load, use a law without an entry speed in `dry`.
 
     **Arguments:**
 
@@ -188,7 +190,7 @@ class LubricatedJoint(AbstractContactJoint):
         return {bearing: lower[0] + upper[0], journal: lower[1] + upper[1]}
 
     def _half_of_film(self, motions: Motions, base: JournalBase) -> tuple[Wrench, Wrench]:
-        """Return the wrenches of half the film on the bearing's and on the journal's body."""
+        """Return the wrenches, on bearing and journal body, of the half of the film at a base."""
         bearing, journal = (motions[name] for name in self.pair())
         # The vector from the bearing's axis to the journal's centre, plus the component across the
         # axis of the vector from there to the base's centre.
@@ -205,7 +207,8 @@ class LubricatedJoint(AbstractContactJoint):
         velocity = velocity - base.axis * velocity.dot(base.axis)
         spin = (journal.direction(journal.spin) - bearing.direction(bearing.spin)).dot(base.axis)
         gap = self._film_gap(base.axis, eccentricity, velocity, spin)
-        # The contact replaces the film over the depth `transition`.
+        # The film law is that of a film along the whole journal, of which this is one half. The
+        # contact replaces the film over the depth `transition`.
         factor: Scalar = 0.5
         if self.transition is not None:
             size, _ = norm_and_direction(eccentricity)
@@ -220,7 +223,12 @@ class LubricatedJoint(AbstractContactJoint):
     def _film_gap(
         self, axis: Vector, eccentricity: Vector, velocity: Vector, spin: Scalar
     ) -> FilmGap:
-        """Return the input of the film law, with a limited eccentricity ratio."""
+        """Return the input of the film law, with a limited eccentricity ratio.
+
+        **Arguments:** in global axes. `axis`: of the bearing, a unit vector. `eccentricity`: of a
+        base, m. `velocity`: rate of the eccentricity, m/s, in the rotating axes of `FilmGap.rate`.
+        `spin`: of the journal relative to the bearing about the axis, rad/s.
+        """
         dry = self.dry
         offset, rate = eccentricity * (1.0 / dry.clearance), velocity * (1.0 / dry.clearance)
         ratio, _ = norm_and_direction(offset)
@@ -282,7 +290,7 @@ def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> C
     The bearing is at rest, and the axes are parallel. The search for the equilibrium is limited to
     eccentricities below the clearance, but not to the joint's `largest_ratio`. Without a
     `transition`, contact adds the normal force of the joint's law between circles (of a law with an
-    entry speed, its elastic part) and friction; with one, it adds nothing.
+    entry speed, its elastic part) and friction; with a `transition`, contact adds nothing.
 
     **Arguments:**
 
@@ -313,7 +321,7 @@ def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> C
 @Compiled
 def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array) -> CarriedJournal:
     # Joints and films compute with scalars: `unpack` replaces the joint's arrays (3,) by `Vector`s.
-    joint, rest = unpack(joint), jnp.zeros(2)
+    joint, at_rest = unpack(joint), jnp.zeros(2)
     clearance, load_size = joint.dry.clearance, jnp.linalg.norm(load)
 
     # The search is unbounded, but a film's force exists only inside the clearance: this map keeps
@@ -322,7 +330,7 @@ def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array
         return point * (clearance / jnp.sqrt(1.0 + point @ point))
 
     def residual(point: jax.Array, _: None) -> jax.Array:
-        force = _load(joint, speed, offset_of(point), rest)[0]
+        force, _ = _load(joint, speed, offset_of(point), at_rest)
         # Relative to the size of the load, so that one tolerance suits all loads; absolute for a
         # zero load.
         return (force + load) / jnp.where(load_size > 0.0, load_size, 1.0)
@@ -331,8 +339,10 @@ def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array
     start = jnp.full(2, NEARLY_CENTRED)
     offset = offset_of(optimistix.root_find(residual, solver, start).value)
     derivatives = jax.jacfwd(_load, argnums=(2, 3), has_aux=True)
-    (stiffness, damping), moment = derivatives(joint, speed, offset, rest)
-    return CarriedJournal(offset, -stiffness, -damping, moment)
+    # Derivatives of the force. Stiffness and damping have the opposite sign: a positive one resists
+    # the displacement or the velocity.
+    (by_offset, by_velocity), moment = derivatives(joint, speed, offset, at_rest)
+    return CarriedJournal(offset, -by_offset, -by_velocity, moment)
 
 
 def _load(

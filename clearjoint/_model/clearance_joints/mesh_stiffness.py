@@ -14,9 +14,9 @@ from ..._math.vectors import Scalar, library
 from ..profiles import Harmonics, NumberOrArray, PeriodicSpline
 
 SAMPLES = 256
-"""Number of angles of the mesh cycle at which a stiffness must be positive."""
+"""Number of angles of the mesh cycle at which the factor of a stiffness must be positive."""
 RISE = 2.0 * math.atanh(0.8)
-"""Distance over which (1 + tanh)/2 rises from 0.1 to 0.9."""
+"""Length of the interval of x in which (1 + tanh(x))/2 rises from 0.1 to 0.9: 2.2."""
 
 
 class AbstractMeshStiffness(AbstractConverting):
@@ -57,8 +57,8 @@ class TeethInMesh(AbstractMeshStiffness):
     r"""The number of pairs of teeth in contact over its mean, the contact ratio.
 
     At a contact ratio of 1.6, two equally stiff pairs are in contact in 60 % of the mesh cycle, and
-    one in the rest. The law's stiffness is the mean mesh stiffness, such as that of ISO 6336. With
-    the whole part n of the contact ratio and the rest d, the factor is
+    one pair in the rest. The law's stiffness is the mean mesh stiffness, such as that of ISO 6336.
+    With the whole part n of the contact ratio and the rest d, the factor is
 
     $$\frac{n + \frac12 (1 + \tanh a_+ \tanh a_-)}{n + d}, \quad a_\pm = \frac{2}{w} \sin \frac{\pi
     d \pm (\varphi - \varphi_0)}{2}$$
@@ -66,8 +66,8 @@ class TeethInMesh(AbstractMeshStiffness):
     **Arguments:**
 
     - `contact_ratio`: n + d, above 1.
-    - `transition`: part of the mesh cycle in which the number of pairs changes from 10 % to 90 % of
-      a step, 0.01 to 0.4; d and 1 - d must not be smaller. w is 2 pi times it, over 2.2.
+    - `transition`: fraction of the mesh cycle in which the number of pairs changes from 10 % to 90
+      % of a step, 0.01 to 0.4, and at most d and 1 - d. In the formula, w is 2 pi `transition`/2.2.
     - `middle`: rad, the mesh angle phi_0 in the middle of the contact of the larger number of
       pairs; zero by default.
 
@@ -159,8 +159,8 @@ class StiffnessSpline(AbstractMeshStiffness):
 
     @staticmethod
     def through(values: ArrayLike) -> "StiffnessSpline":
-        """Return the spline through values (N,) at the mesh angles 0, 2 pi/N, 4 pi/N, ... Divide
-        stiffnesses by that of the law."""
+        """Return the spline through values (N,) at the mesh angles 0, 2 pi/N, 4 pi/N, ... Each is
+        the stiffness at its angle over that of the law."""
         return StiffnessSpline(PeriodicSpline.through(values).coefficients)
 
     @override

@@ -19,7 +19,7 @@ from ..pen import AbstractPen, Marker
 from .common import LEAST_TRANSVERSE_LOAD, AbstractFrictionJoint, resting_depth
 
 POINT, END_POINT, BALLS = "point", "end point", "balls"
-"""Labels of the contacts of a `Stop`, the second one for an edge, and of a `BallOnBall`."""
+"""Labels of the contacts of a `Stop` (the second for an edge only) and of a `BallOnBall`."""
 
 
 class Stop(AbstractNamedPair, AbstractFrictionJoint):
@@ -42,8 +42,8 @@ class Stop(AbstractNamedPair, AbstractFrictionJoint):
     - `radius`: m; ``None``, the default, for a point or a sharp edge.
     - `law`: normal law of each contact. For a sphere its stiffness may be a `RavnStiffness`, which
       is then Hertz's for a sphere on a plane; otherwise it must be a number.
-    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``. It acts at the
-      point of contact.
+    - `friction`: an `AbstractFriction` or an `AbstractBristleFriction`, whose force acts at the
+      point of contact; ``None``, the default, for no friction.
     - `thickness`: m, of the wall: a run ends at a deeper penetration. By default the radius, or 10
       mm without one.
 
@@ -151,7 +151,8 @@ class BallOnBall(AbstractNamedPair, AbstractFrictionJoint):
       the ground from the origin.
     - `law`: normal law of the contact. Its stiffness may be a number, or a `RavnStiffness`, which
       is then Hertz's for two spheres.
-    - `friction`: an `AbstractFriction`, an `AbstractBristleFriction`, or ``None``.
+    - `friction`: an `AbstractFriction` or an `AbstractBristleFriction`; ``None``, the default, for
+      no friction.
 
     >>> law = cj.laws.Hertz(cj.laws.RavnStiffness(207e9, 0.3))
     >>> balls = cj.BallOnBall("left", "right", radius_first=0.02, radius_second=0.03, law=law)

@@ -75,9 +75,9 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         return sum(weight * 2.0 * node * force for weight, node, force in parts) * depth
 
     def deepest(self, gap: Gap) -> Scalar | None:
-        """Return the largest penetration for which the formula is valid, m; ``None`` by default.
-        Beyond 0.99 of it the force continues along its tangent. A run that records impacts warns of
-        deeper ones."""
+        """Return the largest penetration for which the formula is valid, m; ``None``, the default,
+        for no limit. Beyond 0.99 of this penetration the force continues along its tangent. A run
+        that records impacts warns of penetrations beyond the limit."""
         return None
 
     @override
@@ -100,8 +100,9 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         return jnp.where(gap.depth > 0.0, self.length * energy, 0.0)
 
     def _parts(self, gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
-        """Return the depth at which to evaluate the formula, m, and force, N/m, and energy, J/m,
-        that the tangent adds at larger depths."""
+        """Return the depth at which to evaluate the formula, m, which is limited to 0.99 of the
+        largest, and the force, N/m, and the energy, J/m, that the tangent adds beyond this limit.
+        """
         # Without contact the formulas are evaluated too; a positive depth keeps derivatives finite.
         depth = jnp.where(gap.depth > 0.0, gap.depth, 1e-6)
         deepest = self.deepest(gap)
@@ -119,6 +120,8 @@ class LiuCylinder(AbstractCylinder):
 
     $$F = \frac{\pi}{2} E^* L \delta \sqrt{\frac{\delta}{2 (\Delta R + \delta)}}$$
 
+    The symbols are those of `AbstractCylinder`.
+
     >>> law = cj.laws.Hertz(cj.laws.LiuCylinder(207e9, 0.3, length=20e-3))
     >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")
     251 N
@@ -126,7 +129,7 @@ class LiuCylinder(AbstractCylinder):
 
     @override
     def line_force(self, gap: Gap, depth: Scalar) -> Scalar:
-        clearance = radii_of(gap)[2]
+        _, _, clearance = radii_of(gap)
         root = jnp.sqrt(depth / (2.0 * (clearance + depth)))
         return 0.5 * jnp.pi / self.compliance() * depth * root
 
@@ -137,8 +140,8 @@ class PereiraCylinder(AbstractCylinder):
     $$F = \frac{(0.965 \Delta R + 0.0965) L E^*}{\Delta R} \delta^n, \quad n = Y \Delta R^{-0.005}$$
 
     The formula is in mm, N and MPa, but all arguments are in SI units. Y is 1.51 (ln(1000
-    dR))^-0.151 for clearances dR below 0.34954 mm, and 0.0151 dR + 1.151 above. The authors use the
-    damping of `LankaraniNikravesh`.
+    dR))^-0.151 for clearances dR below 0.34954 mm, and 0.0151 dR + 1.151 above. Other symbols are
+    those of `AbstractCylinder`. The authors use the damping of `LankaraniNikravesh`.
 
     >>> law = cj.laws.Hertz(cj.laws.PereiraCylinder(207e9, 0.3, length=20e-3))
     >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")
@@ -147,19 +150,21 @@ class PereiraCylinder(AbstractCylinder):
 
     @override
     def line_force(self, gap: Gap, depth: Scalar) -> Scalar:
-        clearance = 1e3 * radii_of(gap)[2]
+        # As the formula requires, lengths are in mm, and `modulus` is in MPa.
+        _, _, clearance = radii_of(gap)
+        clearance_mm = 1e3 * clearance
         # The clip keeps the logarithm positive: it vanishes at a clearance of 0.001 mm, which is
         # below the valid range.
-        narrow = 1.51 * jnp.log(1e3 * jnp.clip(clearance, 5e-3, 0.34954)) ** -0.151
-        slope = jnp.where(clearance < 0.34954, narrow, 0.0151 * clearance + 1.151)
-        exponent = slope * clearance**-0.005
+        narrow = 1.51 * jnp.log(1e3 * jnp.clip(clearance_mm, 5e-3, 0.34954)) ** -0.151
+        y = jnp.where(clearance_mm < 0.34954, narrow, 0.0151 * clearance_mm + 1.151)
+        exponent = y * clearance_mm**-0.005
         modulus = 1e-6 / self.compliance()
-        factor = (0.965 * clearance + 0.0965) * modulus / clearance
+        factor = (0.965 * clearance_mm + 0.0965) * modulus / clearance_mm
         return 1e3 * factor * (1e3 * depth) ** exponent
 
     @override
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        clearance = radii_of(gap)[2]
+        _, _, clearance = radii_of(gap)
         return (Limit(type(self).__name__, "clearance", "m", clearance, 5e-6, 10e-3),)
 
 
@@ -174,13 +179,13 @@ class PerssonCylinder(AbstractCylinder):
     $$\frac{E' \Delta R}{P} = \frac{2 - \ln(b^2 + 1) - 2 b^4}{\pi b^2 (b^2 + 1)}, \quad b =
     \tan\frac{\varepsilon}{2}$$
 
-    epsilon is the half-angle of the contact, and E' = E/(1 - nu^2); for different materials 2 E*
-    replaces it. Persson's theory doesn't give the penetration. Here the half-angle follows from the
-    overlap of the undeformed circles as in `LiuCylinder`, cos(epsilon) = dR/(dR + delta). For small
-    penetrations the force is then several times that of the other formulas. `half_angle` and `load`
-    show where a contact is too conformal for formulas that assume a small half-angle. Penetrations
-    up to eight clearances, where nearly half of the bearing's circumference is in contact, count as
-    valid.
+    epsilon is the half-angle of the contact, P the force per length, dR the radial clearance, and
+    E' = E/(1 - nu^2); for different materials 2 E* (see `AbstractCylinder`) replaces E'. Persson's
+    theory doesn't give the penetration. Here the half-angle follows from the overlap of the
+    undeformed circles as in `LiuCylinder`, cos(epsilon) = dR/(dR + delta). For small penetrations
+    the force is then several times that of the other formulas. `half_angle` and `load` show where a
+    contact is too conformal for formulas that assume a small half-angle. Penetrations up to eight
+    clearances, where nearly half of the bearing's circumference is in contact, count as valid.
 
     >>> cylinder = cj.laws.PerssonCylinder(207e9, 0.3, length=20e-3)
     >>> load = cylinder.load(np.pi / 4, clearance=0.1e-3)  # of a half-angle of 45 degrees
@@ -190,13 +195,13 @@ class PerssonCylinder(AbstractCylinder):
 
     @override
     def line_force(self, gap: Gap, depth: Scalar) -> Scalar:
-        clearance = radii_of(gap)[2]
+        _, _, clearance = radii_of(gap)
         # b^2 = tan^2(half-angle/2) = (1 - cos)/(1 + cos) for the cosine dR/(dR + delta).
         return self._line_load(depth / (2.0 * clearance + depth), clearance)
 
     def half_angle(self, gap: Gap) -> Scalar:
         """Return the half-angle of the contact at the penetration of a gap, rad."""
-        clearance = radii_of(gap)[2]
+        _, _, clearance = radii_of(gap)
         return jnp.arccos(clearance / (clearance + jnp.maximum(gap.depth, 0.0)))
 
     def load(self, half_angle: Scalar, clearance: Scalar) -> Scalar:
@@ -212,13 +217,15 @@ class PerssonCylinder(AbstractCylinder):
 
     @override
     def deepest(self, gap: Gap) -> Scalar:
-        return 2.0 * _MOST_CONTACT / (1.0 - _MOST_CONTACT) * radii_of(gap)[2]
+        _, _, clearance = radii_of(gap)
+        return 2.0 * _MOST_CONTACT / (1.0 - _MOST_CONTACT) * clearance
 
 
 @jax.custom_jvp
 def inverse_of_load(ratio: Scalar) -> Scalar:
-    """Return the solution u > 1 of u exp(1 - u) = ratio, for a ratio between zero and one: that of
-    the penetration to the largest valid one. In `AbstractLogarithmicCylinder`, u is ln(A/P) + k."""
+    """Return the solution u > 1 of u exp(1 - u) = ratio, for a ratio between zero and one. In
+    `AbstractLogarithmicCylinder`, the ratio is the penetration over the largest valid penetration,
+    and u is ln(A/P) + k."""
     q = -jnp.log(ratio)
     # Newton's method for u - 1 - ln u = q, started from an upper bound.
     u = 1.0 + jnp.sqrt(2.0 * q) + q
@@ -245,7 +252,8 @@ class AbstractLogarithmicCylinder(AbstractCylinder):
 
     def reference_load(self, gap: Gap) -> Scalar:
         """Return the load A for the radii of a gap, N/m."""
-        return self.factor * radii_of(gap)[2] / self.compliance()
+        _, _, clearance = radii_of(gap)
+        return self.factor * clearance / self.compliance()
 
     def _flatness(self) -> Scalar:
         return self.compliance() / jnp.pi
@@ -270,6 +278,8 @@ class JohnsonCylinder(AbstractLogarithmicCylinder):
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{4 \pi E^* \Delta R}{P} - 1\right)$$
 
+    The symbols are those of `AbstractCylinder`.
+
     >>> law = cj.laws.Hertz(cj.laws.JohnsonCylinder(207e9, 0.3, length=20e-3))
     >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")
     1032 N
@@ -282,6 +292,8 @@ class EsduCylinder(AbstractLogarithmicCylinder):
     r"""Line contact of ESDU 78035, valid for penetrations up to four clearances.
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{4 \pi E^* \Delta R}{P} + 1\right)$$
+
+    The symbols are those of `AbstractCylinder`.
 
     >>> law = cj.laws.Hertz(cj.laws.EsduCylinder(207e9, 0.3, length=20e-3))
     >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")
@@ -297,9 +309,10 @@ class RadzimovskyCylinder(AbstractLogarithmicCylinder):
     $$\delta = \frac{P}{\pi E^*} \left(\frac{2}{3} + \ln \frac{4 R_i}{b} + \ln \frac{4
     R_j}{b}\right), \quad b = 1.60 \sqrt{\frac{P R}{E^*}}$$
 
-    b is the width of the contact, and R = R_i R_j/dR the relative radius. The formula is used as
-    printed, although the factor 1.60 of Roark's handbook belongs to diameters; with that for radii,
-    2.26, the penetration would be smaller by P/(pi E*) ln 2.
+    b is the width of the contact, and R = R_i R_j/dR the relative radius; other symbols are those
+    of `AbstractCylinder`. The formula is used as printed, although the factor 1.60 of Roark's
+    handbook belongs to diameters; with 2.26, that for radii, the penetration would be smaller by
+    P/(pi E*) ln 2.
 
     >>> law = cj.laws.Hertz(cj.laws.RadzimovskyCylinder(207e9, 0.3, length=20e-3))
     >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")
@@ -327,7 +340,8 @@ class DubowskyFreudensteinCylinder(AbstractLoadByLength):
 
     $$\delta = \frac{P}{\pi E^*} \left(\ln \frac{L^3 \Delta R}{F R_i R_j S} + 1\right)$$
 
-    S is 1/(pi E*). The formula is valid for penetrations up to L^2 dR/(R_i R_j).
+    S is 1/(pi E*); other symbols are those of `AbstractCylinder`. The formula is valid for
+    penetrations up to L^2 dR/(R_i R_j).
 
     >>> law = cj.laws.Hertz(cj.laws.DubowskyFreudensteinCylinder(207e9, 0.3, length=20e-3))
     >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")
@@ -353,8 +367,8 @@ FIT, EXPONENT = 4.4086e-5, 6.804
 """Constants of the fit F_5/2 = FIT (4 - ratio)^EXPONENT for distance over roughness (Arcoumanis et
 al. 1997)."""
 AROUND = math.sqrt(math.pi) * math.gamma(EXPONENT + 1.0) / math.gamma(EXPONENT + 1.5)
-"""Integral of (1 - x^2)^EXPONENT from -1 to 1: that of the pressure, over its maximum, along the
-arc of contact, over half the arc."""
+"""Integral of (1 - x^2)^EXPONENT from -1 to 1. Along the arc of contact, from x = -1 to 1, the
+pressure has this form: its integral is `AROUND` times the largest pressure times half the arc."""
 
 
 class GreenwoodTripp(AbstractConverting):
@@ -414,10 +428,10 @@ class GreenwoodTripp(AbstractConverting):
         # (depth - clearance phi^2/2)/sigma, which is zero at phi = sqrt(2 depth/clearance), the end
         # of the arc. With x = phi over this angle it is (depth/sigma) (1 - x^2). So the integral is
         # `AROUND` times (depth/sigma)^EXPONENT times half the arc, radius sqrt(2 depth/clearance),
-        # whose factor sqrt(depth/sigma) is contained in `ratio`.
-        ratio = positive_power(depth / self.roughness, EXPONENT + 0.5)
+        # whose factor sqrt(depth/sigma) is contained in `power`.
+        power = positive_power(depth / self.roughness, EXPONENT + 0.5)
         arc = radius * square_root(2.0 * self.roughness / clearance)
-        return self._scale() * AROUND * length * arc * ratio
+        return self._scale() * AROUND * length * arc * power
 
     def _scale(self) -> Scalar:
         """Return the pressure, Pa, at a distance of 3 sigma, where (4 - h/sigma)^6.804 is one."""
@@ -429,8 +443,8 @@ class RoughCylinders(AbstractContactLaw):
     """Contact of a rough journal with its bearing: of asperities first, then of the walls.
 
     The force begins at a distance of four times the roughness, with the pressure of the asperities
-    along the arc of contact. The force of the walls is added once the mean surfaces meet. Choose it
-    for mixed lubrication: film and asperities of a `LubricatedJoint` share the load if its
+    along the arc of contact. The force of the walls is added once the mean surfaces meet. The law
+    is meant for mixed lubrication: film and asperities of a `LubricatedJoint` share the load if its
     `transition` is ``None``.
 
     **Arguments:**

@@ -137,9 +137,9 @@ class KelvinVoigt(AbstractClampedDashpotLaw):
 
     m is the `effective_mass`, kg: m1 m2/(m1 + m2) for two colliding bodies, the body's mass for an
     impact against a wall. z is the damping ratio of an oscillator that delivers the requested
-    `restitution`, above 0, if the force may pull; since it can't, the values 0.1, 0.5 and 0.9
-    deliver 0.253, 0.550 and 0.902. At the onset the force jumps. S. A. Anagnostopoulos 1988 uses
-    the same law for colliding buildings. Choose `SpringDashpot` if the damping coefficient is
+    `restitution`, above 0, if the force may pull; since a contact can't, the values 0.1, 0.5 and
+    0.9 deliver 0.253, 0.550 and 0.902. At the onset the force jumps. S. A. Anagnostopoulos 1988
+    uses the same law for colliding buildings. Choose `SpringDashpot` if the damping coefficient is
     known.
 
     >>> law = cj.laws.KelvinVoigt(restitution=0.5, stiffness=1e6, effective_mass=1.0)
@@ -184,8 +184,8 @@ class Jankowski(AbstractTunedDashpotLaw):
     $$F = K \delta^{3/2} + 2 z \sqrt{K m}\, \delta^{1/4} \dot\delta \;(\dot\delta > 0), \quad z =
     \frac{9 \sqrt{5}}{2} \frac{1 - c^2}{c (c (9 \pi - 16) + 16)}$$
 
-    In the rebound the force is K delta^1.5. It never pulls, and the delivered restitution is close
-    to c. The arguments are those of `KelvinVoigt`.
+    In the rebound the force is K delta^1.5. The force never pulls, and the delivered restitution is
+    close to the requested one, c. The arguments are those of `KelvinVoigt`.
 
     >>> law = cj.laws.Jankowski(restitution=0.5, stiffness=1e9, effective_mass=1.0)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=-0.1), None):.1f}")  # N, on the rebound

@@ -59,8 +59,8 @@ class AbstractFriction(AbstractConverting):
 
 class AbstractRegularisedFriction(AbstractFriction):
     """Base class of Coulomb friction that is regularised at low speed. `coefficient` is mu, and
-    `regularisation_speed` v_d, m/s, 1e-3 by default. With a smaller one surfaces creep less, but
-    the equations of motion are stiffer."""
+    `regularisation_speed` v_d, m/s, 1e-3 by default. At a smaller speed v_d surfaces creep
+    less, but the equations of motion are stiffer."""
 
     coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")
     regularisation_speed: Single = quantity(
@@ -69,7 +69,7 @@ class AbstractRegularisedFriction(AbstractFriction):
 
 
 class RegularisedCoulomb(AbstractRegularisedFriction):
-    r"""Coulomb friction that is smooth around zero speed.
+    r"""Coulomb friction that is smooth around zero speed; v_d is the `regularisation_speed`.
 
     $$\mu(v) = \mu \tanh\frac{v}{v_d}$$
 
@@ -83,7 +83,7 @@ class RegularisedCoulomb(AbstractRegularisedFriction):
 
 
 class LinearCoulomb(AbstractRegularisedFriction):
-    r"""Coulomb friction that is linear below the speed v_d.
+    r"""Coulomb friction that is linear below v_d, the `regularisation_speed`.
 
     $$\mu(v) = \mu \min\left(\frac{v}{v_d}, 1\right)$$
 
@@ -101,7 +101,8 @@ class Threlfall(AbstractRegularisedFriction):
 
     $$\mu(v) = \mu \left(1 - e^{-3 \min(v / v_d, 1)}\right)$$
 
-    Above v_d it is 0.9502 mu. With 0.95 mu, which is often printed, the law would jump at v_d.
+    Above v_d, the `regularisation_speed`, mu(v) is 0.9502 mu. With 0.95 mu, which is often printed,
+    the law would jump at v_d.
 
     >>> print(f"{cj.frictions.Threlfall(0.1).ratio(0.5):.4f}")  # 0.1 (1 - exp(-3))
     0.0950
@@ -294,7 +295,8 @@ class AbstractBristleFriction(AbstractConverting):
     @abc.abstractmethod
     def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
         """Return the vector of friction over normal force, along the slip in steady sliding. The
-        friction force on the second body is minus this vector times the normal force."""
+        friction force on the second body is minus this vector times the normal force. `rate` is
+        that of the deflection, m/s."""
 
     @abc.abstractmethod
     def sliding_ratio(self, slip_speed: Scalar) -> Scalar:
@@ -303,12 +305,12 @@ class AbstractBristleFriction(AbstractConverting):
 
     @abc.abstractmethod
     def full_deflection(self) -> Scalar:
-        """Return the approximate deflection in steady sliding, m, which scales its error
-        control."""
+        """Return the approximate deflection in steady sliding, m: the scale to which the step size
+        control relates the error of the deflection."""
 
     def stored_energy(self, deflection: Vector) -> Scalar:
-        """Return the recoverable energy over the normal force, m; by default zero: all is
-        dissipated."""
+        """Return the energy that the bristles can give back, over the normal force, m. The default
+        is zero: all energy is dissipated."""
         return 0.0
 
     def force(self, normal_force: Scalar, slip: Vector) -> Vector:

@@ -28,8 +28,8 @@ from .laws import (
 )
 
 _SERIES_BELOW = 1e-5
-"""Damping factor chi below which the series 1 - 2 chi/3 is more accurate than the rounded
-solution."""
+"""Damping factor chi below which the series 1 - 2 chi/3 of the delivered restitution is more
+accurate than the numerical solution, which is rounded."""
 _NEWTON = optimistix.Newton(rtol=1e-14, atol=1e-14)
 
 
@@ -145,10 +145,10 @@ class AbstractHertzianLaw(AbstractPowerLaw):
       force replaces K delta^n.
     - `exponent`: n, at least 1; a cylinder ignores it. Declare it as a static field, so that the
       compiled program can do without a general power for the values 1 and 1.5.
-    - `smoothing`: width w in m over which the force begins smoothly, or ``None``, as cylinders need
-      it. A ramp then replaces the penetration: zero below delta = -w, the parabola (delta + w)^2/(4
-      w) up to delta = w, and delta above. A ramp of the same form, of width w/(w + max(delta, 0)),
-      replaces the factor 1 + chi v/v0.
+    - `smoothing`: width w in m over which the force begins smoothly; ``None`` for no smoothing, the
+      only choice for cylinders. With a width, a ramp replaces the penetration: zero below delta =
+      -w, the parabola (delta + w)^2/(4 w) up to delta = w, and delta above. A ramp of the same
+      form, of width w/(w + max(delta, 0)), replaces the factor 1 + chi v/v0.
 
     ```python
     import clearjoint as cj
@@ -334,7 +334,7 @@ class HuntCrossley(AbstractDampedLaw):
 
     $$\chi = \frac{3 (1 - c)}{2}$$
 
-    It delivers nearly c for c near 1, and 0.66 for c = 0.5.
+    c is the requested restitution. The law delivers nearly c for c near 1, and 0.66 for c = 0.5.
 
     >>> print(f"{cj.laws.HuntCrossley(restitution=0.8, stiffness=1e9).delivered_restitution():.4f}")
     0.8329
@@ -350,7 +350,7 @@ class HerbertMcWhannell(AbstractDampedLaw):
 
     $$\chi = \frac{6 (1 - c)}{(2 c - 1)^2 + 3}$$
 
-    It delivers nearly c for c near 1, and 0.59 for c = 0.5.
+    c is the requested restitution. The law delivers nearly c for c near 1, and 0.59 for c = 0.5.
 
     >>> print(f"{cj.laws.HerbertMcWhannell(0.8, stiffness=1e9).delivered_restitution():.4f}")
     0.8070
@@ -366,8 +366,8 @@ class LeeWang(AbstractDampedLaw):
 
     $$\chi = \frac{3 (1 - c)}{4}$$
 
-    Near c = 1 it dissipates half the energy that c requires. For c = 0 the rebound speed is still
-    0.66 times the entry speed.
+    Near c = 1 the law dissipates half the energy that the requested restitution c requires. For c =
+    0 the rebound speed is still 0.66 times the entry speed.
 
     >>> print(f"{cj.laws.LeeWang(restitution=0.8, stiffness=1e9).delivered_restitution():.4f}")
     0.9090
@@ -383,7 +383,7 @@ class LankaraniNikravesh(AbstractDampedLaw):
 
     $$\chi = \frac{3 (1 - c^2)}{4}$$
 
-    It delivers nearly c for c near 1, and 0.73 for c = 0.5.
+    c is the requested restitution. The law delivers nearly c for c near 1, and 0.73 for c = 0.5.
 
     >>> print(f"{cj.laws.LankaraniNikravesh(0.8, stiffness=1e9).delivered_restitution():.4f}")
     0.8471
@@ -399,6 +399,8 @@ class ZhiyingQishao(AbstractDampedLaw):
 
     $$\chi = \frac{3}{4} (1 - c^2) e^{2 (1 - c)}$$
 
+    c is the requested restitution.
+
     >>> print(f"{cj.laws.ZhiyingQishao(0.8, stiffness=1e9).delivered_restitution():.4f}")
     0.7874
     """
@@ -413,7 +415,7 @@ class CarvalhoMartins(AbstractDampedLaw):
 
     $$\chi = \frac{3 (1 - c) (11 - c)}{2 (1 + 9 c)}$$
 
-    The delivered restitution differs from c by at most 2e-4 for c >= 0.5.
+    The delivered restitution differs from the requested one, c, by at most 2e-4 for c >= 0.5.
 
     >>> print(f"{cj.laws.CarvalhoMartins(0.8, stiffness=1e9).delivered_restitution():.4f}")
     0.8000
@@ -438,7 +440,7 @@ class Flores2011(AbstractReboundingLaw):
 
     $$\chi = \frac{8 (1 - c)}{5 c}$$
 
-    K. Ye et al. 2009 derived the same factor for the exponent 1.5.
+    c is the requested restitution. K. Ye et al. 2009 derived the same factor for the exponent 1.5.
 
     >>> print(f"{cj.laws.Flores2011(restitution=0.8, stiffness=1e9).delivered_restitution():.4f}")
     0.7885
@@ -454,7 +456,7 @@ class Gonthier(AbstractReboundingLaw):
 
     $$\chi = \frac{1 - c^2}{c}$$
 
-    It approximates the equation that `ExactRestitution` solves.
+    c is the requested restitution. The factor approximates that of `ExactRestitution`.
 
     >>> print(f"{cj.laws.Gonthier(restitution=0.8, stiffness=1e9).delivered_restitution():.4f}")
     0.7680
@@ -470,7 +472,7 @@ class GharibHurmuzlu(AbstractReboundingLaw):
 
     $$\chi = \frac{1}{c}$$
 
-    The delivered restitution never exceeds 0.594, its value for c = 1.
+    c is the requested restitution. The delivered one never exceeds 0.594, its value for c = 1.
 
     >>> print(f"{cj.laws.GharibHurmuzlu(0.2, stiffness=1e9).delivered_restitution():.4f}")
     0.1970
@@ -486,6 +488,8 @@ class HuGuo(AbstractReboundingLaw):
 
     $$\chi = \frac{3 (1 - c)}{2 c}$$
 
+    c is the requested restitution.
+
     >>> print(f"{cj.laws.HuGuo(restitution=0.8, stiffness=1e9).delivered_restitution():.4f}")
     0.7992
     """
@@ -500,6 +504,8 @@ class SafaeifarFarshidianfar(AbstractReboundingLaw):
 
     $$\chi = \frac{5 (1 - c)}{4 c}$$
 
+    c is the requested restitution.
+
     >>> print(f"{cj.laws.SafaeifarFarshidianfar(0.8, stiffness=1e9).delivered_restitution():.4f}")
     0.8271
     """
@@ -513,6 +519,8 @@ class YePounding(AbstractReboundingLaw):
     r"""Law of K. Ye et al. 2009 for colliding buildings; by default with a linear spring (n = 1).
 
     $$\chi = \frac{3 (1 - c)}{2 c}$$
+
+    c is the requested restitution.
 
     >>> print(f"{cj.laws.YePounding(restitution=0.8, stiffness=1e9).delivered_restitution():.4f}")
     0.7992
@@ -530,8 +538,9 @@ class PantWijeyewickrema(AbstractReboundingLaw):
 
     $$\chi = \frac{3 (1 - c^2)}{2 c^2}$$
 
-    The delivered restitution is far too small: 0.22 for c = 0.5, and 0.81 for c = 0.9. Use this law
-    only to reproduce published results; it warns of any c below 1 with a `LawRangeWarning`.
+    The delivered restitution is far below the requested one, c: 0.22 for c = 0.5, and 0.81 for c =
+    0.9. Use this law only to reproduce published results; it warns of any c below 1 with a
+    `LawRangeWarning`.
 
     >>> import warnings
     >>> warnings.filterwarnings("ignore", category=cj.LawRangeWarning)

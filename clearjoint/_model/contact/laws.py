@@ -79,7 +79,8 @@ def slip_velocity(relative: Vector, normal: Vector, rate: Scalar) -> Vector:
 
 class Limit(NamedTuple):
     """The range from `least` to `most` of a quantity, such as "penetration", in which a law is
-    valid, and the quantity's `value` at a contact. `law` is the name of the law's class.
+    valid, and the quantity's `value` at a contact, all in `unit`. `law` is the name of the law's
+    class.
 
     >>> cylinder = cj.laws.JohnsonCylinder(207e9, 0.3, length=10e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -126,8 +127,8 @@ _GIVE_MODULUS = "give E in Pa; 1 GPa is 1e9 Pa"
 class AbstractElasticity(AbstractConverting):
     """Base class of the elastic force of a contact, which laws accept as their `stiffness`.
 
-    The force is a power of the penetration with the law's exponent n, or any other function of it,
-    which ignores n.
+    The force is K delta^n, with a stiffness K, the penetration delta and the law's exponent n, or
+    any other function of delta, which ignores n.
 
     >>> foundation = cj.laws.LiuCylinder(207e9, 0.3, length=10e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -416,7 +417,8 @@ def require_instance(argument: str, value: object, *kinds: type, remedy: str = "
 
 def require_flat_law(law: object, surfaces: str) -> None:
     """Raise a `ValueError` unless a law can be used between flat `surfaces`, such as "flanks". The
-    stiffness of an `AbstractElasticLaw` must be a number, since others may depend on radii."""
+    stiffness of an `AbstractElasticLaw` must be a number, since an `AbstractElasticity` may depend
+    on radii."""
     require_instance("law", law, AbstractContactLaw)
     # Whether a law of another class reads the radii is not visible from outside.
     if isinstance(law, AbstractElasticLaw):
@@ -499,7 +501,8 @@ class AbstractFactorLaw(AbstractLawAround):
 
     @property
     def delivered_restitution(self) -> Callable[[], Scalar]:
-        """Method of the law, as a property, so that ``hasattr`` tells whether the law has it."""
+        """Method `delivered_restitution` of the field `law`. It is a property, so that ``hasattr``
+        is true only if `law` has this method."""
         return self.law.delivered_restitution  # pyright: ignore[reportAttributeAccessIssue]
 
 

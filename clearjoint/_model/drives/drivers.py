@@ -42,8 +42,8 @@ from .functions_of_time import (
 class AbstractDrive(AbstractPair):
     """Base class of elements that prescribe a body's angle about an axis, or apply a torque to it.
     They do not hold the bodies on the axis: add a revolute joint, ideal or with clearance. `axis`
-    is in the first body's axes, any length, and `orientation` that of the second body in the
-    first's at angle zero, as Euler parameters."""
+    is in the first body's axes, any length. `orientation`, (4,) Euler parameters, scalar first,
+    transforms components in the second body's axes to the first body's axes at angle zero."""
 
     axis: eqx.AbstractVar[Triple]
     orientation: eqx.AbstractVar[Quadruple]
@@ -141,7 +141,7 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
 
     A subclass declares the fields of a drive (`first`, `second`, `axis`, and `orientation`, that of
     the second body at angle zero) and defines the torque as a function of the second body's angle
-    about the axis, its rate and time:
+    about the axis, the rate of this angle, and time:
 
     ```python
     import clearjoint as cj
@@ -295,8 +295,8 @@ SI = "give it in SI units"
 
 
 def limited(torque: Scalar, lowest: Scalar, highest: Scalar, width: Scalar) -> Scalar:
-    """Return a torque, N m, limited to a range, at whose ends parabolas of a `width` replace the
-    kinks."""
+    """Return a torque limited to the range from `lowest` to `highest`, N m. From `width` below each
+    limit to `width` above it, N m, a parabola replaces the kink."""
     # The excess above the upper limit is subtracted, and the shortfall below the lower limit is
     # added. Ramps make both zero between the limits; they are smooth, so that the torque has no
     # kinks.

@@ -166,7 +166,7 @@ class Spline(AbstractTable):
 
 class Increasing(eqx.Module):
     """Breakpoints of a table, (N,) s, known to be increasing, so that bisection finds the next
-    one."""
+    breakpoint after a time."""
 
     times: ArrayLike
 
@@ -295,7 +295,8 @@ def as_single_in_time(value: FunctionOfTime) -> SingleInTime:
 
 def as_triple_in_time(value: PyTree) -> PyTree:
     """Convert a vector to what a field of `triple_in_time` stores: a tuple if a component is a
-    function, otherwise an array. Their number is checked later, when the element is made."""
+    function, otherwise an array. The number of components is checked later, when the element is
+    made."""
     if isinstance(value, tuple | list) and any(map(callable, value)):
         return tuple(map(as_single_in_time, value))
     return as_single_in_time(value)  # pyright: ignore[reportArgumentType]
@@ -340,8 +341,9 @@ def _shape(value: PyTree) -> tuple[int, ...] | None:
 
 
 def breakpoints_of(*contents: PyTree) -> PyTree:
-    """Return the breakpoints, s, of each function of time in the given fields: `Increasing` for the
-    tables of this module, and empty for a Python function, whose breakpoints are unknown."""
+    """Return the breakpoints, s, of each function of time in the contents of fields that may hold
+    such functions: `Increasing` for the tables of this module, and empty for a Python function,
+    whose breakpoints are unknown."""
     # A vector may be a tuple of three components.
     parts = [p for field in contents for p in (field if isinstance(field, tuple) else (field,))]
     return tuple(_breakpoints(p) for p in parts if isinstance(p, AbstractFunctionOfTime))

@@ -39,9 +39,9 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
 
     At multiples of its period, 1/`rate`, the servo reads its encoder and the target and commands a
     torque, P (goal - angle) + D (goal's rate - speed) + integral, which acts after the loop's delay
-    until the next replaces it. Choose it for a robot's joint whose measured goal and position are
-    to be predicted or fitted: `Motor` has neither sampling nor delay, and damps more than a servo
-    with the same gains.
+    until the next command replaces it. Choose it for a robot's joint whose measured goal and
+    position are to be predicted or fitted: `Motor` has neither sampling nor delay, and damps more
+    than a servo with the same gains.
 
     - **Start.** A run that starts without `State.memory` of the servo begins with a sample, whose
       torque acts at once, as if it had been commanded for longer than the delay.
@@ -49,16 +49,18 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
       as a servo with an encoder does; it lags by half a period. "sensor" reads the speed. If the
       delay is then a whole number of periods, the speed has a kink at the samples, and derivatives
       by delay and rate are those towards a longer delay.
-    - **Goal.** It is the target, whose rate is its derivative by time; zero for a
-      `PiecewiseConstant`. Steps need not end at the times of a table. If these are rounded, a small
-      `offset` makes each sample read the row of its own time. With a `speed_limit`, the goal starts
-      at the present angle and follows the target by at most this speed.
+    - **Goal.** The goal is the target, and its rate the target's derivative by time, zero for a
+      `PiecewiseConstant`. Steps need not end at the times of a table. If the times of a table are
+      rounded, a small `offset` makes each sample read the row of its own time. With a
+      `speed_limit`, the goal starts at the present angle and follows the target by at most this
+      speed.
     - **Torque limits.** The commanded torque is limited to `torque_limit`, or else to the
       `stall_torque`, if there is one. The voltage of a motor with a `stall_torque` T and a
       `no_load_speed` v can drive torques from -T (1 + w/v) to T (1 - w/v) against the back EMF at
       the speed w. This limit acts on the torque between samples too, rounded as in `Motor`.
     - **Integral.** It stops growing while the torque is at a limit (conditional integration).
-    - **Angle.** Revolutions are counted, from within half a revolution of the target at the start.
+    - **Angle.** The servo counts revolutions. It begins with an angle within half a revolution of
+      the target.
     - **Resolution.** Angles are not rounded to counts of the encoder: derivatives would vanish. In
       a fit, count the resolution r, rad, as noise of the measured angle, r/sqrt(12).
 
@@ -153,10 +155,11 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
         target, _ = value_and_rate(self.target, t)
         # Within half a revolution of the target, since the revolutions before are unknown.
         angle = target - wrapped(target - angle, TURN)
-        time = self.instants()["sample"].latest(t)
+        last_sample = self.instants()["sample"].latest(t)
         # The last sample was before the start: there the angle was another one.
-        memory = {"angle": angle - speed * (t - time)}
+        memory = {"angle": angle - speed * (t - last_sample)}
         if self.integral is not None:
+            # Zero, of the same type as the angle.
             memory["integral"] = 0.0 * angle
         if self.speed_limit is not None:
             memory["goal"] = angle
@@ -171,6 +174,7 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
     def updated_memory(
         self, name: str, memory: ForceMemory, motions: Motions, t: Scalar
     ) -> dict[str, Scalar]:
+        # Names of the stored commands, from the newest to the oldest.
         commands = self._commands()
         if name == "command":
             # Number of samples in the delay, with one that is later by a rounding error: by so many
@@ -203,7 +207,7 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
         self, memory: ForceMemory, angle: Scalar, speed: Scalar, motions: Motions, t: Scalar
     ) -> tuple[Scalar, dict[str, Scalar]]:
         """Return the torque, N m, that the servo commands at a sample, and the changed entries of
-        its memory."""
+        its memory. `angle`, rad, and `speed`, rad/s, are those of the encoder."""
         changed: dict[str, Scalar] = {}
         goal, goal_speed = value_and_rate(self.target, t)
         if self.speed_limit is not None:

@@ -71,7 +71,8 @@ class Row:
 class AbstractElement(AbstractConverting):
     """Base class of joints, forces and drivers, which act on the bodies of a scene.
 
-    `point_fields` maps each field with a point to the field with the name of the point's body.
+    `point_fields` maps the name of each field with a point to the name of the field that holds the
+    name of the point's body.
     """
 
     point_fields: ClassVar[Mapping[str, str]] = MappingProxyType({})
@@ -198,9 +199,9 @@ class SideForce:
     this angle. Opposite forces act on the two bodies at a common point.
 
     - `arm_first`, `arm_second`: this point, m from each body's centre of mass in its axes.
-    - `slope`: global vector whose product with the velocity of the second body's point relative to
-      the first's is the rate of the penetration due to the angle; a normal force F causes the force
-      -F `slope` on the second body.
+    - `slope`: global vector whose scalar product with the velocity of the second body's point
+      relative to the first body's point is the rate of the penetration due to the angle; a normal
+      force F causes the force -F `slope` on the second body.
     - `elastic`: force on the second body, N in global axes, due to the change of the stored energy
       at constant penetration.
     """
@@ -333,7 +334,8 @@ class AbstractContactJoint(AbstractElement):
         return self.pair()
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
-        """Return the wrench on each body of a film, which stores no energy; empty by default."""
+        """Return the wrench, on each body by name, of a film without stored energy; empty by
+        default."""
         return {}
 
     def deepest(self) -> dict[str, Scalar]:
@@ -364,11 +366,11 @@ class AbstractContactJoint(AbstractElement):
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
         """Return the name of a body that the joint connects with the ground, and two points near
-        each other: of the body, m in body axes, and of the ground, m; ``None``, the default,
-        without any.
+        each other: of the body, m from its centre of mass in its axes, and of the ground, m from
+        the origin; ``None``, the default, if there are no such points.
 
-        The vector between them may replace the body's position as an integration variable: as a
-        difference of large coordinates, it would lose digits.
+        The vector between the points may replace the body's position as an integration variable: as
+        a difference of large coordinates, it would lose digits.
         """
         return None
 

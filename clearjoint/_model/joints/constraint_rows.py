@@ -34,7 +34,7 @@ Pair = tuple[str, str]
 
 
 def _along(motion: Motion, local: Vector, direction: Vector) -> tuple[Wrench, Scalar]:
-    """Return Jacobian and bias of the coordinate, along a global unit vector, of a body's point."""
+    """Return Jacobian and bias of the coordinate of a body's point along a global unit vector."""
     body_direction = motion.rotation.transposed_times(direction)
     centripetal = motion.spin.cross(motion.spin.cross(local))
     return Wrench(direction, local.cross(body_direction)), body_direction.dot(centripetal)
@@ -210,9 +210,12 @@ Velocities = tuple[Vector, Vector]
 
 
 def _pose_rate(pose: Pose, velocities: Velocities) -> Pose:
-    """Return the time derivative of a pose; that of the rotation matrix A is A ~spin, 1/s."""
+    """Return the time derivative of a pose: velocity, m/s, and rate of the rotation matrix, 1/s."""
+    _, rotation = pose
     velocity, spin = velocities
-    rows = (pose[1].row_x, pose[1].row_y, pose[1].row_z)
+    # The rate of the matrix A, times any vector v, is A (spin x v). A row r of the matrix thus has
+    # the rate r x spin, since r . (spin x v) = (r x spin) . v.
+    rows = (rotation.row_x, rotation.row_y, rotation.row_z)
     return velocity, Matrix(*(row.cross(spin) for row in rows))
 
 

@@ -113,11 +113,11 @@ class GearJoint(AbstractConstraint):
             names, carrier = (self.carrier, gear), motions[self.carrier]
             return angle_about(names, carrier, motions[gear], axis, orientation)
 
-        first = angle(self.first, self.axis_first, self.orientation_first)
-        second = angle(self.second, self.axis_second, self.orientation_second)
+        angle_first = angle(self.first, self.axis_first, self.orientation_first)
+        angle_second = angle(self.second, self.axis_second, self.orientation_second)
         # External gears rotate in opposite senses: their angles, times their teeth, add up to zero.
         ratio = self.teeth_second / self.teeth_first
-        mesh = plus_multiple(first, second, -ratio if self.internal else ratio)
+        mesh = plus_multiple(angle_first, angle_second, -ratio if self.internal else ratio)
         # The angles are known only up to whole revolutions. A revolution of either gear changes the
         # error by a whole number of teeth.
         tooth = 2.0 * math.pi / self.teeth_first
@@ -220,14 +220,15 @@ class UniversalMotion(AbstractMotionAtPoints):
     arm_child: Vector
 
     def _reference(self) -> EulerParameters:
-        """Return the orientation at zero angles."""
+        """Return the Euler parameters from the child's axes to the parent's at zero angles."""
         return aligning(transverse_axes(self.arm_parent)[0], self.arm_child)
 
     def _about_child(self, reference: EulerParameters) -> Hinge:
         return Hinge(self.point_parent, self.point_child, self.arm_child, reference)
 
     def _parents_arm(self, angle: Scalar) -> tuple[Vector, Vector]:
-        """Return the parent's arm in the child's axes, and its derivative by the second angle."""
+        """Return `arm_parent` in the child's axes at the second angle, `angle`, rad, and the
+        derivative of this vector by this angle."""
         start = rotation_matrix(self._reference()).transposed_times(self.arm_parent)
         quarter = self.arm_child.cross(start)
         c, s = cosine(angle), sine(angle)
@@ -239,14 +240,15 @@ class UniversalMotion(AbstractMotionAtPoints):
         arm = rotation_matrix(relative.orientation) @ self.arm_child
         # The child's arm rotates with the cross about the parent's arm, which gives the first
         # angle. What remains of the orientation is the rotation about the child's arm.
-        first = polar_angle(arm.dot(quarter), arm.dot(start))
-        reference = composed(rotation_about(self.arm_parent, first), self._reference())
-        second = self._about_child(reference).encode(relative)
+        first_angle = polar_angle(arm.dot(quarter), arm.dot(start))
+        reference = composed(rotation_about(self.arm_parent, first_angle), self._reference())
+        about_child = self._about_child(reference).encode(relative)
         # The relative spin is the sum of the arms, each times the rate of the angle about it. The
         # arms are perpendicular, so that the scalar product of spin and arm is this rate.
-        along, _ = self._parents_arm(second.position)
-        rate = relative.twist.angular.dot(along)
-        return JointState((first, second.position), (rate, *second.speeds))
+        parents_arm, _ = self._parents_arm(about_child.position)
+        first_rate = relative.twist.angular.dot(parents_arm)
+        position = first_angle, about_child.position
+        return JointState(position, (first_rate, *about_child.speeds))
 
     @override
     def orientation(self, position: Angles) -> EulerParameters:

@@ -58,7 +58,8 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
         return perpendicular(*self._between(motions), a, b)
 
     def _in_plane(self, motions: Motions, normal: Vector) -> Row:
-        """Return the row of the second point's distance, m, along `normal` from the first point."""
+        """Return the row of the distance, m, from the first point to the second along `normal`, a
+        unit vector in the first body's axes."""
         points = self.point_first, normal, self.point_second
         return point_in_plane(*self._between(motions), *points)
 
@@ -66,7 +67,8 @@ class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
         return {"height": self._in_plane(motions, unit(normal))}
 
     def _point_on_line(self, motions: Motions, axis: Vector) -> dict[str, Row]:
-        """Return the rows of the second point's distances, m, from a line through the first."""
+        """Return the rows of the second point's distances, m, along two directions across `axis`,
+        from the line through the first point along `axis`, which is in the first body's axes."""
         across = transverse_axes(unit(axis))
         return {f"offset {k}": self._in_plane(motions, a) for k, a in enumerate(across, 1)}
 
@@ -103,7 +105,7 @@ class AbstractDriveableJoint(AbstractPairJoint):
     """Base class of ideal joints with one degree of freedom. The `armature` of a drive adds the
     kinetic energy armature q'^2/2, with the rate q' of the joint's `position`: it is the rotor's
     moment of inertia, kg m^2 (its mass, kg, for a translation), times the square of the gear ratio,
-    or ``None``."""
+    or ``None`` for no drive."""
 
     armature: eqx.AbstractVar[Single | None]  # pyright: ignore[reportGeneralTypeIssues]
 
@@ -421,10 +423,10 @@ class PlanarMotion(AbstractTurning):
         apart, spin = relative.displacement, relative.twist.angular
         offset = rotation @ apart
         velocity = rotation @ (relative.twist.linear + spin.cross(apart))
-        first, second = transverse_axes(self.normal_parent)
+        x_axis, y_axis = transverse_axes(self.normal_parent)
         return JointState(
-            (offset.dot(first), offset.dot(second), angle),
-            (velocity.dot(first), velocity.dot(second), spin.dot(self.axis)),
+            (offset.dot(x_axis), offset.dot(y_axis), angle),
+            (velocity.dot(x_axis), velocity.dot(y_axis), spin.dot(self.axis)),
         )
 
     @override

@@ -134,6 +134,7 @@ class JointFriction(AbstractNamedPair, AbstractContactJoint):
         else:
             spin = second.direction(second.spin) - first.direction(first.spin)
             slip = spin * self.radius
+        # In a ball, the surfaces slip about any axis; otherwise only about or along the given one.
         if self.axis is None:
             return slip
         axis = first.direction(unit(self.axis))

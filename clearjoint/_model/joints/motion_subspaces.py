@@ -184,7 +184,8 @@ class AbstractMotionAtPoints(AbstractMotionSubspace):
 
 
 class Weld(AbstractMotionAtPoints):
-    """The subspace of a fixed joint, without relative motion; `reference` is its orientation."""
+    """The subspace of a fixed joint, without relative motion. `reference` is the orientation: Euler
+    parameters that transform components in the child's axes to the parent's."""
 
     reference: EulerParameters
 

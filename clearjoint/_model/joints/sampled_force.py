@@ -27,12 +27,12 @@ class Periodic(eqx.Module):
     offset: Scalar = 0.0
 
     def instant(self, number: Scalar) -> Scalar:
-        """Return the instant of a whole number, s."""
+        """Return `offset` + `number` `period`, s, the instant of a whole `number`."""
         return self.offset + number * self.period
 
     def latest(self, t: Scalar) -> Scalar:
-        """Return the latest instant that is not after a time t, s, by more than a rounding
-        error."""
+        """Return the latest instant, s, that is not later than the time t, s. Here an instant that
+        is later by a rounding error counts as not later."""
         return self.instant(jnp.floor((t - self.offset) / self.period + 1e-9))
 
 
@@ -73,8 +73,8 @@ class AbstractSampledForce(AbstractForce):
 
     @abc.abstractmethod
     def instants(self) -> dict[str, Periodic]:
-        """Return the instants at which the memory changes, by name; coinciding ones in this
-        order."""
+        """Return the instants at which the memory changes, by name. If some of them coincide, the
+        memory changes in the order of this dictionary."""
 
     @abc.abstractmethod
     def initial_memory(self, motions: Motions, t: Scalar) -> dict[str, Scalar]:

@@ -20,7 +20,8 @@ Point = tuple[float, float]
 class _Link(NamedTuple):
     """A body of Andrews' mechanism, which is hinged to a parent body. `inertia` is about Z through
     the centre of mass, kg m^2, and `angle` the initial rotation about Z relative to the ground,
-    rad. The hinge is in m from each body's centre of mass in its axes."""
+    rad. `hinge_of_parent` and `hinge` are the point of the hinge on the parent and on the body, m
+    from each body's centre of mass in its axes."""
 
     mass: float
     inertia: float
@@ -168,8 +169,10 @@ def double_four_bar() -> tuple[Scene, State]:
     upright = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
     near, far, axis = (-0.5, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, 0.0, 1.0)
 
-    def hinge(name: str, first: str, second: str, a: TripleLike, b: TripleLike) -> None:
-        joints[name] = RevoluteJoint(first, second, a, b, axis, axis)
+    def hinge(
+        name: str, first: str, second: str, on_first: TripleLike, on_second: TripleLike
+    ) -> None:
+        joints[name] = RevoluteJoint(first, second, on_first, on_second, axis, axis)
 
     # The upright rods rotate clockwise at 1 rad/s. Their centres move at half the speed of their
     # tips.

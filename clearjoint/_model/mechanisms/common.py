@@ -33,7 +33,8 @@ def turned_about_z(angle: float) -> tuple[float, float, float, float]:
 
 
 def planar_state(centre: np.ndarray, angle: float, velocity: np.ndarray, spin: Scalar) -> BodyState:
-    """Return the state of a body that moves in the XY plane and rotates about Z."""
+    """Return the state of a body that moves in the XY plane and rotates about Z. `centre`, m, and
+    `velocity`, m/s, are (2,); `angle`, rad, and `spin`, rad/s, are about Z."""
     about_z = np.array(Z_AXIS) * spin
     return body_state((*centre, 0.0), turned_about_z(angle), (*velocity, 0.0), about_z)
 

@@ -35,7 +35,8 @@ def double_pendulum(
 
     - `clearance`: radial, m; ``None`` for an ideal ground joint. The other arguments then have no
       effect.
-    - `restitution`: requested of the default `law`, that of Lankarani and Nikravesh.
+    - `law`: normal law of the contacts; by default that of Lankarani and Nikravesh for `STEEL` with
+      the requested `restitution`.
     - `bearing_radius`, `journal_length`: m.
     - `friction`: as in `ClearanceJoint`; none by default.
     - `axial`: whether the journal can slide along its axis; by default `FreeAxially()`.

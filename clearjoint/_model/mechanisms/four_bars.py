@@ -57,8 +57,8 @@ def four_bar(
     **Arguments:**
 
     - `clearance`: radial, m, by the pin's name; pins that are not named are ideal.
-    - `restitution`: requested of the default `law` of the pins with clearance, that of Lankarani
-      and Nikravesh.
+    - `law`: normal law of the pins with clearance; by default that of Lankarani and Nikravesh for
+      `STEEL` with the requested `restitution`.
     - `lengths`: of crank, coupler and rocker, and the distance between the axes of crank and
       rocker, m.
     - `masses`: of crank, coupler and rocker, kg.
@@ -146,12 +146,12 @@ def _intersection(tip: np.ndarray, foot: np.ndarray, coupler: float, rocker: flo
     # The pin's coordinate along the line between the centres, and the square of the pin's distance
     # from this line.
     along = (coupler**2 - rocker**2 + distance**2) / (2.0 * distance) if distance else math.inf
-    height = coupler**2 - along**2
+    squared_height = coupler**2 - along**2
     expected = f"rods that span the {distance:.6g} m from the crank pin to the rocker foot"
     remedy = "choose another angle, or other lengths"
-    require(height > 0.0, "lengths", (coupler, rocker), expected, remedy)
+    require(squared_height > 0.0, "lengths", (coupler, rocker), expected, remedy)
     normal = _perpendicular(across) / distance
-    return tip + along * across / distance + math.sqrt(height) * normal
+    return tip + along * across / distance + math.sqrt(squared_height) * normal
 
 
 def _perpendicular(vector: np.ndarray) -> np.ndarray:
@@ -189,7 +189,8 @@ def spatial_four_bar(
     **Arguments:**
 
     - `clearance`: radial, m; ``None`` for an ideal ball joint. The ball starts centred.
-    - `restitution`: requested of the default `law`, that of Lankarani and Nikravesh.
+    - `law`: normal law of the ball; by default that of Lankarani and Nikravesh for `STEEL` with the
+      requested `restitution`.
     - `speed`: of the crank at the start, rad/s. The state is that of the ideal mechanism.
     - `friction`: of the ball; none by default.
 

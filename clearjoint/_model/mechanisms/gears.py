@@ -154,6 +154,7 @@ def cycloid_stage(
         "output": Body(0.4, (1.2e-4, 1.2e-4, 2e-4)),
     }
     axis, outwards = np.array([0.0, 0.0, 1.0]), np.array([math.cos(angle), math.sin(angle), 0.0])
+    # The disc rotates -1/lobes times as fast as the shaft, and the output like the disc.
     orientation, spin = turned_about_z(-angle / lobes), axis * (-speed / lobes)
     centre = outwards * eccentricity
     velocity = np.cross(axis, outwards) * (eccentricity * speed)

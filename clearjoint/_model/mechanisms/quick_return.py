@@ -53,7 +53,7 @@ def quick_return(
     """
     crank_foot, lever_foot = (-0.5 * CRANK, 0.0, 0.0), (-0.5 * LEVER, 0.0, 0.0)
     pin, middle = (0.5 * CRANK, 0.0, 0.0), (BASE - 0.5 * LEVER, 0.0, 0.0)
-    axis = (0.0, -BASE, 0.0)
+    lever_pivot = (0.0, -BASE, 0.0)
     if play is None:
         slot = PointInPlaneJoint("lever", "crank", middle, pin, Y_AXIS)
     else:
@@ -73,7 +73,7 @@ def quick_return(
     # The driver's angle is that of the crank's x axis from X, while `angle` is from the vertical.
     joints = {
         "crank bearing": RevoluteJoint(GROUND, "crank", ORIGIN, crank_foot, Z_AXIS, Z_AXIS),
-        "lever bearing": RevoluteJoint(GROUND, "lever", axis, lever_foot, Z_AXIS, Z_AXIS),
+        "lever bearing": RevoluteJoint(GROUND, "lever", lever_pivot, lever_foot, Z_AXIS, Z_AXIS),
         "motor": PrescribedRotation(GROUND, "crank", Z_AXIS, speed, 0.5 * math.pi + angle),
         "slot": slot,
     }
@@ -86,7 +86,8 @@ def quick_return(
 
 
 def _start(speed: Scalar, angle: float) -> State:
-    """Return the ideal mechanism's state; angles are counter-clockwise from the vertical."""
+    """Return the ideal mechanism's state at the `speed`, rad/s, and `angle`, rad, of the crank. All
+    angles are counter-clockwise from the vertical."""
     # The lever points from its axis to the pin, so that its angle is atan(across/height). The ratio
     # of the lever's speed to the crank's is the derivative of this angle by the crank's angle.
     across, height = CRANK * math.sin(angle), BASE + CRANK * math.cos(angle)

@@ -41,7 +41,7 @@ class ArmLink:
     inertia: tuple[float, float, float]
 
     def tilt(self) -> EulerParameters:
-        """Return the orientation of the link's frame in its parent's at joint angle zero."""
+        """Return the orientation of the link's frame in the parent's frame at joint angle zero."""
         return EulerParameters(math.cos(0.5 * self.twist), math.sin(0.5 * self.twist), 0.0, 0.0)
 
     def axis(self) -> Components:

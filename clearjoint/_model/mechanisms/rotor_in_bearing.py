@@ -45,7 +45,8 @@ def rotor_in_bearing(
     - `speed`: of the rotor, rad/s.
     - `offset`: initial position of the journal along X and Y, divided by the clearance; by default
       the journal touches the wall at the lowest point.
-    - `restitution`: requested of the default `law`, that of Lankarani and Nikravesh.
+    - `law`: normal law of the contact with the wall; by default that of Lankarani and Nikravesh for
+      `STEEL` with the requested `restitution`.
     - `friction`: of the contact with the wall, also with a film; none by default.
     - `gravity`: (3,) m/s^2, along -Y by default; ``None`` for none.
 

@@ -65,7 +65,8 @@ def slider_crank(
     **Arguments:**
 
     - `clearance`: radial, m; ``None`` for an ideal pin.
-    - `restitution`: requested of the default `law`, that of Lankarani and Nikravesh.
+    - `law`: normal law of the contacts; by default that of Lankarani and Nikravesh for `STEEL` with
+      the requested `restitution`.
     - `speed`, `angle`: of the crank at the start, rad/s and rad; at angle 0 the slider is farthest
       out. The state is that of the ideal mechanism, with a centred journal.
     - `motor`: an element that drives "crank" relative to "ground", such as a `DriveTorque` about
