@@ -67,7 +67,8 @@ TreeVariables: TypeAlias = dict[str, MotionVariables]
 
 
 class JointMechanics(AbstractMechanics):
-    """Equations of motion of all trees of a scene, prepared once for all forces and constraints."""
+    """Equations of motion of all trees of a scene at one instant. Kinematics and factorisations are
+    computed once, and serve all forces and constraints."""
 
     def __init__(self, scene: Scene, variables: TreeVariables):
         self._scene, self._variables = scene, variables
@@ -84,7 +85,8 @@ class JointMechanics(AbstractMechanics):
         self._parents = [self._index.get(branch.parent) for branch in self._branches]
         # In a free tree, all bodies fall alike: rates are relative to free fall, and gravity is
         # added to the accelerations (`_falls`). In a tree on the ground, gravity is a load on each
-        # body (`_weights`). For each branch, `axes` is the rotation matrix of its tree's axes.
+        # body (`_weights`). Both are accelerations, m/s^2, in the axes of the branch's tree, whose
+        # rotation matrix to global axes is in `_axes`. All these lists have an entry per branch.
         self._axes: list[Matrix] = []
         self._falls: list[Vector] = []
         self._weights: list[Vector] = []
@@ -133,8 +135,10 @@ class JointMechanics(AbstractMechanics):
         return self._rates({}, self._by_link(forces))
 
     def _rates(self, loads: LinkLoads, forces: Sequence[Speeds]) -> Speeds:
-        """Return the rates r that loads on links, and generalised forces in their joints, cause."""
+        """Return the rates r that loads on links, by index of the link, and generalised forces in
+        the joints of all links cause."""
         rates: list[Speeds] = []
+        # The links of one tree are those from i to j - 1; its solver counts them from zero.
         for (i, j), solver in zip(pairwise(self._starts), self._solvers, strict=True):
             rates += solver.rates({k - i: loads[k] for k in range(i, j) if k in loads}, forces[i:j])
         return list(chain(*rates))
@@ -156,8 +160,8 @@ class JointMechanics(AbstractMechanics):
         return list(chain(*forces))
 
     def _loads(self, wrenches: Wrenches) -> dict[int, ForceAndMoment]:
-        """Return the force and moment of each wrench in the axes of its body's tree, by index of
-        the link, root first."""
+        """Return each wrench in the axes of its body's tree, by index of the link and in the order
+        of links, without the wrench on the ground."""
         indices = sorted(self._index[name] for name in wrenches if name != GROUND)
         bodies = {k: wrenches[self._branches[k].body] for k in indices}
         return {k: _in_tree(at, self._links[k], self._axes[k]) for k, at in bodies.items()}
@@ -176,14 +180,16 @@ class JointMechanics(AbstractMechanics):
 
     def _per_link(self, rates: Speeds) -> Iterator[tuple[Twist, Speeds]]:
         """Yield for each link, from the roots to the leaves, its acceleration without the part at
-        constant speeds, and its rates u' relative to its carrier."""
+        constant speeds, and the rates u' of its joint, for given `rates` r of all joints."""
         twists: list[Twist] = []
-        for k, (link, part) in enumerate(zip(self._links, self._by_link(rates), strict=True)):
+        for k, (link, own_rates) in enumerate(zip(self._links, self._by_link(rates), strict=True)):
             parent = self._parents[k]
             carrier = REST if parent is None else twists[parent]
-            both = self._evaluate[k](accelerated, link.columns, part, link.offset, carrier)
-            twists.append(both[0])
-            yield both
+            twist, relative = self._evaluate[k](
+                accelerated, link.columns, own_rates, link.offset, carrier
+            )
+            twists.append(twist)
+            yield twist, relative
 
     @override
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
@@ -209,10 +215,11 @@ class JointMechanics(AbstractMechanics):
     def _per_branch(
         self, rates: Speeds
     ) -> Iterator[tuple[TreeBranch, tuple[MotionVariables, Speeds, Matrix]]]:
-        """Yield each branch, with its variables, its rates u', and the axes of its tree."""
+        """Yield each branch, with its variables, the rates u' of its joint for given `rates` r of
+        all joints, and the rotation matrix from the axes of its tree to global ones."""
         links = zip(self._branches, self._per_link(rates), self._axes, strict=True)
-        for branch, (_, part), axes in links:
-            yield branch, (self._variables[branch.body], part, axes)
+        for branch, (_, relative), axes in links:
+            yield branch, (self._variables[branch.body], relative, axes)
 
 
 def _link(
@@ -229,7 +236,12 @@ def _in_tree(wrench: Wrench, link: Link, axes: Matrix) -> ForceAndMoment:
 def _effective_load(
     wrench: Wrench, link: Link, axes: Matrix, central: Matrix, mass: Scalar, weight: Vector
 ) -> Twist:
-    """Return a link's load by wrench and weight, minus its inertial forces at constant speeds."""
+    """Return the load on a link, about its reference point, by the wrench and the weight of its
+    body, minus the body's inertial forces at constant speeds.
+
+    `axes` is the rotation matrix from the tree's axes to global ones. In the tree's axes, `central`
+    is the body's inertia about its centre of mass, kg m^2, and `weight` the weight per mass, m/s^2.
+    """
     force, moment = _in_tree(wrench, link, axes)
     gyroscopic = link.spin.cross(central @ link.spin) + central @ link.angular_bias
     inertial = (link.bias - weight) * mass
@@ -243,17 +255,17 @@ def _body_acceleration(twist: Twist, link: Link, axes: Matrix, fall: Vector) -> 
 
 
 class JointCoordinates(AbstractCoordinates):
-    """Positions and speeds in ideal joints, each of a body relative to the one before it in a tree.
+    """Positions and speeds in ideal joints: of each body relative to the one that carries it.
 
     A clearance joint is a force element, so that in most mechanisms with clearances the bodies and
     ideal joints form trees, without multipliers, drift and redundant constraints in these
     coordinates. Ideal joints that close a loop remain constraints. The first body of a tree without
     an ideal joint to the ground has the same variables as in absolute coordinates.
 
-    They are the default, since they are faster on every mechanism measured: one evaluation of the
-    equations of motion takes 0.14 µs for the double pendulum with clearance and 0.25 µs for a
-    double four-bar, against 0.24 and 50 µs in absolute coordinates, with more constraints, whose
-    equations need LAPACK.
+    Joint coordinates are the default, since they are faster on every mechanism measured: one
+    evaluation of the equations of motion takes 0.14 µs for the double pendulum with clearance and
+    0.25 µs for a double four-bar. In absolute coordinates, which have more constraints, the same
+    evaluations take 0.24 µs and, with LAPACK for the equations of constraints, 50 µs.
 
     >>> cj.Settings(coordinates=cj.JointCoordinates()).coordinates
     JointCoordinates()
