@@ -156,8 +156,7 @@ class AbsoluteMechanics(AbstractMechanics):
 
 
 def by_body(scene: Scene, numbers: Speeds) -> dict[str, BodyAcceleration]:
-    """Convert six numbers for each body, in the scene's order and in the form of the speeds of
-    `AbsoluteMechanics` (rates, forces or changes), to a linear and an angular vector for each."""
+    """Convert numbers in the form of the speeds to a linear and an angular vector of each body."""
     return {
         name: BodyAcceleration(Vector(*numbers[k : k + 3]), Vector(*numbers[k + 3 : k + 6]))
         for k, name in zip(range(0, len(numbers), 6), scene.bodies, strict=True)

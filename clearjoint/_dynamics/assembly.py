@@ -110,11 +110,10 @@ def assemble(
     centred position (its method `centred_joint` returns ``None``) is left as it is. A pin in a slot
     is only centred across the slot.
 
-    Choose `moving` by what the guess says about velocities. Constraints do not determine the
-    velocities of bodies behind a clearance: if a driver turns the crank of a four-bar whose crank
-    pin has clearance and the guess is at rest, then coupler and rocker stay at rest, and the crank
-    strikes them with its whole speed. With `moving=True`, coupler and rocker move as if all joints
-    were ideal.
+    Choose `moving` by what the guess says about velocities. Constraints do not determine velocities
+    of bodies behind a clearance: if a driver turns the crank of a four-bar whose crank pin has
+    clearance and the guess is at rest, then coupler and rocker stay at rest, and the crank strikes
+    them with its whole speed. With `moving=True`, bodies move as if all joints were ideal.
 
     **Arguments:**
 

@@ -38,8 +38,7 @@ FEW = 8
 NODES, WEIGHTS = (column.tolist() for column in np.polynomial.legendre.leggauss(5))
 """Gauss quadrature with five points (order ten) on the interval -1 to 1."""
 DRIVER_ROUNDINGS = 64.0
-"""Rounding error of a driver's rate in `drivers_are_smooth`, in units of the rounding error of one
-operation."""
+"""Rounding error of a driver's rate in `drivers_are_smooth`, over the error of one operation."""
 ROUNDED_VALUE, ROUNDED_RATE = 1e-11, 1e-9
 """Allowed rounding errors in the change of a driver's value (m or rad) and of its rate (m/s or
 rad/s). Such errors occur in tables of large values at short intervals of time."""
@@ -89,9 +88,8 @@ def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
 
 def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
     """Return the time t, clipped to the inside of the interval between two breakpoints in which the
-    step from `start` lies, so that elements evaluated at this time have their values of this step.
-    Instants of sampled forces do not bound the interval: between steps, the memories that these
-    forces hold are constant."""
+    step from `start` lies, where elements have their values of this step. Instants of sampled
+    forces do not count, since the memories of these forces are constant within a step."""
     # Each breakpoint gives a bound slightly inside of the step: a lower one if it is not after the
     # start, else an upper one.
     start = system.clock(start)
@@ -108,9 +106,8 @@ def since_breakpoints(
     """Return for each element with `breakpoints`, for a step from `start` to `t`:
 
     - whether the step ends at one of its breakpoints;
-    - the time, s, from this breakpoint to the end of the step; zero if there is none. This time is
-      zero except for rounding, but its derivatives by the parameters on which the breakpoint
-      depends are needed.
+    - the time, s, from this breakpoint to the end of the step: zero except for rounding, but its
+      derivatives by the parameters on which the breakpoint depends are needed.
     """
     landings = {}
     start, t = system.clock(start), system.clock(t)
@@ -215,8 +212,7 @@ def drivers_are_smooth(
 
 
 def coincide(system: System, instant: Scalar, t: Scalar) -> Condition:
-    """Return whether an instant is before or at the time t, apart from rounding errors: whether the
-    two coincide, for an instant that is known not to be before t."""
+    """Return whether an instant is at or before the time t, apart from rounding errors."""
     return ~_is_after(system.origin, system.clock(instant), system.clock(t))
 
 
@@ -261,10 +257,9 @@ def _extreme(
     system: System, t: Scalar, function: Callable[[jax.Array], jax.Array], after: bool
 ) -> Scalar | None:
     """Return the smallest value of an increasing function at the breakpoints after t, a time of the
-    scene; or, if `after` is false, its largest value at the breakpoints that are not after t.
-    Without such breakpoints, the value is infinite (negative if `after` is false); in a scene
-    without any breakpoint, it is ``None``. It is not differentiated, since the solution does not
-    depend on where steps end."""
+    scene; or, without `after`, its largest value at the breakpoints not after t. The value is
+    infinite without such breakpoints, ``None`` in a scene without any breakpoint, and not
+    differentiated, since the solution does not depend on where steps end."""
     choice, none = (jnp.minimum, jnp.inf) if after else (jnp.maximum, -jnp.inf)
     extreme: jax.Array | None = None
     for times in breakpoints(system.scene).values():

@@ -28,10 +28,9 @@ RANK_TOLERANCE = 1e-8
 """Distance of a normalised constraint row from the span of the rows before it, below which it
 counts as dependent on them: far above rounding errors."""
 UNCERTAIN_BELOW = 1e-5
-"""The same distance below which a row that is not dependent counts as nearly dependent. The
-equations for the multipliers contain the square of the distance, so that rounding errors determine
-the multipliers: at a distance of 1e-6, the angle of a four-bar with a skew hinge is wrong by 1e-3
-rad after one second."""
+"""Distance below which another row counts as nearly dependent. The equations for the multipliers
+contain its square, so that rounding errors determine the multipliers: at 1e-6, the angle of a
+four-bar with a skew hinge is wrong by 1e-3 rad after one second."""
 FEW = 16
 """Largest number of scenes whose constraints NumPy evaluates one by one; for more, native code is
 compiled."""
@@ -172,12 +171,10 @@ def start_rows(
     with_jacobian: bool = False,
     motions: Motions | None = None,
 ) -> StartRows:
-    """Return the constraint rows of a scene in a state, whose vectors are arrays (3,).
-
-    With ``coordinates=None``, the fields `names` and `reduced`, of the rows that the coordinates do
-    not eliminate, are empty. A Jacobian takes memory in proportion to the square of the number of
-    bodies. `motions` is the result of `free_motions`, if known.
-    """
+    """Return the constraint rows in a state. Scene and state have vectors as arrays (3,). If
+    `coordinates` are ``None``, `names` and `reduced`, of the rows that they would not eliminate,
+    are empty. A Jacobian takes memory in proportion to the square of the number of bodies.
+    `motions` is the result of `free_motions`, if known."""
     scene, bodies = unpack(scene), unpack(state.bodies)
     absolute = AbsoluteCoordinates()
     motions = free_motions(scene, bodies) if motions is None else motions
@@ -296,8 +293,8 @@ def dependent(
 
 
 def _distances(rows: np.ndarray) -> np.ndarray:
-    """Return the distance of each of the `rows`, (n, s), from the span of the independent rows
-    before it, (n,), by the Gram-Schmidt process."""
+    """Return how far each of the rows, (n, s), is from the span of the independent ones before,
+    (n,)."""
     basis, count = np.empty_like(rows), 0
     distances = np.zeros(len(rows))
     for k, row in enumerate(rows):

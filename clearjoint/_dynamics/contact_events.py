@@ -1,9 +1,8 @@
 """Penetrations of contacts, the events at which contacts begin and end, and entry speeds.
 
 The entry speed is the penetration rate at the onset of the force. A step in which a contact begins
-ends shortly after the onset. Its entry speed is the penetration rate at the end of the step,
-corrected by one Newton iteration back to zero penetration, so that the value and its derivatives
-are those at the onset.
+ends after the onset: the rate at the end is corrected by one Newton iteration back to zero
+penetration, so that value and derivatives are those of the rate at the onset.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -33,8 +32,7 @@ a run: the sign of so small a depth is due to rounding."""
 
 @tree_dataclass
 class ContactGap:
-    """Penetration of a contact, measured from the onset of its force: `depth`, m, which is negative
-    while the contact is open, and its `rate` of change, m/s."""
+    """Penetration measured from the onset of a contact's force, m, and its rate of change, m/s."""
 
     depth: Scalar
     rate: Scalar
@@ -86,11 +84,10 @@ def initial_entry_speeds(
 ) -> EntrySpeeds:
     """Return the entry speeds at the start of a run of the contacts whose laws use them.
 
-    A closed contact with a positive entry speed in `given` keeps it. A closed contact without one
-    gets its penetration rate at the onset if it is just beginning (at most `TOUCHING` deep), and
-    otherwise `UNKNOWN_ENTRY_SPEED`, since its impact was before the start: its force is then
-    elastic. Open contacts get zero. `second_rates`, the second time derivatives of the depths,
-    m/s^2, matter to the derivatives of the result only.
+    A closed contact keeps a positive entry speed in `given`. Without one, it gets its penetration
+    rate at the onset if it is just beginning (at most `TOUCHING` deep), and otherwise, since its
+    impact was before the start, `UNKNOWN_ENTRY_SPEED`, with which its force is elastic.
+    `second_rates`, second time derivatives of the depths, m/s^2, matter to the derivatives only.
     """
 
     def entry_speed(name: str, label: str) -> Scalar:
@@ -123,10 +120,9 @@ def approaches_unknown(scene: Scene, start: ContactGaps, given: EntrySpeeds) -> 
 def entry_speeds_inside(
     scene: Scene, gaps: ContactGaps, left: Scalar, start: EntrySpeeds, end: EntrySpeeds
 ) -> EntrySpeeds:
-    """Return the entry speeds at an instant that is a time `left`, s, before the end of a step: the
-    entry speeds `start` at the start of the step or, for a contact that began in the step, from its
-    onset on, the entry speeds `end` at the end of the step. The onset is estimated from the `gaps`
-    at the end."""
+    """Return the entry speeds at an instant that is a time `left`, s, before the end of a step:
+    those at the step's `start`, or for a contact that began in the step, from its onset on, those
+    at its `end`. The onset is estimated from the `gaps` at the end."""
 
     def entry_speed(name: str, label: str) -> Scalar:
         before, after, gap = start[name][label], end[name][label], gaps[name][label]
@@ -187,9 +183,8 @@ def touches(gaps: ContactGaps) -> Condition:
 
 
 def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
-    """Return the time, s, from the latest onset between two instants to the second instant. It is
-    estimated as depth over rate, correct to first order and not differentiated; infinity without an
-    onset."""
+    """Return the time, s, from the latest onset between two instants to the second one. As depth
+    over rate, it is correct to first order; not differentiated, and infinite without an onset."""
     latest: Scalar = jnp.inf
     for start, end in gap_pairs(before, after):
         began = (start.depth <= 0.0) & (end.depth > 0.0)
@@ -220,10 +215,9 @@ def updated_entry_speeds(
     after: ContactGaps,
     second_rates: ByLabel[Scalar],
 ) -> EntrySpeeds:
-    """Return the entry speeds after an accepted step, from the gaps `before` and `after` it and the
-    second time derivatives of the depths after it, m/s^2. A contact that began in the step gets its
-    penetration rate at the onset, an open contact gets zero, and any other contact keeps its entry
-    speed."""
+    """Return the entry speeds after an accepted step, from the gaps `before` and `after` it. A
+    contact that began in the step gets its penetration rate at the onset, an open contact gets
+    zero, and any other contact keeps its entry speed."""
 
     def update(name: str, label: str) -> Scalar:
         end = after[name][label]

@@ -41,8 +41,7 @@ class LoadedContact:
     - `normal_force`: N, including damping, positive if it pushes the bodies apart.
     - `elastic_force`: N, the part of the normal force without damping.
     - `friction`: tangential force on the second body, N, in global axes; ``None`` without friction.
-    - `bristle_rate`: rate of the bristles' deflection, m/s, in the axes of the joint's first body;
-      ``None`` without a bristle law.
+    - `bristle_rate`: rate of the bristles' deflection, m/s in the first body's axes, or ``None``.
     - `friction_moment`: on the second body about the normal, N m; ``None`` except for friction
       between two flat faces, whose contact has a `face_radius`, the mean radius of the faces, m.
     """
@@ -89,9 +88,8 @@ def contact_forces(
 
 
 def _pressing_force(scene: Scene, motions: Motions, forces: LoadedContacts, name: str) -> Scalar:
-    """Return the force, N, or torque, N m, with which the joint or torsional spring `name` presses
-    the surfaces of a `JointFriction`. Damping in `name` is left out, since it may jump where flanks
-    touch."""
+    """Return the force, N, or torque, N m, with which the joint or spring `name` presses the
+    surfaces of a `JointFriction`: without damping, which may jump where flanks touch."""
     if name in forces:
         return reduce(add, (contact.elastic_force for contact in forces[name].values()))
     spring = scene.forces[name]
@@ -131,11 +129,9 @@ def contact_wrenches(
     friction_moment: Scalar | None = None,
 ) -> Iterator[tuple[str, Wrench]]:
     """Yield name and wrench of each body, except the ground, on which a contact of a joint acts;
-    each body twice with a friction moment. The arguments are the fields of a `LoadedContact`.
-
-    For a contact that acts as a couple (see `Contact.turning`), friction is ignored. For the
-    friction of an ideal hinge (see `Contact.lever`), the normal force is ignored.
-    """
+    each body twice with a friction moment. For a contact that acts as a couple (see
+    `Contact.turning`), friction is ignored; for the friction of an ideal hinge (see
+    `Contact.lever`), the normal force is ignored."""
     first, second = joint.pair()
     if contact.turning is not None:
         # A backlash about an axis is a contact that transmits a moment only. `turning` consists of
@@ -191,13 +187,12 @@ def contact_force(
 ) -> LoadedContact:
     """Return the forces of one contact of a joint, from arguments as in `contact_forces`.
 
-    The word wall means here the depth at which the law's force begins, its onset. If `closed` is
-    given and the slope of the force jumps at the wall, the force of a closed contact continues past
-    the wall as an odd function: at a distance d outside, it pulls by as much as it pushes at the
-    depth d. If the force jumps at the wall from zero to F, the forces at these two places have the
-    sum 2 F. The reason is that a step ends where the contact ends, so that its stages lie on both
-    sides of the wall: because of a kink there, the error estimate of the derivatives would reject
-    every step.
+    Here the wall is where the law's force begins, its onset. If `closed` is given and the slope of
+    the force jumps at the wall, the force of a closed contact continues past the wall as an odd
+    function: at a distance d outside, it pulls by as much as it pushes at the depth d. If the force
+    jumps at the wall from zero to F, the forces at these two places have the sum 2 F. The reason is
+    that a step ends where the contact ends, so that its stages lie on both sides of the wall:
+    because of a kink there, the error estimate of the derivatives would reject every step.
     """
 
     def normal_force(gap: Gap) -> Scalar:
@@ -236,10 +231,9 @@ def contact_force(
 def _with_friction(
     contact: Contact, normal: Scalar, elastic: Scalar, friction: Vector | None
 ) -> LoadedContact:
-    """Return a contact with its forces, N. For two flat faces, the component of the slip along the
-    normal is their relative spin about the normal times their mean radius. The component of
-    `friction` along the normal is then the moment of friction over this radius: it is removed from
-    the force, and kept as `friction_moment`."""
+    """Return a contact with its forces. For two flat faces, the component of the slip along the
+    normal is the relative spin times the faces' mean radius, and that of `friction` is the moment
+    of friction over this radius: it is kept as a moment."""
     if friction is None or contact.face_radius is None:
         return LoadedContact(contact, normal, elastic, friction)
     along = friction.dot(contact.normal)
@@ -251,8 +245,7 @@ def _with_friction(
 def _continued(
     force: Callable[[Gap], Scalar], law: AbstractContactLaw, gap: Gap, closed: Condition | None
 ) -> Scalar:
-    """Return the value of `force` at a gap: for a closed contact continued past the wall, as
-    described in `contact_force`; zero for an open one; unchanged if `closed` is ``None``."""
+    """Return a force that is continued past the wall of a closed contact; see `contact_force`."""
     if closed is None:
         return force(gap)
     if not law.slope_jumps():
@@ -277,8 +270,7 @@ def depth_at_wall(law: AbstractContactLaw) -> Scalar:
 def _bristle_friction(
     law: AbstractBristleFriction, contact: Contact, deflection: Vector, normal_force: Scalar
 ) -> tuple[Vector, Vector]:
-    """Return the friction on the second body, N, and the rate of the `deflection`, m/s. These and
-    the deflection, m, are in global axes."""
+    """Return the friction on the second body, N, and the deflection's rate, m/s, in global axes."""
     assert contact.slip is not None, "a contact with bristles has a slip"
     rate = law.rate(deflection, contact.slip)
     # The ratio is the friction, with opposite sign, divided by the normal force.

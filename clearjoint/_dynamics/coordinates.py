@@ -39,8 +39,7 @@ Speeds: TypeAlias = list[Scalar]
 
 @tree_dataclass
 class BodyAcceleration:
-    """Acceleration of a body: `linear`, of the centre of mass, m/s^2 in global axes, and `angular`,
-    the rate of the spin, rad/s^2 in body axes."""
+    """Acceleration of the centre of mass, m/s^2, global; rate of the spin, rad/s^2, body axes."""
 
     linear: Vector
     angular: Vector
@@ -99,13 +98,11 @@ class AbstractMechanics(abc.ABC):
 
     @abc.abstractmethod
     def after_displacement(self, changes: Speeds) -> MotionVariables:
-        """Return the variables after small displacements, m or rad, one for each speed, in the
-        form of the rates; the speeds themselves are unchanged."""
+        """Return the variables after a small displacement along each speed, m or rad."""
 
     @abc.abstractmethod
     def after_speed_change(self, changes: Speeds) -> MotionVariables:
-        """Return the variables with a change, m/s or rad/s, added to each speed; the changes are in
-        the form of the rates."""
+        """Return the variables with a change, m/s or rad/s, added to each speed."""
 
 
 class AbstractCoordinates(eqx.Module):
@@ -173,10 +170,9 @@ class AbstractCoordinates(eqx.Module):
 
 
 def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
-    """Return two points for each body with an anchor (see `AbstractContactJoint.anchor`): on the
-    body, m in body axes, and on the ground, m in global axes. If several joints give a body an
-    anchor, the first joint counts. The vector between the points, as a variable, keeps digits that
-    a difference of global positions would lose."""
+    """Return for each body with an anchor (see `AbstractContactJoint.anchor`), by the first such
+    joint, the point on the body, m in body axes, and the point on the ground, m. The vector between
+    them, as a variable, keeps digits that a difference of global positions would lose."""
     points = {}
     for joint in scene.contact_joints().values():
         anchor = joint.anchor()
@@ -186,15 +182,14 @@ def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
 
 
 def at_rest(bodies: Mapping[str, BodyState]) -> dict[str, BodyState]:
-    """Return the states of bodies with zero velocities and spins, as structural zeros: operations
-    on these are left out of the program."""
+    """Return the states of bodies with velocities and spins of zero, as structural zeros."""
     return {n: replace(body, velocity=ZERO, spin=ZERO) for n, body in bodies.items()}
 
 
 def free_motion(body: BodyState, anchor: tuple[Vector, Vector] | None) -> Motion:
-    """Return the motion of a free body. Its variable ``body.position``, m in global axes, is the
-    position of the centre of mass or, with an `anchor` (the two points of `anchors`), the vector
-    from the point on the ground to the point on the body."""
+    """Return the motion of a free body, whose position, m, is the centre of mass or, with an
+    `anchor` (see `anchors`), the vector from the anchor's point on the ground to that on the body.
+    """
     rotation = rotation_matrix(body.orientation)
     if anchor is None:
         return Motion(body.position, rotation, body.velocity, body.spin)

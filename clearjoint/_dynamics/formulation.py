@@ -41,8 +41,7 @@ class AbstractStabilisation(AbstractConverting):
 
     def corrected(self, variables: T, project: Callable[[T], T]) -> T:
         """Return the variables at the end of a step, corrected; by default unchanged. The function
-        `project` takes variables, and returns them with their positions and speeds projected onto
-        the constraints."""
+        `project` returns variables with positions and speeds projected onto the constraints."""
         return variables
 
 

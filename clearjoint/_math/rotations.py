@@ -87,8 +87,8 @@ def normalised(p: EulerParameters) -> EulerParameters:
 
 
 NORM_DRIFT = 1e-6
-"""Error of the squared norm up to which `kept_unit` leaves Euler parameters unchanged. Exact to
-first order, the correction reduces an error of this size to 2.5e-13."""
+"""Error of the squared norm up to which `kept_unit` leaves Euler parameters unchanged. Its
+correction, which is exact to first order, reduces an error of this size to 2.5e-13."""
 
 
 def kept_unit(p: EulerParameters) -> EulerParameters:
@@ -141,8 +141,8 @@ def transverse_axes(axis: Vector) -> tuple[Vector, Vector]:
 
 
 SMALL = 1e-4
-"""Squared sine of an acute angle below which `_angle_over_sine` uses a series; `_curvature` does so
-for squared angles below 100 times this number. The errors of both are below rounding errors."""
+"""Squared sine of an acute angle below which `_angle_over_sine` uses a series; for `_curvature`, the
+limit is a squared angle of 100 times this number. Both errors are below rounding errors."""
 TINY = 1e-200
 """Squared sine up to which the sine counts as zero."""
 
@@ -190,8 +190,8 @@ def rotation_vector(rotation: Matrix) -> RotationVector:
 
 
 def _angle_over_sine(squared_sine: Scalar, cosine: Scalar) -> Scalar:
-    """Return an angle from 0 to pi divided by its sine; at exactly pi, some finite number, since
-    the vector that it multiplies is zero."""
+    """Return an angle from 0 to pi divided by its sine, from the squared sine and the cosine. At
+    exactly pi it is some finite number, since the sine vector that it multiplies is zero."""
     # Both alternatives of each `where` are finite with finite derivatives, since the derivative of
     # the unused one is multiplied by zero.
     near = (squared_sine < SMALL) & (cosine > 0.0)

@@ -121,8 +121,8 @@ class PointVelocity(AbstractVectorQuantity, AbstractPointQuantity):
 class PointAcceleration(AbstractVectorQuantity, AbstractPointQuantity):
     """Acceleration of a point of a body, m/s^2: its magnitude or a component.
 
-    With `gravity`, the scene's gravity is subtracted. An accelerometer on the body measures this
-    specific force in body axes.
+    With `gravity`, the scene's gravity is subtracted: the result is the specific force, which an
+    accelerometer on the body measures in body axes.
 
     >>> point = (0.06, 0, 0)
     >>> cj.quantities.PointAcceleration("rod", point, "x", axes="body", gravity=True).unit
@@ -241,9 +241,9 @@ class Angle(AbstractBodyQuantity):
 
 
 class Distance(AbstractQuantity):
-    """Distance between a point of one body and a point of another, m, as a displacement sensor
-    reads it; with `along`, a direction in the first body's axes of any length, the component of the
-    vector from the first to the second point, such as the stroke of a slider in its guide.
+    """Distance between a point of one body and a point of another, m: what a displacement sensor
+    reads. With `along`, a direction of any length in the first body's axes, the quantity is the
+    component along it of the vector from the first point to the second, such as a slider's stroke.
 
     >>> stretch = cj.quantities.Distance("ground", (0, 0, 0), "arm 2", (0.5, 0, 0))
     >>> stroke = cj.quantities.Distance("ground", (0, 0, 0), "slider", (0, 0, 0), along=(1, 0, 0))

@@ -12,11 +12,11 @@ acceleration that remains if all u' are zero is left out, so that all r are zero
 a translation, r = u'.
 
 The purpose is accuracy. With the unknowns u', the inertia of the carried bodies about the axis
-enters the carrier's equations twice, with opposite signs; with r, it does not enter them. In the
-double pendulum of `clearjoint.mechanisms`, arm 2 has 0.001 kg m^2 about the hinge, and arm 3, which
-it carries, 2.3 kg m^2: the rounding errors of the cancelling terms cost two digits of the last
-impacts of a run. For coordinate axes, entries without this inertia are exact zeros, which the
-compiled program omits.
+enters the carrier's equations twice, with opposite signs; with the unknowns r, it does not enter
+these equations. In the double pendulum of `clearjoint.mechanisms`, arm 2 has 0.001 kg m^2 about the
+hinge, and arm 3, which it carries, 2.3 kg m^2: the rounding errors of the cancelling terms cost two
+digits of the last impacts of a run. For coordinate axes, entries without this inertia are exact
+zeros, which the compiled program omits.
 
 Lists of the type `Speeds` have one entry for each speed: those of the first tree from its root to
 its leaves, then those of the second, and so on. Rates, changes of speeds and displacements of this
@@ -67,8 +67,7 @@ TreeVariables: TypeAlias = dict[str, MotionVariables]
 
 
 class JointMechanics(AbstractMechanics):
-    """Equations of motion of all trees of a scene at one instant. Kinematics and factorisations are
-    computed once, and serve all forces and constraints."""
+    """Equations of motion of all trees of a scene, prepared once for all forces and constraints."""
 
     def __init__(self, scene: Scene, variables: TreeVariables):
         self._scene, self._variables = scene, variables
@@ -135,8 +134,7 @@ class JointMechanics(AbstractMechanics):
         return self._rates({}, self._by_link(forces))
 
     def _rates(self, loads: LinkLoads, forces: Sequence[Speeds]) -> Speeds:
-        """Return the rates r that loads on links, by index of the link, and generalised forces in
-        the joints of all links cause."""
+        """Return the rates r that loads on links, and generalised forces in their joints, cause."""
         rates: list[Speeds] = []
         # The links of one tree are those from i to j - 1; its solver counts them from zero.
         for (i, j), solver in zip(pairwise(self._starts), self._solvers, strict=True):
@@ -215,8 +213,7 @@ class JointMechanics(AbstractMechanics):
     def _per_branch(
         self, rates: Speeds
     ) -> Iterator[tuple[TreeBranch, tuple[MotionVariables, Speeds, Matrix]]]:
-        """Yield each branch, with its variables, the rates u' of its joint for given `rates` r of
-        all joints, and the rotation matrix from the axes of its tree to global ones."""
+        """Yield each branch, with its variables, its joint's rates u', and the axes of its tree."""
         links = zip(self._branches, self._per_link(rates), self._axes, strict=True)
         for branch, (_, relative), axes in links:
             yield branch, (self._variables[branch.body], relative, axes)
@@ -236,12 +233,9 @@ def _in_tree(wrench: Wrench, link: Link, axes: Matrix) -> ForceAndMoment:
 def _effective_load(
     wrench: Wrench, link: Link, axes: Matrix, central: Matrix, mass: Scalar, weight: Vector
 ) -> Twist:
-    """Return the load on a link, about its reference point, by the wrench and the weight of its
-    body, minus the body's inertial forces at constant speeds.
-
-    `axes` is the rotation matrix from the tree's axes to global ones. In the tree's axes, `central`
-    is the body's inertia about its centre of mass, kg m^2, and `weight` the weight per mass, m/s^2.
-    """
+    """Return a link's load by wrench and weight, minus its inertial forces at constant speeds."""
+    # In the tree's axes: `central`, kg m^2, is the inertia about the centre of mass, and `weight`,
+    # m/s^2, the weight of the body per mass.
     force, moment = _in_tree(wrench, link, axes)
     gyroscopic = link.spin.cross(central @ link.spin) + central @ link.angular_bias
     inertial = (link.bias - weight) * mass
@@ -265,7 +259,7 @@ class JointCoordinates(AbstractCoordinates):
     Joint coordinates are the default, since they are faster on every mechanism measured: one
     evaluation of the equations of motion takes 0.14 µs for the double pendulum with clearance and
     0.25 µs for a double four-bar. In absolute coordinates, which have more constraints, the same
-    evaluations take 0.24 µs and, with LAPACK for the equations of constraints, 50 µs.
+    evaluations took 0.24 µs and, with a former solver that used LAPACK, 50 µs.
 
     >>> cj.Settings(coordinates=cj.JointCoordinates()).coordinates
     JointCoordinates()
