@@ -51,9 +51,9 @@ SATISFIED = 1e-9
 """Largest constraint value and rate that `assemble` accepts. Rounding errors of lengths above a
 metre may exceed `TOLERANCE`."""
 STRIKING = 0.1
-"""Largest fraction of the kinetic energy that may be lost, without a warning of `assemble`, if all
-journals stopped in their bearings. The fraction is between a half and one if a crank turns and all
-links behind its clearance rest."""
+"""Fraction of the kinetic energy, above which `assemble` warns, that would be lost if all journals
+stopped in their bearings. If a crank turns and all links behind its clearance rest, it is between a
+half and one."""
 LOCKED = (
     "With ideal joints the mechanism can't move as its drivers prescribe, so that bodies behind a "
     "clearance have the velocities of the guess: give those of the motion, and pass moving=False."
@@ -127,8 +127,8 @@ def assemble(
     - `centred`: whether all journals are put into the centres of their bearings, except `resting`
       ones.
     - `moving`: whether the result has the velocities, nearest to the guess's, at which no journal
-      moves in its bearing, rather than the guess's own as far as constraints allow. With ``None``,
-      the default, it has them if a driver moves at time `t` and they exist.
+      moves in its bearing, rather than the guess's own as far as constraints allow. ``None``, the
+      default, means ``True`` if a driver moves at time `t` and such velocities exist.
 
     **Returns:** the assembled state, with the `work`, `bristles` and `memory` of the guess, and its
     `entry_speeds` except for those of the joints in `resting`.
@@ -146,7 +146,7 @@ def assemble(
       journal has no load across its axis.
 
     **Warns:** `UnusualValueWarning` if `moving` is ``None`` and either a driver moves, but the
-    mechanism with ideal joints cannot move as it prescribes; or no driver moves, and more than a
+    mechanism with ideal joints cannot follow this driver; or no driver moves, and more than a
     tenth of the kinetic energy would be lost if all journals stopped in their bearings.
 
     >>> scene, guess = cj.mechanisms.slider_crank(clearance=None)

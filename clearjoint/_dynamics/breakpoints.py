@@ -260,6 +260,7 @@ def _extreme(
     scene; or, without `after`, its largest value at the breakpoints not after t. The value is
     infinite without such breakpoints, ``None`` in a scene without any breakpoint, and not
     differentiated, since the solution does not depend on where steps end."""
+    # `choice` takes the extreme of several values, and `none` stands for no breakpoint.
     choice, none = (jnp.minimum, jnp.inf) if after else (jnp.maximum, -jnp.inf)
     extreme: jax.Array | None = None
     for times in breakpoints(system.scene).values():

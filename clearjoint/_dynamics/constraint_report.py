@@ -171,10 +171,10 @@ def start_rows(
     with_jacobian: bool = False,
     motions: Motions | None = None,
 ) -> StartRows:
-    """Return the constraint rows in a state. Scene and state have vectors as arrays (3,). If
-    `coordinates` are ``None``, `names` and `reduced`, of the rows that they would not eliminate,
-    are empty. A Jacobian takes memory in proportion to the square of the number of bodies.
-    `motions` is the result of `free_motions`, if known."""
+    """Return all constraint rows in a state, and the `reduced` rows that `coordinates` do not
+    eliminate: none if `coordinates` is ``None``. Scene and state have vectors as arrays (3,). A
+    Jacobian takes memory in proportion to the square of the number of bodies. `motions` is the
+    result of `free_motions`, if known."""
     scene, bodies = unpack(scene), unpack(state.bodies)
     absolute = AbsoluteCoordinates()
     motions = free_motions(scene, bodies) if motions is None else motions
@@ -293,8 +293,8 @@ def dependent(
 
 
 def _distances(rows: np.ndarray) -> np.ndarray:
-    """Return how far each of the rows, (n, s), is from the span of the independent ones before,
-    (n,)."""
+    """Return the distance, (n,), of each row, (n, s), from the span of the independent rows before
+    it, by the Gram-Schmidt process."""
     basis, count = np.empty_like(rows), 0
     distances = np.zeros(len(rows))
     for k, row in enumerate(rows):

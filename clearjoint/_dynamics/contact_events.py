@@ -121,8 +121,9 @@ def entry_speeds_inside(
     scene: Scene, gaps: ContactGaps, left: Scalar, start: EntrySpeeds, end: EntrySpeeds
 ) -> EntrySpeeds:
     """Return the entry speeds at an instant that is a time `left`, s, before the end of a step:
-    those at the step's `start`, or for a contact that began in the step, from its onset on, those
-    at its `end`. The onset is estimated from the `gaps` at the end."""
+    the entry speeds `start` of the step's start or, for a contact that began in the step, from its
+    onset on, the entry speeds `end` of the step's end. The onset is estimated from the `gaps` at
+    the end."""
 
     def entry_speed(name: str, label: str) -> Scalar:
         before, after, gap = start[name][label], end[name][label], gaps[name][label]
@@ -134,7 +135,7 @@ def entry_speeds_inside(
 
 def _at_onset(gap: ContactGap, second_rate: Scalar) -> Scalar:
     """Return the penetration rate, m/s, that a contact had at its onset shortly before, from its
-    present gap and the second time derivative of its depth, m/s^2; at least `SLOWEST`."""
+    present gap and the second time derivative of its depth, m/s^2; always positive."""
     usable = gap.rate > SLOWEST
     # One Newton step goes back by the time depth over rate, in which the rate changes by second
     # rate times this time. The correction changes the value hardly at all. But with it, the

@@ -231,9 +231,9 @@ def contact_force(
 def _with_friction(
     contact: Contact, normal: Scalar, elastic: Scalar, friction: Vector | None
 ) -> LoadedContact:
-    """Return a contact with its forces. For two flat faces, the component of the slip along the
-    normal is the relative spin times the faces' mean radius, and that of `friction` is the moment
-    of friction over this radius: it is kept as a moment."""
+    """Return a contact with its forces. For two flat faces, slip and `friction` have components
+    along the normal: the relative spin about the normal times the faces' mean radius, and the
+    moment of friction over this radius. This component of the friction is kept as a moment."""
     if friction is None or contact.face_radius is None:
         return LoadedContact(contact, normal, elastic, friction)
     along = friction.dot(contact.normal)

@@ -187,9 +187,9 @@ def at_rest(bodies: Mapping[str, BodyState]) -> dict[str, BodyState]:
 
 
 def free_motion(body: BodyState, anchor: tuple[Vector, Vector] | None) -> Motion:
-    """Return the motion of a free body, whose position, m, is the centre of mass or, with an
-    `anchor` (see `anchors`), the vector from the anchor's point on the ground to that on the body.
-    """
+    """Return the motion of a free body, whose variable `position`, m, is that of the centre of mass
+    or, with an `anchor` (the two points of `anchors`), the vector from the point on the ground to
+    the point on the body."""
     rotation = rotation_matrix(body.orientation)
     if anchor is None:
         return Motion(body.position, rotation, body.velocity, body.spin)

@@ -146,8 +146,8 @@ def overdamped_contacts(scene: Scene, state: State, t: Scalar) -> list[str]:
 
 
 def with_ideal(scene: Scene, ideal: IdealJoints) -> Scene:
-    """Return the scene with each joint that `ideal` has under the same name replaced. Reactions of
-    ideal joints press no friction surfaces: a `JointFriction` that is `pressed_by` a replaced joint
+    """Return the scene with the joints whose names are in `ideal` replaced. Reactions of the new
+    joints press no friction surfaces: a `JointFriction` that is `pressed_by` a replaced joint
     keeps only its constant load."""
     joints = {**scene.joints, **ideal}
     for name, joint in joints.items():
@@ -159,7 +159,8 @@ def with_ideal(scene: Scene, ideal: IdealJoints) -> Scene:
 
 
 def require_in_bearings(scene: Scene, by_joint: ByLabel[Scalar], rates: ByLabel[Scalar]) -> None:
-    """Check an initial state by the results of `starting_contacts`: penetrations, m, and `rates`.
+    """Check the two results of `starting_contacts` for an initial state: the penetrations, m, of
+    contacts `by_joint`, and the `rates`, m/s, of contacts without a known entry speed.
 
     **Raises:** `ValueError` if a contact is deeper than its limit in the joint's `deepest`.
 
@@ -214,8 +215,8 @@ def warn_of_journals_outside(
     scene: Scene, time: Scalar, final: State, saved: Iterable[tuple[np.ndarray, State]]
 ) -> None:
     """Issue a `LeftBearingWarning`, with the earliest time, for each joint whose journal is out of
-    its bearing at the end of a run (`time`, `final`) or in `saved`: pairs of N times, s, and N
-    states."""
+    its bearing at the end of a run (at `time`, in the state `final`) or in `saved`: pairs of N
+    times, s, and N states with arrays of first axis N."""
     last = np.asarray([time]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], final)
     joints = unpack(jax.tree.map(np.asarray, scene.contact_joints()))
     departures: dict[str, tuple[float, float]] = {}
@@ -332,8 +333,8 @@ def _speeds_of_rest(
 # This function is compiled to native code or, if that is not possible, by XLA without a warning.
 @partial(Native, warns=False)
 def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, jax.Array]:
-    """Return, by name of constraint, the force, N, that its last body exerts on its first, (3,) in
-    axes of the first, while all bodies are at rest and no contact has a force."""
+    """Return, for each constraint by name, the force, (3,) N, that its last body exerts on its
+    first, in axes of the first body, while all bodies are at rest and no contact has a force."""
     system = System(unpack(scene), UNIQUE_REACTIONS)
     mechanics = system.mechanics(system.encode(at_rest(unpack(bodies))))
     dynamics = system.dynamics_under(mechanics, {}, t)

@@ -90,7 +90,7 @@ class _Plan:
                 table.append((_FACTORISE, target, row, inverse))
             for i in column:
                 table += [(_DIVIDE, row, row, inverse) for row in self.rows(i, slots[i, j])]
-            # The column j is subtracted from the columns k after it.
+            # The column j is subtracted from the columns k after it, on and below the diagonal.
             for k in column:
                 for i in column:
                     if i >= k:

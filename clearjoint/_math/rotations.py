@@ -141,8 +141,8 @@ def transverse_axes(axis: Vector) -> tuple[Vector, Vector]:
 
 
 SMALL = 1e-4
-"""Squared sine of an acute angle below which `_angle_over_sine` uses a series; for `_curvature`, the
-limit is a squared angle of 100 times this number. Both errors are below rounding errors."""
+"""Squared sine of an acute angle below which `_angle_over_sine` uses a series; `_curvature` uses a
+series for squared angles below 100 times this number. Both errors are below rounding errors."""
 TINY = 1e-200
 """Squared sine up to which the sine counts as zero."""
 

@@ -179,8 +179,9 @@ def constrained(columns: Sequence[Twist], load: Twist, along: Speeds) -> Twist:
 
 
 def projected(columns: Sequence[Twist], offset: Vector, load: Twist) -> tuple[Speeds, Twist]:
-    """Return the generalised forces of a load in the joint of the carried body, and the load that
-    acts on the carrier, about the point from which `offset` leads to the present one."""
+    """Return the generalised forces of a load on a carried body in its joint, one for each column;
+    and the load that acts on the carrier, about the point from which `offset` leads to the present
+    one."""
     along = [product(column, load) for column in columns]
     return along, load_about(constrained(columns, load, along), offset)
 

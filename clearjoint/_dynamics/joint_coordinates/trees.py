@@ -110,8 +110,8 @@ class FreeBranch:
     """A free body, the root of a tree, with a `BodyState` as variables as in absolute coordinates.
     The six speeds are velocity (m/s) and spin (rad/s), both in body axes. Rates of the velocity are
     relative to free fall, since gravity accelerates all bodies of a free tree alike. `anchor`: see
-    `anchors`. Methods are those of `JointedBranch`, and ignore the motion of the parent, the
-    ground."""
+    `anchors`. Methods are those of `JointedBranch`, but ignore the parent, which is the ground.
+    """
 
     body: str
     anchor: tuple[Vector, Vector] | None
@@ -182,9 +182,9 @@ class JointedBranch:
     """A body that an ideal joint carries on a parent. The variables are a `JointState`: the
     relative positions and speeds in this joint.
 
-    In all methods, `state` is these variables, `parent` the value for the parent that the method
-    returns for the body, and `axes` the rotation matrix from the axes of the tree's root body to
-    global ones. Lists of the type `Speeds` have an entry for each speed of the joint.
+    In all methods, `state` is these variables, `parent` the pose, orientation, motion or link of
+    the parent, and `axes` the rotation matrix from the axes of the tree's root body to global ones.
+    Lists of the type `Speeds` have an entry for each speed of the joint.
     """
 
     body: str
@@ -232,8 +232,8 @@ class JointedBranch:
         # `rotation` leads from the body's axes to the tree's, and `offset`, m, from the parent's
         # reference point to the joint's point on the parent. `bias`, m/s^2, is at first the
         # acceleration of this point at constant speeds, to which the motion in the joint is added.
-        # For a root on the ground they are the identity and zeros, since the tree's axes are those
-        # of the root.
+        # For a root on the ground, these three are the identity and zeros, since the tree's axes are
+        # those of the root.
         rotation, offset, bias = IDENTITY, ZERO, ZERO
         if parent is None:
             parent = GROUND_LINK
