@@ -253,7 +253,7 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
         if np.abs(rows.values).max(initial=0.0) <= TOLERANCE:
             break
         bodies = _corrected(System.project_positions, scene, bodies, t)
-    else:
+    else:  # The rows of the last correction have not been evaluated.
         rows = row_residuals(scene, State(bodies), t)
     _require_satisfied(rows.texts(), rows.values, SATISFIED, "assembled", "positions")
     state = _with_velocities(scene, replace(state, bodies=bodies), t)

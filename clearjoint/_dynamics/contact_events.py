@@ -1,8 +1,8 @@
 """Penetrations of contacts, the events at which contacts begin and end, and entry speeds.
 
 The entry speed is the penetration rate at the onset of the force. A step in which a contact begins
-ends after the onset: the rate at the end is corrected by one Newton iteration back to zero
-penetration, so that value and derivatives are those of the rate at the onset.
+ends after the onset: the penetration rate at its end is corrected by one Newton iteration back to
+zero penetration, so that value and derivatives are those of the rate at the onset.
 """
 
 from collections.abc import Callable, Iterable, Iterator

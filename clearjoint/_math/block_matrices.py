@@ -28,7 +28,7 @@ MOST_MULTIPLICATIONS = 2500
 15 rows without zeros. Compiling them takes about a second."""
 _Place: TypeAlias = tuple[int, int]
 _Step: TypeAlias = tuple[int, ...]
-"""A row of a table: the kind of an operation, and indices of rows or blocks."""
+"""A row of a table: the kind or the factors of an operation, and indices of rows or blocks."""
 _Change: TypeAlias = Callable[[jax.Array, jax.Array], tuple[jax.Array, jax.Array]]
 _UPDATE, _DIVIDE, _FACTORISE = 0, 1, 2
 

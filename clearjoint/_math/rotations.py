@@ -25,6 +25,7 @@ def rotation_matrix(p: EulerParameters) -> Matrix:
     >>> print(f"{(matrix @ extend.UNIT_X).y:.3f}")
     1.000
     """
+    # For example, xs is 2 e1/|p|^2, and wx is 2 e0 e1/|p|^2.
     s = 2.0 / squared_norm(p)
     xs, ys, zs = p.e1 * s, p.e2 * s, p.e3 * s
     wx, wy, wz = p.e0 * xs, p.e0 * ys, p.e0 * zs
@@ -49,8 +50,8 @@ def euler_parameter_rates(p: EulerParameters, spin: Vector) -> EulerParameters:
 
 
 def turned(p: EulerParameters, angle: Vector) -> EulerParameters:
-    """Return the normalised Euler parameters after a further rotation by a small rotation vector in
-    body axes, rad, correct to first order in it.
+    """Return the normalised Euler parameters after a further rotation by `angle`, a small rotation
+    vector in body axes, rad, correct to first order in this vector.
 
     >>> start = extend.EulerParameters(1.0, 0.0, 0.0, 0.0)
     >>> p = extend.turned(start, extend.Vector(0.0, 0.0, 1e-3))

@@ -224,7 +224,7 @@ class Matrix:
 
     def minus_outer(self, column: Vector, row: Vector) -> "Matrix":
         """Return the matrix minus the outer product of `column` and `row`."""
-        return Matrix(*(own - row * x for own, x in zip(self.rows, column, strict=True)))
+        return Matrix(*(part - row * x for part, x in zip(self.rows, column, strict=True)))
 
     def inverse(self) -> "Matrix":
         """Return the inverse of a nonsingular matrix, computed from its cofactors."""

@@ -200,15 +200,18 @@ class JointMechanics(AbstractMechanics):
 
     @override
     def variable_rates(self, rates: Speeds) -> TreeVariables:
-        return {b.body: b.rates(*own, self._gravity) for b, own in self._per_branch(rates)}
+        pairs = self._per_branch(rates)
+        return {branch.body: branch.rates(*parts, self._gravity) for branch, parts in pairs}
 
     @override
     def after_displacement(self, changes: Speeds) -> TreeVariables:
-        return {b.body: b.after_displacement(*own) for b, own in self._per_branch(changes)}
+        pairs = self._per_branch(changes)
+        return {branch.body: branch.after_displacement(*parts) for branch, parts in pairs}
 
     @override
     def after_speed_change(self, changes: Speeds) -> TreeVariables:
-        return {b.body: b.after_speed_change(*own) for b, own in self._per_branch(changes)}
+        pairs = self._per_branch(changes)
+        return {branch.body: branch.after_speed_change(*parts) for branch, parts in pairs}
 
     def _per_branch(
         self, rates: Speeds

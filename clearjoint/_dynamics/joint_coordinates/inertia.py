@@ -96,18 +96,20 @@ class Inertia:
         # The columns of the coupling change by the cross products of `offset` with the columns,
         # which are also the rows, of the mass.
         columns = zip(self.coupling.T.rows, self.mass.rows, strict=True)
-        coupling = Matrix(*(own + offset.cross(row) for own, row in columns)).T
+        coupling = Matrix(*(column + offset.cross(row) for column, row in columns)).T
+        # The angular part changes by the cross products with the rows of the coupling about the
+        # present point (in columns) and about the new one (in rows).
         before = [tuple(offset.cross(row)) for row in self.coupling.rows]
         after = [tuple(offset.cross(row)) for row in coupling.rows]
-        own = [tuple(row) for row in self.angular.rows]
-        angular = _symmetric(lambda i, j: add(add(own[i][j], before[j][i]), after[i][j]))
+        present = [tuple(row) for row in self.angular.rows]
+        angular = _symmetric(lambda i, j: add(add(present[i][j], before[j][i]), after[i][j]))
         return Inertia(self.mass, coupling, angular)
 
 
 def _minus_symmetric(matrix: Matrix, first: Vector, second: Vector) -> Matrix:
     """Return the symmetric matrix whose lower triangle is that of `matrix` - `first` `second`^T."""
-    own, a, b = [tuple(row) for row in matrix.rows], tuple(first), tuple(second)
-    return _symmetric(lambda i, j: subtract(own[i][j], multiply(a[i], b[j])))
+    rows, a, b = [tuple(row) for row in matrix.rows], tuple(first), tuple(second)
+    return _symmetric(lambda i, j: subtract(rows[i][j], multiply(a[i], b[j])))
 
 
 def central_inertia(body: Body, rotation: Matrix) -> Matrix:
@@ -198,6 +200,7 @@ def momenta(
     `Inertia.without` also adds a axis axis^T to the carrier's inertia.
     """
     wholes = [carried.momentum(column) for column in columns]
+    # Row k of the block has the products of the momentum for a unit of speed k.
     block = [[product(column, whole) for column in columns] for whole in wholes]
     rests = [constrained(columns, *pair) for pair in zip(wholes, block, strict=True)]
     if armature is not None:
@@ -450,8 +453,8 @@ def tree_solver(
     inertias of the bodies about their centres of mass, kg m^2, in the tree's axes."""
     evaluate = evaluation(len(links))
     inertias = [
-        evaluate(inertia, body.mass, link.arm, own)
-        for body, link, own in zip(bodies, links, central, strict=True)
+        evaluate(inertia, body.mass, link.arm, about_centre)
+        for body, link, about_centre in zip(bodies, links, central, strict=True)
     ]
     kind = MassMatrix if is_small(len(links)) else ArticulatedBodies
     return kind(links, parents, inertias)

@@ -232,8 +232,8 @@ class JointedBranch:
         # `rotation` leads from the body's axes to the tree's, and `offset`, m, from the parent's
         # reference point to the joint's point on the parent. `bias`, m/s^2, is at first the
         # acceleration of this point at constant speeds, to which the motion in the joint is added.
-        # For a root on the ground, these three are the identity and zeros, since the tree's axes are
-        # those of the root.
+        # For a root on the ground, these three are the identity and zeros, since the tree's axes
+        # are those of the root.
         rotation, offset, bias = IDENTITY, ZERO, ZERO
         if parent is None:
             parent = GROUND_LINK
