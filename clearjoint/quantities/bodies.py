@@ -243,7 +243,8 @@ class Angle(AbstractBodyQuantity):
 class Distance(AbstractQuantity):
     """Distance between a point of one body and a point of another, m: what a displacement sensor
     reads. With `along`, a direction of any length in the first body's axes, the quantity is the
-    component along it of the vector from the first point to the second, such as a slider's stroke.
+    component in this direction of the vector from the first point to the second, such as a slider's
+    stroke.
 
     >>> stretch = cj.quantities.Distance("ground", (0, 0, 0), "arm 2", (0.5, 0, 0))
     >>> stroke = cj.quantities.Distance("ground", (0, 0, 0), "slider", (0, 0, 0), along=(1, 0, 0))

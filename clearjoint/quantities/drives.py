@@ -28,7 +28,7 @@ class AbstractMotorQuantity(AbstractQuantity):
         """Return the names of the drives to which the quantity applies."""
 
     def torque(self, now: Instant) -> Scalar:
-        """Return the torque on the drive's second body, N m, right-handed about its axis."""
+        """Return a drive's torque on its second body, N m, right-handed about the drive's axis."""
         drive = now.scene.forces[self.drive]
         if isinstance(drive, Servo):
             return drive.present_torque(now.memory[self.drive], now.motions)
