@@ -81,7 +81,7 @@ class AbsoluteCoordinates(AbstractCoordinates):
 class AbsoluteMechanics(AbstractMechanics):
     """Newton-Euler equations of all bodies (P. Flores et al. 2006, eq. 29). The speeds are, for
     each body in the order of ``scene.bodies``, the velocity of the centre of mass, m/s, in global
-    axes, and the spin, rad/s, in body axes. They are the velocities V themselves, so that the
+    axes, and the spin, rad/s, in body axes. These speeds u are the velocities V, so that the
     matrix H in V = H u (see `.coordinates`) is the identity."""
 
     def __init__(self, scene: Scene, variables: Bodies, motions: Motions):

@@ -142,8 +142,8 @@ def assemble(
     - if a journal is deep in a wall although it is centred, such as a pin beyond the end of a slot;
     - if `moving` is ``True``, but the mechanism with ideal joints cannot move as its drivers
       prescribe;
-    - if a name in `resting` is not that of a clearance joint with a centred position, or if its
-      journal has no load across its axis.
+    - if a name in `resting` does not name a clearance joint with a centred position, or the load on
+      this joint's journal has no component across the joint's axis.
 
     **Warns:** `UnusualValueWarning` if `moving` is ``None`` and either a driver moves, but the
     mechanism with ideal joints cannot follow this driver; or no driver moves, and more than a

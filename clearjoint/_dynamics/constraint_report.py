@@ -110,7 +110,7 @@ class StartRows(NamedTuple):
 
     - `values`, `rates`: of all m rows, as in `ConstraintReport`; `all_names`: their names.
     - `bodies`: names of the bodies in the order of the columns of `jacobian`.
-    - `names`: of those n rows that the coordinates do not eliminate.
+    - `names`: names of the n rows that the coordinates do not eliminate.
     - `reduced`: (n, speeds of the coordinates), derivatives of these rows' rates by the speeds,
       each row divided by the norm of the same row of `jacobian`.
     - `jacobian`: of all rows, as in `ConstraintReport`; ``None`` unless it was asked for.

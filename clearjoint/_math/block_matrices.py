@@ -102,7 +102,7 @@ class _Plan:
     def solution(self, sweeps: int) -> list[_Step]:
         """Return the table for `_iterated`. A row (former, sign, transposed, target, block, source)
         means part[target] = former * part[target] + sign * block @ part[source], with the block
-        transposed if `transposed` is 1. The parts are those of three vectors, one after the other:
+        transposed if `transposed` is 1. The parts belong to three vectors, one after the other:
         b, x (zero at first) and r (b at first)."""
         count = len(self.order)
         b, x, r = ([*range(first, first + count)] for first in (0, count, 2 * count))

@@ -221,10 +221,11 @@ def highest_after(
     point before them.
 
     The function is evaluated twice: at the maximum of the parabola through the three points, and at
-    that of the cubic through these points and the first evaluation. The result has the largest
-    value of `first`, `last` and the two evaluations. Its position is the position of `first` or
-    `last` if that point is higher than both evaluations, and otherwise the maximum of the parabola
-    through the higher evaluation and its neighbours, which is nearer to the function's maximum.
+    the maximum of the cubic through these points and the first evaluation. The result has the
+    largest value of `first`, `last` and the two evaluations. Its position is the position of
+    `first` or `last` if that point is higher than both evaluations, and otherwise the maximum of
+    the parabola through the higher evaluation and its neighbours, which is nearer to the function's
+    maximum than these points.
     """
     margin = GUESS_MARGIN * (last.x - first.x)
     # If the extrapolated parabola has no maximum, the search begins in the middle.

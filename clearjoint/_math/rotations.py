@@ -71,7 +71,7 @@ def composed(p: EulerParameters, q: EulerParameters) -> EulerParameters:
 
 
 def conjugate(p: EulerParameters) -> EulerParameters:
-    """Return the Euler parameters of the inverse rotation, if those of `p` have unit norm."""
+    """Return the Euler parameters of the inverse rotation, if `p` has unit norm."""
     v = -Vector(p.e1, p.e2, p.e3)
     return EulerParameters(p.e0, v.x, v.y, v.z)
 
@@ -170,7 +170,7 @@ class RotationVector(NamedTuple):
     def torque(self, moment: Vector) -> Vector:
         """Return the torque on the rotated frame, N m, in axes of the fixed frame, for the moment
         that is work-conjugate to the rotation vector: the power is moment . rate = torque . spin,
-        so the matrix of this map is the transpose of that in `rate`."""
+        so the matrix of this map is the transpose of the matrix in `rate`."""
         product = self.vector.cross(moment)
         return moment + product * 0.5 + self.vector.cross(product) * self.factor
 

@@ -69,9 +69,9 @@ class Instant:
         """The scene, whose vectors are `Vector`s, not arrays."""
         self.entry_speeds = entry_speeds
         """Entry speeds of the contacts, m/s, ``entry_speeds[joint][contact]``. An entry speed is
-        the penetration rate at the onset of a contact. It is zero while the contact is open, and
-        1e9 m/s if it is unknown because the onset was before the start of the run. Contacts whose
-        law doesn't use it are left out."""
+        the penetration rate at the onset of a contact, zero while the contact is open, and 1e9 m/s
+        if the rate is unknown because the onset was before the start of the run. Contacts whose law
+        doesn't use the entry speed are left out."""
         self.bristles = bristles
         """Bristle deflections, m, ``bristles[joint][contact]``; zero while the contact is open.
         Each is a vector in the axes of the joint's first body. Contacts without bristles are left

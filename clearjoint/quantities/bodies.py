@@ -186,8 +186,8 @@ class Angle(AbstractBodyQuantity):
     """Angle of a direction of a body about a fixed axis, rad within (-pi, pi], right-handed.
 
     The angle is measured in the plane perpendicular to the fixed axis, from a fixed direction to
-    the projection of the body's direction. It is undefined while the body's direction is parallel
-    to the fixed axis, and changes abruptly there.
+    the projection of the body's direction. The angle is undefined, and changes abruptly, where the
+    body's direction is parallel to the fixed axis.
 
     **Arguments:**
 
@@ -200,7 +200,7 @@ class Angle(AbstractBodyQuantity):
 
     **Raises:** `ValueError` for a direction that is not three finite numbers or has zero length,
     and for a `reference`, or an `axis` without a `reference`, whose components are proportional to
-    those of `about`.
+    the components of `about`.
 
     >>> angle = cj.quantities.Angle("crank", about=(0, 0, 1))
     >>> angle.unit, angle.period == 2 * np.pi
