@@ -81,7 +81,7 @@ class AbsoluteCoordinates(AbstractCoordinates):
 class AbsoluteMechanics(AbstractMechanics):
     """Newton-Euler equations of all bodies (P. Flores et al. 2006, eq. 29). The speeds are, for
     each body in the order of ``scene.bodies``, the velocity of the centre of mass, m/s, in global
-    axes, and the spin, rad/s, in body axes. They are the velocities V themselves, so that the
+    axes, and the spin, rad/s, in body axes. These speeds u are the velocities V, so that the
     matrix H in V = H u (see `.coordinates`) is the identity."""
 
     def __init__(self, scene: Scene, variables: Bodies, motions: Motions):
@@ -156,7 +156,7 @@ class AbsoluteMechanics(AbstractMechanics):
 
 
 def by_body(scene: Scene, numbers: Speeds) -> dict[str, BodyAcceleration]:
-    """Convert six numbers for each body, in the scene's order, to a pair of vectors for each."""
+    """Convert numbers in the form of the speeds to a linear and an angular vector of each body."""
     return {
         name: BodyAcceleration(Vector(*numbers[k : k + 3]), Vector(*numbers[k + 3 : k + 6]))
         for k, name in zip(range(0, len(numbers), 6), scene.bodies, strict=True)

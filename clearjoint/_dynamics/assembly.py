@@ -51,9 +51,9 @@ SATISFIED = 1e-9
 """Largest constraint value and rate that `assemble` accepts. Rounding errors of lengths above a
 metre may exceed `TOLERANCE`."""
 STRIKING = 0.1
-"""Part of the kinetic energy in motion of journals relative to their bearings, above which
-`assemble` warns. It is between a half and one if a crank turns and all links behind its clearance
-rest."""
+"""Fraction of the kinetic energy, above which `assemble` warns, that would be lost if all journals
+stopped in their bearings. If a crank turns and all links behind its clearance rest, it is between a
+half and one."""
 LOCKED = (
     "With ideal joints the mechanism can't move as its drivers prescribe, so that bodies behind a "
     "clearance have the velocities of the guess: give those of the motion, and pass moving=False."
@@ -62,13 +62,13 @@ ACCEPTED_VIOLATION = 1e-6
 """Largest constraint value and rate with which a run may start: far above rounding errors, and
 small beside a clearance."""
 REPRESENTED = 1e-3
-"""Largest accepted change of Euler parameters by conversion to variables and back. Of an
-orientation that the variables cannot represent, it is about one."""
+"""Largest accepted change of an Euler parameter by conversion to variables and back. For an
+orientation that the variables cannot represent, this change is about one."""
 
 
 def check_names(scene: Scene, state: State) -> None:
-    """Check that scene and state have these types and the same bodies, that the state's numbers are
-    finite, and its Euler parameters of about unit norm."""
+    """Check that `scene` is a `Scene` and `state` a `State` with the same bodies, that the state's
+    numbers are finite, and that its Euler parameters have about unit norm."""
     remedy = "pass one; mechanisms come with a state: scene, state = cj.mechanisms.four_bar()"
     require_type("scene", scene, Scene, "a Scene", remedy)
     require_type("state", state, State, "a State", "pass State({name: body_state(...)})")
@@ -105,29 +105,30 @@ def assemble(
     Each Newton step is the smallest correction, in the metric of the mass matrix, that satisfies
     the linearised constraints: the result is approximately the nearest state. A journal inside its
     bearing is not moved by its clearance joint, except along the axis if the joint holds it
-    axially. One that penetrates the wall by more than a micrometre is put into the centre of the
-    bearing, with the velocity that an ideal joint would give it. A user-defined joint without a
+    axially. A journal that penetrates the wall by more than a micrometre is put into the centre of
+    the bearing, with the velocity that an ideal joint would give it. A user-defined joint without a
     centred position (its method `centred_joint` returns ``None``) is left as it is. A pin in a slot
     is only centred across the slot.
 
-    Choose `moving` by what the guess says about velocities. Constraints do not determine those of
-    bodies behind a clearance: if a driver turns the crank of a four-bar whose crank pin has
+    Choose `moving` by what the guess says about velocities. Constraints do not determine velocities
+    of bodies behind a clearance: if a driver turns the crank of a four-bar whose crank pin has
     clearance and the guess is at rest, then coupler and rocker stay at rest, and the crank strikes
-    them with its whole speed. With `moving=True`, they move as if all joints were ideal.
+    them with its whole speed. With `moving=True`, bodies move as if all joints were ideal.
 
     **Arguments:**
 
+    - `state`: the guess.
     - `t`: s, time at which constraints and forces that depend on time are evaluated.
     - `resting`: names of clearance joints whose journals are put in contact with the wall, on the
-      side to which gravity and the scene's forces press them while all bodies are at rest. They
-      penetrate the wall as far as their load demands, so that they don't oscillate. Contacts whose
-      laws use the entry speed get that of an impact with their elastic energy, so that later
-      oscillations are damped like such an impact.
+      side to which gravity and the scene's forces press them while all bodies are at rest. These
+      journals penetrate the wall as far as their load demands, so that they don't oscillate. A
+      contact whose law uses the entry speed gets the speed of an impact whose energy is the
+      contact's elastic energy, so that later oscillations are damped like such an impact.
     - `centred`: whether all journals are put into the centres of their bearings, except `resting`
       ones.
-    - `moving`: whether the velocities are those, nearest to the guess's, at which no journal moves
-      in its bearing; otherwise they are the guess's as far as constraints allow. By default it is
-      ``True`` if a driver moves at time `t`.
+    - `moving`: whether the result has the velocities, nearest to the guess's, at which no journal
+      moves in its bearing, rather than the guess's own as far as constraints allow. ``None``, the
+      default, means ``True`` if a driver moves at time `t` and such velocities exist.
 
     **Returns:** the assembled state, with the `work`, `bristles` and `memory` of the guess, and its
     `entry_speeds` except for those of the joints in `resting`.
@@ -136,16 +137,17 @@ def assemble(
 
     - if the state's bodies are not those of the scene, or a number of the state is not finite;
     - if no state near the guess satisfies the constraints; the message names the worst constraint;
-    - if a `FixedJoint` or `PrismaticJoint` would hold a wrong orientation, since the guess is
-      turned too far;
+    - if a `FixedJoint` or `PrismaticJoint` would hold a wrong orientation, since its bodies are
+      turned too far relative to each other in the guess;
     - if a journal is deep in a wall although it is centred, such as a pin beyond the end of a slot;
     - if `moving` is ``True``, but the mechanism with ideal joints cannot move as its drivers
       prescribe;
-    - if a name in `resting` is not that of a clearance joint with a centred position, or if its
-      journal has no load across its axis.
+    - if a name in `resting` does not name a clearance joint with a centred position, or the load on
+      this joint's journal has no component across the joint's axis.
 
-    **Warns:** `UnusualValueWarning` if `moving` is ``None``, no driver moves, and more than a tenth
-    of the kinetic energy would be lost if all journals stopped in their bearings.
+    **Warns:** `UnusualValueWarning` if `moving` is ``None`` and either a driver moves, but the
+    mechanism with ideal joints cannot follow this driver; or no driver moves, and more than a
+    tenth of the kinetic energy would be lost if all journals stopped in their bearings.
 
     >>> scene, guess = cj.mechanisms.slider_crank(clearance=None)
     >>> state = cj.assemble(scene, guess)
@@ -179,6 +181,8 @@ def assemble(
     all_ideal = with_ideal(scene, centring_joints(scene, with_centre) | ideal)
     driven = _driven(scene, state, t)
     try:
+        # Only the velocities of the mechanism with ideal joints are taken, at the positions of
+        # `state`, and then corrected so that they satisfy the scene's own constraints.
         mechanism = _satisfying(all_ideal, state, t)
         bodies = AbsoluteCoordinates().with_speeds(scene, state.bodies, mechanism.bodies)
         moved = _with_velocities(scene, replace(state, bodies=bodies), t)
@@ -228,9 +232,9 @@ def _kinetic_energy(scene: Scene, bodies: dict[str, BodyState]) -> Scalar:
 def _in_bearings(
     scene: Scene, ideal: dict[str, AbstractConstraint], state: State, t: Scalar
 ) -> State:
-    """Return the state near a guess that satisfies the constraints, with the joints in `ideal` in
-    place of the scene's. If this moves further journals out of their bearings, their ideal joints
-    are added to `ideal`."""
+    """Return a state near the guess `state` that satisfies the constraints, with the joints in
+    `ideal` in place of the scene's joints of the same names. If this moves further journals out of
+    their bearings, ideal joints that centre these are added to `ideal`, which is changed."""
     # The loop ends, because each pass adds at least one of the scene's clearance joints.
     while True:
         state = _satisfying(with_ideal(scene, ideal), state, t)
@@ -249,7 +253,7 @@ def _satisfying(scene: Scene, state: State, t: Scalar) -> State:
         if np.abs(rows.values).max(initial=0.0) <= TOLERANCE:
             break
         bodies = _corrected(System.project_positions, scene, bodies, t)
-    else:
+    else:  # The rows of the last correction have not been evaluated.
         rows = row_residuals(scene, State(bodies), t)
     _require_satisfied(rows.texts(), rows.values, SATISFIED, "assembled", "positions")
     state = _with_velocities(scene, replace(state, bodies=bodies), t)
@@ -295,7 +299,8 @@ def require_oriented(scene: Scene, cosines: dict[str, Scalar]) -> None:
 # NumPy computes this function if it can, since a compilation takes longer than a single call.
 @HostFirst
 def cosines_of_turns(scene: Scene, bodies: dict[str, BodyState]) -> dict[str, Scalar]:
-    """Return the cosine of the angle from the declared orientation to the actual one, by joint."""
+    """Return, for each fixed or prismatic joint by name, the cosine of the angle from the declared
+    relative orientation of its bodies to the actual one."""
     oriented = {n: j for n, j in scene.joints.items() if isinstance(j, AbstractOrientedJoint)}
     if not oriented:
         return {}
@@ -332,13 +337,13 @@ def require_representable(
     there is a variable."""
     _require_something_moves(variables, coordinates)
     for name, body in state.bodies.items():
-        own, converted = np.asarray(body.orientation), np.asarray(represented[name])
+        given, converted = np.asarray(body.orientation), np.asarray(represented[name])
         # Euler parameters of opposite sign are the same orientation.
-        apart = min(np.abs(own - converted).max(), np.abs(own + converted).max())
+        apart = min(np.abs(given - converted).max(), np.abs(given + converted).max())
         expected = f"one that the coordinates can represent, here {converted.tolist()}"
         remedy = "reverse an axis of the joint that carries the body, or use AbsoluteCoordinates()"
         argument = f"state.bodies[{name!r}].orientation"
-        require(bool(apart < REPRESENTED), argument, own, expected, remedy)
+        require(bool(apart < REPRESENTED), argument, given, expected, remedy)
 
 
 @cached_by_numbers
@@ -359,8 +364,8 @@ def _require_something_moves(variables: MotionVariables, coordinates: AbstractCo
 def round_trip(
     scene: Scene, state: State, coordinates: AbstractCoordinates
 ) -> tuple[MotionVariables, dict[str, np.ndarray]]:
-    """Return the variables of a state at rest, and the Euler parameters, (4,), that they
-    represent."""
+    """Return the variables of a state, with all velocities set to zero, and the Euler parameters,
+    (4,), that the variables represent, by name of body."""
     scene = unpack(scene)
     variables = coordinates.encode(scene, at_rest(unpack(state.bodies)))
     decoded = coordinates.decode(scene, variables)
@@ -370,8 +375,9 @@ def round_trip(
 def _require_satisfied(
     names: tuple[str, ...], residuals: np.ndarray, tolerance: float, quality: str, part: str
 ) -> None:
-    """Check that all residuals of positions or velocities (`part`) are at most `tolerance`.
-    `quality` is "consistent" for a state from the user, and "assembled" for a computed one."""
+    """Check that all `residuals` of the constraints `names` are at most `tolerance` in magnitude:
+    constraint values if `part` is "positions", their rates if it is "velocities". `quality` is
+    "consistent" for a state from the user, and "assembled" for a computed one."""
     if residuals.size == 0:
         return
     # NaN counts as the worst residual.

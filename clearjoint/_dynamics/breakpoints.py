@@ -28,25 +28,25 @@ from .system import System
 
 ROUNDINGS = 8.0
 """Difference, in units of rounding error, up to which a time counts as equal to a breakpoint: an
-element may compute it in another order of operations."""
+element may compute the breakpoint in another order of operations."""
 SHORTEST = 1e-12
-"""Time, s, much shorter than any step: the assumed rounding error of a breakpoint is at least that
-of this time, and so positive at zero too."""
+"""Time, s, much shorter than any step. The assumed rounding error of a breakpoint at a smaller time
+is the rounding error of this time, so that the error is positive for a breakpoint at zero too."""
 FEW = 8
-"""Number of breakpoints up to which those of a table are compared one by one, without a search."""
+"""Number of breakpoints of a table up to which each is compared with the time, without a search."""
 
 NODES, WEIGHTS = (column.tolist() for column in np.polynomial.legendre.leggauss(5))
 """Gauss quadrature with five points (order ten) on the interval -1 to 1."""
 DRIVER_ROUNDINGS = 64.0
-"""Rounding error of a driver's rate in `drivers_are_smooth`, in units of that of one operation."""
+"""Rounding error of a driver's rate in `drivers_are_smooth`, over the error of one operation."""
 ROUNDED_VALUE, ROUNDED_RATE = 1e-11, 1e-9
-"""Allowed rounding errors in the change of a driver's value and of its rate, which occur in tables
-of large values at short intervals of time."""
+"""Allowed rounding errors in the change of a driver's value (m or rad) and of its rate (m/s or
+rad/s). Such errors occur in tables of large values at short intervals of time."""
 
 
 def breakpoints(scene: Scene) -> dict[str, list[Scalar | Increasing]]:
-    """Return the breakpoints of each joint or force that has any, without instants of sampled
-    forces."""
+    """Return the breakpoints, s, of each joint or force that has any, as times of the scene: single
+    times, and long tables as `Increasing`. Instants of sampled forces are not included."""
 
     def is_table(node: PyTree) -> bool:
         return isinstance(node, Increasing)
@@ -74,8 +74,8 @@ def has_breakpoints(scene: Scene) -> bool:
 
 def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
     """Return the first breakpoint or instant of a sampled force that is after t by more than
-    rounding errors, s since the system's origin like t; infinity after the last one, ``None`` if no
-    element has any."""
+    rounding errors, s since the system's origin like t; infinity if none is left, and ``None`` if
+    no element has any."""
     t = system.clock(t)
     soonest = _extreme(system, t, lambda at: at, after=True)
     rows = [row for f in sampled_forces(system.scene).values() for row in f.instants().values()]
@@ -89,7 +89,7 @@ def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
 def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
     """Return the time t, clipped to the inside of the interval between two breakpoints in which the
     step from `start` lies, where elements have their values of this step. Instants of sampled
-    forces do not count: memories have these values anyway."""
+    forces do not count, since the memories of these forces are constant within a step."""
     # Each breakpoint gives a bound slightly inside of the step: a lower one if it is not after the
     # start, else an upper one.
     start = system.clock(start)
@@ -106,8 +106,8 @@ def since_breakpoints(
     """Return for each element with `breakpoints`, for a step from `start` to `t`:
 
     - whether the step ends at one of its breakpoints;
-    - the time, s, from this breakpoint to the end of the step. It is zero except for rounding, but
-      its derivatives by the parameters on which the breakpoint depends are needed.
+    - the time, s, from this breakpoint to the end of the step: zero except for rounding, but its
+      derivatives by the parameters on which the breakpoint depends are needed.
     """
     landings = {}
     start, t = system.clock(start), system.clock(t)
@@ -132,10 +132,10 @@ SampledInstants: TypeAlias = dict[str, dict[str, tuple[Condition, Scalar]]]
 
 
 def sampled_instants(system: System, start: Scalar, t: Scalar) -> SampledInstants:
-    """Return, for each sampled force and each name in its `instants`, whether the step from `start`
-    to t ends at such an instant, and the latest instant that is not after t, as a time of the
-    scene, s, plus a rounding error: a table of a target then surely has its value from this instant
-    on."""
+    """Return two results for each sampled force and each name in its `instants`: whether the step
+    from `start` to t ends at such an instant; and the latest instant that is not after t, as a time
+    of the scene, s. A rounding error is added to this time, so that a table of targets that changes
+    at the instant surely has its new value there."""
     start, t = system.clock(start), system.clock(t)
     rows = {name: f.instants() for name, f in sampled_forces(system.scene).items()}
     count = sum(map(len, rows.values()))
@@ -159,10 +159,10 @@ def drivers_are_smooth(
     """Return whether all drivers (constraints that depend on time) are smooth over a step; ``None``
     without drivers.
 
-    A driver is smooth if its value changes by the integral of its rate, and its rate by that of the
-    second time derivative, within `rtol` relative to its speed. The equations of motion use the
-    second derivative only, at the solver's stages: a kink or jump between them would show in no
-    error estimate, and the run would go on with the old speed.
+    A driver is smooth if the change of its value is the integral of its rate, and the change of its
+    rate is the integral of its second time derivative, up to `rtol` times the driver's speed. The
+    equations of motion use the second derivative only, at the solver's stages: a kink or jump
+    between stages would show in no error estimate, and the run would go on with the old speed.
     """
 
     # The rows are evaluated at eight times (past the end, start, end and five nodes of the
@@ -194,30 +194,31 @@ def drivers_are_smooth(
         # derivative of the driver's value.
         rates = [row.time_rate for row in at_nodes]
         second_rates = [row.bias for row in at_nodes]
-        value = beyond.value - first.value - integral(rates)
+        # By how much value and rate change otherwise than by the integrals of their derivatives.
+        value_jump = beyond.value - first.value - integral(rates)
         # Angles are known up to whole revolutions.
         if isinstance(system.scene.joints[name], AbstractRotationDriver):
-            value = wrapped(value, 2.0 * math.pi)
-        rate = last.time_rate - first.time_rate - integral(second_rates)
+            value_jump = wrapped(value_jump, 2.0 * math.pi)
+        rate_jump = last.time_rate - first.time_rate - integral(second_rates)
         # The scale includes `change`, the total variation of the rate, since a driver that
         # oscillates within the step may have small rates at both ends.
         change = integral([jnp.abs(second_rate) for second_rate in second_rates])
         speed = jnp.abs(first.time_rate) + jnp.abs(last.time_rate) + change
         allowed = (rtol + rounding) * speed
-        is_smooth = jnp.abs(rate) <= allowed + ROUNDED_RATE
-        is_smooth &= jnp.abs(value) <= h * allowed + rounding * speed + ROUNDED_VALUE
+        is_smooth = jnp.abs(rate_jump) <= allowed + ROUNDED_RATE
+        is_smooth &= jnp.abs(value_jump) <= h * allowed + rounding * speed + ROUNDED_VALUE
         smooth = is_smooth if smooth is None else smooth & is_smooth
     return smooth
 
 
 def coincide(system: System, instant: Scalar, t: Scalar) -> Condition:
-    """Return whether an instant is not after the time t, by more than rounding errors."""
+    """Return whether an instant is at or before the time t, apart from rounding errors."""
     return ~_is_after(system.origin, system.clock(instant), system.clock(t))
 
 
 def _latest(origin: Scalar | None, row: Periodic, t: Scalar, later: int = 0) -> Scalar:
-    """Return the latest instant of `row` that is not after the time t of the scene, s, by more than
-    rounding errors; with `later`, the instant that many periods after it."""
+    """Return the latest of the instants in `row` that is not after the time t of the scene, s, by
+    more than rounding errors; with `later`, the instant that many periods after it."""
     nearest = jnp.round((t - row.offset) / row.period)
     passed = jnp.where(_is_after(origin, row.instant(nearest), t), nearest - 1.0, nearest)
     return row.instant(jax.lax.stop_gradient(passed) + later)
@@ -256,9 +257,10 @@ def _extreme(
     system: System, t: Scalar, function: Callable[[jax.Array], jax.Array], after: bool
 ) -> Scalar | None:
     """Return the smallest value of an increasing function at the breakpoints after t, a time of the
-    scene; or, without `after`, the largest at the others. It is infinite without such breakpoints,
-    ``None`` in a scene without breakpoints, and not differentiated, since the solution does not
-    depend on where steps end."""
+    scene; or, without `after`, its largest value at the breakpoints not after t. The value is
+    infinite without such breakpoints, ``None`` in a scene without any breakpoint, and not
+    differentiated, since the solution does not depend on where steps end."""
+    # `choice` takes the extreme of several values, and `none` stands for no breakpoint.
     choice, none = (jnp.minimum, jnp.inf) if after else (jnp.maximum, -jnp.inf)
     extreme: jax.Array | None = None
     for times in breakpoints(system.scene).values():

@@ -14,7 +14,7 @@ from .equations_of_motion import Dynamics
 
 
 def initial_bristles(scene: Scene, given: Bristles) -> Bristles:
-    """Return the deflection of each contact with a bristle law: that in `given`, or else zero."""
+    """Return the deflection of each contact with a bristle law, m: as in `given`, or else zero."""
     bristles = jax.tree.map(jnp.zeros_like, full_deflections(scene))
     return {name: {**family, **given.get(name, {})} for name, family in bristles.items()}
 
@@ -30,8 +30,8 @@ def bristle_rates(dynamics: Dynamics) -> Bristles:
 
 
 def full_deflections(scene: Scene) -> Bristles:
-    """Return the scale of each contact's deflection: three components that are the deflection in
-    steady sliding, m."""
+    """Return the scale of each contact's deflection: a vector whose three components all are the
+    magnitude of the deflection in steady sliding, m."""
 
     def sizes(law: AbstractBristleFriction) -> Vector:
         return Vector(*(jnp.asarray(law.full_deflection(), float),) * 3)

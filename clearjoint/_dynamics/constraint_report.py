@@ -29,8 +29,8 @@ RANK_TOLERANCE = 1e-8
 counts as dependent on them: far above rounding errors."""
 UNCERTAIN_BELOW = 1e-5
 """Distance below which another row counts as nearly dependent. The equations for the multipliers
-contain its square, so that rounding errors determine them: at 1e-6, the angle of a four-bar with a
-skew hinge is wrong by 1e-3 rad after one second."""
+contain its square, so that rounding errors determine the multipliers: at 1e-6, the angle of a
+four-bar with a skew hinge is wrong by 1e-3 rad after one second."""
 FEW = 16
 """Largest number of scenes whose constraints NumPy evaluates one by one; for more, native code is
 compiled."""
@@ -47,7 +47,7 @@ class ConstraintReport:
       (rad/s, body axes) of each body, in the order of `bodies`.
     - `redundant`: names of the rows that depend linearly on rows before them.
     - `uncertain`: names of the rows that nearly depend on rows before them. No run can start with
-      such rows, since rounding errors would determine its reactions.
+      such rows, since rounding errors would determine their reactions.
 
     `redundant` and `uncertain` leave out the rows that the argument `coordinates` of
     `constraint_report` eliminates.
@@ -110,7 +110,7 @@ class StartRows(NamedTuple):
 
     - `values`, `rates`: of all m rows, as in `ConstraintReport`; `all_names`: their names.
     - `bodies`: names of the bodies in the order of the columns of `jacobian`.
-    - `names`: of those n rows that the coordinates do not eliminate.
+    - `names`: names of the n rows that the coordinates do not eliminate.
     - `reduced`: (n, speeds of the coordinates), derivatives of these rows' rates by the speeds,
       each row divided by the norm of the same row of `jacobian`.
     - `jacobian`: of all rows, as in `ConstraintReport`; ``None`` unless it was asked for.
@@ -171,10 +171,10 @@ def start_rows(
     with_jacobian: bool = False,
     motions: Motions | None = None,
 ) -> StartRows:
-    """Return all constraint rows in a state, and those that `coordinates` do not eliminate, none
-    if they are ``None``. Scene and state have vectors as arrays (3,). A Jacobian takes memory in
-    proportion to the square of the number of bodies. `motions`: those of `free_motions`, if known.
-    """
+    """Return all constraint rows in a state, and the `reduced` rows that `coordinates` do not
+    eliminate: none if `coordinates` is ``None``. Scene and state have vectors as arrays (3,). A
+    Jacobian takes memory in proportion to the square of the number of bodies. `motions` is the
+    result of `free_motions`, if known."""
     scene, bodies = unpack(scene), unpack(state.bodies)
     absolute = AbsoluteCoordinates()
     motions = free_motions(scene, bodies) if motions is None else motions
@@ -215,8 +215,8 @@ def free_motions(scene: Scene, bodies: dict[str, BodyState]) -> Motions:
 
 def _norm(row: Row) -> Scalar:
     """Return the norm of a row's Jacobian in absolute coordinates; one if it is zero, as in a
-    singular position. Rows in other coordinates are divided by it, so that a row that these nearly
-    satisfy stays small, and counts as dependent."""
+    singular position. The same row in other coordinates is divided by this norm, so that a row that
+    these coordinates nearly satisfy by themselves stays small, and counts as dependent."""
     wrenches = [wrench for name, wrench in row.jacobian.items() if name != GROUND]
     square = sum(v.dot(v) for wrench in wrenches for v in (wrench.force, wrench.moment))
     return square_root(where(square > 0.0, square, 1.0))
@@ -262,8 +262,8 @@ def start_rows_of_lanes(
 
     def of_run(number: int) -> StartRows:
         pairs = zip(leaves, columns, strict=True)
-        own = [leaf if column is None else column[number] for leaf, column in pairs]
-        return start_rows_by_numpy(*jax.tree.unflatten(structure, own))
+        leaves_of_run = [leaf if column is None else column[number] for leaf, column in pairs]
+        return start_rows_by_numpy(*jax.tree.unflatten(structure, leaves_of_run))
 
     # If all scenes and states are equal, one evaluation serves them all.
     per_run = [of_run(number) for number in range(1 if all_equal else count)]
@@ -279,9 +279,9 @@ def start_rows_of_lanes(
 def dependent(
     names: tuple[RowName, ...], rows: np.ndarray, cache: dict[bytes, np.ndarray]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return two lists of names "joint: label": of those `rows`, (n, s), that depend linearly on
-    rows before them, and of those that nearly do. `cache` keeps results for other scenes of a
-    sweep."""
+    """Return two lists of names "joint: label": of the `rows`, (n, s), that depend linearly on rows
+    before them, and of the rows that nearly do. `cache` keeps the distances of rows for other
+    scenes of a sweep with equal rows, whose bytes are the key."""
     key = rows.tobytes()
     if key not in cache:
         cache[key] = _distances(rows)
@@ -293,7 +293,8 @@ def dependent(
 
 
 def _distances(rows: np.ndarray) -> np.ndarray:
-    """Return the distance of each row from the span of the independent rows before it."""
+    """Return the distance, (n,), of each row, (n, s), from the span of the independent rows before
+    it, by the Gram-Schmidt process."""
     basis, count = np.empty_like(rows), 0
     distances = np.zeros(len(rows))
     for k, row in enumerate(rows):

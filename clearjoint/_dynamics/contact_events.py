@@ -1,8 +1,8 @@
 """Penetrations of contacts, the events at which contacts begin and end, and entry speeds.
 
 The entry speed is the penetration rate at the onset of the force. A step in which a contact begins
-ends after the onset: its entry speed is the rate at the end, corrected by one Newton iteration back
-to zero penetration, with which value and derivatives are those at the onset.
+ends after the onset: the penetration rate at its end is corrected by one Newton iteration back to
+zero penetration, so that value and derivatives are those of the rate at the onset.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -23,16 +23,16 @@ from .kinds import Kinds
 
 SLOWEST = 1e-12
 """Entry speed, m/s, of a closed contact whose penetration rate is not positive, since zero stands
-for an open contact. Only for rates above it is the time since the onset estimated, as depth over
-rate."""
+for an open contact. The time since the onset is estimated, as depth over rate, only for rates above
+this speed."""
 TOUCHING = 1e-12
 """Largest magnitude of the depth, m, at which a contact counts as being at the wall at the start of
-a run: its sign is due to rounding."""
+a run: the sign of so small a depth is due to rounding."""
 
 
 @tree_dataclass
 class ContactGap:
-    """Penetration of a contact, measured from the onset of its force, m, and its rate, m/s."""
+    """Penetration measured from the onset of a contact's force, m, and its rate of change, m/s."""
 
     depth: Scalar
     rate: Scalar
@@ -84,10 +84,10 @@ def initial_entry_speeds(
 ) -> EntrySpeeds:
     """Return the entry speeds at the start of a run of the contacts whose laws use them.
 
-    A closed contact with a positive entry speed in `given` keeps it. One that is just beginning (at
-    most `TOUCHING` deep) gets its penetration rate at the onset, and a deeper one, whose impact was
-    before the start, `UNKNOWN_ENTRY_SPEED`, with which its force is elastic. `second_rates`, the
-    second time derivatives of the depths, m/s^2, matter to the derivatives only.
+    A closed contact keeps a positive entry speed in `given`. Without one, it gets its penetration
+    rate at the onset if it is just beginning (at most `TOUCHING` deep), and otherwise, since its
+    impact was before the start, `UNKNOWN_ENTRY_SPEED`, with which its force is elastic.
+    `second_rates`, second time derivatives of the depths, m/s^2, matter to the derivatives only.
     """
 
     def entry_speed(name: str, label: str) -> Scalar:
@@ -105,7 +105,7 @@ def initial_entry_speeds(
 
 def approaches_unknown(scene: Scene, start: ContactGaps, given: EntrySpeeds) -> ByLabel[Scalar]:
     """Return the penetration rate, m/s, of each closed contact that goes deeper and is elastic
-    because its entry speed is unknown; zero for other contacts."""
+    because `given` has no positive entry speed for it; zero for other contacts."""
 
     def rate(name: str, label: str) -> Scalar:
         gap = start[name][label]
@@ -121,8 +121,9 @@ def entry_speeds_inside(
     scene: Scene, gaps: ContactGaps, left: Scalar, start: EntrySpeeds, end: EntrySpeeds
 ) -> EntrySpeeds:
     """Return the entry speeds at an instant that is a time `left`, s, before the end of a step:
-    those of the step's `start`, or for a contact that began in the step, from its onset on, those
-    of the `end`. The onset is estimated from the `gaps` at the end."""
+    the entry speeds `start` of the step's start or, for a contact that began in the step, from its
+    onset on, the entry speeds `end` of the step's end. The onset is estimated from the `gaps` at
+    the end."""
 
     def entry_speed(name: str, label: str) -> Scalar:
         before, after, gap = start[name][label], end[name][label], gaps[name][label]
@@ -133,8 +134,8 @@ def entry_speeds_inside(
 
 
 def _at_onset(gap: ContactGap, second_rate: Scalar) -> Scalar:
-    """Return the penetration rate of a contact at its onset shortly before, from its gap now and
-    the second time derivative of its depth, m/s^2."""
+    """Return the penetration rate, m/s, that a contact had at its onset shortly before, from its
+    present gap and the second time derivative of its depth, m/s^2; always positive."""
     usable = gap.rate > SLOWEST
     # One Newton step goes back by the time depth over rate, in which the rate changes by second
     # rate times this time. The correction changes the value hardly at all. But with it, the
@@ -160,9 +161,9 @@ def _for_each_entry_speed(scene: Scene, entry_speed: Callable[[str, str], Scalar
 
 
 def closed(gaps: ContactGaps) -> Closed:
-    """Return whether each contact is closed. If steps end at contact events, each keeps this state
-    for a whole step: one that is open at the start has no force even beyond the wall, so that the
-    motion is smooth."""
+    """Return whether each contact is closed. If steps end at contact events, the result at a step's
+    start holds for the whole step: a contact that is open at the start has no force even beyond the
+    wall, so that the motion is smooth."""
     return each_label(lambda name, label: gaps[name][label].depth > 0.0, gaps)
 
 
@@ -183,8 +184,8 @@ def touches(gaps: ContactGaps) -> Condition:
 
 
 def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
-    """Return the time from the latest onset between two instants to the second, as depth over rate,
-    correct to first order and not differentiated; infinity without an onset."""
+    """Return the time, s, from the latest onset between two instants to the second one. As depth
+    over rate, it is correct to first order; not differentiated, and infinite without an onset."""
     latest: Scalar = jnp.inf
     for start, end in gap_pairs(before, after):
         began = (start.depth <= 0.0) & (end.depth > 0.0)
@@ -215,9 +216,9 @@ def updated_entry_speeds(
     after: ContactGaps,
     second_rates: ByLabel[Scalar],
 ) -> EntrySpeeds:
-    """Return the entry speeds after an accepted step. A contact that began in the step gets its
-    penetration rate at the onset, an open contact gets zero, and any other contact keeps its entry
-    speed."""
+    """Return the entry speeds after an accepted step, from the gaps `before` and `after` it. A
+    contact that began in the step gets its penetration rate at the onset, an open contact gets
+    zero, and any other contact keeps its entry speed."""
 
     def update(name: str, label: str) -> Scalar:
         end = after[name][label]

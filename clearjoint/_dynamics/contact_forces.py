@@ -30,7 +30,8 @@ Bristles: TypeAlias = ByLabel[Vector]
 contact is open. Rates of deflections, m/s, have the same form."""
 NO_BRISTLES: Bristles = {}
 INSIDE = 1e-300
-"""Depth, m, that `depth_at_wall` returns for a law whose force begins where the surfaces touch."""
+"""Depth, m, that `depth_at_wall` returns for a law whose force begins where the surfaces touch: too
+small to change the force, but positive, since such a law may have no force yet at zero."""
 
 
 @tree_dataclass
@@ -40,7 +41,7 @@ class LoadedContact:
     - `normal_force`: N, including damping, positive if it pushes the bodies apart.
     - `elastic_force`: N, the part of the normal force without damping.
     - `friction`: tangential force on the second body, N, in global axes; ``None`` without friction.
-    - `bristle_rate`: rate of the bristles' deflection, m/s, in the axes of the first body.
+    - `bristle_rate`: rate of the bristles' deflection, m/s in the first body's axes, or ``None``.
     - `friction_moment`: on the second body about the normal, N m; ``None`` except for friction
       between two flat faces, whose contact has a `face_radius`, the mean radius of the faces, m.
     """
@@ -66,9 +67,9 @@ def contact_forces(
     """Return the forces of all contacts.
 
     `closed` says whether each contact has a force, whatever its depth (see `contact_force`); if
-    ``None``, those that penetrate have. With `closed`, an entry speed of zero makes a contact
-    elastic, like one that exists at the start of a run; without, the present penetration rate
-    replaces it.
+    ``None``, the contacts that penetrate have a force. An entry speed of zero makes a contact
+    elastic, like a contact that exists at the start of a run, if `closed` is given; otherwise the
+    present penetration rate replaces the entry speed.
     """
     kinds, joints = Kinds(scene), scene.contact_joints()
 
@@ -77,6 +78,7 @@ def contact_forces(
         others = entry_speeds.get(name, {}), are_closed, bristles.get(name, {})
         return dict(kinds.evaluate(_forces_of_joint, joint, motions, *others))
 
+    # Joints whose surfaces another element presses come last, since they need its force.
     pressed = {n: j for n, j in joints.items() if isinstance(j, JointFriction) and j.pressed_by}
     forces = {n: forces_of(n, joint) for n, joint in joints.items() if n not in pressed}
     for name, joint in pressed.items():
@@ -86,8 +88,8 @@ def contact_forces(
 
 
 def _pressing_force(scene: Scene, motions: Motions, forces: LoadedContacts, name: str) -> Scalar:
-    """Return the force, N, or torque, N m, of the element `name`, which presses the surfaces of a
-    joint: without the damping, which may jump where flanks touch."""
+    """Return the force, N, or torque, N m, with which the joint or spring `name` presses the
+    surfaces of a `JointFriction`: without damping, which may jump where flanks touch."""
     if name in forces:
         return reduce(add, (contact.elastic_force for contact in forces[name].values()))
     spring = scene.forces[name]
@@ -128,8 +130,8 @@ def contact_wrenches(
 ) -> Iterator[tuple[str, Wrench]]:
     """Yield name and wrench of each body, except the ground, on which a contact of a joint acts;
     each body twice with a friction moment. For a contact that acts as a couple (see
-    `Contact.turning`), friction is ignored; for the friction of an ideal hinge (`Contact.lever`),
-    the normal force is."""
+    `Contact.turning`), friction is ignored; for the friction of an ideal hinge (see
+    `Contact.lever`), the normal force is ignored."""
     first, second = joint.pair()
     if contact.turning is not None:
         # A backlash about an axis is a contact that transmits a moment only. `turning` consists of
@@ -185,7 +187,7 @@ def contact_force(
 ) -> LoadedContact:
     """Return the forces of one contact of a joint, from arguments as in `contact_forces`.
 
-    The wall is here where the law's force begins, its onset. If `closed` is given and the slope of
+    Here the wall is where the law's force begins, its onset. If `closed` is given and the slope of
     the force jumps at the wall, the force of a closed contact continues past the wall as an odd
     function: at a distance d outside, it pulls by as much as it pushes at the depth d. If the force
     jumps at the wall from zero to F, the forces at these two places have the sum 2 F. The reason is
@@ -229,9 +231,9 @@ def contact_force(
 def _with_friction(
     contact: Contact, normal: Scalar, elastic: Scalar, friction: Vector | None
 ) -> LoadedContact:
-    """Return a contact with its forces. Slip and friction of two flat faces have components along
-    the normal: the relative spin about it times the faces' mean radius, and the moment of friction
-    over this radius, which is kept as a moment."""
+    """Return a contact with its forces. For two flat faces, slip and `friction` have components
+    along the normal: the relative spin about the normal times the faces' mean radius, and the
+    moment of friction over this radius. This component of the friction is kept as a moment."""
     if friction is None or contact.face_radius is None:
         return LoadedContact(contact, normal, elastic, friction)
     along = friction.dot(contact.normal)
@@ -258,9 +260,9 @@ def _continued(
 
 
 def depth_at_wall(law: AbstractContactLaw) -> Scalar:
-    """Return the depth, m, at which to evaluate a law for its force right after the onset: slightly
-    more than minus `onset_offset`, by `INSIDE` or, for an offset other than zero, by `EPSILON`
-    times it."""
+    """Return the depth, m, at which a law has its force right after the onset. The onset is at
+    minus the law's `onset_offset`; the result is deeper by `INSIDE` or, for an offset other than
+    zero, by `EPSILON` times the offset."""
     # The sum of a nonzero offset and `INSIDE` would be rounded to the offset.
     return INSIDE - law.onset_offset() * (1.0 - EPSILON)
 
@@ -268,12 +270,12 @@ def depth_at_wall(law: AbstractContactLaw) -> Scalar:
 def _bristle_friction(
     law: AbstractBristleFriction, contact: Contact, deflection: Vector, normal_force: Scalar
 ) -> tuple[Vector, Vector]:
-    """Return the friction on the second body and the rate of deflection, both in global axes."""
+    """Return the friction on the second body, N, and the deflection's rate, m/s, in global axes."""
     assert contact.slip is not None, "a contact with bristles has a slip"
     rate = law.rate(deflection, contact.slip)
     # The ratio is the friction, with opposite sign, divided by the normal force.
     ratio = law.ratio(deflection, rate, contact.slip)
-    # The normal turns as the contact moves along the wall, so a deflection from before has a
-    # component along it. Friction acts in the tangent plane only.
+    # The normal turns as the contact moves along the wall, so that an earlier deflection has a
+    # component along the present normal. Friction acts in the tangent plane only.
     across = ratio - contact.normal * ratio.dot(contact.normal)
     return across * -normal_force, rate

@@ -67,8 +67,8 @@ class AbstractMechanics(abc.ABC):
         """Return the rates of the speeds that gravity and a wrench on each body cause, without the
         reactions of constraints.
 
-        Rates of a tree of bodies without an eliminated joint to the ground may be relative to free
-        fall: they leave gravity out, and `accelerations` and `variable_rates` add it.
+        For a tree of bodies without an eliminated joint to the ground, the rates may be relative to
+        free fall: they leave gravity out, and `accelerations` and `variable_rates` add it.
         """
 
     @abc.abstractmethod
@@ -84,9 +84,9 @@ class AbstractMechanics(abc.ABC):
 
     @abc.abstractmethod
     def bias(self, row: Row) -> Scalar:
-        """Return the row's Jacobian times the accelerations of the bodies at rates of zero: H' u
-        and, if the rates are relative to free fall (see `free_rates`), gravity. The sum with
-        ``row.bias`` is the second time derivative of the row's value at rates of zero."""
+        """Return the row's Jacobian times the accelerations that the bodies have if all rates are
+        zero: H' u and, if the rates are relative to free fall (see `free_rates`), gravity. This
+        plus ``row.bias`` is the second time derivative of the row's value if all rates are zero."""
 
     @abc.abstractmethod
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
@@ -118,8 +118,8 @@ class AbstractCoordinates(eqx.Module):
 
     @abc.abstractmethod
     def eliminated(self, scene: Scene) -> frozenset[str]:
-        """Return the names of the ideal joints that these coordinates always satisfy, so that they
-        need no constraint as the others do."""
+        """Return the names of the ideal joints that these coordinates always satisfy. The other
+        ideal joints remain constraints."""
 
     @abc.abstractmethod
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> MotionVariables:
@@ -140,7 +140,7 @@ class AbstractCoordinates(eqx.Module):
 
     @abc.abstractmethod
     def without_drift(self, scene: Scene, variables: MotionVariables) -> MotionVariables:
-        """Return normalised variables of the same motion, at the end of each step.
+        """Return normalised variables of the same motion. Runs call this at the end of each step.
 
         Euler parameters whose squared norm differs from one by more than 1e-6 are scaled to unit
         norm, and angles, except those of screws, are moved to between -2 pi and 2 pi. Other
@@ -154,25 +154,25 @@ class AbstractCoordinates(eqx.Module):
         """Return variables with the positions of `variables` and the speeds of `others`."""
 
     def rotation_rates(self, scene: Scene, variables: MotionVariables) -> dict[str, Scalar]:
-        """Return how fast bodies rotate relative to those to which joints connect them, rad/s,
-        positive; empty by default.
+        """Return for some bodies the rate, rad/s, not negative, at which a body rotates relative to
+        the body that carries it in a joint; no bodies by default.
 
-        Uniform rotations have no integration error that could limit the step: where a run searches
-        steps for events, it limits these angles in a step. The variables of these bodies must have
-        an attribute `position`.
+        A uniform rotation has no integration error that could limit the step. Where a run searches
+        its steps for events, it therefore limits the angles by which these bodies rotate in a step.
+        The variables of these bodies must have an attribute `position`.
         """
         return {}
 
     def carriers(self, scene: Scene, bodies: Collection[str]) -> frozenset[str]:
-        """Return those of the bodies in `rotation_rates` whose rotations change the poses of some
-        `bodies` relative to each other; empty by default."""
+        """Return the bodies whose motions in their joints change the poses of `bodies` relative to
+        each other; none by default. Runs ignore the bodies that are not in `rotation_rates`."""
         return frozenset()
 
 
 def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
-    """Return the points of the `Anchor` of each body that has one, by the first such joint: on the
-    body, m in body axes, and on the ground, m. The vector between them, as a variable, keeps digits
-    that a difference of global positions would lose."""
+    """Return for each body with an anchor (see `AbstractContactJoint.anchor`), by the first such
+    joint, the point on the body, m in body axes, and the point on the ground, m. The vector between
+    them, as a variable, keeps digits that a difference of global positions would lose."""
     points = {}
     for joint in scene.contact_joints().values():
         anchor = joint.anchor()
@@ -182,13 +182,14 @@ def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
 
 
 def at_rest(bodies: Mapping[str, BodyState]) -> dict[str, BodyState]:
-    """Return the states of bodies with velocities of structural zeros, which take no operations."""
+    """Return the states of bodies with velocities and spins of zero, as structural zeros."""
     return {n: replace(body, velocity=ZERO, spin=ZERO) for n, body in bodies.items()}
 
 
 def free_motion(body: BodyState, anchor: tuple[Vector, Vector] | None) -> Motion:
-    """Return the motion of a free body whose position, m, is the centre of mass or, with an
-    `anchor` (see `anchors`), the vector from the anchor's ground point to its body point."""
+    """Return the motion of a free body, whose variable `position`, m, is that of the centre of mass
+    or, with an `anchor` (the two points of `anchors`), the vector from the point on the ground to
+    the point on the body."""
     rotation = rotation_matrix(body.orientation)
     if anchor is None:
         return Motion(body.position, rotation, body.velocity, body.spin)

@@ -19,8 +19,8 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
 
     "normal damping", "friction", "film" and "stabilisation" (of constraints) are positive if they
     take energy from the motion. "supplied" is the power by which drivers and force elements change
-    the total energy, with that stored in force elements: positive for a load that does work on the
-    bodies, zero for a spring, negative for a damper.
+    the total energy, which includes the energy stored in force elements: positive for a load that
+    does work on the bodies, zero for a spring, negative for a damper.
     """
     powers: dict[str, Scalar] = {}
 
@@ -64,8 +64,8 @@ def bristle_energy(
     scene: Scene, motions: Motions, forces: LoadedContacts, bristles: Bristles
 ) -> Scalar | None:
     """Return the energy in the bristles of all contacts, J; ``None`` without bristle laws. The
-    ledger's "friction" counts it as dissipated. Bristles are stiffer under a greater normal force:
-    the energy also changes with this force, without any work of the bodies."""
+    entry "friction" of the ledger counts this energy as dissipated. Bristles are stiffer under a
+    greater normal force: their energy also changes with this force, without work of the bodies."""
     stored: list[Scalar] = []
     for name, family in scene.bristle_laws().items():
         to_first = motions[scene.contact_joints()[name].pair()[0]]

@@ -36,7 +36,7 @@ class Dynamics:
     """Solution of the equations of motion at one instant.
 
     - `mechanics`: kinematics and mass matrix in the chosen coordinates.
-    - `contact_forces`: of each contact, with which the equations were solved.
+    - `contact_forces`: forces of each contact, with which the equations were solved.
     - `rows`: constraint rows of the joints that the coordinates do not eliminate.
     - `rates`: accelerations in the form that the methods of `mechanics` return and accept. In joint
       coordinates these are not the time derivatives of the speeds but linear combinations of them
@@ -130,8 +130,8 @@ def flattened(rows: ByLabel[Row]) -> list[Row]:
 
 
 def constraint_wrenches(dynamics: Dynamics, joint: str) -> dict[str, Wrench]:
-    """Return the wrenches of a joint's constraints on its bodies: the Jacobians of the rows times
-    their Lagrange multipliers."""
+    """Return the wrench of a joint's constraints on each of its bodies, by name: the sum of the
+    Jacobians of the joint's rows times the Lagrange multipliers of the rows."""
     wrenches: dict[str, Wrench] = {}
     for label, row in dynamics.rows[joint].items():
         multiplier = dynamics.multipliers[joint][label]

@@ -40,8 +40,8 @@ class AbstractStabilisation(AbstractConverting):
         return 0.0
 
     def corrected(self, variables: T, project: Callable[[T], T]) -> T:
-        """Return the variables at the end of a step, corrected; by default unchanged. `project`
-        returns given variables with positions and speeds projected onto the constraints."""
+        """Return the variables at the end of a step, corrected; by default unchanged. The function
+        `project` returns variables with positions and speeds projected onto the constraints."""
         return variables
 
 
@@ -97,7 +97,7 @@ class Formulation(eqx.Module):
     - `ledger`: whether the powers of damping, friction, films, drives and stabilisation are
       integrated with the state, as an energy ledger in J.
     - `integrands`: further functions ``f(system, t, variables, entry_speeds, bristles, memory)``,
-      by name, that are integrated with the state.
+      by name, whose values are integrated over time with the state.
 
     >>> formulation = extend.Formulation(cj.AbsoluteCoordinates(), cj.Baumgarte(), ledger=True)
     >>> formulation.coordinates

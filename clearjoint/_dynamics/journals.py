@@ -37,18 +37,18 @@ from .formulation import Formulation, Unstabilised
 from .system import System
 
 OUTSIDE = 1e-6
-"""Penetration of the wall, m, above which `assemble` moves a journal to the centre of its bearing;
-a contact under load may have a smaller one."""
+"""Penetration of the wall, m, above which `assemble` moves a journal to the centre of its bearing.
+The penetration of a contact under its load may be smaller."""
 FAR_OUTSIDE = 1e-2
-"""Penetration, over the largest one that the joint allows, above which a warning is issued at the
-start of a run, and an error raised for a journal that `assemble` has centred. Contacts in motion
-are usually far less deep."""
+"""Penetration, as a fraction of the largest one that the joint allows, above which a warning is
+issued at the start of a run, and an error raised for a journal that `assemble` has centred.
+Contacts in motion are usually far less deep."""
 SLOW_ONSET = 1e-2
-"""Entry speed, over that of an impact with the elastic energy of the contact, below which the
-contact counts as overdamped."""
+"""Entry speed below which a contact counts as overdamped, as a fraction of the speed of an impact
+whose energy is the elastic energy of the contact."""
 FAST_APPROACH = 1e-6
 """Penetration rate, m/s, above which a run warns at its start of a contact without a known entry
-speed: the default of the smallest entry speed of contact laws."""
+speed. It equals the default of `entry_speed_floor`, the smallest entry speed of contact laws."""
 HOLD_IT = "Give the joint axial=EndPlay(...) or FixedAxially(), or hold the bodies by other joints."
 UNIQUE_REACTIONS = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)
 """Formulation in which each ideal joint has a reaction, unique in spite of redundant constraints,
@@ -74,8 +74,8 @@ def outside(scene: Scene, state: State) -> set[str]:
 
 
 def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractConstraint]:
-    """Return the ideal joints that hold the journals of named joints centred, as far as there are
-    any."""
+    """Return, for each named clearance joint that has one, the ideal joint that holds its journal
+    centred (see `AbstractContactJoint.centred_joint`)."""
     joints = scene.contact_joints()
     ideal = {name: joints[name].centred_joint() for name in names}
     return {name: joint for name, joint in ideal.items() if joint is not None}
@@ -85,8 +85,9 @@ def resting_joints(
     scene: Scene, ideal: IdealJoints, names: Collection[str], state: State, t: Scalar
 ) -> dict[str, AbstractConstraint]:
     """Return ideal joints that hold the journals of named clearance joints where they rest: on the
-    side of the wall to which the load presses them, at the penetration that carries it. The load is
-    the reaction, with all bodies at rest, of the joint in `ideal`, which `state` satisfies."""
+    side of the wall to which the load presses the journal, at the penetration that carries the
+    load. The load is the reaction of the ideal joint that replaces the clearance joint in `ideal`,
+    with all bodies at rest. `state` satisfies the joints in `ideal`."""
     joints, resting = scene.contact_joints(), {}
     loads = _loads(with_ideal(scene, ideal), state.bodies, on_device(t))
     for name in names:
@@ -107,9 +108,9 @@ def resting_entry_speeds(
     scene: Scene, names: Collection[str], state: State, t: Scalar
 ) -> dict[str, dict[str, float]]:
     """Return entry speeds for the closed contacts of the named joints, m/s, with which a journal
-    that rests on the wall is damped moderately: those of an impact of the contact's effective mass
-    with the elastic energy of the contact. The law's smallest entry speed would make the equations
-    of motion stiff; an unknown one would leave no damping."""
+    that rests on the wall is damped moderately: the speed of an impact of the contact's effective
+    mass whose energy is the elastic energy of the contact. The law's smallest entry speed would
+    make the equations of motion stiff; an unknown entry speed would leave no damping."""
     laws = scene.laws()
     names = tuple(n for n in names if any(law.uses_entry_speed for law in laws[n].values()))
     if not names:
@@ -123,8 +124,8 @@ def resting_entry_speeds(
 
 def overdamped_contacts(scene: Scene, state: State, t: Scalar) -> list[str]:
     """Return a sentence, with a remedy, for each joint with a contact that began so slowly that its
-    damping makes the equations of motion stiff: below `SLOW_ONSET` times the entry speed that
-    `resting_entry_speeds` returns for its present depth."""
+    damping makes the equations of motion stiff: with an entry speed below `SLOW_ONSET` times the
+    one that `resting_entry_speeds` returns for the contact's present depth."""
     sentences, usual = [], resting_entry_speeds(scene, scene.contact_joints(), state, t)
     for name, family in usual.items():
         for label, speed in family.items():
@@ -145,8 +146,8 @@ def overdamped_contacts(scene: Scene, state: State, t: Scalar) -> list[str]:
 
 
 def with_ideal(scene: Scene, ideal: IdealJoints) -> Scene:
-    """Return the scene with joints replaced by those of the same names in `ideal`. Reactions of
-    ideal joints press no friction surfaces: a `JointFriction` that is `pressed_by` a replaced joint
+    """Return the scene with the joints whose names are in `ideal` replaced. Reactions of the new
+    joints press no friction surfaces: a `JointFriction` that is `pressed_by` a replaced joint
     keeps only its constant load."""
     joints = {**scene.joints, **ideal}
     for name, joint in joints.items():
@@ -158,13 +159,14 @@ def with_ideal(scene: Scene, ideal: IdealJoints) -> Scene:
 
 
 def require_in_bearings(scene: Scene, by_joint: ByLabel[Scalar], rates: ByLabel[Scalar]) -> None:
-    """Check the penetrations and the rates of an initial state, by `starting_contacts`.
+    """Check the two results of `starting_contacts` for an initial state: the penetrations, m, of
+    contacts `by_joint`, and the `rates`, m/s, of contacts without a known entry speed.
 
     **Raises:** `ValueError` if a contact is deeper than its limit in the joint's `deepest`.
 
-    **Warns:** `UnusualValueWarning` for a smaller penetration above `FAR_OUTSIDE` times the limit,
-    and for a contact that has begun before, approaches faster than `FAST_APPROACH`, and has no
-    entry speed.
+    **Warns:** `UnusualValueWarning` for a penetration within this limit, but above `FAR_OUTSIDE`
+    times it, and for a contact that began before the start, approaches faster than
+    `FAST_APPROACH`, and has no entry speed.
     """
     for name, family in rates.items():
         label = max(family, key=lambda label: float(family[label]))
@@ -198,7 +200,7 @@ def require_in_bearings(scene: Scene, by_joint: ByLabel[Scalar], rates: ByLabel[
 
 def require_centred(scene: Scene, state: State, names: Iterable[str]) -> None:
     """Check that no contact of the named joints, which `assemble` has centred, is deep in a wall,
-    like that of a pin beyond the end of its slot."""
+    as it is for a pin beyond the end of its slot."""
     by_joint, joints = depths(scene, state), scene.contact_joints()
     for name in names:
         for label, limit in joints[name].deepest().items():
@@ -212,17 +214,18 @@ def require_centred(scene: Scene, state: State, names: Iterable[str]) -> None:
 def warn_of_journals_outside(
     scene: Scene, time: Scalar, final: State, saved: Iterable[tuple[np.ndarray, State]]
 ) -> None:
-    """Issue a `LeftBearingWarning` for each joint whose journal is out of its bearing at the end of
-    a run or in one of the states in `saved`, pairs of times and states, with the earliest time."""
+    """Issue a `LeftBearingWarning`, with the earliest time, for each joint whose journal is out of
+    its bearing at the end of a run (at `time`, in the state `final`) or in `saved`: pairs of N
+    times, s, and N states with arrays of first axis N."""
     last = np.asarray([time]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], final)
     joints = unpack(jax.tree.map(np.asarray, scene.contact_joints()))
     departures: dict[str, tuple[float, float]] = {}
     for times, states in (*saved, last):
         for name, excess in slid_out(joints, states.bodies).items():
             if (excess > 0.0).any():
-                first = int(np.argmax(excess > 0.0))
+                k = int(np.argmax(excess > 0.0))  # the first state out of the bearing
                 # Of several departures the earliest is reported; pairs compare by time first.
-                departure = float(times[first]), float(excess[first])
+                departure = float(times[k]), float(excess[k])
                 departures[name] = min(departure, departures.get(name, departure))
     for name, (when, excess) in departures.items():
         caution(
@@ -237,8 +240,8 @@ def slid_out(
     joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
 ) -> dict[str, np.ndarray]:
     """Return the axial distance, (N,) m, from the end of each bearing to the journal beyond it in N
-    states of each body, without joints whose journal cannot slide out; negative until the journal
-    has left a bearing of its own length."""
+    states of each body, without joints whose journal cannot slide out. The bearing is assumed to be
+    as long as the journal; the distance is negative while they overlap."""
     # NumPy is used so that nothing is compiled.
     in_scalars = unpack(jax.tree.map(np.asarray, dict(bodies)), leading=1)
     return {name: np.asarray(excess) for name, excess in _excesses(joints, in_scalars).items()}
@@ -298,8 +301,8 @@ def starting_contacts(
 def _speeds_of_rest(
     names: tuple[str, ...], scene: Scene, bodies: dict[str, BodyState], t: Scalar
 ) -> ByLabel[Scalar]:
-    """Return the speed, m/s, of an impact with the elastic energy of each contact of some joints
-    whose law uses the entry speed; zero if the contact is open."""
+    """Return, for each contact of the named joints whose law uses the entry speed, the speed, m/s,
+    of an impact whose energy is the elastic energy of the contact; zero if the contact is open."""
     system = System(unpack(scene), UNIQUE_REACTIONS)
     variables = system.encode(unpack(bodies))
     motions, speeds = system.motions(variables), {}
@@ -330,8 +333,8 @@ def _speeds_of_rest(
 # This function is compiled to native code or, if that is not possible, by XLA without a warning.
 @partial(Native, warns=False)
 def _loads(scene: Scene, bodies: dict[str, BodyState], t: Scalar) -> dict[str, jax.Array]:
-    """Return, by name, the force, N, that the last of a constraint's bodies exerts on the first, in
-    its axes, while all bodies are at rest and no contact has a force."""
+    """Return, for each constraint by name, the force, (3,) N, that its last body exerts on its
+    first, in axes of the first body, while all bodies are at rest and no contact has a force."""
     system = System(unpack(scene), UNIQUE_REACTIONS)
     mechanics = system.mechanics(system.encode(at_rest(unpack(bodies))))
     dynamics = system.dynamics_under(mechanics, {}, t)

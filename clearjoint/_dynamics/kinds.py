@@ -2,8 +2,8 @@
 
 Elements are of one kind if they differ only in the names of their bodies and in the numbers of
 their arrays. For many elements of a class, a program calls one function for each kind, so that the
-compilation time hardly grows with their number. Few are written out: the program is then faster,
-because what several have in common is computed once.
+compilation time hardly grows with their number. The functions of few elements are written out in
+the program, which is then faster, because what several elements have in common is computed once.
 """
 
 from collections import Counter
@@ -32,13 +32,13 @@ NOT_RENAMED = (
     TypeError,
     ValueError,
 )
-"""Errors of elements that are evaluated with other names, such as a look-up of a body on which they
-don't act. Others are raised at once, such as a `TimeoutError` of a signal's handler."""
+"""Errors that elements may raise with other names of bodies, such as a look-up of a body on which
+they don't act. Other errors are raised at once, such as a `TimeoutError` of a signal's handler."""
 
 
 class Kinds:
     """Evaluates functions of the elements of a scene. The number of elements of a class, not of a
-    kind, decides whether they share functions. Kinds depend on which numbers are folded as
+    kind, decides whether they share functions: kinds depend on which numbers are folded as
     constants, which may differ between a sweep and a single run, but the results must not."""
 
     def __init__(self, scene: Scene):
@@ -87,7 +87,8 @@ def with_common_names(element: Element) -> tuple[Element, dict[str, str]]:
     }
     renamed = element
     for path, name in list(_texts(element)):
-        # A text that equals a name of a body may have another meaning, such as an axis "x".
+        # A text that equals a name of a body may have another meaning, such as an axis "x". It is a
+        # name of a body if, once changed, it appears among the names of the element's bodies.
         if name in names and _PROBE in _changed(element, path, _PROBE).body_names():
             renamed = _changed(renamed, path, names[name])
     expected = tuple(names[name] for name in element.body_names())

@@ -23,13 +23,13 @@ class ConstraintEquations:
     lambda = targets.
 
     A row of exact zeros is left out, and its multiplier is zero. An example is the row that closes
-    a planar loop in the direction normal to its plane, since the coordinates always satisfy it. If
-    the solver's result depends on them, `weights` multiply the rows and their targets (see
-    `row_weights`).
+    a planar loop in the direction normal to its plane, since the coordinates always satisfy it.
+    `weights` multiply the rows and their targets (see `row_weights`); ``None`` if the result of the
+    `solver` does not depend on such factors.
 
-    `compliances` of the last rows make them elastic: such a row changes by its target less its
-    compliance times its multiplier. With the compliance 1/a, the row of a joint's position has the
-    effect of an armature a.
+    `compliances` belong to the last rows, and make these elastic: such a row changes by its target
+    less its compliance times its multiplier. With the compliance 1/a, the row of a joint's position
+    has the effect of an armature a.
     """
 
     def __init__(
@@ -53,8 +53,9 @@ class ConstraintEquations:
         rows = [[multiply(weight, part) for part in row] for weight, row in pairs]
         # The rows of D M^-1.
         self._solved_rows = [mechanics.solved(row) for row in rows]
-        # Compliances are added to the diagonal of D M^-1 D^T: both factors get a further column for
-        # each, which has its square root in the row of the compliance, and zeros in the others.
+        # Compliances are added to the diagonal of D M^-1 D^T, the product of the factors D M^-1 and
+        # D. Both factors get a further column for each compliance, with its square root in the row
+        # to which the compliance belongs, and zeros in the others.
         first_elastic = self._rows - len(compliances)
         further_columns = [
             [
@@ -66,28 +67,30 @@ class ConstraintEquations:
             for k in self._active
         ]
         factors = [
-            [[*row, *own] for row, own in zip(part, further_columns, strict=True)]
-            for part in (rows, self._solved_rows)
+            [[*row, *further] for row, further in zip(factor, further_columns, strict=True)]
+            for factor in (rows, self._solved_rows)
         ]
         # Without active rows there is nothing to solve: `list` returns the empty right side.
         self._solve = solver.solving(gram_matrix(*factors)) if rows else list
 
     def corrected(self, targets: Sequence[Scalar], rates: Speeds) -> tuple[Speeds, list[Scalar]]:
-        """Return rates of the speeds, changed as little as possible in the metric of M, such that
-        each row's product with them is its target; and the multipliers of the rows."""
+        """Return the `rates` of the speeds, changed as little as possible in the metric of M, such
+        that each row's product with the new rates is its target; and the rows' multipliers."""
         multipliers: list[Scalar] = [0.0] * self._rows
         rigid = [0.0] * (self._rows - len(self._compliances))
-        # A rotor may have much less inertia by itself than its armature: its rate without the
-        # multiplier is then large, and the change cancels most of it. So the rest is corrected.
+        # A body may have much less inertia by itself than the armature of its joint: its rate
+        # without the multiplier is then large, and the change cancels most of it. The second pass
+        # corrects what rounding errors leave.
         for _ in range(2 if self._compliances else 1):
+            # What each row still lacks: target - row . rates - compliance multiplier.
             yielding = map(multiply, [*rigid, *self._compliances], multipliers)
             lacking = [
-                subtract(a - inner(d, rates), part)
-                for a, d, part in zip(targets, self._directions, yielding, strict=True)
+                subtract(target - inner(row, rates), part)
+                for target, row, part in zip(targets, self._directions, yielding, strict=True)
             ]
-            change, more = self.response(lacking)
+            change, further = self.response(lacking)
             rates = [add(a, b) for a, b in zip(rates, change, strict=True)]
-            multipliers = [add(a, b) for a, b in zip(multipliers, more, strict=True)]
+            multipliers = [add(a, b) for a, b in zip(multipliers, further, strict=True)]
         return rates, multipliers
 
     def response(self, targets: Sequence[Scalar]) -> tuple[Speeds, list[Scalar]]:
@@ -108,9 +111,9 @@ def row_weights(bodies: Mapping[str, Body], rows: Sequence[Row]) -> list[Scalar]
     """Return the weight of each constraint row: the square root of the mass, kg, or moment of
     inertia, kg m^2, that its multiplier would accelerate if all bodies were free.
 
-    Weighted rows all have the same unit. Without weights, the least norm of the multipliers of
-    redundant constraints would add forces to moments, and in a mechanism with links of a
-    millimetre, the solver would take the equations of translation for rounding errors.
+    Weighted rows all have the same unit. Without weights, the norm that is least for redundant
+    constraints would add forces to moments, and in a mechanism with links of a millimetre, the
+    solver would take the equations of translation for rounding errors.
     """
     weights = []
     for row in rows:

@@ -22,9 +22,9 @@ NO_MEMORIES: Memories = {}
 
 
 class HeldForce(AbstractForce):
-    """A sampled force between two instants, with its memory. For each triple in `changes` (memory
-    before an instant, memory after it, share), that share, 0 to 1, of the change of the wrenches at
-    the instant is added."""
+    """A sampled force between two instants, with its `memory`. Each triple in `changes` is for an
+    instant: the memory before it, the memory after it, and the share, 0 to 1, of the resulting
+    change of the wrenches that is added to the wrenches."""
 
     force: AbstractSampledForce
     memory: dict[str, Scalar]
@@ -50,7 +50,8 @@ def sampled_forces(scene: Scene) -> dict[str, AbstractSampledForce]:
 
 
 def memory_names(scene: Scene) -> dict[str, list[str]]:
-    """Return the names of the numbers in the memory of each sampled force of a packed scene."""
+    """Return the names of the numbers in the memory of each sampled force of a scene, whose vectors
+    are arrays."""
     still = Motion(ZERO, IDENTITY, ZERO, ZERO)
     return {
         name: list(force.initial_memory(dict.fromkeys(force.body_names(), still), 0.0))
@@ -61,8 +62,8 @@ def memory_names(scene: Scene) -> dict[str, list[str]]:
 def initial_memories(
     system: System, variables: MotionVariables, t: Scalar, given: Memories
 ) -> dict[str, dict[str, Scalar]]:
-    """Return the memory in `given` of each sampled force; missing numbers are those of a run that
-    starts at the time t."""
+    """Return the memory of each sampled force, as in `given`. Numbers that `given` lacks are those
+    with which a run would start in the motion of `variables` at the time t."""
     forces = sampled_forces(system.scene)
     remedy = "correct the name, or leave it out of the state"
     for name in given:
@@ -73,11 +74,11 @@ def initial_memories(
     kinds, motions, memories = Kinds(system.scene), system.motions(variables), {}
     for name, force in forces.items():
         memory = kinds.evaluate(type(force).initial_memory, force, motions, system.clock(t))
-        own = given.get(name, {})
-        for key in own:
+        given_numbers = given.get(name, {})
+        for key in given_numbers:
             expected, advice = f"one of {sorted(memory)}", nearest(key, memory, remedy)
             require(key in memory, f"state.memory[{name!r}]", key, expected, advice)
-        numbers = {**memory, **own}
+        numbers = {**memory, **given_numbers}
         memories[name] = {key: jnp.asarray(numbers[key], dtype=float) for key in memory}
     return memories
 
@@ -85,12 +86,13 @@ def initial_memories(
 def updated_memory(
     force: AbstractSampledForce, motions: Motions, name: str, memory: ForceMemory, t: Scalar
 ) -> ForceMemory:
-    """Return `force.updated_memory`, for `Kinds.evaluate`."""
+    """Return ``force.updated_memory(...)``, with arguments in the order of `Kinds.evaluate`."""
     return force.updated_memory(name, memory, motions, t)
 
 
 def holding(system: System, memories: Memories) -> System:
-    """Return the system with each sampled force replaced by one that holds its memory."""
+    """Return the system with each sampled force replaced by a `HeldForce` with its memory in
+    `memories`; the same system if there are none."""
     if not memories:
         return system
     held = {

@@ -35,7 +35,7 @@ from .multipliers import ConstraintEquations, row_weights
 FARTHEST = 1e-3
 """Largest violation of a constraint, m or rad, at which a run continues, unless the smallest
 clearance of the scene, m, is less. With the default stabilisation and tolerances, violations are
-about a thousandth of it."""
+about a thousandth of this limit."""
 
 
 def _is_single_law(part: PyTree) -> bool:
@@ -194,7 +194,7 @@ class System(eqx.Module):
         return mechanical_energy(self.scene, self.motions(variables), self.clock(t))
 
     def contact_gaps(self, variables: MotionVariables) -> ContactGaps:
-        """Return penetration and rate of each contact, measured from the onset of its force."""
+        """Return the penetration of each contact, m from the onset of its force, and its rate."""
         return contact_gaps(self.scene, self.motions(variables))
 
     def second_rates(
@@ -245,8 +245,8 @@ class System(eqx.Module):
         return mechanics.after_speed_change(changes)
 
     def rotors(self, motions: Motions) -> list[tuple[Row, Scalar]]:
-        """Return position row and armature of each joint with an armature that the coordinates do
-        not eliminate; those of eliminated joints are in the mass matrix."""
+        """Return the row of the position and the armature of each joint that has an armature, and
+        that the coordinates do not eliminate. Other armatures are in the mass matrix."""
         eliminated = self.formulation.coordinates.eliminated(self.scene)
         return [
             (joint.position(motions), joint.armature)
@@ -262,8 +262,8 @@ class System(eqx.Module):
         rows: Sequence[Row],
         rotors: Sequence[tuple[Row, Scalar]] = (),
     ) -> ConstraintEquations:
-        """Return the equations for the multipliers of constraint rows and, if given, of the
-        `rotors`, whose inertia is otherwise missing in the metric of the smallest change."""
+        """Return the equations for the multipliers of constraint rows and of `rotors`, the result
+        of the method of this name. Without them, corrections ignore the rotors' inertia."""
         rows = [*rows, *(row for row, _ in rotors)]
         return ConstraintEquations(
             mechanics,
@@ -278,7 +278,7 @@ class System(eqx.Module):
         return self._has_row(t, lambda row: True)
 
     def is_driven(self, t: Scalar) -> bool:
-        """Return whether any such constraint depends on time."""
+        """Return whether any constraint that the coordinates do not eliminate depends on time."""
         return self._has_row(t, _depends_on_time)
 
     def _has_row(self, t: Scalar, of_kind: Callable[[Row], bool]) -> bool:
@@ -294,8 +294,8 @@ class System(eqx.Module):
         return bool(jax.eval_shape(chosen, dict.fromkeys(self.scene.bodies, motion)))
 
     def prescribed(self, variables: MotionVariables, t: Scalar) -> ByLabel[Row]:
-        """Return the constraint rows that depend on time, without Jacobians, for bodies at rest:
-        `time_rate` and `bias` are then the first two time derivatives of the `value`."""
+        """Return the constraint rows that depend on time, without Jacobians, for bodies at rest, so
+        that `time_rate` and `bias` are the first two time derivatives of a row's `value`."""
         moving = self.motions(variables).items()
         motions = {n: Motion(motion.position, motion.rotation, ZERO, ZERO) for n, motion in moving}
         prescribed: ByLabel[Row] = {}

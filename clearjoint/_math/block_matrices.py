@@ -1,10 +1,10 @@
 """Sparse symmetric matrices in blocks, for systems of linear equations that are too large for
 unrolled arithmetic.
 
-A matrix S = D X^T is divided into blocks of `SIZE` rows and columns. Those that are not structural
-zeros are stored in one array, block after block and row by row. The sequence of operations on
-blocks is known while JAX traces, and listed in tables, over which loops run, so that the length of
-the program does not depend on the matrix.
+A matrix S = D X^T is divided into blocks of `SIZE` rows and columns. The blocks that are not
+structural zeros are stored in one array, block after block and row by row. The sequence of
+operations on blocks is known while JAX traces, and listed in tables, over which loops run, so that
+the length of the program does not depend on the matrix.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,7 +28,7 @@ MOST_MULTIPLICATIONS = 2500
 15 rows without zeros. Compiling them takes about a second."""
 _Place: TypeAlias = tuple[int, int]
 _Step: TypeAlias = tuple[int, ...]
-"""A row of a table: the kind of an operation, and indices of rows or blocks."""
+"""A row of a table: the kind or the factors of an operation, and indices of rows or blocks."""
 _Change: TypeAlias = Callable[[jax.Array, jax.Array], tuple[jax.Array, jax.Array]]
 _UPDATE, _DIVIDE, _FACTORISE = 0, 1, 2
 
@@ -73,14 +73,15 @@ class _Plan:
         self.entries = [(i, j) for i, j in places if i == j or i in neighbours[j]]
 
     def rows(self, group: int, block: int) -> list[int]:
-        """Return the indices of the rows of one block that belong to a group, without the padding
-        after them. Rows are counted over all blocks, here and in the tables."""
+        """Return the indices of the rows of the stored block number `block` that belong to a group,
+        without the padding after them. Here and in the tables, rows are counted over all blocks."""
         return [SIZE * block + row for row in range(self.sizes[group])]
 
     def factorisation(self) -> list[_Step]:
-        """Return the table for `_factor`: in each row the kind of the operation, the index of the
-        row that it changes, and those of a row and of the block by which this is multiplied. The
-        inverses of the diagonal blocks are stored after the blocks in `slots`."""
+        """Return the table for `_factor`. Each row of the table has the kind of an operation, the
+        index of the row that it changes, the index of a row that is multiplied, and the index of
+        the block by which it is multiplied. Inverses of the diagonal blocks follow the blocks in
+        `slots`."""
         table: list[_Step] = []
         slots, first_inverse = self.slots, len(self.slots)
         for j, column in enumerate(self._below):
@@ -89,7 +90,7 @@ class _Plan:
                 table.append((_FACTORISE, target, row, inverse))
             for i in column:
                 table += [(_DIVIDE, row, row, inverse) for row in self.rows(i, slots[i, j])]
-            # The column j is subtracted from the columns k after it.
+            # The column j is subtracted from the columns k after it, on and below the diagonal.
             for k in column:
                 for i in column:
                     if i >= k:
@@ -101,7 +102,7 @@ class _Plan:
     def solution(self, sweeps: int) -> list[_Step]:
         """Return the table for `_iterated`. A row (former, sign, transposed, target, block, source)
         means part[target] = former * part[target] + sign * block @ part[source], with the block
-        transposed if `transposed` is 1. The parts are those of three vectors, one after the other:
+        transposed if `transposed` is 1. The parts belong to three vectors, one after the other:
         b, x (zero at first) and r (b at first)."""
         count = len(self.order)
         b, x, r = ([*range(first, first + count)] for first in (0, count, 2 * count))
@@ -130,6 +131,7 @@ class _Plan:
     def products(self) -> list[tuple[int, int, int, int]]:
         """Return the products of blocks and parts of a vector whose sum is matrix times vector:
         (part of the result, block, part of the vector, 1 if the block is transposed, else 0)."""
+        # A block below the diagonal, transposed, is also the one above it.
         table = [(i, self.slots[i, j], j, 0) for i, j in self.entries]
         return table + [(j, slot, i, 1) for i, slot, j, _ in table if i != j]
 
@@ -146,6 +148,8 @@ class BlockMatrix(AbstractMatrix):
             [{k // SIZE for row in group for k in _support(rows[row])} for group in groups]
             for rows in (first, second)
         )
+        # Block (i, j) of S is not zero if group i of D and group j of X share a column of blocks.
+        # Either order counts, since S is symmetric.
         coupled = [
             [bool(of_first[i] & of_second[j] or of_first[j] & of_second[i]) for j in range(i)]
             for i in range(len(groups))
@@ -175,8 +179,8 @@ class BlockMatrix(AbstractMatrix):
         self._blocks = _sums_of_products(self._padding(), left, right, steps)
 
     def _padding(self) -> np.ndarray:
-        """Return all blocks, flattened, with zeros but for ones on the diagonal in the rows beyond
-        those of a group: the matrix would be singular without them."""
+        """Return all blocks, flattened. They are zero except for ones on the diagonal in the rows
+        after the last row of each group, without which the matrix would be singular."""
         blocks = np.zeros((len(self._plan.slots), SIZE, SIZE))
         for k, group in enumerate(self._groups):
             for row in range(len(group), SIZE):
@@ -215,25 +219,26 @@ def _support(row: Sequence[Scalar]) -> set[int]:
 
 
 def _groups(columns: Sequence[set[int]]) -> list[list[int]]:
-    """Return lists of at most `SIZE` consecutive rows that share a row of blocks, from the columns
-    of blocks in which each row has entries. A row joins the rows before it if less than half of
-    their columns differ, as in one joint, so that blocks couple no unrelated rows."""
+    """Return lists of at most `SIZE` consecutive rows, each list for one row of blocks. `columns`
+    has the columns of blocks in which each row has entries. A row joins the list before it if less
+    than half of their columns differ, as in one joint, so that blocks couple no unrelated rows."""
     groups: list[list[int]] = []
-    union: set[int] = set()
-    for row, own in enumerate(columns):
-        differing, joined = own ^ union, own | union
+    union: set[int] = set()  # the columns of the rows in the last list
+    for row, row_columns in enumerate(columns):
+        differing, joined = row_columns ^ union, row_columns | union
         if groups and len(groups[-1]) < SIZE and 2 * len(differing) < len(joined):
             groups[-1].append(row)
             union = joined
         else:
             groups.append([row])
-            union = own
+            union = row_columns
     return groups
 
 
 def _blocks(
     rows: Sequence[Sequence[Scalar]], groups: Sequence[Sequence[int]], places: Sequence[_Place]
 ) -> jax.Array:
+    # The blocks at the places (group of rows, column of blocks), flattened.
     entries: list[Scalar] = []
     index = np.full((len(places), SIZE, SIZE), -1)
     for block, (group, column) in enumerate(places):
@@ -246,7 +251,7 @@ def _blocks(
 
 
 def _gathered(numbers: Sequence[Scalar], index: np.ndarray) -> jax.Array:
-    """Return an array of the numbers with the given indices, with zero for an index of -1."""
+    """Return an array with the number of each index, and zero for an index of -1."""
     array = jnp.stack([*map(jnp.asarray, (*numbers, 0.0))])
     # The remainder turns -1 into the index of the zero at the end.
     return _taken(array, index % len(array))
@@ -262,7 +267,7 @@ def _block(blocks: jax.Array, index: jax.Array) -> jax.Array:
 
 
 def _row(array: jax.Array, index: jax.Array) -> jax.Array:
-    """Return the row of a block, or the part of a vector, with an index counted over the array."""
+    """Return the row of a block, or the part of a vector, by its index in the whole array."""
     return jax.lax.dynamic_slice_in_dim(array, index * SIZE, SIZE)
 
 
@@ -310,6 +315,7 @@ def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
         return (unit - lower @ inverse) * pivot
 
     def step(blocks: jax.Array, entries: jax.Array) -> tuple[jax.Array, jax.Array]:
+        # A row of the table of `_Plan.factorisation`.
         kind, target, source, block = entries
         # An update subtracts L_kj times a row of L_ij from the same row of block (i, k). A division
         # multiplies a row of block (i, j) by the inverse of L_jj, which gives the row of L_ij.

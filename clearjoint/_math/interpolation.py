@@ -20,19 +20,20 @@ NEWTON_STEPS = 4
 TINY = 1e-200
 """Smallest magnitude of the divisor in `Parabola.part_below`, the coefficient of x^2."""
 SECANT_STEPS = 12
-"""Number of evaluations in `secant_root`, fixed so that lanes side by side do the same."""
+"""Number of evaluations in `secant_root`, fixed so that all lanes of a batch do the same."""
 REFINEMENTS = 3
 """Number of evaluations in `highest`."""
 MARGIN = 0.05
-"""Smallest distance of a new evaluation in `highest` from the outer two of three points, relative
-to the distance between these. The next parabola divides by distances of points, and smaller ones
-would enlarge rounding errors. The last evaluation, without a next parabola, has no limit."""
+"""Smallest distance of a new evaluation in `highest` from the outer two of the three points, over
+the distance between these two. The next parabola divides by distances of points, and a smaller
+distance would enlarge rounding errors. The last evaluation, without a next parabola, has no limit.
+"""
 GUESS_MARGIN = 0.1
-"""As `MARGIN`, for the first evaluation in `highest_after` and the ends of its interval. It is
-larger, because the position is extrapolated."""
+"""As `MARGIN`, for the first evaluation in `highest_after` and the ends of the interval. It is
+larger, because the position of this evaluation is extrapolated."""
 LARGEST_SHIFT = 0.25
 """Largest distance between the maxima of the parabola and of the cubic in `highest_after`, relative
-to the length of the interval. A single Newton step does not find one that is farther away."""
+to the length of the interval. A single Newton step does not find a maximum that is farther away."""
 
 
 def gauss_rule(count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -64,8 +65,8 @@ def hermite_rate(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
 
 
 def hermite_root(start: Slope, end: Slope, h: Scalar) -> Scalar:
-    """Return the approximate root x of a cubic with values of opposite signs at the ends of a step,
-    by `NEWTON_STEPS` Newton steps within a shrinking bracket."""
+    """Return the approximate root x of the cubic of `hermite_value`, if its values at the ends of
+    the step have opposite signs, by `NEWTON_STEPS` Newton steps within a shrinking bracket."""
     lower, upper = jnp.zeros_like(end.value), jnp.ones_like(end.value)
     # Start from the root of the straight line through both ends.
     x = start.value / (start.value - end.value)
@@ -220,10 +221,11 @@ def highest_after(
     point before them.
 
     The function is evaluated twice: at the maximum of the parabola through the three points, and at
-    that of the cubic through these points and the first evaluation. The result has the largest
-    value of `first`, `last` and the two evaluations. Its position is that of an end if this is
-    higher than both evaluations, and otherwise the maximum of the parabola through the higher
-    evaluation and its neighbours, which is nearer to the function's maximum than these points.
+    the maximum of the cubic through these points and the first evaluation. The result has the
+    largest value of `first`, `last` and the two evaluations. Its position is the position of
+    `first` or `last` if that point is higher than both evaluations, and otherwise the maximum of
+    the parabola through the higher evaluation and its neighbours, which is nearer to the function's
+    maximum than these points.
     """
     margin = GUESS_MARGIN * (last.x - first.x)
     # If the extrapolated parabola has no maximum, the search begins in the middle.
@@ -271,8 +273,8 @@ def highest(
 
     The function is evaluated `REFINEMENTS` times, by successive parabolic interpolation (R. Brent,
     Algorithms for Minimization without Derivatives, 1973, ch. 5). Each time, the higher one of the
-    two inner points and its neighbours are kept. The result is the highest of the last three
-    points; the maximum of a parabola would be too large at a kink.
+    two inner points (`middle` and the new point) and its neighbours are kept. The result is the
+    highest of the last three points; the maximum of a parabola would be too large at a kink.
     """
     for count in reversed(range(REFINEMENTS)):
         # The last evaluation is not used for a further parabola, and may be near the other points.
@@ -288,6 +290,7 @@ def _nearest_three(
     """Return the higher of the points `middle` and `new`, and its two neighbours, in order of x."""
     is_right = new.x > middle.x
     low, high = _either(is_right, middle, new), _either(is_right, new, middle)
+    # If the left inner point is the higher one, the last point is dropped, and otherwise the first.
     falls = low.value >= high.value
     return (_either(falls, first, low), _either(falls, low, high), _either(falls, high, last))
 

@@ -17,7 +17,7 @@ from typing_extensions import override
 from .vectors import Scalar, add, is_zero, multiply, subtract
 
 Rows = Sequence[Sequence[Scalar]]
-"""Rows of a matrix. Of a symmetric one, only the first i + 1 entries of row i are read."""
+"""Rows of a matrix. Of a symmetric matrix, only the first i + 1 entries of row i are read."""
 Solve = Callable[[Sequence[Scalar]], list[Scalar]]
 """Function of the right side of a system of equations, n scalars, that returns the n unknowns."""
 
@@ -30,10 +30,9 @@ def elimination_order(
     **Arguments:** `nonzero`: row i tells which of the first i entries are nonzero, by numbers or
     bools that are zero or not.
 
-    **Returns:** the indices of the unknowns in the order of their elimination; for each unknown in
-    this order, the places in it of the others with nonzero entries in its row; and, for each column
-    of the triangular factor in this order, the sorted rows of the nonzero entries below the
-    diagonal.
+    **Returns:** the indices of the unknowns in the order of their elimination; and, counted in this
+    order, for each unknown the others with a nonzero entry in its row of the matrix, and for each
+    column of the triangular factor the sorted rows of the nonzero entries below the diagonal.
     """
     neighbours: list[set[int]] = [set() for _ in nonzero]
     for i, row in enumerate(nonzero):
@@ -46,8 +45,8 @@ def elimination_order(
     columns = [{i for i in others if i > j} for j, others in enumerate(reordered)]
     for column in columns:
         if column:
-            # Eliminating an unknown couples those below it with each other. It suffices to pass
-            # them on to the next one of them.
+            # Eliminating an unknown couples the later unknowns of its column with each other. It
+            # suffices to add them to the column of the next of them, which passes them on.
             following = min(column)
             columns[following] |= column - {following}
     return order, reordered, [sorted(column) for column in columns]
@@ -111,7 +110,7 @@ class Factorisation:
 
 
 def _reduced(start: Scalar, first: dict[int, Scalar], second: dict[int, Scalar]) -> Scalar:
-    """Return `start` minus the products of those entries of the others that have the same key."""
+    """Return `start` minus the products of entries of `first` and `second` with equal keys."""
     for k, a in first.items():
         if k in second:
             start = subtract(start, multiply(a, second[k]))
@@ -129,8 +128,8 @@ class AbstractMatrix(abc.ABC):
 
     @abc.abstractmethod
     def solving(self, shift: Scalar = 0.0, sweeps: int = 1) -> Solve:
-        """Return the function that solves S x = b. From x = 0, it computes the iteration
-        x <- x + (S + `shift` I)^-1 (b - S x) `sweeps` times; once suffices if `shift` is zero.
+        """Return the function that solves S x = b. From x = 0, the function computes the iteration
+        x <- x + (S + `shift` I)^-1 (b - S x) `sweeps` times. If `shift` is zero, once suffices.
 
         S + `shift` I must be positive definite, and is factorised once.
         """
@@ -165,8 +164,8 @@ class ScalarMatrix(AbstractMatrix):
 
 
 class AbstractSolver(abc.ABC):
-    """Base class of solvers for S x = b, with S = D M^-1 D^T from the Jacobian D of constraints and
-    a mass matrix M."""
+    """Base class of solvers for S x = b, where S = D M^-1 D^T is made of the Jacobian D of
+    constraints and a mass matrix M."""
 
     def significant(self, row: Sequence[Scalar]) -> list[Scalar]:
         """Return a row of D, with zeros in place of entries that are rounding errors."""
@@ -174,7 +173,7 @@ class AbstractSolver(abc.ABC):
 
     @abc.abstractmethod
     def solving(self, matrix: AbstractMatrix) -> Solve:
-        """Return the function that returns the solution x for a right side b."""
+        """Return the function that solves S x = b, for the matrix S, by a right side b."""
 
 
 class Exact(AbstractSolver):
@@ -223,6 +222,6 @@ def inner(first: Sequence[Scalar], second: Sequence[Scalar]) -> Scalar:
 
 
 def product(matrix: Rows, vector: Sequence[Scalar]) -> list[Scalar]:
-    """Return the product of a symmetric matrix and a vector."""
+    """Return the product of a vector and a symmetric matrix, whose lower triangle is read."""
     n = len(vector)
     return [inner([matrix[max(i, j)][min(i, j)] for j in range(n)], vector) for i in range(n)]

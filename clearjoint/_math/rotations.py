@@ -25,6 +25,7 @@ def rotation_matrix(p: EulerParameters) -> Matrix:
     >>> print(f"{(matrix @ extend.UNIT_X).y:.3f}")
     1.000
     """
+    # For example, xs is 2 e1/|p|^2, and wx is 2 e0 e1/|p|^2.
     s = 2.0 / squared_norm(p)
     xs, ys, zs = p.e1 * s, p.e2 * s, p.e3 * s
     wx, wy, wz = p.e0 * xs, p.e0 * ys, p.e0 * zs
@@ -49,8 +50,8 @@ def euler_parameter_rates(p: EulerParameters, spin: Vector) -> EulerParameters:
 
 
 def turned(p: EulerParameters, angle: Vector) -> EulerParameters:
-    """Return the normalised Euler parameters after a further rotation by a small rotation vector in
-    body axes, rad, correct to first order in it.
+    """Return the normalised Euler parameters after a further rotation by `angle`, a small rotation
+    vector in body axes, rad, correct to first order in this vector.
 
     >>> start = extend.EulerParameters(1.0, 0.0, 0.0, 0.0)
     >>> p = extend.turned(start, extend.Vector(0.0, 0.0, 1e-3))
@@ -70,7 +71,7 @@ def composed(p: EulerParameters, q: EulerParameters) -> EulerParameters:
 
 
 def conjugate(p: EulerParameters) -> EulerParameters:
-    """Return the Euler parameters of the inverse rotation, if those of `p` have unit norm."""
+    """Return the Euler parameters of the inverse rotation, if `p` has unit norm."""
     v = -Vector(p.e1, p.e2, p.e3)
     return EulerParameters(p.e0, v.x, v.y, v.z)
 
@@ -87,8 +88,8 @@ def normalised(p: EulerParameters) -> EulerParameters:
 
 
 NORM_DRIFT = 1e-6
-"""Error of the squared norm up to which `kept_unit` leaves Euler parameters unchanged. Exact to
-first order, the correction reduces an error of this size to 2.5e-13."""
+"""Error of the squared norm up to which `kept_unit` leaves Euler parameters unchanged. Its
+correction, which is exact to first order, reduces an error of this size to 2.5e-13."""
 
 
 def kept_unit(p: EulerParameters) -> EulerParameters:
@@ -141,8 +142,8 @@ def transverse_axes(axis: Vector) -> tuple[Vector, Vector]:
 
 
 SMALL = 1e-4
-"""Squared sine of an acute angle below which `_angle_over_sine` uses a series; `_curvature` does so
-for squared angles below 100 times this number. The errors of both are below rounding errors."""
+"""Squared sine of an acute angle below which `_angle_over_sine` uses a series; `_curvature` uses a
+series for squared angles below 100 times this number. Both errors are below rounding errors."""
 TINY = 1e-200
 """Squared sine up to which the sine counts as zero."""
 
@@ -169,7 +170,7 @@ class RotationVector(NamedTuple):
     def torque(self, moment: Vector) -> Vector:
         """Return the torque on the rotated frame, N m, in axes of the fixed frame, for the moment
         that is work-conjugate to the rotation vector: the power is moment . rate = torque . spin,
-        so the matrix of this map is the transpose of that in `rate`."""
+        so the matrix of this map is the transpose of the matrix in `rate`."""
         product = self.vector.cross(moment)
         return moment + product * 0.5 + self.vector.cross(product) * self.factor
 
@@ -190,8 +191,8 @@ def rotation_vector(rotation: Matrix) -> RotationVector:
 
 
 def _angle_over_sine(squared_sine: Scalar, cosine: Scalar) -> Scalar:
-    """Return an angle from 0 to pi divided by its sine; at exactly pi, some finite number, since
-    the vector that it multiplies is zero."""
+    """Return an angle from 0 to pi divided by its sine, from the squared sine and the cosine. At
+    exactly pi it is some finite number, since the sine vector that it multiplies is zero."""
     # Both alternatives of each `where` are finite with finite derivatives, since the derivative of
     # the unused one is multiplied by zero.
     near = (squared_sine < SMALL) & (cosine > 0.0)

@@ -1,7 +1,7 @@
-"""PyTrees of many scalars as one array, so that an operation on all is one equation of the program.
+"""PyTrees of many scalars as one array: an operation on all scalars is one equation of the program.
 
 Written out for each scalar, the sums of a Runge-Kutta step were a quarter of the program of a
-mechanism with 30 joints, and of the time of its compilation.
+mechanism with 30 joints, and took a quarter of the time of its compilation.
 """
 
 from collections.abc import Hashable

@@ -34,7 +34,7 @@ Condition: TypeAlias = bool | jax.Array
 
 
 _NUMBERS = int, float
-"""Written out, `int | float` would be made anew for each operand that JAX traces."""
+"""Types for `isinstance`: `int | float` would be made anew for each operand that JAX traces."""
 
 
 def _is(value: Scalar, number: float) -> bool:
@@ -224,7 +224,7 @@ class Matrix:
 
     def minus_outer(self, column: Vector, row: Vector) -> "Matrix":
         """Return the matrix minus the outer product of `column` and `row`."""
-        return Matrix(*(own - row * x for own, x in zip(self.rows, column, strict=True)))
+        return Matrix(*(part - row * x for part, x in zip(self.rows, column, strict=True)))
 
     def inverse(self) -> "Matrix":
         """Return the inverse of a nonsingular matrix, computed from its cofactors."""
@@ -292,7 +292,8 @@ def fold_constants(
 
     Not marked are tracers, arrays in fields with the metadata ``{"table": True}``, and leaves for
     which `varied`, a PyTree of the same structure, is true, because their numbers differ between
-    runs of the same program. `flattened` are the leaves and structure of `tree`, if known.
+    runs of the same program (``None``: for no leaf). `flattened` are the leaves and the structure
+    of `tree`, if known.
     """
     leaves, structure = jax.tree.flatten(tree) if flattened is None else flattened
     shapes = tuple([leaf.shape if type(leaf) is np.ndarray else np.shape(leaf) for leaf in leaves])
@@ -316,15 +317,16 @@ def fold_constants(
 
 
 _DIGITS = (None, 0.0, 1.0)
-"""Structural components by their digits in the arguments of `_patterns`."""
+"""Structural component (see `Pattern`) for each digit in the argument of `_patterns`."""
 
 
 @lru_cache(maxsize=1024)
 def _patterns(
     digits: bytes, vectors: tuple[int, ...], sizes: tuple[int, ...], leaves: int
 ) -> tuple[Pattern, ...]:
-    """Return the patterns of `leaves` leaves, from the digits (see `_DIGITS`) of the components of
-    all vectors, and the indices and sizes of these vectors."""
+    """Return the patterns of a number of `leaves`. `vectors` are the indices of the leaves that are
+    vectors or matrices, `sizes` their numbers of components, and `digits` (see `_DIGITS`) has one
+    digit for each component."""
     patterns: list[Pattern] = [None] * leaves
     components = iter(digits)
     for k, size in zip(vectors, sizes, strict=True):
@@ -337,7 +339,7 @@ def _vectors(
     structure: jax.tree_util.PyTreeDef,  # pyright: ignore
     shapes: tuple[tuple[int, ...], ...],
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return, from the shapes of all leaves, the indices of those that are vectors or matrices,
+    """Return, from the shapes of all leaves, the indices of leaves that are vectors or matrices,
     whose components may be structural zeros and ones, and their numbers of components."""
     rows = enumerate(zip(shapes, _in_tables(structure), strict=True))
     vectors = tuple(k for k, (shape, table) in rows if not table and shape in ((3,), (3, 3)))
@@ -347,7 +349,7 @@ def _vectors(
 @lru_cache(maxsize=1024)
 def _in_tables(structure: jax.tree_util.PyTreeDef) -> list[bool]:  # pyright: ignore
     """Return for each leaf whether it is in a field with the metadata ``{"table": True}``, or in a
-    layer of a network: there an array of shape (3,) is no vector."""
+    layer of a network, where an array of shape (3,) is no vector."""
     return _leaves_in_tables(jax.tree.unflatten(structure, [0] * structure.num_leaves), False)
 
 
@@ -357,7 +359,8 @@ def _leaves_in_tables(node: PyTree, in_table: bool) -> list[bool]:
     declared, flags = getattr(type(node), "__dataclass_fields__", {}), []
     bases = type(node).__mro__
     in_table = in_table or any(base.__module__.startswith("equinox.nn") for base in bases)
-    # The parts of the node itself, whatever its class, in JAX's order.
+    # The parts of the node itself, whatever its class, in JAX's order, each with its path of one
+    # key: for a dataclass, the name of the field.
     parts = jax.tree_util.tree_leaves_with_path(node, is_leaf=lambda part: part is not node)
     for (key,), part in parts:
         name = getattr(key, "name", None)

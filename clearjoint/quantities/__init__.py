@@ -3,8 +3,8 @@
 Runs evaluate them for reductions (results such as a peak, updated at every step), for Poincaré
 sections and as measured signals. Any scalar function of an `Instant`, which is the scene with its
 motion at one time, can be used as a quantity. The classes below declare their units, except
-`Multiplier`, whose unit depends on the constraint. They compare by value, so that a run is not
-compiled again for an equal quantity.
+`Multiplier`, whose unit depends on the constraint. Their objects compare by value, so that a run is
+not compiled again for an equal quantity.
 
 | sensor | quantity |
 |---|---|
@@ -22,16 +22,16 @@ compiled again for an equal quantity.
 | proximity probe on the bearing | `JournalOffset`, `Eccentricity`, `Penetration` |
 | other | a function of an `Instant`, with an explicit unit |
 
-Their arguments have the same meaning everywhere:
+The arguments of these classes have the same meaning everywhere:
 
 - `body`, `joint`: names in the scene; `body` may be "ground", except for accelerations.
 - `point`: (3,) m from the body's centre of mass, in body axes.
 - `component`: "x", "y" or "z", or ``None``, where it is the default, for the magnitude of the
   vector; in global axes, or in those that `axes` names, "global" or "body".
-- `contact`: label of a contact of the joint. Those of a revolute joint with clearance are "V" and
-  "W", at the two ends (bases) of the journal, with `line_points` also "point 2" and so on between
-  them, and with shoulders "lower shoulder" and "upper shoulder". Other joints have other labels,
-  such as "lower wall" for a slot.
+- `contact`: label of a contact of the joint. The contacts of a revolute joint with clearance are
+  "V" and "W", at the two ends (bases) of the journal, with `line_points` also "point 2" and so on
+  between them, and with shoulders "lower shoulder" and "upper shoulder". Other joints have other
+  labels, such as "lower wall" for a slot.
 - `base`: "V" or "W", one end of the journal, or ``None``, the default, for its centre.
 
 **Raises:** `ValueError` for a value that is not allowed and, when a run begins, for a name that the

@@ -40,9 +40,9 @@ SPRING = " spring"
 
 
 class AccelerometerReading(AbstractQuantity):
-    """Signal of a `clearjoint.accelerometer` in the scene, m/s^2: the force of its spring, without
-    that of the damper, on the seismic mass along its axis, over this mass. `sensor` is the name of
-    its body and joint.
+    """Signal of a `clearjoint.accelerometer` in the scene, m/s^2: the spring's force on the seismic
+    mass along the sensor's axis, without the damper's force, divided by this mass. `sensor` is the
+    name of the seismic mass and of its joint.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> sensor = cj.accelerometer(scene, state, "arm 2", axis=(0, 1, 0), frequency=2e3)
@@ -70,7 +70,7 @@ class AccelerometerReading(AbstractQuantity):
 
 
 class Accelerometer(NamedTuple):
-    """Scene and state with a sensor, and the quantity `reading`, its signal in m/s^2.
+    """Scene and state with a sensor, and the quantity `reading`: the sensor's signal in m/s^2.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> sensor = cj.accelerometer(scene, state, "arm 2", axis=(0, 1, 0), frequency=2e3)
@@ -97,15 +97,15 @@ def accelerometer(
 ) -> Accelerometer:
     """Attach an accelerometer to a body: a mass that slides along an axis on a spring and a damper.
 
-    It measures the specific force along its axis, acceleration minus gravity, with a second-order
-    low-pass 1 / (1 + 2 z s/w + s^2/w^2), where s is the variable of the Laplace transform, w = 2 pi
-    `frequency`, and z is the damping ratio. The default z = sqrt(1/2) is a Butterworth filter.
-    Impacts of microseconds thus become signals as long as its response, which can be sampled and
-    fitted.
+    The sensor measures the specific force along its axis, acceleration minus gravity, with a
+    second-order low-pass 1 / (1 + 2 z s/w + s^2/w^2), where s is the variable of the Laplace
+    transform, w = 2 pi `frequency`, and z is the damping ratio. The default z = sqrt(1/2) is a
+    Butterworth filter. Impacts of microseconds thus become signals as long as the filter's
+    response, which can be sampled and fitted.
 
     The sensor is part of the mechanism: derivatives of its signal by parameters are exact, and its
-    frequency and damping can be estimated, as ``stiffness`` and ``damping`` of its spring. It
-    starts at rest on its body, deflected by gravity. Steps become as short as a fraction of 1/w.
+    frequency and damping can be estimated, as ``stiffness`` and ``damping`` of its spring. The mass
+    starts at rest on the body, deflected by gravity. Steps become as short as a fraction of 1/w.
 
     ```python
     import clearjoint as cj
@@ -127,7 +127,7 @@ def accelerometer(
     - `damping_ratio`: z, positive.
     - `mass`: of the sensor, kg; by default a millionth of the body's mass, which hardly affects the
       motion.
-    - `name`: of the sensor's body and of its joint; by default the body's name followed by "
+    - `name`: of the seismic mass and of its joint; by default the body's name followed by "
       accelerometer". The spring's name is this name followed by " spring".
 
     **Raises:** `ValueError` if a value is outside its range, the scene or the state lacks the body,
@@ -149,7 +149,7 @@ def accelerometer(
     mass = SHARE * float(scene.bodies[body].mass) if mass is None else mass
     require_positive("mass", as_number(mass, "mass", "kg"), "give it in kg")
     # The spring's free length is long compared with its deflection, so that it acts linearly along
-    # the axis although it is a spring between two points.
+    # the axis although it is a spring between two points: one on the body, and the mass.
     omega = 2.0 * math.pi * frequency
     stiffness, damping = mass * omega**2, 2.0 * damping_ratio * mass * omega
     ends = position - ARM * direction, np.zeros(3)
@@ -168,8 +168,9 @@ def accelerometer(
 def _state_at_rest(
     body: BodyState, scene: Scene, position: np.ndarray, direction: np.ndarray, omega: float
 ) -> BodyState:
-    """Return the state of the seismic mass, at rest on its body with its deflection by gravity;
-    `omega` is its natural angular frequency, rad/s."""
+    """Return the state of the seismic mass, at rest relative to `body`, deflected by gravity from
+    `position`, m, along the unit vector `direction`, both in axes of the body; `omega` is the
+    natural angular frequency of the mass, rad/s."""
     # The rotation q v q* of a vector v by the body's Euler parameters q, as two cross products.
     scalar, *vector = np.asarray(body.orientation, dtype=float)
     axis = np.array(vector)

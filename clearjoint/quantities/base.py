@@ -42,7 +42,7 @@ class Instant:
 
     Runs create instants. The example makes one from a `System`, which evaluates the equations of
     motion, the time since the system's `origin`, s, and the variables of `system.encode`. An
-    instant is a PyTree; one that JAX has rebuilt has no instants `inside` its step.
+    instant is a PyTree; if JAX has rebuilt an instant, its method `inside` raises an error.
 
     >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
@@ -69,9 +69,9 @@ class Instant:
         """The scene, whose vectors are `Vector`s, not arrays."""
         self.entry_speeds = entry_speeds
         """Entry speeds of the contacts, m/s, ``entry_speeds[joint][contact]``. An entry speed is
-        the penetration rate at the onset of a contact. It is zero while the contact is open, and
-        1e9 m/s if it is unknown because the onset was before the start of the run. Contacts whose
-        law doesn't use it are left out."""
+        the penetration rate at the onset of a contact, zero while the contact is open, and 1e9 m/s
+        if the rate is unknown because the onset was before the start of the run. Contacts whose law
+        doesn't use the entry speed are left out."""
         self.bristles = bristles
         """Bristle deflections, m, ``bristles[joint][contact]``; zero while the contact is open.
         Each is a vector in the axes of the joint's first body. Contacts without bristles are left
@@ -98,14 +98,14 @@ class Instant:
 
     @property
     def just_before(self) -> "Instant":
-        """The same end of a step, before the jumps of sampled forces, such as a `Servo`, and
-        accelerations there."""
+        """The instant at the end of the same step, before sampled forces, such as a `Servo`, and
+        with them accelerations, jump there."""
         return self.inside(1.0)
 
     @cached_property
     def memory(self) -> Memories:
         """Numbers that sampled forces, such as a `Servo`, remember, ``memory[force][name]``; if
-        unknown, those with which a run would start here."""
+        these are unknown, the numbers with which a run would start here."""
         *_, memory = self._parts
         return memory or initial_memories(self._system, self._variables, self._own_time, {})
 
@@ -137,8 +137,8 @@ class Instant:
 
     @cached_property
     def contact_gaps(self) -> ContactGaps:
-        """Penetration of each contact, `depth` in m, and its `rate`, m/s, measured from the onset
-        of the contact's force; negative while the contact is open."""
+        """Penetration of each contact: `depth`, m, measured from the onset of the contact's force,
+        and negative while the contact is open; and its `rate`, m/s."""
         return contact_gaps(self.scene, self.motions)
 
     @cached_property
@@ -227,28 +227,29 @@ class AbstractQuantity(eqx.Module):
 
     @abc.abstractmethod
     def check(self, scene: Scene) -> None:
-        """Check, before a run, sweep or fit, that the scene has the elements that are named.
+        """Check, before a run, sweep or fit, that the scene has the elements that fields name.
 
         **Raises:** `ValueError` with a list of the scene's names.
         """
 
 
 def check_quantity(argument: str, function: object, scene: Scene) -> None:
-    """Check that a scene has the elements that an `AbstractQuantity` names."""
+    """Check that a scene has the elements that `function` names, if it is an `AbstractQuantity`;
+    errors call it `argument`."""
     if isinstance(function, AbstractQuantity):
         with errors_about(argument):
             function.check(scene)
 
 
 def require_quantity(argument: str, function: object) -> None:
-    """Check that a value is callable, as a quantity or a function is, and no class."""
+    """Check that `function`, in errors `argument`, is a quantity or a function, and no class."""
     remedy = 'pass for example cj.quantities.Position("arm", "x")'
     is_function = callable(function) and not isinstance(function, type)
     require(is_function, argument, function, "a scalar function of an Instant", remedy)
 
 
 def require_known(argument: str, name: str, known: Collection[str]) -> None:
-    """Check that a name is among the scene's; the error suggests the most similar one."""
+    """Check that the name passed as `argument` is `known`; the error suggests the most similar."""
     if name not in known:
         expected = f"one of the scene's {sorted(known)}"
         remedy = nearest(name, known, "correct the name, or add it to the scene")
@@ -256,7 +257,7 @@ def require_known(argument: str, name: str, known: Collection[str]) -> None:
 
 
 def one_of(argument: str, *allowed: T) -> Callable[[T], T]:
-    """Return a field's converter that refuses other than the allowed values."""
+    """Return a converter for the field `argument`, which raises for values that aren't allowed."""
 
     def checked(value: T) -> T:
         require(value in allowed, argument, value, f"one of {allowed}", "pass one of these")
@@ -285,14 +286,14 @@ def optional_numbers(values: ArrayLike | None) -> Numbers | None:
 
 
 class AbstractVectorQuantity(AbstractQuantity):
-    """Base class of quantities that are a component of a vector or, with ``None``, its magnitude.
-    It comes first among the bases, so that `component` follows the fields of the others."""
+    """Base class of quantities that are a `component` of a vector or, with ``None``, its magnitude.
+    A subclass names this base first, so that `component` follows the fields of its other bases."""
 
     component: Component | None = eqx.field(default=None, static=True, converter=component_or_none)
 
     @abc.abstractmethod
     def vector(self, now: Instant) -> Vector:
-        """Return the vector at an instant, in the unit of the quantity."""
+        """Return the vector at an instant, in the unit and axes of the quantity."""
 
     @override
     def __call__(self, now: Instant) -> Scalar:

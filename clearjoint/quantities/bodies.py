@@ -121,8 +121,8 @@ class PointVelocity(AbstractVectorQuantity, AbstractPointQuantity):
 class PointAcceleration(AbstractVectorQuantity, AbstractPointQuantity):
     """Acceleration of a point of a body, m/s^2: its magnitude or a component.
 
-    With `gravity`, the scene's gravity is subtracted. An accelerometer on the body measures this
-    specific force in body axes.
+    With `gravity`, the scene's gravity is subtracted: the result is the specific force, which an
+    accelerometer on the body measures in body axes.
 
     >>> point = (0.06, 0, 0)
     >>> cj.quantities.PointAcceleration("rod", point, "x", axes="body", gravity=True).unit
@@ -186,8 +186,8 @@ class Angle(AbstractBodyQuantity):
     """Angle of a direction of a body about a fixed axis, rad within (-pi, pi], right-handed.
 
     The angle is measured in the plane perpendicular to the fixed axis, from a fixed direction to
-    the projection of the body's direction. It is undefined while the body's direction is parallel
-    to the fixed axis, and changes abruptly there.
+    the projection of the body's direction. The angle is undefined, and changes abruptly, where the
+    body's direction is parallel to the fixed axis.
 
     **Arguments:**
 
@@ -200,7 +200,7 @@ class Angle(AbstractBodyQuantity):
 
     **Raises:** `ValueError` for a direction that is not three finite numbers or has zero length,
     and for a `reference`, or an `axis` without a `reference`, whose components are proportional to
-    those of `about`.
+    the components of `about`.
 
     >>> angle = cj.quantities.Angle("crank", about=(0, 0, 1))
     >>> angle.unit, angle.period == 2 * np.pi
@@ -241,9 +241,10 @@ class Angle(AbstractBodyQuantity):
 
 
 class Distance(AbstractQuantity):
-    """Distance between a point of one body and a point of another, m, as a displacement sensor
-    reads it; with `along`, a direction in the first body's axes of any length, the component of the
-    vector from the first to the second point, such as the stroke of a slider in its guide.
+    """Distance between a point of one body and a point of another, m: what a displacement sensor
+    reads. With `along`, a direction of any length in the first body's axes, the quantity is the
+    component in this direction of the vector from the first point to the second, such as a slider's
+    stroke.
 
     >>> stretch = cj.quantities.Distance("ground", (0, 0, 0), "arm 2", (0.5, 0, 0))
     >>> stroke = cj.quantities.Distance("ground", (0, 0, 0), "slider", (0, 0, 0), along=(1, 0, 0))

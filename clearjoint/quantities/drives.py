@@ -15,7 +15,7 @@ from .base import AbstractQuantity, Instant, require_known
 
 
 class AbstractMotorQuantity(AbstractQuantity):
-    """Base class of quantities of a drive among the forces of a scene."""
+    """Base class of quantities of a drive, one of the force elements of a scene."""
 
     drive: str = eqx.field(static=True)
 
@@ -28,7 +28,7 @@ class AbstractMotorQuantity(AbstractQuantity):
         """Return the names of the drives to which the quantity applies."""
 
     def torque(self, now: Instant) -> Scalar:
-        """Return the torque on the drive's second body, N m."""
+        """Return a drive's torque on its second body, N m, right-handed about the drive's axis."""
         drive = now.scene.forces[self.drive]
         if isinstance(drive, Servo):
             return drive.present_torque(now.memory[self.drive], now.motions)
@@ -39,8 +39,8 @@ class AbstractMotorQuantity(AbstractQuantity):
 class MotorTorque(AbstractMotorQuantity):
     """Torque of a `Motor`, `Servo`, `DriveTorque` or `TorsionalSpring` on its second body, N m.
 
-    It is right-handed about the axis. For a user-defined `extend.AbstractDriveTorque` it is the
-    result of `torque_at`.
+    The torque is right-handed about the element's axis. For a user-defined
+    `extend.AbstractDriveTorque` it is the result of `torque_at`.
 
     >>> torque = cj.quantities.MotorTorque("servo")
     """

@@ -62,10 +62,10 @@ class AbstractContactQuantity(AbstractJointQuantity):
 class ContactForce(AbstractContactQuantity):
     """Normal force that a joint transmits by all of its contacts, or by one of them, N.
 
-    The force of all contacts is the magnitude of their resultant, as in Newton's law: a journal
-    that rests on both of its bases with 100 N each carries 200 N, and one that is jammed between
-    opposite walls the difference. Name a contact for the load on one base, as tables of impacts
-    list it: about half of the joint's force in a parallel impact.
+    The force of all contacts is the magnitude of the resultant of their normal forces: a journal
+    that rests on both of its bases with 100 N each carries 200 N, and a journal that is jammed
+    between opposite walls carries the difference of their forces. Name a contact for the load on
+    one base, as tables of impacts list it: about half of the joint's force in a parallel impact.
 
     >>> of_joint = cj.quantities.ContactForce("shoulder")
     >>> of_base = cj.quantities.ContactForce("shoulder", "V")
@@ -96,7 +96,7 @@ class ContactForce(AbstractContactQuantity):
 class FrictionForce(AbstractContactQuantity):
     """Magnitude of the friction force at a contact, N; zero without friction.
 
-    The moment of friction between two flat faces that rotate on each other is not part of it.
+    This force does not include the moment of friction of flat faces that rotate on each other.
 
     >>> friction = cj.quantities.FrictionForce("shoulder", "V")
     """
@@ -140,9 +140,9 @@ class EntrySpeed(AbstractContactQuantity):
     """Entry speed of the current contact, the rate of the penetration at its onset, m/s; zero while
     the surfaces are apart.
 
-    It exists only for contacts whose law uses it. In a `Section` at the onset or end of a contact,
-    the value is that of this contact. Of a contact from before the start of the run it is 1e9 m/s,
-    unless the initial state contains it.
+    Only contacts whose law uses the entry speed have one. In a `Section` at the onset or end of a
+    contact, the value is the entry speed of this contact. For a contact that began before the start
+    of the run, the value is 1e9 m/s, unless the initial state contains the entry speed.
 
     >>> speed = cj.quantities.EntrySpeed("shoulder", "V")
     """
@@ -164,8 +164,8 @@ class EntrySpeed(AbstractContactQuantity):
 class BristleDeflection(AbstractContactQuantity):
     """Magnitude of the bristle deflection of a contact, m; zero while the surfaces are apart.
 
-    It exists only for contacts with an `AbstractBristleFriction`, a friction law that models
-    sticking by a deflection of the surfaces.
+    Only contacts with an `AbstractBristleFriction`, a friction law that models sticking by a
+    deflection of the surfaces, have one.
 
     >>> deflection = cj.quantities.BristleDeflection("shoulder", "V")
     >>> deflection.check(cj.mechanisms.double_pendulum(friction=cj.frictions.Dahl(0.1))[0])
@@ -200,8 +200,8 @@ class AbstractJournalQuantity(AbstractJointQuantity):
         return [name for name, j in scene.joints.items() if isinstance(j, HasJournal)]
 
     def offset(self, now: Instant, base: str | None) -> Vector:
-        """Return the vector from the bearing's centre to the centre of the journal or of a base, in
-        the bearing's frame, whose z axis is the bearing's axis."""
+        """Return the vector, m, from the bearing's centre to the centre of a `base` of the journal
+        or, for ``None``, of the journal itself, in the frame of `JournalOffset`."""
         joint = now.scene.joints[self.joint]
         assert isinstance(joint, HasJournal)
         return joint.journal_offset(now.motions, base)
@@ -211,9 +211,9 @@ class JournalOffset(AbstractJournalQuantity):
     """Component of the vector from the bearing's centre to the centre of the journal, or of one of
     its ends, m: the signal of a proximity probe on the bearing.
 
-    It is taken in the bearing's frame, fixed in the bearing's body: z is the bearing's axis, x and
-    y are perpendicular to it, by the formula of T. Duff et al. (Building an orthonormal basis,
-    revisited, 2017). For a bearing axis of (0, 0, 1) the frame has the body's axes.
+    The component is taken in the bearing's frame, fixed in the bearing's body: z is the bearing's
+    axis; x and y are perpendicular to z, by the formula of T. Duff et al. (Building an orthonormal
+    basis, revisited, 2017). For a bearing axis of (0, 0, 1) the frame has the body's axes.
 
     >>> probes = {axis: cj.quantities.JournalOffset("shoulder", axis) for axis in ("x", "y")}
     """
@@ -245,12 +245,12 @@ class Multiplier(AbstractJointQuantity):
     """Lagrange multiplier of a constraint row: the force or moment by which the joint satisfies it.
 
     The row's Jacobian times the multiplier is the reaction on the bodies. The multiplier's unit is
-    N for a row whose value is in m, and N m for one in rad or without unit. For a driver, it is the
-    driving force or moment, positive if it pushes the second body towards larger values.
+    N for a row whose value is in m, and N m for a row in rad or without unit. For a driver, it is
+    the driving force or moment, positive if it pushes the second body towards larger values.
 
-    Prefer `Reaction`, a force in known axes, for all joints. Multipliers depend on how the joint
-    writes its equations. A joint that joint coordinates eliminate has none. Among redundant
-    constraints they are not unique; those of least norm are computed.
+    Prefer `Reaction`, which is a force in known axes, and exists for all joints. Multipliers depend
+    on how the joint writes its equations. A joint that joint coordinates eliminate has none. With
+    redundant constraints, multipliers are not unique, and those of least norm are computed.
 
     `row` is a key of the dictionary that the joint's method `rows` returns. **Raises:**
     `ValueError`, when evaluated, if the row is unknown or has no multiplier.
@@ -309,7 +309,7 @@ class Reaction(AbstractVectorQuantity, AbstractReaction):
         return force
 
     def _contact_force(self, joint: AbstractContactJoint, now: Instant) -> Vector:
-        """Return the force of the contacts and the film on the body."""
+        """Return the force of the joint's contacts and film on `body`, N in global axes."""
         # First the force on the joint's second body; the reaction on the first is its opposite.
         on_second = ZERO
         for loaded in now.contacts[self.joint].values():
@@ -355,8 +355,8 @@ class ReactionMoment(AbstractVectorQuantity, AbstractReaction):
 class FilmForce(AbstractVectorQuantity, AbstractJointQuantity):
     """Force of a joint's lubricant film on its journal, N: its magnitude or a global component.
 
-    The joint is a `LubricatedJoint`, or a user-defined joint with a method `film_wrenches`: the
-    force is that on its second body, or zero without one.
+    The joint is a `LubricatedJoint`, or a user-defined joint with a method `film_wrenches`, from
+    which the force on the joint's second body is taken; zero if there is none.
 
     >>> force = cj.quantities.FilmForce("bearing", "y")
     >>> force.check(cj.mechanisms.rotor_in_bearing(film=cj.films.CaponeFilm(0.02))[0])
@@ -383,9 +383,9 @@ class HasRelativeAngle(Protocol):
     """Interface of a joint or force element that defines an angle between its two bodies."""
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the second body's angle relative to the first as a constraint row: with the angle
-        as `value`, rad, the derivatives of its rate by the bodies' velocities as `jacobian`, and as
-        `bias` the second time derivative at zero accelerations of the bodies, rad/s^2."""
+        """Return the second body's angle relative to the first as a constraint row: `value` is the
+        angle, rad; `jacobian` has the derivatives of the angle's rate by the bodies' velocities;
+        and `bias` is its second time derivative without accelerations of the bodies, rad/s^2."""
         ...
 
 
@@ -433,7 +433,8 @@ class JointAngle(AbstractJointAngle):
 class JointAngularVelocity(AbstractJointAngle):
     """Rate of a `JointAngle`, rad/s.
 
-    If the axes of both bodies are parallel, it is their relative angular velocity about the axis.
+    While the joint's axes in both bodies are parallel, this is the relative angular velocity of the
+    bodies about the axis.
 
     >>> speed = cj.quantities.JointAngularVelocity("crank bearing")
     """

@@ -12,11 +12,11 @@ acceleration that remains if all u' are zero is left out, so that all r are zero
 a translation, r = u'.
 
 The purpose is accuracy. With the unknowns u', the inertia of the carried bodies about the axis
-enters the carrier's equations twice, with opposite signs; with r, it does not enter them. In the
-double pendulum of `clearjoint.mechanisms`, arm 2 has 0.001 kg m^2 about the hinge, and arm 3, which
-it carries, 2.3 kg m^2: the rounding errors of the cancelling terms cost two digits of the last
-impacts of a run. For coordinate axes, entries without this inertia are exact zeros, which the
-compiled program omits.
+enters the carrier's equations twice, with opposite signs; with the unknowns r, it does not enter
+these equations. In the double pendulum of `clearjoint.mechanisms`, arm 2 has 0.001 kg m^2 about the
+hinge, and arm 3, which it carries, 2.3 kg m^2: the rounding errors of the cancelling terms cost two
+digits of the last impacts of a run. For coordinate axes, entries without this inertia are exact
+zeros, which the compiled program omits.
 
 Lists of the type `Speeds` have one entry for each speed: those of the first tree from its root to
 its leaves, then those of the second, and so on. Rates, changes of speeds and displacements of this
@@ -84,7 +84,8 @@ class JointMechanics(AbstractMechanics):
         self._parents = [self._index.get(branch.parent) for branch in self._branches]
         # In a free tree, all bodies fall alike: rates are relative to free fall, and gravity is
         # added to the accelerations (`_falls`). In a tree on the ground, gravity is a load on each
-        # body (`_weights`). For each branch, `axes` is the rotation matrix of its tree's axes.
+        # body (`_weights`). Both are accelerations, m/s^2, in the axes of the branch's tree, whose
+        # rotation matrix to global axes is in `_axes`. All these lists have an entry per branch.
         self._axes: list[Matrix] = []
         self._falls: list[Vector] = []
         self._weights: list[Vector] = []
@@ -135,6 +136,7 @@ class JointMechanics(AbstractMechanics):
     def _rates(self, loads: LinkLoads, forces: Sequence[Speeds]) -> Speeds:
         """Return the rates r that loads on links, and generalised forces in their joints, cause."""
         rates: list[Speeds] = []
+        # The links of one tree are those from i to j - 1; its solver counts them from zero.
         for (i, j), solver in zip(pairwise(self._starts), self._solvers, strict=True):
             rates += solver.rates({k - i: loads[k] for k in range(i, j) if k in loads}, forces[i:j])
         return list(chain(*rates))
@@ -156,8 +158,8 @@ class JointMechanics(AbstractMechanics):
         return list(chain(*forces))
 
     def _loads(self, wrenches: Wrenches) -> dict[int, ForceAndMoment]:
-        """Return the force and moment of each wrench in the axes of its body's tree, by index of
-        the link, root first."""
+        """Return each wrench in the axes of its body's tree, by index of the link and in the order
+        of links, without the wrench on the ground."""
         indices = sorted(self._index[name] for name in wrenches if name != GROUND)
         bodies = {k: wrenches[self._branches[k].body] for k in indices}
         return {k: _in_tree(at, self._links[k], self._axes[k]) for k, at in bodies.items()}
@@ -176,14 +178,16 @@ class JointMechanics(AbstractMechanics):
 
     def _per_link(self, rates: Speeds) -> Iterator[tuple[Twist, Speeds]]:
         """Yield for each link, from the roots to the leaves, its acceleration without the part at
-        constant speeds, and its rates u' relative to its carrier."""
+        constant speeds, and the rates u' of its joint, for given `rates` r of all joints."""
         twists: list[Twist] = []
-        for k, (link, part) in enumerate(zip(self._links, self._by_link(rates), strict=True)):
+        for k, (link, own_rates) in enumerate(zip(self._links, self._by_link(rates), strict=True)):
             parent = self._parents[k]
             carrier = REST if parent is None else twists[parent]
-            both = self._evaluate[k](accelerated, link.columns, part, link.offset, carrier)
-            twists.append(both[0])
-            yield both
+            twist, relative = self._evaluate[k](
+                accelerated, link.columns, own_rates, link.offset, carrier
+            )
+            twists.append(twist)
+            yield twist, relative
 
     @override
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:
@@ -196,23 +200,26 @@ class JointMechanics(AbstractMechanics):
 
     @override
     def variable_rates(self, rates: Speeds) -> TreeVariables:
-        return {b.body: b.rates(*own, self._gravity) for b, own in self._per_branch(rates)}
+        pairs = self._per_branch(rates)
+        return {branch.body: branch.rates(*parts, self._gravity) for branch, parts in pairs}
 
     @override
     def after_displacement(self, changes: Speeds) -> TreeVariables:
-        return {b.body: b.after_displacement(*own) for b, own in self._per_branch(changes)}
+        pairs = self._per_branch(changes)
+        return {branch.body: branch.after_displacement(*parts) for branch, parts in pairs}
 
     @override
     def after_speed_change(self, changes: Speeds) -> TreeVariables:
-        return {b.body: b.after_speed_change(*own) for b, own in self._per_branch(changes)}
+        pairs = self._per_branch(changes)
+        return {branch.body: branch.after_speed_change(*parts) for branch, parts in pairs}
 
     def _per_branch(
         self, rates: Speeds
     ) -> Iterator[tuple[TreeBranch, tuple[MotionVariables, Speeds, Matrix]]]:
-        """Yield each branch, with its variables, its rates u', and the axes of its tree."""
+        """Yield each branch, with its variables, its joint's rates u', and the axes of its tree."""
         links = zip(self._branches, self._per_link(rates), self._axes, strict=True)
-        for branch, (_, part), axes in links:
-            yield branch, (self._variables[branch.body], part, axes)
+        for branch, (_, relative), axes in links:
+            yield branch, (self._variables[branch.body], relative, axes)
 
 
 def _link(
@@ -230,6 +237,8 @@ def _effective_load(
     wrench: Wrench, link: Link, axes: Matrix, central: Matrix, mass: Scalar, weight: Vector
 ) -> Twist:
     """Return a link's load by wrench and weight, minus its inertial forces at constant speeds."""
+    # In the tree's axes: `central`, kg m^2, is the inertia about the centre of mass, and `weight`,
+    # m/s^2, the weight of the body per mass.
     force, moment = _in_tree(wrench, link, axes)
     gyroscopic = link.spin.cross(central @ link.spin) + central @ link.angular_bias
     inertial = (link.bias - weight) * mass
@@ -243,17 +252,17 @@ def _body_acceleration(twist: Twist, link: Link, axes: Matrix, fall: Vector) -> 
 
 
 class JointCoordinates(AbstractCoordinates):
-    """Positions and speeds in ideal joints, each of a body relative to the one before it in a tree.
+    """Positions and speeds in ideal joints: of each body relative to the one that carries it.
 
     A clearance joint is a force element, so that in most mechanisms with clearances the bodies and
     ideal joints form trees, without multipliers, drift and redundant constraints in these
     coordinates. Ideal joints that close a loop remain constraints. The first body of a tree without
     an ideal joint to the ground has the same variables as in absolute coordinates.
 
-    They are the default, since they are faster on every mechanism measured: one evaluation of the
-    equations of motion takes 0.14 µs for the double pendulum with clearance and 0.25 µs for a
-    double four-bar, against 0.24 and 50 µs in absolute coordinates, with more constraints, whose
-    equations need LAPACK.
+    Joint coordinates are the default, since they are faster on every mechanism measured: one
+    evaluation of the equations of motion takes 0.14 µs for the double pendulum with clearance and
+    0.25 µs for a double four-bar. In absolute coordinates, which have more constraints, the same
+    evaluations took 0.24 µs and, with a former solver that used LAPACK, 50 µs.
 
     >>> cj.Settings(coordinates=cj.JointCoordinates()).coordinates
     JointCoordinates()

@@ -3,7 +3,8 @@
 The composite rigid body algorithm (R. Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6)
 fills the mass matrix, whose factorisation takes fewer operations in a small tree. The articulated
 body algorithm (ch. 7) eliminates the rates of each joint before it goes on to the carrier, so that
-the number of operations is proportional to that of bodies.
+the number of operations is proportional to the number of bodies. All twists, loads and inertias are
+in the axes of the tree, and refer to the reference point of their link unless another is named.
 """
 
 import abc
@@ -29,19 +30,19 @@ from .trees import Link
 
 Result = TypeVar("Result")
 LinkLoads: TypeAlias = Mapping[int, Twist]
-"""Loads on links by their index, each as moment and force about the reference point."""
+"""Loads on links by their index: moment about the reference point, N m, and force, N."""
 Parents: TypeAlias = Sequence[int | None]
 """Index of the parent of each link in its tree, ``None`` for the root."""
 
 
 @tree_dataclass
 class Inertia:
-    """Inertia of a body and of those that it carries, as far as their joints transmit it, about the
+    """Inertia of a body and of the bodies it carries, as far as their joints transmit it, about the
     body's reference point and in the tree's axes.
 
-    It maps a twist of angular velocity w and velocity v to the angular momentum I w + C v and the
-    momentum C^T w + M v, with I = `angular` (kg m^2), C = `coupling` (kg m) and M = `mass` (kg),
-    which is a multiple of the identity only for a single body.
+    The inertia maps a twist of angular velocity w and velocity v to the angular momentum I w + C v
+    and the momentum C^T w + M v, with I = `angular` (kg m^2), C = `coupling` (kg m) and M = `mass`
+    (kg). M is a multiple of the identity only for a single body.
     """
 
     mass: Matrix
@@ -65,8 +66,8 @@ class Inertia:
         """Return the part of this inertia, of the bodies that a joint carries, that acts on the
         joint's carrier while all rates r of the joint are zero.
 
-        In these unknowns, the carried bodies do not follow the carrier's angular acceleration about
-        the joint's axis (see `.coordinates`), so that their inertia about it does not act on the
+        With r = 0, the carried bodies do not follow the carrier's angular acceleration about the
+        joint's axis (see `.coordinates`), so that their inertia about this axis does not act on the
         carrier. Let M be the 6x6 matrix of this inertia, column the twist for a unit of the joint's
         speed, axis the angular part of the column with a linear part of zero, and whole = M column.
         The matrix P = 1 - column axis^T removes the rotation about the axis from a twist. The
@@ -82,8 +83,8 @@ class Inertia:
         return Inertia(self.mass, coupling, angular)
 
     def minus_outer(self, first: Twist, second: Twist) -> "Inertia":
-        """Return this inertia minus the outer product of two momenta. Only lower triangles are
-        computed, since the sum of all products that are subtracted is symmetric."""
+        """Return this inertia minus the outer product of two twists. Only lower triangles are
+        computed: callers subtract several such products, whose sum is symmetric."""
         return Inertia(
             _minus_symmetric(self.mass, first.linear, second.linear),
             self.coupling.minus_outer(first.angular, second.linear),
@@ -91,44 +92,46 @@ class Inertia:
         )
 
     def shifted(self, offset: Vector) -> "Inertia":
-        """Return this inertia about a point from which `offset` leads to the present one."""
+        """Return this inertia about another point, from which `offset` leads to the present one."""
         # The columns of the coupling change by the cross products of `offset` with the columns,
         # which are also the rows, of the mass.
         columns = zip(self.coupling.T.rows, self.mass.rows, strict=True)
-        coupling = Matrix(*(own + offset.cross(row) for own, row in columns)).T
+        coupling = Matrix(*(column + offset.cross(row) for column, row in columns)).T
+        # The angular part changes by the cross products with the rows of the coupling about the
+        # present point (in columns) and about the new one (in rows).
         before = [tuple(offset.cross(row)) for row in self.coupling.rows]
         after = [tuple(offset.cross(row)) for row in coupling.rows]
-        own = [tuple(row) for row in self.angular.rows]
-        angular = _symmetric(lambda i, j: add(add(own[i][j], before[j][i]), after[i][j]))
+        present = [tuple(row) for row in self.angular.rows]
+        angular = _symmetric(lambda i, j: add(add(present[i][j], before[j][i]), after[i][j]))
         return Inertia(self.mass, coupling, angular)
 
 
 def _minus_symmetric(matrix: Matrix, first: Vector, second: Vector) -> Matrix:
     """Return the symmetric matrix whose lower triangle is that of `matrix` - `first` `second`^T."""
-    own, a, b = [tuple(row) for row in matrix.rows], tuple(first), tuple(second)
-    return _symmetric(lambda i, j: subtract(own[i][j], multiply(a[i], b[j])))
+    rows, a, b = [tuple(row) for row in matrix.rows], tuple(first), tuple(second)
+    return _symmetric(lambda i, j: subtract(rows[i][j], multiply(a[i], b[j])))
 
 
 def central_inertia(body: Body, rotation: Matrix) -> Matrix:
-    """Return a body's inertia about its centre of mass in the axes to which `rotation`
-    transforms."""
+    """Return a body's inertia about its centre of mass, kg m^2, in the axes to which `rotation`
+    transforms components in body axes."""
     images = [body.angular_momentum(row) for row in rotation.rows]
     return _symmetric(lambda i, j: rotation.rows[i].dot(images[j]))
 
 
 def inertia(mass: Scalar, arm: Vector, central: Matrix) -> Inertia:
-    """Return the spatial inertia of a body about its reference point, from the `arm` to its centre
-    of mass and the inertia about this centre."""
-    # The first moment of mass, kg m, determines the coupling, which is its cross-product matrix.
+    """Return the spatial inertia of a body about its reference point. The `arm`, m, leads from this
+    point to the centre of mass, about which `central` is the inertia, kg m^2."""
+    # The first moment of mass h, kg m, determines the coupling, which is its cross-product matrix.
     h, r = arm * mass, tuple(arm)
-    first = tuple(h)
+    moments = tuple(h)
 
     def shift(i: int, j: int) -> Scalar:  # parallel axes: m (r.r identity - r r^T)
         if i != j:
-            return subtract(0.0, multiply(first[i], r[j]))
-        # Along an axis only the other two components count.
+            return subtract(0.0, multiply(moments[i], r[j]))
+        # On the diagonal, r_i^2 cancels, so that only the other two components count.
         p, q = (i + 1) % 3, (i + 2) % 3
-        return add(multiply(first[p], r[p]), multiply(first[q], r[q]))
+        return add(multiply(moments[p], r[p]), multiply(moments[q], r[q]))
 
     coupling = Matrix(
         Vector(0.0, subtract(0.0, h.z), h.y),
@@ -145,31 +148,31 @@ def _symmetric(entry: Callable[[int, int], Scalar]) -> Matrix:
 
 
 def product(first: Twist, second: Twist) -> Scalar:
-    """Return the sum of the products of the components, angular by angular and linear by linear: of
-    a load and a twist, the power; of a load and a column (the twist for a unit of a joint's speed),
-    the generalised force."""
+    """Return the sum of products of components, angular with angular and linear with linear: of a
+    load and a twist, the power, W; of a load and a column (the twist for a unit of a joint's
+    speed), the generalised force."""
     return add(first.angular.dot(second.angular), first.linear.dot(second.linear))
 
 
 def load_about(load: Twist, offset: Vector) -> Twist:
-    """Return a load about a point from which `offset` leads to the present one."""
+    """Return a load about another point. `offset`, m, leads from there to the present point."""
     return Twist(load.angular + offset.cross(load.linear), load.linear)
 
 
 def at_offset(twist: Twist, offset: Vector) -> Twist:
-    """Return a twist at another point, to which `offset` leads."""
+    """Return a twist at another point, to which `offset`, m, leads from the present point."""
     return Twist(twist.angular, twist.linear + twist.angular.cross(offset))
 
 
 def constrained(columns: Sequence[Twist], load: Twist, along: Speeds) -> Twist:
     """Return the part of a load or momentum of carried bodies that acts on their carrier, in the
-    equations for the rates r, with the rates of the joint given.
+    equations for the rates r, while the rates r of the joint are held fixed.
 
     If the carrier's acceleration changes, but the r of the joint do not, the carried bodies follow
-    it except for the angular acceleration about free axes: a moment on them about these does not
-    act on the carrier. The result therefore has all forces, but no moments about the free axes;
-    about the axis of a screw it has the moment -pitch times the force along the axis, with the
-    pitch in m/rad. `along` are the products of the load with each of the columns.
+    the carrier except for its angular acceleration about free axes of the joint: a moment about
+    these axes does not act on the carrier. The result therefore has all forces, but no moments
+    about the free axes; about the axis of a screw it has the moment -pitch times the force along
+    the axis, with the pitch in m/rad. `along` are the products of the load with each column.
     """
     moment = load.angular
     for column, part in zip(columns, along, strict=True):
@@ -178,7 +181,9 @@ def constrained(columns: Sequence[Twist], load: Twist, along: Speeds) -> Twist:
 
 
 def projected(columns: Sequence[Twist], offset: Vector, load: Twist) -> tuple[Speeds, Twist]:
-    """Return the generalised forces of a load in a joint, and the load that acts on the carrier."""
+    """Return the generalised forces of a load on a carried body in its joint, one for each column;
+    and the load that acts on the carrier, about the point from which `offset` leads to the present
+    one."""
     along = [product(column, load) for column in columns]
     return along, load_about(constrained(columns, load, along), offset)
 
@@ -187,14 +192,15 @@ def momenta(
     columns: Sequence[Twist], carried: Inertia, armature: Scalar | None
 ) -> tuple[list[Twist], list[Speeds], list[Twist]]:
     """Return three lists with an entry for a unit of each speed: the momentum of the carried
-    bodies; its products with the columns; and the part of it that acts on the carrier. The last two
-    include the inertia of a rotor, the `armature` a.
+    bodies; the products of this momentum with the columns; and the part of the momentum that acts
+    on the carrier. The last two include the inertia of a rotor, the `armature` a.
 
     A rotor resists u' = r - axis . (angular acceleration of the carrier). So a is added to the
     product of a column with itself, and -a axis to the part that acts on the carrier, with which
     `Inertia.without` also adds a axis axis^T to the carrier's inertia.
     """
     wholes = [carried.momentum(column) for column in columns]
+    # Row k of the block has the products of the momentum for a unit of speed k.
     block = [[product(column, whole) for column in columns] for whole in wholes]
     rests = [constrained(columns, *pair) for pair in zip(wholes, block, strict=True)]
     if armature is not None:
@@ -220,11 +226,12 @@ jax.tree_util.register_pytree_node(
 class LoadedJoint:
     """A joint with the inertia of all bodies that it carries.
 
+    - `columns`, `offset`: as in the `Link` of the carried body.
     - `factors`: of the inertia in the joint's free directions, D = columns^T M columns.
     - `rests`: part of the carried bodies' momentum, for a unit of each speed, that acts on the
       carrier; empty for a root.
-    - `gains`: D^-1 `rests`, whose products with the carrier's acceleration are the rates r by which
-      the joint yields to it.
+    - `gains`: D^-1 `rests`. Their products with the carrier's acceleration are subtracted from the
+      rates r that the joint has while the carrier does not accelerate.
     """
 
     columns: tuple[Twist, ...]
@@ -241,7 +248,8 @@ class LoadedJoint:
         carrier: Inertia,
         armature: Scalar | None,
     ) -> "tuple[LoadedJoint, Inertia]":
-        """Return a joint, and the inertia `carrier` plus what the joint transmits of `carried`."""
+        """Return a joint, and the inertia `carrier` plus the part of `carried` that the joint
+        transmits."""
         wholes, block, rests = momenta(columns, carried, armature)
         factors = Factorisation(block)
         transmitted = carried.without(columns, wholes, rests)
@@ -260,19 +268,21 @@ def absorbed(
     joint: LoadedJoint, load: Twist, carrier: Twist, forces: Speeds
 ) -> tuple[Speeds, Twist]:
     """Return the rates r of a joint whose carrier does not accelerate, under the total `load` on
-    the carried body and the generalised `forces` in the joint; and the load on the carrier, which
-    is `carrier` plus what the joint transmits."""
+    the carried body and the generalised `forces` in the joint; and the total load on the carrier,
+    which is the load `carrier` plus the part of `load` that the joint transmits."""
     along = [product(column, load) for column in joint.columns]
     alone = joint.factors.solve([add(f, a) for f, a in zip(forces, along, strict=True)])
     transmitted = constrained(joint.columns, load, along)
+    # The carried bodies' momentum changes by the rates. A root has no `rests`: the load on the
+    # ground is not needed.
     for rest, rate in zip(joint.rests, alone, strict=False):
         transmitted = transmitted - rest * rate
     return alone, carrier + load_about(transmitted, joint.offset)
 
 
 def followed(joint: LoadedJoint, alone: Speeds, carrier: Twist) -> tuple[Speeds, Twist]:
-    """Return the rates of a joint and the acceleration of its body for an acceleration of the
-    `carrier`; without the latter, the rates are `alone`."""
+    """Return the rates r of a joint and the acceleration of the body that it carries, for the
+    acceleration `carrier` of its carrier. `alone` are the rates r without this acceleration."""
     twist, rates = at_offset(carrier, joint.offset), alone
     if joint.gains:
         pairs = zip(alone, joint.gains, strict=True)
@@ -283,9 +293,10 @@ def followed(joint: LoadedJoint, alone: Speeds, carrier: Twist) -> tuple[Speeds,
 def accelerated(
     columns: Sequence[Twist], rates: Speeds, offset: Vector, carrier: Twist
 ) -> tuple[Twist, Speeds]:
-    """Return the acceleration of a body and the rates u' of the speeds of its joint. They follow
-    from the joint's rates r, relative to a carrier without angular acceleration about the joint's
-    axes, and the acceleration of the `carrier`, `offset` away."""
+    """Return the acceleration of a body and the rates u' of its joint, both without the parts at
+    constant speeds, from the joint's rates r and the acceleration of the `carrier`, from whose
+    reference point `offset` leads to the body's."""
+    # u' = r - axis . (angular acceleration of the carrier)
     pairs = zip(columns, rates, strict=True)
     relative = [subtract(rate, column.angular.dot(carrier.angular)) for column, rate in pairs]
     twist = at_offset(carrier, offset)
@@ -295,13 +306,13 @@ def accelerated(
 
 
 LARGEST_DENSE = 4
-"""Number of bodies up to which a tree gets a mass matrix.
+"""Number of bodies up to which a tree gets a mass matrix, instead of the recursion over its bodies.
 
 For four bodies, the matrix takes 0.8 (Bricard's linkage) to 1.14 times (planar chain of hinges) as
-many operations as the recursion; for eight, 0.95 to 1.8 times. It refers all inertias of a tree to
-one point, so that those of distant bodies cancel in its factorisation: in random chains, its
-rounding errors equal the recursion's for two bodies, and are two, six and twenty times as large for
-four, ten and thirty.
+many operations as the recursion; for eight, 0.95 to 1.8 times. With a matrix, all inertias of a
+tree refer to one point, so that terms of distant bodies cancel in the factorisation: in random
+chains, its rounding errors equal the recursion's for two bodies, and are two, six and twenty times
+as large for four, ten and thirty.
 """
 
 
@@ -311,7 +322,7 @@ def is_small(bodies: int) -> bool:
 
 
 Evaluate: TypeAlias = Callable[..., PyTree]
-"""Function that applies its first argument, a function, to the others."""
+"""Function that calls its first argument, a function, with the other arguments."""
 
 
 def evaluation(bodies: int) -> Evaluate:
@@ -358,19 +369,20 @@ class MassMatrix(AbstractTreeSolver):
         # The loop goes from the leaves to the root. When it reaches a link, `carried` has the
         # inertia of the link and of all bodies that it carries, as far as their joints transmit it.
         for k in reversed(range(len(links))):
-            columns, first, parent = links[k].columns, self._firsts[k], self._parents[k]
+            columns, first_row, parent = links[k].columns, self._firsts[k], self._parents[k]
             wholes, block, rests = momenta(columns, carried[k], links[k].armature)
             for j, rest in enumerate(rests):
-                # A row ends at the diagonal: its last j + 1 entries are those of the own joint.
-                matrix[first + j][first:] = block[j][: j + 1]
-                self._fill_row(matrix[first + j], parent, rest)
+                # A row ends at the diagonal: its last j + 1 entries are products with columns of
+                # link k itself. The entries before them are products with columns of its carriers.
+                matrix[first_row + j][first_row:] = block[j][: j + 1]
+                self._fill_row(matrix[first_row + j], parent, rest)
             if parent is not None:
                 carried[parent] = carried[parent] + carried[k].without(columns, wholes, rests)
         self._factors = Factorisation(matrix)
 
     def _fill_row(self, row: list[Scalar], k: int | None, momentum: Twist) -> None:
-        """Fill the row of one speed, given the momentum for a unit of it, with the products of the
-        momentum with the columns of link k and of all its carriers."""
+        """Fill the row of one speed with the products of the `momentum` for a unit of this speed
+        with the columns of link k and of all its carriers; nothing if k is ``None``, the ground."""
         while k is not None:
             columns, first = self._links[k].columns, self._firsts[k]
             for j, column in enumerate(columns, first):
@@ -388,6 +400,8 @@ class MassMatrix(AbstractTreeSolver):
 
 
 class ArticulatedBodies(AbstractTreeSolver):
+    """Articulated body algorithm, which eliminates joint after joint."""
+
     @override
     def _prepare(self, carried: list[Inertia]) -> None:
         self._joints: list[LoadedJoint] = []
@@ -410,20 +424,24 @@ class ArticulatedBodies(AbstractTreeSolver):
         # From the leaves to the root, rates as if no carrier accelerated; then from the root to the
         # leaves, the accelerations of the bodies and the rates with them.
         totals = [loads.get(k, REST) for k in range(len(self._links))]
+        # The list `alone` is filled from the leaves to the root, and so is read in reverse below.
         alone: list[Speeds] = []
         for k in reversed(range(len(self._links))):
             parent = self._parents[k]
-            carrier = REST if parent is None else totals[parent]
-            part, total = self._evaluate(absorbed, self._joints[k], totals[k], carrier, forces[k])
-            alone.append(part)
+            on_carrier = REST if parent is None else totals[parent]
+            joint_alone, total = self._evaluate(
+                absorbed, self._joints[k], totals[k], on_carrier, forces[k]
+            )
+            alone.append(joint_alone)
             if parent is not None:
                 totals[parent] = total
         rates: list[Speeds] = []
         twists: list[Twist] = []
-        for parent, joint, part in zip(self._parents, self._joints, reversed(alone), strict=True):
+        joints = zip(self._parents, self._joints, reversed(alone), strict=True)
+        for parent, joint, joint_alone in joints:
             carrier = REST if parent is None else twists[parent]
-            part, twist = self._evaluate(followed, joint, part, carrier)
-            rates.append(part)
+            joint_rates, twist = self._evaluate(followed, joint, joint_alone, carrier)
+            rates.append(joint_rates)
             twists.append(twist)
         return rates
 
@@ -431,12 +449,12 @@ class ArticulatedBodies(AbstractTreeSolver):
 def tree_solver(
     links: Sequence[Link], parents: Parents, bodies: Sequence[Body], central: Sequence[Matrix]
 ) -> AbstractTreeSolver:
-    """Return the solver for a tree, which depends on its size; `central` has the inertias of the
-    bodies about their centres of mass, in the tree's axes."""
+    """Return the solver for a tree, whose class depends on the size of the tree. `central` has the
+    inertias of the bodies about their centres of mass, kg m^2, in the tree's axes."""
     evaluate = evaluation(len(links))
     inertias = [
-        evaluate(inertia, body.mass, link.arm, own)
-        for body, link, own in zip(bodies, links, central, strict=True)
+        evaluate(inertia, body.mass, link.arm, about_centre)
+        for body, link, about_centre in zip(bodies, links, central, strict=True)
     ]
     kind = MassMatrix if is_small(len(links)) else ArticulatedBodies
     return kind(links, parents, inertias)

@@ -2,13 +2,13 @@
 
 A branch is one body with its parent: the next body towards the root of the tree or, for the root,
 the ground. A link is the body with its kinematics in the axes of the tree's root body, about one
-reference point. In a small tree, this is one point for all bodies, namely the point on the ground
-of the root's joint or, for a free root, the root's centre of mass. So the inertia of the root is
-constant if the root is free or its joint only lets it rotate, and constant vectors keep their exact
-zeros. In a large tree, it is the point of the body at its joint's point on the parent, so that no
-lever arm grows with the tree. A twist is the angular velocity of a body with the velocity of its
-reference point. "At constant speeds" means: the part of an acceleration that remains if the time
-derivatives of all joint speeds are zero.
+reference point. In a small tree, all bodies have one reference point, namely the point on the
+ground of the root's joint or, for a free root, the root's centre of mass. So the inertia of the
+root is constant if the root is free or its joint only lets it rotate, and constant vectors keep
+their exact zeros. In a large tree, the reference point of a body is its point at the joint's point
+on the parent, so that no lever arm grows with the tree. A twist is the angular velocity of a body
+with the velocity of its reference point. "At constant speeds" means: the part of an acceleration
+that remains if the time derivatives of all joint speeds are zero.
 """
 
 import weakref
@@ -64,7 +64,7 @@ class Link:
     - `gradient`: 1/s^2, matrix that maps the vector between two points of the body to the
       difference of their accelerations at constant speeds.
     - `columns`: for each speed of the link's joint, the twist that a unit of this speed causes.
-    - `armature`: of a drive, for each speed of the link's joint (see `AbstractDriveableJoint`).
+    - `armature`: of a drive of the link's joint (see `AbstractDriveableJoint`), or ``None``.
     """
 
     rotation: Matrix
@@ -109,8 +109,9 @@ BodyPose: TypeAlias = tuple[EulerParameters, Motion]
 class FreeBranch:
     """A free body, the root of a tree, with a `BodyState` as variables as in absolute coordinates.
     The six speeds are velocity (m/s) and spin (rad/s), both in body axes. Rates of the velocity are
-    relative to free fall, since gravity accelerates all bodies of a free tree alike. Methods are
-    those of `JointedBranch`, and ignore the motion of the parent, the ground."""
+    relative to free fall, since gravity accelerates all bodies of a free tree alike. `anchor`: see
+    `anchors`. Methods are those of `JointedBranch`, but ignore the parent, which is the ground.
+    """
 
     body: str
     anchor: tuple[Vector, Vector] | None
@@ -147,8 +148,8 @@ class FreeBranch:
         return BodyState(shift, orientation, acceleration, Vector(*rates[3:]))
 
     def _shift(self, axes: Matrix, velocity: Vector, spin: Vector) -> Vector:
-        """Return the rate of the position variable, m/s, for a velocity and spin of the body; or
-        its change, m, for a displacement and a rotation vector in their place."""
+        """Return the rate of the position variable, m/s, for a velocity in global axes and a spin
+        in body axes; or its change, m, for a displacement and a rotation vector in their place."""
         if self.anchor is None:
             return velocity
         return velocity + axes @ spin.cross(self.anchor[0])
@@ -181,9 +182,9 @@ class JointedBranch:
     """A body that an ideal joint carries on a parent. The variables are a `JointState`: the
     relative positions and speeds in this joint.
 
-    In all methods, `state` is these variables, and `axes` the rotation matrix from the axes of the
-    tree's root body to global ones. Lists of the type `Speeds` have an entry for each speed of the
-    joint.
+    In all methods, `state` is these variables, `parent` the pose, orientation, motion or link of
+    the parent, and `axes` the rotation matrix from the axes of the tree's root body to global ones.
+    Lists of the type `Speeds` have an entry for each speed of the joint.
     """
 
     body: str
@@ -197,7 +198,8 @@ class JointedBranch:
         return replace(self, body="", parent="", joint="")
 
     def encode(self, parent: BodyPose, body: BodyPose) -> JointState:
-        """Return the joint's state. Relative motion that the joint forbids is dropped."""
+        """Return the joint's state from two poses. Relative motion that the joint forbids is
+        dropped."""
         on_child, on_parent = self.motion_subspace.point_child, self.motion_subspace.point_parent
         (orientation_parent, first), (orientation_body, second) = parent, body
         displacement = second.components(second.point(on_child) - first.point(on_parent))
@@ -224,13 +226,14 @@ class JointedBranch:
 
     def link(self, parent: Link | None, state: JointState, one_point: bool) -> Link:
         """Return the body as a link of its tree; `parent` is ``None`` for a joint on the ground.
-        With `one_point`, the reference point is the parent's, and so one for the whole tree;
-        otherwise it is the joint's point on the parent."""
+        With `one_point`, the link's reference point is the parent's, so that the whole tree has
+        one reference point; otherwise it is the joint's point on the parent."""
         subspace = self.motion_subspace
         # `rotation` leads from the body's axes to the tree's, and `offset`, m, from the parent's
-        # reference point to the joint's point on the parent. `bias`, m/s^2, is the acceleration of
-        # this point at constant speeds. For a root on the ground they are the identity and zeros,
-        # since the tree's axes are those of the root.
+        # reference point to the joint's point on the parent. `bias`, m/s^2, is at first the
+        # acceleration of this point at constant speeds, to which the motion in the joint is added.
+        # For a root on the ground, these three are the identity and zeros, since the tree's axes
+        # are those of the root.
         rotation, offset, bias = IDENTITY, ZERO, ZERO
         if parent is None:
             parent = GROUND_LINK
@@ -296,8 +299,8 @@ class Place(NamedTuple):
 
 
 class Topology:
-    """The `trees` of a scene, each a list with the root first and a parent before its children, and
-    the `places` of all trees by name of body."""
+    """The `trees` of a scene, each a list of places with the root first and a parent before its
+    children, and the `places` of all trees by name of body."""
 
     def __init__(self, trees: list[list[Place]]):
         self.trees = trees
@@ -306,8 +309,9 @@ class Topology:
 
     def between(self, bodies: Collection[str]) -> frozenset[str]:
         """Return those bodies whose joints change the poses of `bodies` relative to each other."""
-        # Each parent has a smaller number than its children, so the body of the largest number is
-        # not on the path of another one to the root.
+        # The ends of the paths move towards the roots until they meet in one body. Each parent has
+        # a smaller number than its children, so that the end with the largest number is not on the
+        # path from another end to the root.
         ends, passed = set(bodies), set()
         while len(ends) > 1:
             body = max(ends, key=self._numbers.__getitem__)
@@ -318,11 +322,11 @@ class Topology:
 
 
 _known: dict[int, tuple[weakref.ref[Scene], Topology]] = {}
-"""Topology of each scene object that exists, and a weak reference to it, by its `id`."""
+"""Weak reference to each scene object that exists, and its topology, by the `id` of the scene."""
 
 
 def topology(scene: Scene) -> Topology:
-    """Return the trees of a scene, which are found once for each scene object."""
+    """Return the topology of a scene, which is found once for each scene object."""
     key = id(scene)
     if key not in _known or _known[key][0]() is not scene:
         trees = Topology(_grown_trees(scene))
@@ -332,7 +336,7 @@ def topology(scene: Scene) -> Topology:
 
 def forest(scene: Scene) -> list[list[TreeBranch]]:
     """Return the trees of a scene, each as a list of branches with the root first, and each parent
-    before its children. They depend on types and names, but on no numbers.
+    before its children. Which bodies form a tree depends on types and names, but on no numbers.
 
     Ideal joints that would close a loop, and constraints without a `motion_subspace`, such as
     drivers, belong to no tree. Bodies are visited breadth first, so that chains are short. Of
@@ -383,7 +387,7 @@ def _grown_trees(scene: Scene) -> list[list[Place]]:
 
 
 _Incident: TypeAlias = dict[str, list[tuple[str, AbstractConstraint, str]]]
-"""By name of body, the ideal joints to other bodies: name, joint, and name of the other body."""
+"""By name of body, its ideal joints to other bodies: name, joint, and the other body's name."""
 
 
 def _grow(tree: list[Place], joints: _Incident, placed: set[str]) -> None:
@@ -392,8 +396,8 @@ def _grow(tree: list[Place], joints: _Incident, placed: set[str]) -> None:
 
 
 def _children(joints: _Incident, parent: str, placed: set[str]) -> list[Place]:
-    """Return a place for each body outside of `placed` that an ideal joint carries on `parent`, and
-    add these bodies to `placed`."""
+    """Return a place for each body that an ideal joint can carry on `parent` and that is not in
+    `placed`, the bodies that have a place already. Add the bodies found to `placed`."""
     children = []
     for name, joint, body in joints[parent]:
         # The subspace is made last, because that takes operations, which JAX would trace for
