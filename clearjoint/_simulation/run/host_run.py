@@ -59,7 +59,8 @@ def recorders_of(requested: Requested) -> dict[str, Recorders]:
 
 
 class Status(NamedTuple):
-    """What Python needs to know of a run after each segment."""
+    """What Python needs to know of a run after each segment: the time `t`, s, that it has reached,
+    the numbers of attempted and of accepted steps so far, and the result code."""
 
     t: Scalar
     attempts: Scalar
@@ -80,7 +81,8 @@ def begin(
     first_step: Scalar,
     recorders: Recorders,
 ) -> tuple[Step, Records, Status]:
-    """Return a run before its first step, from a packed `state`."""
+    """Return step, records and status of a run before its first step, from a packed `state`.
+    `t0`, `t_end`: s, start and end of the run; `first_step`: s, length of the first step."""
     method, system = scheme.method, scheme.system(unpack(folded_scene))
     step = begin_run(method, system, state, t0, t_end, first_step)
     now = without_weak_types(RunLoop(method, system, t_end, recorders).start(step))
@@ -98,13 +100,14 @@ def segment(
     attempts: Scalar,
     quantities: Mapping[str, Quantity],
 ) -> tuple[Step, Records, Status, tuple[SavedRows, jax.Array] | None]:
-    """Continue a run until its end, a failure, the limit of `attempts` since its start, a full
-    buffer, or the last of the `save_times`, (N,) s, whichever comes first. With times, `recorders`
-    must contain a `LatestAttempt` at the key `LATEST`.
+    """Continue a run until its end, a failure, the limit of `attempts` since the start of the run,
+    a full buffer, or the last of the `save_times`, (N,) s, whichever comes first. With
+    `save_times`, `recorders` must contain a `LatestAttempt` at the key `LATEST`.
 
     **Returns:** the run after the segment: its step, records and status; and, unless `save_times`
-    is ``None``, a pair of the `SavedRows` at the N times, and whether the run has reached each
-    time, (N,). Rows at a time that the run has not reached are meaningless.
+    is ``None``, a pair of the `SavedRows` at the N times, with the values of `quantities`, and
+    whether the run has reached each time, (N,). Rows at a time that it has not reached are
+    meaningless.
     """
     method, system = scheme.method, scheme.system(unpack(folded_scene))
     loop = RunLoop(method, system, t_end, recorders)
@@ -130,8 +133,8 @@ def _status(step: Step) -> Status:
 
 
 def emptied(records: Records) -> Records:
-    """Return the records with empty buffers of steps and impacts. Buffers of sections stay: they
-    have room for all crossings to be kept."""
+    """Return the records with empty buffers of steps and impacts. Buffers of sections are not
+    emptied: they have room for all crossings that a section keeps."""
     read = {key: records[key] for key in (STEPS, IMPACTS) if key in records}
     empty = jax.tree.map(lambda p: p.emptied() if _is_buffer(p) else p, read, is_leaf=_is_buffer)
     return records | empty
@@ -161,8 +164,8 @@ segment_compiled = Native(segment)
 
 @dataclass(frozen=True)
 class Run:
-    """A run that is ready to start, to the time `end`, s. `save_at`: (N,) s, times to save at;
-    `redundant`: names of constraints."""
+    """A run that is ready to start, to the time `end`, s. `save_at`: (N,) s, times to save at, or
+    ``None`` if nothing is saved at times; `redundant`: names of the redundant constraints."""
 
     folded_scene: ConstantFolded
     scheme: Scheme
@@ -174,10 +177,11 @@ class Run:
     redundant: tuple[str, ...]
 
     def in_one_piece(self, step: Step, records: Records, admissible: Condition | None) -> Solution:
-        """Run to the end inside a computation that JAX traces, such as under `jax.vmap`, and return
-        a `Solution` of traced arrays, without steps and impacts. Saved states and values of
-        quantities at times that the run did not reach are meaningless. With numbers that are not
-        `admissible`, the run ends at once, with the result `domain`."""
+        """Run to the end inside a computation that JAX traces, such as under `jax.vmap`, from the
+        `step` and `records` of `begin`. Return a `Solution` of traced arrays, without steps and
+        impacts. Saved states and values of quantities at times that the run did not reach are
+        meaningless. If the condition `admissible` is false (``None`` for no condition), because
+        numbers of the scene are invalid, the run ends at once, with the result `domain`."""
         if admissible is not None:
             # With another result than `successful`, the loop of steps takes no step.
             step = replace(step, result=RESULTS.where(admissible, step.result, RESULTS.domain))
@@ -242,6 +246,7 @@ class Run:
                 limit = np.asarray(min(int(status.attempts) + ATTEMPTS_A_SEGMENT, self.max_steps))
                 program = self.scheme, self.folded_scene, self.recorders
                 rest = saved.next_times(end), self.end, limit, self.requested.quantities
+                # The step stays flattened for the next call. The other results are read here.
                 step, *others = segment_compiled.in_parts(*program, step, records, *rest)
                 records, status, sampled = (part.tree for part in others)
                 records = saved.add(records, sampled)
@@ -310,14 +315,16 @@ class _SavedBySegments:
         return self.save_at is None or self.count == len(self.save_at)
 
     def next_times(self, end: float) -> np.ndarray | None:
-        """Return the next `SAVES_A_SEGMENT` times to save at, filled up with the end time."""
+        """Return the next `SAVES_A_SEGMENT` times to save at, s, filled up with the time `end`;
+        ``None`` if nothing is saved at times."""
         if self.save_at is None:
             return None
         following = self.save_at[self.count :][:SAVES_A_SEGMENT]
         return np.pad(following, (0, SAVES_A_SEGMENT - len(following)), constant_values=end)
 
     def add(self, records: Records, sampled: tuple[SavedRows, jax.Array] | None) -> Records:
-        """Take what a segment has saved, and return the records with empty buffers."""
+        """Take what a segment has saved, in its `records` and in `sampled`, the last result of
+        `segment`. Return the records with empty buffers."""
         if sampled is not None and self.save_at is not None:
             # Only the first samples are kept. The others are at times that the run has not reached
             # yet, or belong to the filling.
@@ -363,10 +370,13 @@ def end_of(
     step: Step,
     end: Scalar,
 ) -> tuple[State, RESULTS, dict[str, dict[str, Scalar]]]:
-    """Return the packed final state, the result code, and results[name][part] of the reductions."""
+    """Return the packed final state, the result code, and results[name][part] of the reductions,
+    from the last `step` and tallies[name] of a run that should end at `end`, s."""
     final = Snapshot.of(step)
     instant = final.instant(system)
-    results = {name: of.results(tallies[name], instant) for name, of in reductions.items()}
+    results = {
+        name: reduction.results(tallies[name], instant) for name, reduction in reductions.items()
+    }
     return pack(final.state(system)), final_result(step, end), results
 
 
