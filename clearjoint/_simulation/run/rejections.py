@@ -31,7 +31,7 @@ REASONS = tuple(Rejection)
 class Rejections(AbstractTabular):
     """Table of the N rejected steps of a run that a `RejectedSteps` keeps, in their order.
 
-    - `start`: (N,) s, start of the step. Successive rows with one start are trials of a step.
+    - `start`: (N,) s, start of the step. Successive rows with equal starts are trials of one step.
     - `length`: (N,) s, length of the step that was tried.
     - `reason`: (N,), the text of a `Rejection`.
     - `counts`: number of rejected steps by reason, also of those for which the table has no room.
@@ -85,7 +85,8 @@ class RejectionRecord(NamedTuple):
 
 
 class RejectionRecorder(AbstractRecorder[RejectionRecord]):
-    """Recorder of rejected steps. Its record changes after these, unlike other records.
+    """Recorder of rejected steps. Its record changes after attempts that are not accepted, those of
+    other recorders only after accepted ones.
 
     - `earliest`: s, time of the scene before which rejected steps are ignored.
     - `capacity`: number of rows in the buffer. Further steps are only counted.
@@ -127,7 +128,7 @@ class RejectedSteps:
 
     - `count`: largest number of rejected steps in the table; later ones are only counted.
     - `after`: s, time of the scene before which rejected steps are ignored; by default none are.
-      For the last ones of a run that failed, pass a time shortly before its `time`.
+      For the last rejected steps of a failed run, pass a time shortly before its `Solution.time`.
 
     **Raises:** `ValueError` for a `count` that is no positive integer or an infinite `after`.
 
