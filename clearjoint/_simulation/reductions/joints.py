@@ -23,7 +23,7 @@ LOSSES = ("normal damping", "friction", "film")
 
 class CountTally(NamedTuple):
     """Tally of `ImpactCount`: the number of onsets in the window so far; by label, whether each
-    contact touches; and the end of the latest step, s, or ``None`` without a window."""
+    contact touches; the end of the latest step, s, or ``None`` if the window is the whole run."""
 
     count: Scalar
     touching: dict[str, Condition]
@@ -34,8 +34,8 @@ class ImpactCount(AbstractWindowedReduction):
     """Number of impacts of a joint: the onsets of all of its contacts together.
 
     A contact that exists at the start of the run does not count, nor does one that begins and ends
-    within one step. The latter are rare where steps end at onsets, as they do with the default
-    `landing_tolerance` of `Settings`.
+    within one step. Contacts within one step are rare where steps end at onsets, as they do with
+    the default `landing_tolerance` of `Settings`.
 
     **Arguments:** `joint`: name of a joint with contacts; `after`, `until`: s, the window of time,
     by default the whole run; see `Peak`.
@@ -85,9 +85,10 @@ class ImpactCount(AbstractWindowedReduction):
 
 
 class LossTally(NamedTuple):
-    """Tally of a reduction of losses: the start of the run, `begin`, and the end of the latest
-    step, `time`, s; and the energies, J, dissipated up to the start and the end of the window, or
-    up to `time` while that is earlier. Without a window, `time` and `at_end` are ``None``."""
+    """Tally of a reduction of losses: the start of the run, `begin`, s; the end of the latest step,
+    `time`, s; and the energies, J, dissipated up to the start of the window, `at_begin`, and up to
+    its end, `at_end`, or up to `time` as long as the window has not begun or ended. If the window
+    is the whole run, `time` and `at_end` are ``None``."""
 
     begin: Scalar
     at_begin: Scalar
@@ -96,7 +97,7 @@ class LossTally(NamedTuple):
 
 
 class AbstractLossReduction(AbstractWindowedReduction):
-    """Base class of reductions of the energy that joints dissipate in a window, by the ledger."""
+    """Base class of reductions of the energy, by the ledger, that joints dissipate in a window."""
 
     needs_ledger = True
     differentiated = ("",)
@@ -197,7 +198,7 @@ def _lost(now: Instant) -> Scalar:
 
 WearTally = tuple[Scalar, dict[str, list[Scalar]], dict[str, list[Scalar]]]
 """Tally of `ArchardWear`: the end of the latest step, s; the rates of wear then, m^3/s; and the
-volumes worn so far, m^3. Rates and volumes are lists by sector for each base."""
+volumes worn so far, m^3. Both are dictionaries by base, of lists with a number for each sector."""
 
 
 class ArchardWear(AbstractWindowedReduction):

@@ -49,9 +49,8 @@ Values = dict[str, Numbers]
 
 
 def step_row(step: Step, t1: Scalar) -> tuple[Step, Scalar]:
-    """Return what is recorded of an accepted step that begins at `step` and ends at `t1`, s since
-    the start of the run: both, with ``None`` for the fields of `step` that the derivative of the
-    accepted step does not need."""
+    """Return what is recorded of an accepted step from `step` to `t1`, s since the run's start:
+    both, with ``None`` for those fields of `step` that the derivatives in reverse do not need."""
     proposal = replace(
         step.proposal, t_next=None, full_length=None, entry_length=None, controller_state=None
     )
@@ -67,8 +66,7 @@ def in_one_array(tree: PyTree) -> jax.Array:
 
 
 def like(example: PyTree, numbers: Numbers) -> PyTree:
-    """Invert `in_one_array`: return `numbers`, (n,), as a PyTree with the structure, shapes and
-    dtypes of `example`."""
+    """Invert `in_one_array`: return `numbers` with structure, shapes and dtypes of `example`."""
     leaves, structure = jax.tree.flatten(example)
     made, start = [], 0
     for leaf in leaves:
@@ -82,8 +80,7 @@ def like(example: PyTree, numbers: Numbers) -> PyTree:
 
 
 class AcceptedSteps(AbstractRecorder[RowBuffer[jax.Array]]):
-    """Recorder of accepted steps, a `step_row` each, in one array. The caller must empty the buffer
-    of `capacity` rows when it is full."""
+    """Recorder of accepted steps, a `step_row` each. The caller must empty the buffer when full."""
 
     capacity: int = eqx.field(static=True)
 
@@ -105,9 +102,7 @@ STEPS = "steps"
 class Adjoint(eqx.Module):
     """What runs at different values of their parameters have in common.
 
-    - `scheme`: method and formulation.
-    - `family`: the scene as a function of the parameters, with its derivative along the guard's
-      direction.
+    - `family`: the scene of given parameters, with its derivative along the guard's direction.
     - `reductions`: by name of the output, those whose instants the run finds, such as `Peak`.
     - `origin`, `end`: s, the scene's time at the start and at the end of the run.
     - `first_step`: s, length of the first step; `max_steps`: largest number of attempts.
@@ -128,8 +123,7 @@ class Adjoint(eqx.Module):
 
     def systems(self, values: PyTree, direction: PyTree | None = None) -> SystemFamily:
         """Return the equations of motion at `values` of the parameters, with their derivatives
-        along the guard's direction or, if `direction` is given, along `direction`: the derivatives
-        are then linear functions of `direction`, which can be transposed."""
+        along the guard's direction, or along `direction` if given, as linear functions of it."""
         family, is_transposed = replace(self.family, values=values), direction is not None
         if is_transposed:
             family = replace(family, direction=direction)
@@ -187,9 +181,8 @@ def ended(
 def _linear_step(
     run: Adjoint, values: PyTree, step: Step, t1: Scalar, tangents: Tangents, direction: PyTree
 ) -> tuple[Tangents, TangentsInside]:
-    """Return the tangents at the end, and those inside, of the accepted step from `step` to the
-    time `t1`, s since the start of the run, as linear functions of the `tangents` at the start of
-    this step and of the `direction` of the parameters."""
+    """Return the tangents at the end, and those inside, of the accepted step from `step` to `t1`,
+    s, as linear functions of the `tangents` at its start and of the parameters' `direction`."""
     method, systems = run.scheme.method, run.systems(values, direction)
     system, step = systems.system(), replace(step, tangents=tangents)
     trial = with_gaps(system, solved_step(method, system, step, t1, systems))
@@ -199,16 +192,14 @@ def _linear_step(
 
 
 def _row_of(example: Step, row: jax.Array) -> tuple[Step, Scalar]:
-    """Invert `step_row`, whose numbers are `row`: return the `Step` before the recorded step, and
-    the end of the recorded step, s. Fields that a row lacks are taken from `example`."""
+    """Invert `step_row`, whose numbers are `row`; fields that it lacks are those of `example`."""
     recorded, t1 = like(step_row(example, example.t), row)
     return eqx.combine(recorded, replace(example, tangents=None)), t1
 
 
 @Native
 def repeated(run: Adjoint, values: PyTree, example: Step, rows: Numbers) -> jax.Array:
-    """Compute N recorded steps again from their `rows`, (N, n), each a `step_row`. Return the k
-    numbers of the `Attempt` of each step, (N, k)."""
+    """Compute N steps again from their `step_row`s. Return the numbers of each `Attempt`, (N, k)."""
     method, system = run.scheme.method, run.systems(values).system()
 
     def again(_: None, row: jax.Array) -> tuple[None, jax.Array]:
@@ -282,14 +273,10 @@ def pulled_outputs(
     times: Numbers,
     cotangents: dict[str, Numbers],
 ) -> tuple[jax.Array, PyTree]:
-    """Pull cotangents[name], (N,), of the derivatives of quantities at N times back to the tangents
-    of the steps in which the times lie, and to the direction of the parameters.
-
-    **Arguments:** `outputs`, `steps`, `times`: as in `values_at`.
-
-    **Returns:** for each time the cotangents of the `StepTangents` of its step, (N, m); and the
-    cotangents of the direction, summed over all times.
-    """
+    """Pull cotangents[name], (N,), of the derivatives of quantities at N times (see `values_at`)
+    back to the tangents of the steps with these times, and to the direction of the parameters.
+    Return for each time the cotangents of the `StepTangents` of its step, (N, m), and those of the
+    direction, summed over all times."""
     method, zeros = run.scheme.method, jax.tree.map(jnp.zeros_like, values)
 
     def pull(total: PyTree, parts: PyTree) -> tuple[PyTree, jax.Array]:
@@ -314,11 +301,9 @@ def pulled_outputs(
 
 
 class Pulled(NamedTuple):
-    """Cotangents that have been pulled back through all but the first `count` steps.
-
-    - `cotangents`: (q,), those of the tangents after the first `count` steps.
-    - `total`: those of the direction of the parameters, summed over the outputs and later steps.
-    """
+    """Cotangents that have been pulled back through all but the first `count` steps: `cotangents`,
+    (q,), are those of the tangents after these steps; `total` are those of the direction of the
+    parameters, summed over the outputs and all later steps."""
 
     count: Integers
     cotangents: Numbers
@@ -329,8 +314,7 @@ class PulledSteps(NamedTuple):
     """Steps through which cotangents are pulled back.
 
     - `rows`: (M, n), a `step_row` for each step.
-    - `added`: (A, m), in the first row zeros, and then the cotangents of the `StepTangents` of each
-      step in which outputs are evaluated.
+    - `added`: (A, m), a row of zeros, then cotangents of the `StepTangents` of steps with outputs.
     - `places`: (M,), for each step the index of its row in `added`; 0 for a step without outputs.
     """
 
@@ -367,8 +351,7 @@ def pulled(
 def backward(
     run: Adjoint, values: PyTree, example: Step, steps: PulledSteps, after: Pulled
 ) -> Pulled:
-    """Pull the cotangents `after` the first `after.count` of the `steps` back through all of these,
-    from the last one to the first."""
+    """Pull the cotangents `after` the first `after.count` of the `steps` back through all these."""
 
     def body(_: Scalar, now: Pulled) -> Pulled:
         return pulled(run, values, example, steps, now)

@@ -59,8 +59,7 @@ def recorders_of(requested: Requested) -> dict[str, Recorders]:
 
 
 class Status(NamedTuple):
-    """What Python needs to know of a run after each segment: the time `t`, s, that it has reached,
-    the numbers of attempted and of accepted steps so far, and the result code."""
+    """What Python needs to know of a run after a segment: time `t`, s, step counts and result."""
 
     t: Scalar
     attempts: Scalar
@@ -105,9 +104,8 @@ def segment(
     `save_times`, `recorders` must contain a `LatestAttempt` at the key `LATEST`.
 
     **Returns:** the run after the segment: its step, records and status; and, unless `save_times`
-    is ``None``, a pair of the `SavedRows` at the N times, with the values of `quantities`, and
-    whether the run has reached each time, (N,). Rows at a time that it has not reached are
-    meaningless.
+    is ``None``, a pair of the `SavedRows` of `quantities` at the N times, and whether the run has
+    reached each time, (N,). Rows at a time that it has not reached are meaningless.
     """
     method, system = scheme.method, scheme.system(unpack(folded_scene))
     loop = RunLoop(method, system, t_end, recorders)
@@ -177,11 +175,10 @@ class Run:
     redundant: tuple[str, ...]
 
     def in_one_piece(self, step: Step, records: Records, admissible: Condition | None) -> Solution:
-        """Run to the end inside a computation that JAX traces, such as under `jax.vmap`, from the
-        `step` and `records` of `begin`. Return a `Solution` of traced arrays, without steps and
-        impacts. Saved states and values of quantities at times that the run did not reach are
-        meaningless. If the condition `admissible` is false (``None`` for no condition), because
-        numbers of the scene are invalid, the run ends at once, with the result `domain`."""
+        """Run to the end inside a computation that JAX traces, such as under `jax.vmap`, and return
+        a `Solution` of traced arrays, without steps and impacts. Saved states and values of
+        quantities at times that the run did not reach are meaningless. If `admissible` is false
+        (``None``: no condition), the run ends at once, with the result `domain`."""
         if admissible is not None:
             # With another result than `successful`, the loop of steps takes no step.
             step = replace(step, result=RESULTS.where(admissible, step.result, RESULTS.domain))
@@ -315,8 +312,7 @@ class _SavedBySegments:
         return self.save_at is None or self.count == len(self.save_at)
 
     def next_times(self, end: float) -> np.ndarray | None:
-        """Return the next `SAVES_A_SEGMENT` times to save at, s, filled up with the time `end`;
-        ``None`` if nothing is saved at times."""
+        """Return the next `SAVES_A_SEGMENT` times, s, filled up with `end`; ``None`` for none."""
         if self.save_at is None:
             return None
         following = self.save_at[self.count :][:SAVES_A_SEGMENT]
@@ -370,8 +366,7 @@ def end_of(
     step: Step,
     end: Scalar,
 ) -> tuple[State, RESULTS, dict[str, dict[str, Scalar]]]:
-    """Return the packed final state, the result code, and results[name][part] of the reductions,
-    from the last `step` and tallies[name] of a run that should end at `end`, s."""
+    """Return the packed final state, the result code, and results[name][part] of the reductions."""
     final = Snapshot.of(step)
     instant = final.instant(system)
     results = {

@@ -41,9 +41,8 @@ from .recorders import ROWS, RowBuffer
 from .run_loop import AbstractRecorder, RunStart, StepOutcome
 
 RESOLVED_TRAVEL = 1e-8
-"""Smallest product of a step's length and the contact's speed, m, for which rates of the depth
-inside the step are computed from depths. For smaller products, rounding errors dominate the change
-of the depth."""
+"""Smallest product of a step's length and the contact's speed, m, for which rates of the depth in
+the step are computed from depths. Below it, rounding errors dominate the change of the depth."""
 PIECES = 4
 """Number of equal intervals of a step in a first search for the peak of a contact. The contact may
 fill only a small part of the step, unless steps end at its onset and its end."""
@@ -118,8 +117,7 @@ def end_in_step(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant, h: Scalar
 ) -> Scalar:
     """Return the fraction, 0 to 1, of a step of length h, s, after which a contact that exists at
-    its `start` ends; 1 if the contact does not end in the step. The depth is taken to be the cubic
-    through depths and rates at both ends of the step."""
+    `start` ends; 1 if it lasts. The depth is the cubic through depths and rates at both ends."""
     before, after = _depths(law, start, end)
     return jnp.where(after.value < 0.0, hermite_root(before, after, h), 1.0)
 
@@ -148,8 +146,8 @@ class ImpactRow(eqx.Module):
     largest_penetration: Scalar
 
     def columns(self, *_: object) -> dict[str, Scalar]:
-        """Return all fields by name, and the "duration", s. The arguments, which a `Snapshot` needs
-        for its columns, are ignored."""
+        """Return all fields by name, and the "duration", s. Arguments, as of `Snapshot.columns`,
+        are ignored."""
         return {**vars(self), "duration": self.separation - self.onset}
 
 
@@ -305,8 +303,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
 
 
 def _second_rates(method: Method, system: System, step: Step) -> ByLabel[Scalar]:
-    """Return the second time derivatives of all penetrations at the end of the latest accepted
-    step, m/s^2, by joint and contact."""
+    """Return the second time derivatives of all penetrations at `step`, m/s^2, by contact."""
     if isinstance(method.solver, UnrolledExplicit):
         return step.second_rates
     # Other solvers do not keep the rates at the end of a step, so they are computed here.
@@ -320,8 +317,7 @@ def _second_rates(method: Method, system: System, step: Step) -> ByLabel[Scalar]
 
 
 def most(record: ImpactRecord) -> int:
-    """Return the number of impacts, recorded or not, of the contact with the most impacts; zero
-    without contacts."""
+    """Return the largest number of impacts, recorded or not, of any contact; 0 without contacts."""
     contacts = (contact for family in record.values() for contact in family.values())
     return max((int(contact.rows.count) for contact in contacts), default=0)
 

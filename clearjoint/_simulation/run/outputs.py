@@ -96,8 +96,7 @@ Output: TypeAlias = Quantity | AbstractReduction | Section | ImpactTable | Rejec
 RECORDED = AbstractReduction | Section | ImpactTable | RejectedSteps
 """Kinds of outputs that are recorded at steps, not evaluated at sample times."""
 SECTIONS, REDUCTIONS, TABLES, REJECTIONS = "sections", "reductions", "tables", "rejections"
-"""Keys in the dictionaries of recorders and of records. Under each key is a dictionary by the name
-of the output."""
+"""Keys of recorders and of records; under each of them is a dictionary by name of the output."""
 Table: TypeAlias = Crossings | Impacts | Rejections
 """A result with a row for each event of a run."""
 EXAMPLE = 'pass for example {"x": cj.quantities.Position("arm", "x")}'
@@ -136,9 +135,8 @@ class Requested:
         return {n: output for n, output in self.outputs.items() if isinstance(output, ImpactTable)}
 
     def check(self, scene: Scene, ledger: bool) -> None:
-        """Check that a scene has the elements that the outputs name, and that no output needs the
-        energy ledger if the run lacks it (`ledger` false); raise a `ValueError` that names the
-        output."""
+        """Check that a scene has the elements that the outputs name, and that no output needs an
+        energy ledger that the run lacks; raise a `ValueError` that names the output."""
         for name, output in self.outputs.items():
             if isinstance(output, AbstractReduction):
                 expected, remedy = f"True for outputs[{name!r}]", "pass Settings(ledger=True)"

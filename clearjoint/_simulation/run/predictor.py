@@ -181,9 +181,8 @@ class Predictor:
     def _recorded(
         self, values: list[dict[str, PyTree]], or_nan: bool = False
     ) -> list[RecordedRun | None]:
-        """Return a run for each of the `values` of the parameters: the one that is kept from an
-        earlier call, or a new one. An invalid or failed run raises an error or, with `or_nan`, is
-        ``None``."""
+        """Return a run, new or kept from an earlier call, for each of the `values` of the
+        parameters. An invalid or failed run raises an error, or is ``None`` with `or_nan`."""
         # A run is kept by the bytes of its parameters. Kept runs are taken out here and put back
         # below, so that the last ones in `_runs` are those used last.
         keys = [b"".join(leaf.tobytes() for leaf in jax.tree.leaves(at)) for at in values]
@@ -256,9 +255,8 @@ def _gradients(runs: list[RecordedRun], cotangents: list[dict[str, np.ndarray]])
 
 
 def _batch_shape(examples: PyTree, arrays: PyTree) -> tuple[int, ...]:
-    """Return the shape of the batch in `arrays`, PyTrees of whose elements `examples` is one: the
-    axes of each array before those that an element has too, broadcast over all arrays; ``()`` for a
-    single element."""
+    """Return the shape of a batch, whose elements are like `examples`: the axes of each of `arrays`
+    before those that an element has too, broadcast over all arrays; ``()`` without a batch."""
     pairs = zip(jax.tree.leaves(examples), jax.tree.leaves(arrays), strict=True)
     return np.broadcast_shapes(
         *(np.shape(array)[: np.ndim(array) - len(np.shape(example))] for example, array in pairs)

@@ -99,8 +99,7 @@ class Recorder:
         self.has_lanes = is_native()
 
     def example_like(self, step: Step) -> Step:
-        """Return the `step` that was passed in the first call of this method. It has the structure
-        of all steps, and is kept flattened."""
+        """Return the `step` of the first call, flattened: an example of the structure of all."""
         if self._example is None:
             self._example = keep_flattened(step)
         return self._example
@@ -142,10 +141,9 @@ class Recorder:
 class RecordedRun:
     """A run with its accepted steps, from which values and derivatives of outputs follow.
 
-    - `at`: values of the parameters.
     - `last`: the `Step` at the end of the run. If the run has failed, values and derivatives at
       times that the run has not reached are meaningless.
-    - `bytes_kept`: bytes of the recorded steps.
+    - `at`: values of the parameters; `bytes_kept`: bytes of the recorded steps.
     """
 
     def __init__(self, recorder: Recorder, at: PyTree, recording: _Recording):
@@ -217,8 +215,7 @@ class RecordedRun:
         return np.stack([rows_by_place[int(k)] for k in places])
 
     def values(self) -> dict[str, np.ndarray]:
-        """Return the outputs by name: quantities, (N,) each, at the N times of the recorder, and
-        results of reductions, numbers."""
+        """Return by name the quantities, (N,) each, at N times, and the results of reductions."""
         return self._combined(self._sampled)
 
     @cached_property
@@ -302,9 +299,8 @@ class RecordedRun:
 
 
 def _pieces(rows: np.ndarray, times: np.ndarray, *cotangents: PyTree) -> Iterator[tuple]:
-    """Yield N rows, their times and cotangents, in pieces of `adjoint.ROWS` rows. The last of
-    several pieces is filled up by copies of the last row and time, with zero cotangents; a single
-    piece may be shorter."""
+    """Yield N rows, their times and cotangents, in pieces of `adjoint.ROWS`. The last of several is
+    filled up by copies of the last row, with zero cotangents; a single piece may be shorter."""
     missing = -len(rows) % adjoint.ROWS if len(rows) > adjoint.ROWS else 0
 
     def filled(column: np.ndarray, mode: str) -> np.ndarray:
@@ -422,13 +418,10 @@ def _through(
     begin: Callable[[int], tuple[np.ndarray, np.ndarray]],
     serve: Callable[[int, np.ndarray, bool], bool],
 ) -> None:
-    """Run the lanes 0 to `count` - 1 in the columns of a loop, with data `shared` by all lanes.
-
-    **Arguments:** `begin` gets the number of a lane, and returns the cells of the lane's own data
-    and of its state. `serve`, which is called for each lane whenever the loop returns, gets this
-    number, the cells of the lane's column, and whether the lane moves, that is, could take a step;
-    it returns whether the lane goes on, and otherwise the column is free for the next lane.
-    """
+    """Run the lanes 0 to `count` - 1 in the columns of a loop. `begin` gets the number of a lane,
+    and returns the cells of its own data and of its state. Whenever the loop returns, `serve` gets,
+    for each lane, its number, the cells of its column, and whether it moves, that is, could take a
+    step; it returns whether the lane goes on. If not, the next lane gets the column."""
     columns, waiting = loop.columns(shared), deque(range(count))
     # The lane in each column; ``None`` for an empty one.
     slots: list[int | None] = [None] * loop.width
@@ -508,9 +501,8 @@ class _PulledLane:
     first: int
 
     def next_steps(self, left: int, room: int) -> tuple[PulledSteps, int]:
-        """Return the steps to pull back through next, and how many there are: the `left` steps that
-        the lane was given before and has not passed, and those before them, up to `LANE_ROWS` in
-        all. `room`: largest number of steps with cotangents."""
+        """Return the next steps to pull back through, up to `LANE_ROWS`, and how many there are:
+        the `left` ones that were given before and are not done, and the steps before these."""
         last = self.first + left
         self.first = max(0, last - LANE_ROWS)
         rows = np.zeros((LANE_ROWS, self.rows.shape[1]))

@@ -85,8 +85,7 @@ class RejectionRecord(NamedTuple):
 
 
 class RejectionRecorder(AbstractRecorder[RejectionRecord]):
-    """Recorder of rejected steps. Its record changes after attempts that are not accepted, those of
-    other recorders only after accepted ones.
+    """Recorder of rejected steps. Unlike other records, its record changes at rejected attempts.
 
     - `earliest`: s, time of the scene before which rejected steps are ignored.
     - `capacity`: number of rows in the buffer. Further steps are only counted.

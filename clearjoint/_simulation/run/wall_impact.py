@@ -29,7 +29,7 @@ LONGEST = 100.0
 INSIDE = 1e-300
 """Penetration at the start, m, counted from the onset of the law's force. It is positive, so that a
 law whose force jumps at the onset has a force from the start. For a law with a nonzero
-`onset_offset`, it is lost to rounding."""
+`onset_offset`, to which it is added, it is lost to rounding."""
 
 
 @dataclass(frozen=True)
@@ -122,8 +122,8 @@ def _contact(
     longest_step: Scalar,
 ) -> diffrax.Solution:
     """Simulate the motion of a mass, kg, that meets a wall at the entry speed, m/s, until the force
-    ends. The rows `ys`, (N, 2), of the solution are the penetration, m, and its rate, m/s, at `ts`;
-    rows of steps that were not taken are infinite."""
+    ends, in steps of at most `longest_step`, s. In the solution, rows of `ys`, (N, 2), have the
+    penetration, m, and its rate, m/s, at `ts`; those of steps that were not taken are infinite."""
 
     def rates(t: Single, y: Float[jax.Array, "2"], args: None) -> Float[jax.Array, "2"]:
         del t, args
@@ -157,7 +157,7 @@ def _contact(
 
 def _crest(times: np.ndarray, values: np.ndarray) -> float:
     """Return the peak of a curve from N >= 3 values at rising times: that of a parabola through the
-    largest of the values and both beside it, or through the three values at an end."""
+    largest value and its two neighbours, or through the three values at an end."""
     k = int(np.clip(np.argmax(values), 1, len(values) - 2))
     start, middle, end = values[k - 1 : k + 2]
     # The position of the middle value on the way from the first time, 0, to the last one, 1.
