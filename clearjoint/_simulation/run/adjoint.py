@@ -199,7 +199,7 @@ def _row_of(example: Step, row: jax.Array) -> tuple[Step, Scalar]:
 
 @Native
 def repeated(run: Adjoint, values: PyTree, example: Step, rows: Numbers) -> jax.Array:
-    """Compute N steps again from their `step_row`s. Return the numbers of each `Attempt`, (N, k)."""
+    """Compute N steps again from their `step_row`s. Return their `Attempt`s as numbers, (N, k)."""
     method, system = run.scheme.method, run.systems(values).system()
 
     def again(_: None, row: jax.Array) -> tuple[None, jax.Array]:

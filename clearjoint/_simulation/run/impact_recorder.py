@@ -146,8 +146,7 @@ class ImpactRow(eqx.Module):
     largest_penetration: Scalar
 
     def columns(self, *_: object) -> dict[str, Scalar]:
-        """Return all fields by name, and the "duration", s. Arguments, as of `Snapshot.columns`,
-        are ignored."""
+        """Return all fields by name, and the "duration", s. Arguments, as by lanes, are ignored."""
         return {**vars(self), "duration": self.separation - self.onset}
 
 

@@ -124,7 +124,8 @@ class Strobe:
     scales: Float[np.ndarray, " D"]
 
     def change(self, multiple: int) -> Float[np.ndarray, " changes"]:
-        """Return, by row, the largest scaled change since `multiple` rows before, (n - multiple,)."""
+        """Return the largest scaled change of each row since `multiple` rows earlier; there are n -
+        `multiple` such rows."""
         difference = np.abs(self.rows[multiple:] - self.rows[:-multiple])
         return np.max(difference / self.scales, axis=1, initial=0.0)
 
@@ -166,7 +167,8 @@ def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]
 
 
 def ranges(parts: dict[str, Float[np.ndarray, "N bodies components"]]) -> dict[str, float]:
-    """Return the largest range of a component by array, at least `STILL`; 1 for orientations."""
+    """Return for each array the largest range of a component over the N states, at least `STILL`;
+    for orientations 1."""
     sizes = {name: np.max(np.ptp(part, axis=0), initial=STILL) for name, part in parts.items()}
     return {**sizes, "orientation": 1.0}
 

@@ -55,7 +55,7 @@ def simulate(
     The function works under `jax.vmap` and `jax.jvp`, not under `jax.grad` and `jax.vjp`. Put
     `jax.jit` around the outermost transformation, or each call compiles anew. A traced number that
     is invalid, such as a clearance that is NaN, raises no error: the run ends before its first step
-    with the result `RESULTS.domain`. A traced initial state is not checked against the constraints.
+    with the result `RESULTS.domain`. A traced run does not check the state against the constraints.
 
     Derivatives by `jax.jvp` are derivatives of the computed steps, not of the exact motion. Their
     error is far above the error of the states, and falls slowly with the tolerance. Prefer

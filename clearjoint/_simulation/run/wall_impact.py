@@ -28,8 +28,8 @@ LONGEST = 100.0
 """Longest duration of a contact that is simulated, s."""
 INSIDE = 1e-300
 """Penetration at the start, m, counted from the onset of the law's force. It is positive, so that a
-law whose force jumps at the onset has a force from the start. For a law with a nonzero
-`onset_offset`, to which it is added, it is lost to rounding."""
+law whose force jumps at the onset has a force from the start. If the law has an `onset_offset` that
+is not zero, this small number is lost to rounding."""
 
 
 @dataclass(frozen=True)
