@@ -408,7 +408,7 @@ class FinishedRun(Protocol):
 
 
 def is_abstract(tree: PyTree) -> bool:
-    """Return whether JAX traces a leaf of a result, or it is of several runs, as by `jax.vmap`."""
+    """Return whether JAX traces a leaf, or the result is of several runs, as from `jax.vmap`."""
     time = getattr(tree, "time", 0.0)
     return np.ndim(time) > 0 or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
 

@@ -50,7 +50,7 @@ Values = dict[str, Numbers]
 
 def step_row(step: Step, t1: Scalar) -> tuple[Step, Scalar]:
     """Return what is recorded of an accepted step from `step` to `t1`, s since the run's start:
-    both, with ``None`` for those fields of `step` that the derivatives in reverse do not need."""
+    both, with ``None`` for those fields of `step` that the derivative of the step does not need."""
     proposal = replace(
         step.proposal, t_next=None, full_length=None, entry_length=None, controller_state=None
     )

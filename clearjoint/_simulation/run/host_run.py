@@ -319,8 +319,7 @@ class _SavedBySegments:
         return np.pad(following, (0, SAVES_A_SEGMENT - len(following)), constant_values=end)
 
     def add(self, records: Records, sampled: tuple[SavedRows, jax.Array] | None) -> Records:
-        """Take what a segment has saved, in its `records` and in `sampled`, the last result of
-        `segment`. Return the records with empty buffers."""
+        """Take what a segment has saved; `sampled` is its last result. Return emptied records."""
         if sampled is not None and self.save_at is not None:
             # Only the first samples are kept. The others are at times that the run has not reached
             # yet, or belong to the filling.

@@ -106,6 +106,7 @@ def peak_in_step(
 
 def _largest(value_at: Callable[[Scalar], Scalar]) -> Point:
     # Among all triples of neighbouring points, the one with the highest middle point is selected.
+    # The ends of the step are in the middle of no triple, so they are compared with the result.
     points = [Point(k / PIECES, value_at(k / PIECES)) for k in range(PIECES + 1)]
     best = points[:3]
     for k in range(2, PIECES):
@@ -146,7 +147,8 @@ class ImpactRow(eqx.Module):
     largest_penetration: Scalar
 
     def columns(self, *_: object) -> dict[str, Scalar]:
-        """Return all fields by name, and the "duration", s. Arguments, as by lanes, are ignored."""
+        """Return all fields by name, and the "duration", s. Arguments are ignored: lanes pass those
+        that `Snapshot.columns` needs."""
         return {**vars(self), "duration": self.separation - self.onset}
 
 
@@ -302,7 +304,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
 
 
 def _second_rates(method: Method, system: System, step: Step) -> ByLabel[Scalar]:
-    """Return the second time derivatives of all penetrations at `step`, m/s^2, by contact."""
+    """Return by joint and contact the second time derivatives of penetrations at `step`, m/s^2."""
     if isinstance(method.solver, UnrolledExplicit):
         return step.second_rates
     # Other solvers do not keep the rates at the end of a step, so they are computed here.

@@ -135,8 +135,8 @@ class Requested:
         return {n: output for n, output in self.outputs.items() if isinstance(output, ImpactTable)}
 
     def check(self, scene: Scene, ledger: bool) -> None:
-        """Check that a scene has the elements that the outputs name, and that no output needs an
-        energy ledger that the run lacks; raise a `ValueError` that names the output."""
+        """Check that a scene has the elements that the outputs name, and that no output needs the
+        energy ledger if `ledger` is false; raise a `ValueError` that names the output."""
         for name, output in self.outputs.items():
             if isinstance(output, AbstractReduction):
                 expected, remedy = f"True for outputs[{name!r}]", "pass Settings(ledger=True)"

@@ -222,14 +222,15 @@ class Predictor:
             method, parameter_count = scheme.method, sum(map(np.size, jax.tree.leaves(values)))
             assert method.derivative_tolerance is not None
             # Only the error of the derivative along the guard's direction is controlled. With a
-            # single number, this is the derivative that is wanted; otherwise others follow it.
+            # single number, it is the wanted derivative itself; with several, it chooses the steps
+            # for all derivatives.
             if parameter_count > 1:
                 tolerance = GUARD_TOLERANCE * method.derivative_tolerance
                 method = replace(method, derivative_tolerance=tolerance)
             run = Adjoint(
                 scheme=replace(scheme, method=method, formulation=formulation),
                 family=self._family,
-                # Instants of the other reductions are known, so no loop has to tally those.
+                # Only reductions whose instants the run finds need a tally.
                 reductions={n: o for n, o in reductions.items() if o.finds_instants},
                 origin=np.asarray(start, float),
                 end=np.asarray(end, float),

@@ -113,6 +113,7 @@ class TangentPeakRecorder(AbstractRecorder[TangentPeak]):
     def _now(self, system: System, step: Step) -> TangentPeak:
         assert step.tangents is not None
         motion = step.tangents.y.motion
+        # The tangents of speeds alone, with zeros as those of positions, and the other way round.
         zeros = jax.tree.map(jnp.zeros_like, motion)
         size = jnp.asarray(largest(system.with_speeds(zeros, motion)))
         positions = jnp.asarray(largest(system.with_speeds(motion, zeros)))

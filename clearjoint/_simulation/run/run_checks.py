@@ -291,7 +291,7 @@ class _Starts:
         return self._function.count()
 
     def redundant(self, arguments: FlatArguments) -> tuple[str, ...] | None:
-        """Return the names of the redundant constraints of a start, the result of `flat_start`,
+        """Return the names of the redundant constraints of a start, `arguments` by `flat_start`,
         that passes all checks; ``None``, and then the caller must check the start in Python, if a
         condition of `_passes` fails, if redundancy is uncertain, or without a native program.
 

@@ -171,7 +171,7 @@ class RunLoop:
         goes: Callable[[Progress], Condition] | None = None,
     ) -> Progress:
         """Return the run after further steps, up to the first that ends at or after time `stop`, s.
-        It stops earlier at a failure, at its end, after `attempts` attempts since its start, or
+        It may stop earlier: at a failure, at its end, after `attempts` attempts since its start, or
         when `goes`, which is called with the run before each attempt, returns false."""
 
         def continues(now: Progress) -> Condition:

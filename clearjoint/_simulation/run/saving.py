@@ -61,8 +61,8 @@ class Saving:
         return None if times is None else checked_times(start_time, end_time, times, "times")
 
     def require_none(self, names: Sequence[str], where: str, remedy: str) -> None:
-        """Raise a `ValueError` if one of the fields `names` is set. `where`: words for the function
-        or transformation that does not support them, such as "under a transformation of JAX"."""
+        """Raise a `ValueError` with the `remedy` if one of the fields `names` is set. `where`: the
+        words for what does not support these fields, such as "under a transformation of JAX"."""
         for name in names:
             value = getattr(self, name)
             require(not value, name, value, f"False {where}", remedy)
