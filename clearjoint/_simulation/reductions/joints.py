@@ -137,7 +137,7 @@ class DissipatedEnergy(AbstractLossReduction):
     """Energy, J, dissipated in joints by normal damping, friction and films.
 
     It needs `Settings(ledger=True)`. Energy that bristles store is not included, nor is energy
-    dissipated in an earlier run whose ledger the run continues.
+    dissipated in an earlier run whose ledger this run continues.
 
     **Arguments:** `after`, `until`: s, the window of time, by default the whole run; see `Peak`.
 

@@ -297,9 +297,9 @@ def observe(
     **Arguments:**
 
     - `scene`: the scene that was simulated.
-    - `solution`: the result of `simulate` or `simulate_nonsmooth`. Contacts of the latter are rigid
-      and have impulses instead of forces, so that the contact forces, accelerations and reactions
-      computed here are meaningless while a contact touches.
+    - `solution`: the result of `simulate` or `simulate_nonsmooth`. With `simulate_nonsmooth`, rigid
+      contacts have impulses instead of forces, so that the contact forces, accelerations and
+      reactions computed here are meaningless while a contact touches.
     - `trajectory`: the N times and states to observe, such as `solution.steps` for every accepted
       step; by default the saved states, `solution.saved`.
 

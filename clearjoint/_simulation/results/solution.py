@@ -46,7 +46,7 @@ LABELS = {COMPONENT: [*COMPONENTS], "parameter": ["e0", "e1", "e2", "e3"]}
 CONTACTS = "contact"
 BRISTLES = "bristle_contact"
 MEMORY = "remembered"
-"""Dimensions along which contacts, contacts with bristles, and numbers in memories are listed."""
+"""Names of the dimensions of contacts, of contacts with bristles, and of numbers in memories."""
 
 
 def contact_label(joint: str, contact: str) -> str:

@@ -69,9 +69,9 @@ class _Recording(NamedTuple):
 
 class _Samples(NamedTuple):
     """Times, (N,) s since the start of a run, at which quantities are evaluated: first those of the
-    requested quantities, then those of reductions, which are also in `instants[name]`, s, on the
-    scene's clock. `places`: (N,), for each time the index in the run of the step in which the time
-    lies; `rows`: (N, n), the `step_row` of this step."""
+    requested quantities, then those of reductions. `places`: (N,), for each time the index in the
+    run of the step in which the time lies; `rows`: (N, n), the `step_row` of this step;
+    `instants[name]`: s, the times of a reduction again, but on the scene's clock."""
 
     times: np.ndarray
     places: np.ndarray
@@ -99,7 +99,7 @@ class Recorder:
         self.has_lanes = is_native()
 
     def example_like(self, step: Step) -> Step:
-        """Return the `step` of the first call, flattened: an example of the structure of all."""
+        """Return the `step` passed in the first call, an example of the structure of all steps."""
         if self._example is None:
             self._example = keep_flattened(step)
         return self._example
@@ -128,7 +128,7 @@ class Recorder:
         return slopes or [run.gradient(seeds_of(number)) for number, run in enumerate(runs)]
 
     def _or_refused(self, function: Callable[[], T]) -> T | None:
-        # If native code has no rule for an operation, the runs are computed one after the other, in
+        # Without a rule of native code for an operation, runs are computed one after the other, in
         # this call and in all later ones.
         try:
             return function()

@@ -34,7 +34,7 @@ class Rejections(AbstractTabular):
     - `start`: (N,) s, start of the step. Successive rows with equal starts are trials of one step.
     - `length`: (N,) s, length of the step that was tried.
     - `reason`: (N,), the text of a `Rejection`.
-    - `counts`: number of rejected steps by reason, also of those for which the table has no room.
+    - `counts`: number of rejected steps by reason, including those for which there is no room.
 
     >>> table = cj.results.Rejections(
     ...     np.array([0.1]), np.array([1e-3]), np.array(["rotation"]), {"rotation": 1}
@@ -117,8 +117,8 @@ class RejectionRecorder(AbstractRecorder[RejectionRecord]):
 @dataclass(frozen=True)
 class RejectedSteps:
     """Output with the steps that were tried and rejected in a run, and the reason of each: a
-    `Rejections`. It shows why a run takes many steps, or where and why it gets stuck. Sweeps do not
-    record it: pass the scene of a lane to `simulate`.
+    `Rejections`. It shows why a run takes many steps, or where and why the run gets stuck. Sweeps
+    lack this output: pass the scene of one run of the sweep to `simulate`.
 
     The possible reasons are the values of `results.Rejection`. Steps that end early because the
     solver expects an event there, such as an onset or a breakpoint, are not rejected.

@@ -64,7 +64,7 @@ class StepOutcome:
 
     @cached_property
     def dense_step(self) -> DenseStep:
-        """The step with its dense output; valid only if the step was accepted."""
+        """The tried step with its dense output; valid only if the step was accepted."""
         return DenseStep.of(self.tried)
 
     @cached_property

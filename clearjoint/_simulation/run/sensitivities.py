@@ -280,8 +280,8 @@ def _caution_amplified(
 
 
 GROWN = 1e6
-"""Growth of derivatives above which it counts as the cause of a failed run. Along a regular motion
-derivatives grow about as the time or its square."""
+"""Factor by which derivatives grow in a run that fails, above which their growth counts as the
+cause. Along a regular motion, derivatives grow about as the time or its square."""
 
 
 def _growth_of_derivatives(run: Sensitivities) -> str | None:

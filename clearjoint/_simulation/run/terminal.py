@@ -23,7 +23,7 @@ from ..results.solution import Solution
 TICK = 1.0
 """Time, s, between two updates of a bar's text, and of compiling before the text mentions it."""
 LINE_PERIOD = 30.0
-"""Time, s, between two lines where the error stream is neither a terminal nor a notebook."""
+"""Time, s, between lines of progress if the error stream is neither a terminal nor a notebook."""
 WATCH = "clearjoint: compiling"
 """Name of the thread that updates the bars."""
 
@@ -32,7 +32,7 @@ class _Watch:
     """Updates the texts of progress bars, by a thread that runs while there are bars.
 
     - `usual`: the bars, each with its text for the time in which nothing is being compiled.
-    - `lock`: held while `usual` or `thread` changes, or texts are written: no bar is then closed.
+    - `lock`: held while `usual` or `thread` changes, and while texts are written to open bars.
     """
 
     def __init__(self) -> None:
