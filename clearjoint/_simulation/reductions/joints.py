@@ -116,15 +116,15 @@ class AbstractLossReduction(AbstractWindowedReduction):
     def update(self, tally: LossTally, now: Instant) -> LossTally:
         if tally.time is None or tally.at_end is None:  # the window is the whole run
             return tally
-        lost, window, began = _lost(now), self._window(now), tally.time
+        lost, window, step_begin = _lost(now), self._window(now), tally.time
 
         # Before an edge of the window, the tally has the losses so far. In the step across the
         # edge, it gets the losses at the edge, by dense output. Then they stay.
         def up_to(edge: Scalar, fraction: Scalar, before: Scalar) -> Scalar:
             at_edge = _lost(now.inside(fraction))
-            return jnp.where(now.time <= edge, lost, jnp.where(began < edge, at_edge, before))
+            return jnp.where(now.time <= edge, lost, jnp.where(step_begin < edge, at_edge, before))
 
-        first, last = window.fractions(began, now.time)
+        first, last = window.fractions(step_begin, now.time)
         at_begin = up_to(window.start, first, tally.at_begin)
         at_end = up_to(window.end, last, tally.at_end)
         return tally._replace(at_begin=at_begin, time=now.time, at_end=at_end)

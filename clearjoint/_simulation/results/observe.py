@@ -214,9 +214,9 @@ class Observation(eqx.Module, AbstractTabular):
         }
         # A variable is left out if the scene has no element with such a series.
         variables = {
-            name: _stacked(*row)
-            for name, row in rows.items()
-            if any(series is not None for series in row[1])
+            name: _stacked(dim, series, *rest)
+            for name, (dim, series, *rest) in rows.items()
+            if any(numbers is not None for numbers in series)
         }
         labels = {
             CONTACTS: contacts,

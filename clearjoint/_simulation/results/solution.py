@@ -151,8 +151,9 @@ def states_between(times: Times, states: State, wanted: Wanted) -> State:
 
     def linear(rows: Numbers) -> np.ndarray:
         rows = np.asarray(rows)
-        y = x.reshape(-1, *[1] * (rows.ndim - 1))
-        return (1.0 - y) * rows[left] + y * rows[left + 1]
+        # x is (M, 1), and gets as many axes as the rows have.
+        part = x.reshape(-1, *[1] * (rows.ndim - 1))
+        return (1.0 - part) * rows[left] + part * rows[left + 1]
 
     both = states.entry_speeds, states.memory
     entry_speeds, memory = jax.tree.map(lambda rows: np.asarray(rows)[ends], both)

@@ -273,7 +273,7 @@ class Run:
         time, attempts, accepted = jax.device_get((status.t, status.attempts, status.accepted))
         states, values = saved.samples()
         trajectory = states if self.requested.save.states else None
-        numbers = {
+        reduced = {
             result_name(name, part): float(value)
             for name, parts in jax.device_get(results).items()
             for part, value in parts.items()
@@ -290,7 +290,7 @@ class Run:
             impacts=Impacts.of_rows(saved.impact_rows) if IMPACTS in records else None,
             formulation=self.scheme.formulation,
             redundant_constraints=self.redundant,
-            outputs={**values, **self.requested.recorded(records), **numbers},
+            outputs={**values, **self.requested.recorded(records), **reduced},
             settings=notes,
         )
         return solution, bool(slid_out)

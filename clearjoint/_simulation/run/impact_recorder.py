@@ -91,10 +91,10 @@ def peak_in_step(
 
     # The normal force does not depend on the rate of the gap's factor, so this rate is set to zero.
     def factor(x: Scalar) -> Slope | None:
-        first, last = start.gap.factor, end.gap.factor
-        if first is None or last is None:
+        at_start, at_end = start.gap.factor, end.gap.factor
+        if at_start is None or at_end is None:
             return None
-        return Slope(hermite_value(x, first, last, h), 0.0)
+        return Slope(hermite_value(x, at_start, at_end, h), 0.0)
 
     def force(x: Scalar) -> Scalar:
         rate = jnp.where(moves, quintic.rate(x), hermite_value(x, *rates, h))
@@ -254,14 +254,16 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
 
     @override
     def start(self, start: RunStart) -> ImpactRecord:
-        no, loop = jnp.asarray(False), start.loop
-        none = ImpactRow(**{field.name: jnp.zeros(()) for field in fields(ImpactRow)})
-        rows = RowBuffer.like(none, self.capacity)
+        # A contact that exists at the start of the run counts as not begun, and gets no row.
+        begun, loop = jnp.asarray(False), start.loop
+        blank = ImpactRow(**{field.name: jnp.zeros(()) for field in fields(ImpactRow)})
+        rows = RowBuffer.like(blank, self.capacity)
         instants = self._instants(loop.method, loop.system, start.now, start.step)
-        return each_label(
-            lambda name, label: ContactRecord(ContactSoFar(instants[name][label], no, none), rows),
-            instants,
-        )
+
+        def record(name: str, label: str) -> ContactRecord:
+            return ContactRecord(ContactSoFar(instants[name][label], begun, blank), rows)
+
+        return each_label(record, instants)
 
     @override
     def after(self, record: ImpactRecord, step_outcome: StepOutcome) -> ImpactRecord:

@@ -152,6 +152,7 @@ class Requested:
         reduction, such as "peak_time", named as another output, and for quantities without sample
         times."""
         require_array_names("outputs", self.outputs, EXAMPLE)
+        # The result "" of a reduction has the name of the output itself.
         parts = {result_name(n, p) for n, o in self.reductions.items() for p in o.units() if p}
         twice = sorted(parts & set(self.outputs))
         require(not twice, "outputs", twice, "names of no part of a reduction", "rename the output")

@@ -96,9 +96,9 @@ class RejectionRecorder(AbstractRecorder[RejectionRecord]):
 
     @override
     def start(self, start: RunStart) -> RejectionRecord:
-        none = RejectedRow(*(jnp.zeros(()) for _ in RejectedRow._fields))
+        blank = RejectedRow(*(jnp.zeros(()) for _ in RejectedRow._fields))
         counts: dict[str, jax.Array] = dict.fromkeys(REASONS, jnp.zeros((), int))
-        return RejectionRecord(RowBuffer.like(none, self.capacity), counts)
+        return RejectionRecord(RowBuffer.like(blank, self.capacity), counts)
 
     @override
     def after(self, record: RejectionRecord, step_outcome: StepOutcome) -> RejectionRecord:

@@ -145,18 +145,18 @@ def look_at_tangents(
     run, in the accepted step of an `attempt`. `entry_speeds`: those by `look_inside` at this time.
     Inside the step the results are derivatives of dense output, and at its end those of the stored
     state. The correction by which `look_inside` satisfies the constraints is not differentiated."""
-    end, inside, last = attempt.step.t, attempt.tangents, attempt.step.tangents
-    assert inside is not None and last is not None
-    dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **inside.information)
-    is_end = at_end(system, end, t)
-    y = choose(is_end, last.y, dense.evaluate(dense_time(attempt, t)))
+    t1, inside, at_t1 = attempt.step.t, attempt.tangents, attempt.step.tangents
+    assert inside is not None and at_t1 is not None
+    dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=t1, **inside.information)
+    is_end = at_end(system, t1, t)
+    y = choose(is_end, at_t1.y, dense.evaluate(dense_time(attempt, t)))
 
     def speed_along(name: str, label: str) -> Gradients:
         # A contact that began in this step has its entry speed from the end of the step.
         before = attempt.entry_speeds_start[name][label]
         began = (before == 0.0) & (entry_speeds[name][label] > 0.0)
         kept = inside.entry_speeds_start[name][label]
-        return jnp.where(is_end | began, last.entry_speeds[name][label], kept)
+        return jnp.where(is_end | began, at_t1.entry_speeds[name][label], kept)
 
     return y, each_label(speed_along, entry_speeds)
 

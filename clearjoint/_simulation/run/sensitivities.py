@@ -203,8 +203,8 @@ def sensitivities(
         run = recorded_run(arguments, requested.recorders(), saved is not None, save.impacts)
         values, derivatives = run.values, run.derivatives
         if sensors.errors:
-            numbers = values, derivatives, run_times - start_time, coordinates
-            values, derivatives = with_sensor_errors(sensors, *numbers)
+            without_errors = values, derivatives, run_times - start_time, coordinates
+            values, derivatives = with_sensor_errors(sensors, *without_errors)
     rows = _reached_rows(run, all_times, sample_times)
     states, impacts = None, None
     if saved is not None:

@@ -162,6 +162,7 @@ def _crest(times: np.ndarray, values: np.ndarray) -> float:
     start, middle, end = values[k - 1 : k + 2]
     # The position of the middle value on the way from the first time, 0, to the last one, 1.
     x = (times[k] - times[k - 1]) / (times[k + 1] - times[k - 1])
-    # The coefficient of x^2.
+    # The coefficient of x^2: the chords from the first value to the last and to the middle one
+    # differ in slope by this coefficient times 1 - x.
     bend = ((end - start) - (middle - start) / x) / (1.0 - x)
     return float(Parabola(start, end - start - bend, bend).extremes(0.0, 1.0)[1])
