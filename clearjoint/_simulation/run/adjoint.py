@@ -50,7 +50,7 @@ Values = dict[str, Numbers]
 
 def step_row(step: Step, t1: Scalar) -> tuple[Step, Scalar]:
     """Return what is recorded of an accepted step from `step` to `t1`, s since the run's start:
-    both, with ``None`` for those fields of `step` that the derivative of the step does not need."""
+    both, with ``None`` for those fields of `step` that derivatives of the step do not need."""
     proposal = replace(
         step.proposal, t_next=None, full_length=None, entry_length=None, controller_state=None
     )
@@ -66,7 +66,7 @@ def in_one_array(tree: PyTree) -> jax.Array:
 
 
 def like(example: PyTree, numbers: Numbers) -> PyTree:
-    """Invert `in_one_array`: return `numbers` with structure, shapes and dtypes of `example`."""
+    """Invert `in_one_array`: give `numbers`, (n,), structure, shapes and dtypes of `example`."""
     leaves, structure = jax.tree.flatten(example)
     made, start = [], 0
     for leaf in leaves:

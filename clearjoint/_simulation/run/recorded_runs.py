@@ -264,7 +264,7 @@ class RecordedRun:
 
     @property
     def places(self) -> np.ndarray:
-        """Indices in the run of the steps in which quantities are evaluated."""
+        """Indices in the run, (N,), of the steps in which quantities are evaluated."""
         return self._samples.places
 
     def is_kept(self) -> bool:
@@ -319,7 +319,7 @@ def _count_of_tangents(example: Step) -> int:
 class Seeds(NamedTuple):
     """Cotangents with which a backward loop begins.
 
-    - `total`: of the direction of the parameters, with which outputs change at fixed tangents.
+    - `total`: of the direction of the parameters, on which outputs depend at fixed tangents too.
     - `pulled`: (K, m), of the `StepTangents` of the steps with the indices `places`, (K,).
     """
 
