@@ -79,15 +79,15 @@ class AbstractReduction(AbstractConverting):
 
     def instants(self, results: Mapping[str, Scalar], span: tuple[float, float]) -> Times:
         """Return the instants, s, at which `observed` quantities are evaluated, and until which
-        `integrands` are integrated, in a run over the time `span`, s. `results` are those of the
-        run if the reduction `finds_instants`, otherwise empty."""
+        `integrands` are integrated, in a run over the time `span`, s. `results` are those of this
+        reduction in the run if it `finds_instants`, otherwise empty."""
         raise NotImplementedError
 
     def combined(
         self, values: Float[Array, "instants values"], instants: Times
     ) -> dict[str, Scalar]:
         """Return the `differentiated` results, by operations of JAX. Row k of `values` has the
-        `observed` quantities at instant k and the integrals of the `integrands` until then."""
+        `observed` quantities at instant k, then the integrals of the `integrands` until k."""
         raise NotImplementedError
 
     def check(self, scene: Scene) -> None:
@@ -150,7 +150,8 @@ def optional_time(value: Instants) -> Instants:
 
 @dataclass(frozen=True)
 class TimeSpan:
-    """Part of a run from `after` until just before `until`, s; ``None`` for its start or end."""
+    """Window of time, s, in one run: from `after`, or ``None`` for the start of the run, until just
+    before `until`, or ``None`` for the end of the run."""
 
     after: Scalar | None
     until: Scalar | None
@@ -172,20 +173,20 @@ class TimeSpan:
         return (time >= self.start) & (time < self.end)
 
     def fractions(self, begin: Scalar, end: Scalar) -> tuple[Scalar, Scalar]:
-        """Return where in a step from `begin` to `end`, s, its part in the window begins and ends,
-        as fractions, 0 to 1; equal if no part of the step is in the window."""
+        """Return where the part in the window of a step from `begin` to `end`, s, begins and ends,
+        as fractions of the step, 0 to 1; both are equal if no part of the step is in the window."""
         length = jnp.where(end > begin, end - begin, 1.0)
         first, last = (self.start - begin) / length, (self.end - begin) / length
         return jnp.clip(first, 0.0, 1.0), jnp.clip(last, 0.0, 1.0)
 
     def if_reached(self, value: Scalar, time: Scalar) -> Scalar:
-        """Return a result of a run that ended at `time`, s; NaN if that is before the window."""
+        """Return a result of a run that ended at `time`, s; NaN if the window begins later."""
         return value if self.after is None else jnp.where(time >= self.after, value, jnp.nan)
 
 
 @dataclass(frozen=True)
 class Window:
-    """Window of time, whose edges may be functions of the scene. Errors are those of `Peak`."""
+    """Window of time, whose edges may be functions of the scene. It raises the errors of `Peak`."""
 
     after: Instants
     until: Instants
@@ -199,7 +200,7 @@ class Window:
             require(span.end > span.start, "until", self.until, later, "give both times in s")
 
     def at(self, now: Instant) -> TimeSpan:
-        """Return the window in the run to which an instant belongs."""
+        """Return the `TimeSpan` of the window in the run to which the instant `now` belongs."""
         after, until = (t(now.scene) if callable(t) else t for t in (self.after, self.until))
         return TimeSpan(after, until)
 
@@ -217,7 +218,7 @@ class AbstractWindowedReduction(AbstractReduction):
 
     @override
     def instants(self, results: Mapping[str, Scalar], span: tuple[float, float]) -> Times:
-        """Return the start and the end of that part of the window that the run covers."""
+        """Return the start and the end, s, of that part of the window that the run covers."""
         for name in ("after", "until"):
             edge, remedy = getattr(self, name), "give a time in s, which derivatives hold fixed"
             require(not callable(edge), name, edge, "a number in reverse mode", remedy)

@@ -23,7 +23,7 @@ LOSSES = ("normal damping", "friction", "film")
 
 class CountTally(NamedTuple):
     """Tally of `ImpactCount`: the number of onsets in the window so far; by label, whether each
-    contact touches; and the end of the latest step, s, or ``None`` without a window."""
+    contact touches; the end of the latest step, s, or ``None`` if the window is the whole run."""
 
     count: Scalar
     touching: dict[str, Condition]
@@ -34,8 +34,8 @@ class ImpactCount(AbstractWindowedReduction):
     """Number of impacts of a joint: the onsets of all of its contacts together.
 
     A contact that exists at the start of the run does not count, nor does one that begins and ends
-    within one step. The latter are rare where steps end at onsets, as they do with the default
-    `landing_tolerance` of `Settings`.
+    within one step. Contacts within one step are rare where steps end at onsets, as they do with
+    the default `landing_tolerance` of `Settings`.
 
     **Arguments:** `joint`: name of a joint with contacts; `after`, `until`: s, the window of time,
     by default the whole run; see `Peak`.
@@ -85,9 +85,10 @@ class ImpactCount(AbstractWindowedReduction):
 
 
 class LossTally(NamedTuple):
-    """Tally of a reduction of losses: the start of the run, `begin`, and the end of the latest
-    step, `time`, s; and the energies, J, dissipated up to the start and the end of the window, or
-    up to `time` while that is earlier. Without a window, `time` and `at_end` are ``None``."""
+    """Tally of a reduction of losses: the start of the run, `begin`, s; the end of the latest step,
+    `time`, s; and the energies, J, dissipated up to the start of the window, `at_begin`, and up to
+    its end, `at_end`, or up to `time` as long as the window has not begun or ended. If the window
+    is the whole run, `time` and `at_end` are ``None``."""
 
     begin: Scalar
     at_begin: Scalar
@@ -96,7 +97,7 @@ class LossTally(NamedTuple):
 
 
 class AbstractLossReduction(AbstractWindowedReduction):
-    """Base class of reductions of the energy that joints dissipate in a window, by the ledger."""
+    """Base class of reductions of the energy, by the ledger, that joints dissipate in a window."""
 
     needs_ledger = True
     differentiated = ("",)
@@ -115,15 +116,15 @@ class AbstractLossReduction(AbstractWindowedReduction):
     def update(self, tally: LossTally, now: Instant) -> LossTally:
         if tally.time is None or tally.at_end is None:  # the window is the whole run
             return tally
-        lost, window, began = _lost(now), self._window(now), tally.time
+        lost, window, step_begin = _lost(now), self._window(now), tally.time
 
         # Before an edge of the window, the tally has the losses so far. In the step across the
         # edge, it gets the losses at the edge, by dense output. Then they stay.
         def up_to(edge: Scalar, fraction: Scalar, before: Scalar) -> Scalar:
             at_edge = _lost(now.inside(fraction))
-            return jnp.where(now.time <= edge, lost, jnp.where(began < edge, at_edge, before))
+            return jnp.where(now.time <= edge, lost, jnp.where(step_begin < edge, at_edge, before))
 
-        first, last = window.fractions(began, now.time)
+        first, last = window.fractions(step_begin, now.time)
         at_begin = up_to(window.start, first, tally.at_begin)
         at_end = up_to(window.end, last, tally.at_end)
         return tally._replace(at_begin=at_begin, time=now.time, at_end=at_end)
@@ -136,7 +137,7 @@ class DissipatedEnergy(AbstractLossReduction):
     """Energy, J, dissipated in joints by normal damping, friction and films.
 
     It needs `Settings(ledger=True)`. Energy that bristles store is not included, nor is energy
-    dissipated in an earlier run whose ledger the run continues.
+    dissipated in an earlier run whose ledger this run continues.
 
     **Arguments:** `after`, `until`: s, the window of time, by default the whole run; see `Peak`.
 
@@ -197,7 +198,7 @@ def _lost(now: Instant) -> Scalar:
 
 WearTally = tuple[Scalar, dict[str, list[Scalar]], dict[str, list[Scalar]]]
 """Tally of `ArchardWear`: the end of the latest step, s; the rates of wear then, m^3/s; and the
-volumes worn so far, m^3. Rates and volumes are lists by sector for each base."""
+volumes worn so far, m^3. Both are dictionaries by base, of lists with a number for each sector."""
 
 
 class ArchardWear(AbstractWindowedReduction):

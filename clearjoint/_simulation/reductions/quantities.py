@@ -39,15 +39,16 @@ class AbstractQuantityReduction(AbstractWindowedReduction):
         return jnp.asarray(self.quantity(now), dtype=float)
 
     def _at_end(self, now: Instant) -> tuple[Scalar, Scalar]:
-        """Return the values at the end of a step: before and after sampled forces change there."""
+        """Return the quantity's values at the end of a step, just before and just after sampled
+        forces change there; both are equal in scenes without sampled forces."""
         value = self._value(now)
         return self._value(now.just_before) if now.memory else value, value
 
 
 class PeakTally(NamedTuple):
-    """Tally of `Peak`, of points (time, s, and value): the highest in the window so far, with the
-    value minus infinity before the window, and those at the end and the start of the latest
-    step."""
+    """Tally of `Peak`: points with a time, s, as x, and the value there. `highest`: the peak in the
+    window so far, with the value minus infinity before the window; `end`, `start`: the points at
+    the end and at the start of the latest step."""
 
     highest: Point
     end: Point
@@ -147,7 +148,7 @@ class Peak(AbstractQuantityReduction):
 
 class IntegralTally(NamedTuple):
     """Tally of integrals: the latest time, s, and the value there; the duration inside the window,
-    s, and the integrals over it of the value and of its square."""
+    s, and, over this duration, the integrals `first` of the value and `second` of its square."""
 
     time: Scalar
     value: Scalar
@@ -158,7 +159,7 @@ class IntegralTally(NamedTuple):
 
 class AbstractIntegralReduction(AbstractQuantityReduction):
     """Base class of reductions of integrals of a quantity, which in each step is approximated by
-    the parabola through both ends and the middle."""
+    the parabola through its values at both ends and in the middle of the step."""
 
     @override
     def start(self, now: Instant) -> PyTree:
@@ -169,7 +170,8 @@ class AbstractIntegralReduction(AbstractQuantityReduction):
     def _updated(
         self, tally: IntegralTally, now: Instant
     ) -> tuple[IntegralTally, Parabola, Scalar, Scalar]:
-        """Return the tally after a step, its parabola, and the `fractions` of the window."""
+        """Return the tally after the step that ends at `now`, the parabola of the quantity in this
+        step, and the fractions of the step between which it is in the window."""
         t0, t1, (end, value) = tally.time, now.time, self._at_end(now)
         # The parabola's variable is 0 at t0 and 1 at t1. A rejected attempt has t1 = t0; its tally
         # is computed too, and discarded.

@@ -70,7 +70,7 @@ class Impacts(AbstractTabular):
 
     @staticmethod
     def of_rows(rows: Iterable[tuple[str | float, ...]]) -> "Impacts":
-        """Return the table made of `rows`, in any order: tuples of a value for each field."""
+        """Return the table made of `rows`, in any order: tuples of the values of all fields."""
         names = [f.name for f in fields(Impacts)]
         columns = list(zip(*rows, strict=True)) or [()] * len(names)
         kinds = [object if name in NAMED else float for name in names]

@@ -63,10 +63,10 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
       rows of times that it did not reach repeat the last state.
     - `contacts[joint][contact]`: the `ContactTotals` of the whole run.
     - `residual`: largest violation of the contact conditions in any step that did not fail: that no
-      contact approaches after the impact faster than its restitution allows, that impulses do not
-      pull and vanish at contacts that open faster, and that friction obeys Coulomb's law. It is
-      relative to the largest velocity at closed contacts that the impulses, or the projection of
-      the positions, have to change, but at least to 1e-9 m/s.
+      contact approaches after the impact faster than its restitution allows, that no impulse pulls,
+      that it is zero at a contact that opens faster than by restitution, and that friction obeys
+      Coulomb's law. The violation is relative to the largest velocity at closed contacts that the
+      impulses, or the projection of the positions, have to change, but at least to 1e-9 m/s.
 
     `observe` accepts a `NonsmoothSolution`, but the contact forces that it computes while a contact
     touches, and the accelerations and reactions that follow from them, are meaningless.

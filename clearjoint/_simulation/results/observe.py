@@ -75,16 +75,16 @@ class ContactObservation(eqx.Module):
     - `penetration`: (N,) m, depth of overlap, negative where the surfaces are apart (eq. 13).
     - `penetration_rate`: (N,) m/s, positive while the surfaces approach (eq. 21).
     - `eccentricity`: (N,) m, distance of the base's centre from the bearing's axis (eq. 11). For a
-      contact between the bases, it is the distance of the contact's point on the journal's axis.
-      ``None`` for all other contacts.
-    - `offset`: (N, 3) m, vector from the bearing's centre to the same point of the journal's axis,
-      in the frame of the bearing: two components across the bearing's axis, then the one along it.
-      ``None`` if `eccentricity` is ``None``.
+      contact at a point of the journal between its bases, it is the distance of the point of the
+      journal's axis that belongs to this contact. ``None`` for all other contacts.
+    - `offset`: (N, 3) m, vector from the bearing's centre to this point of the journal's axis, the
+      centre of a base or a point between the bases, in the frame of the bearing: two components
+      across the bearing's axis, then the one along it. ``None`` if `eccentricity` is ``None``.
     - `normal_force`: (N,) N, magnitude.
     - `friction_force`: (N, 3) N, on the journal, in global axes; ``None`` without a friction law.
     - `normal`: (N, 3), unit vector in global axes, the direction in which the second body
       penetrates the first; for a base of a journal, from the bearing's axis to the contact.
-    - `point_on_bearing`, `point_on_journal`: (N, 3) m, the nearest points of both surfaces, global.
+    - `point_on_bearing`, `point_on_journal`: (N, 3) m, global positions of the two nearest points.
     """
 
     penetration: Numbers = described("m", "penetration, negative in flight")
@@ -123,14 +123,15 @@ class Observation(eqx.Module, AbstractTabular):
     - `times`: (N,) s.
     - `contacts[joint][contact]`: penetration, forces and positions; `help` of an entry lists them.
     - `modes[joint]`: (N,) values of `MotionMode`, for each joint that has a journal.
-    - `reactions[joint][body]`: the `force`, (N, 3) N, and the `moment`, (N, 3) N m in body axes,
-      that the constraints of a joint exert on each of its bodies except the ground (Flores et al.
-      2006, eq. 31). Ideal joints, drivers, and clearance joints that hold their journal axially
-      have constraints.
+    - `reactions[joint][body]`: the `force`, (N, 3) N in global axes, and the `moment`, (N, 3) N m
+      about the body's centre of mass in body axes, that the constraints of a joint exert on each of
+      its bodies except the ground (Flores et al. 2006, eq. 31). Ideal joints, drivers, and
+      clearance joints that hold their journal axially have constraints.
     - `interpolated`: (N,), true at interpolated times (see `Trajectory`), or ``None``.
     - `reactions_unique`: whether the reactions are unique. If some constraints are redundant, they
       are not, and those of least norm are given.
-    - `accelerations[body]`: `linear`, (N, 3) m/s^2, and `angular`, (N, 3) rad/s^2 in body axes.
+    - `accelerations[body]`: `linear`, (N, 3) m/s^2, of the centre of mass in global axes, and
+      `angular`, (N, 3) rad/s^2, in body axes.
     - `drift[joint]`: (N,), largest magnitude of the values of the joint's constraint equations,
       which are zero for an exact solution; in m, rad or without unit, as the equation.
     - `drift_rate[joint]`: (N,), the same for the time derivatives of these equations.
@@ -174,9 +175,9 @@ class Observation(eqx.Module, AbstractTabular):
     def to_xarray(self) -> "xr.Dataset":
         """Return the observation as an `xarray.Dataset` with units.
 
-        All variables are along "time", and vectors also along "component". In between is
+        All variables are along "time", and vectors also along "component". The dimension between is
 
-        - "contact", with labels such as "pin V", for `contacts`, NaN where one lacks a field;
+        - "contact", with labels such as "pin V", for `contacts`, NaN where a contact lacks a field;
         - "journal" for `mode` (values of `MotionMode`), and "joint" for `drift` and `drift_rate`;
         - "reaction", with labels such as "hinge on arm", for `reaction_force`, `reaction_moment`;
         - "body" for `acceleration` and `angular_acceleration`;
@@ -213,9 +214,9 @@ class Observation(eqx.Module, AbstractTabular):
         }
         # A variable is left out if the scene has no element with such a series.
         variables = {
-            name: _stacked(*row)
-            for name, row in rows.items()
-            if any(series is not None for series in row[1])
+            name: _stacked(dim, series, *rest)
+            for name, (dim, series, *rest) in rows.items()
+            if any(numbers is not None for numbers in series)
         }
         labels = {
             CONTACTS: contacts,
@@ -238,8 +239,8 @@ class Observation(eqx.Module, AbstractTabular):
 
         It is the change, since the first time, of the mechanical plus the dissipated energy less
         the supplied one, and zero for an exact solution. Without the ledger, it is the change of
-        the mechanical energy. At `interpolated` times it is interpolated between the ends of steps.
-        If all times are `interpolated`, it includes the error of the interpolation.
+        the mechanical energy. At `interpolated` times, the result is interpolated between the ends
+        of steps. If all times are `interpolated`, it includes the error of the states there.
         """
         losses = ("normal damping", "friction", "film", "stabilisation")
         dissipated = sum(self.energies.get(name, 0.0) for name in losses)
@@ -254,8 +255,8 @@ class Observation(eqx.Module, AbstractTabular):
 def _rows_of(
     kind: type[eqx.Module], parts: Mapping[str, PyTree], dim: str, *attributes: Mapping[str, object]
 ) -> dict[str, tuple[Any, ...]]:
-    """Return the arguments of `_stacked` for each field of the class `kind`, by the name of its
-    variable: dimension along the parts, field of each, unit, description, `attributes`."""
+    """Return by name of the variable, for each field of the class `kind`, the arguments of
+    `_stacked`: `dim`, this field of each of the `parts`, its unit, description, `attributes`."""
     rows = {}
     for f in fields(kind):
         series = [getattr(part, f.name) for part in parts.values()]
@@ -270,8 +271,8 @@ def _stacked(
     text: str,
     attributes: Mapping[str, object] = {},
 ) -> Labelled:
-    """Return K series at N times as one variable, (N, K), or (N, K, 3) for vectors. A series that
-    is ``None``, but not all of them, becomes NaN."""
+    """Return K series at N times as one variable, (N, K), or (N, K, 3) for vectors, with `dim` as
+    name of the second dimension. A series that is ``None`` becomes NaN; not all may be ``None``."""
     shape = next(np.shape(row) for row in series if row is not None)
     lacking = np.full(shape, np.nan)
     values = np.stack([lacking if row is None else np.asarray(row) for row in series], 1)
@@ -296,9 +297,9 @@ def observe(
     **Arguments:**
 
     - `scene`: the scene that was simulated.
-    - `solution`: the result of `simulate` or `simulate_nonsmooth`. Contacts of the latter are rigid
-      and have impulses instead of forces, so that the contact forces, accelerations and reactions
-      computed here are meaningless while a contact touches.
+    - `solution`: the result of `simulate` or `simulate_nonsmooth`. With `simulate_nonsmooth`, rigid
+      contacts have impulses instead of forces, so that the contact forces, accelerations and
+      reactions computed here are meaningless while a contact touches.
     - `trajectory`: the N times and states to observe, such as `solution.steps` for every accepted
       step; by default the saved states, `solution.saved`.
 
@@ -347,8 +348,8 @@ def absolute_formulation(solution: Solution | NonsmoothSolution) -> Formulation:
 def in_chunks(
     program: Native[..., Parts], fixed: tuple[PyTree, ...], rows: tuple[np.ndarray, State]
 ) -> Parts:
-    """Apply a compiled program to N times and states, `rows`, `CHUNK` in each call. It takes the
-    arguments `fixed`, the number of rows to compute, and `CHUNK` rows."""
+    """Apply a compiled program to N times and states, `rows`, `CHUNK` in each call. The program
+    gets the arguments `fixed`, the number of rows to compute, and `CHUNK` times and states."""
     count, rows = len(rows[0]), jax.tree.map(np.asarray, rows)
 
     def chunk(rows: np.ndarray, first: int) -> np.ndarray:

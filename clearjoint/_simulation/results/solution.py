@@ -46,7 +46,7 @@ LABELS = {COMPONENT: [*COMPONENTS], "parameter": ["e0", "e1", "e2", "e3"]}
 CONTACTS = "contact"
 BRISTLES = "bristle_contact"
 MEMORY = "remembered"
-"""Dimensions along which contacts, contacts with bristles, and numbers in memories are listed."""
+"""Names of the dimensions of contacts, of contacts with bristles, and of numbers in memories."""
 
 
 def contact_label(joint: str, contact: str) -> str:
@@ -137,7 +137,8 @@ def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
 
 
 def states_between(times: Times, states: State, wanted: Wanted) -> State:
-    """Interpolate states, as `Trajectory.between` does. Of equal `times`, the last state counts."""
+    """Interpolate states at the N `times` to the M `wanted` times, s, as `Trajectory.between` does.
+    Of several states at one time, the last one counts."""
     wanted = checked_times(times[0], times[-1], wanted, "times")
     # The step of a wanted time begins at the last row whose time is not later. No step begins at
     # the last row of all, so for its time `left` is the start of the last step, and x is 1. If the
@@ -150,8 +151,9 @@ def states_between(times: Times, states: State, wanted: Wanted) -> State:
 
     def linear(rows: Numbers) -> np.ndarray:
         rows = np.asarray(rows)
-        y = x.reshape(-1, *[1] * (rows.ndim - 1))
-        return (1.0 - y) * rows[left] + y * rows[left + 1]
+        # x is (M, 1), and gets as many axes as the rows have.
+        part = x.reshape(-1, *[1] * (rows.ndim - 1))
+        return (1.0 - part) * rows[left] + part * rows[left + 1]
 
     both = states.entry_speeds, states.memory
     entry_speeds, memory = jax.tree.map(lambda rows: np.asarray(rows)[ends], both)
@@ -179,7 +181,8 @@ def _body(body: BodyState, left: Rows, x: np.ndarray, h: np.ndarray) -> BodyStat
 
 
 def _along(start: Slope, end: Slope, x: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return cubic Hermite interpolants and rates, (M, components); at the end where h is zero."""
+    """Return cubic Hermite interpolants and their rates, (M, components), at the parts `x`, (M, 1),
+    0 to 1, of steps of lengths `h`, (M, 1) s; the values at `end` where h is zero."""
     there, length = h > 0.0, np.where(h > 0.0, h, 1.0)
     value, rate = hermite_value(x, start, end, length), hermite_rate(x, start, end, length)
     return np.where(there, value, end.value), np.where(there, rate, end.rate)
@@ -225,15 +228,15 @@ class Trajectory(AbstractReadable, AbstractTabular):
         """Interpolate the states between the ends of accepted steps, to draw smooth curves.
 
         Motions of bodies are interpolated by a cubic Hermite polynomial in each step, with an error
-        far below the clearances, bristle deflections and the energy ledger linearly; entry speeds
-        and memories keep their values until the end of the step. Call this for `solution.steps`
-        only: between two states of `solution.saved` there may be impacts.
+        far below the clearances. Bristle deflections and the energy ledger are interpolated
+        linearly; entry speeds and memories keep their values until the end of the step. Call this
+        for `solution.steps` only: between two states of `solution.saved` there may be impacts.
 
         **Arguments:** `times`: (M,) s, not decreasing, between the first and last time of the
         trajectory. By default, the ends of all steps, and further times inside steps in which a
         body rotates by more than 0.05 rad, or its velocity changes much compared with other steps.
 
-        **Raises:** `ValueError` for `times` that are none, not one-dimensional, not finite,
+        **Raises:** `ValueError` for `times` that are empty, not one-dimensional, not finite,
         decrease or lie outside of the trajectory; and for a trajectory of fewer than two states.
         """
         ends = np.asarray(self.times)
@@ -450,8 +453,8 @@ class SimulationError(RuntimeError):
 def raise_failure(
     solution: FinishedRun, message: str | None = None, causes: Iterable[str] = ()
 ) -> None:
-    """Raise a `SimulationError` unless a run ended successfully, with `message` in place of that of
-    the result code, followed by the sentences `causes`."""
+    """Raise a `SimulationError` unless a run ended successfully. The text is `message`, or by
+    default the description of the result code, followed by the sentences `causes`."""
     if result_number(solution.result) != SUCCESSFUL:
         start = f"The run ended at t = {float(solution.time):.9g} s:"
         message = RESULTS[solution.result] if message is None else message

@@ -1,11 +1,15 @@
 """Derivatives of a run in reverse mode, by any number of parameters.
 
-The steps are chosen by a run with one tangent, called the guard: steps that are controlled by the
-states alone are too long for derivatives, but steps that suit the derivative in a direction that
-moves the contacts suit those in all others. The accepted steps are recorded. A step maps the
-tangents at its start, and the direction of the parameters, linearly to the tangents at its end,
-with the corrections at contact events of `..step.saltation`. The transposes of these maps, applied
-from the last step to the first, give the derivatives by all parameters.
+A run with one tangent, the derivative along a single direction of all parameters, chooses the
+steps; this tangent is called the guard. Steps that are controlled by the errors of the state alone
+are too long for derivatives, but steps that suit the derivative along a direction that moves the
+contacts suit the derivatives along all other directions too. The accepted steps are recorded. A
+step maps the tangents at its start, and the direction of the parameters, linearly to the tangents
+at its end, with the corrections at contact events of `..step.saltation`. The transposes of these
+maps, applied from the last step to the first, give the derivatives by all parameters.
+
+In all functions here, `values` are the values of the parameters, and `example` is a `Step` of the
+run of which only structure, shapes and dtypes are used.
 """
 
 from dataclasses import replace
@@ -45,8 +49,8 @@ Values = dict[str, Numbers]
 
 
 def step_row(step: Step, t1: Scalar) -> tuple[Step, Scalar]:
-    """Return what is recorded of an accepted step: the `Step` before it, with ``None`` in place of
-    all that its derivative does not need, and its end, s since the start of the run."""
+    """Return what is recorded of an accepted step from `step` to `t1`, s since the run's start:
+    both, with ``None`` for those fields of `step` that derivatives of the step do not need."""
     proposal = replace(
         step.proposal, t_next=None, full_length=None, entry_length=None, controller_state=None
     )
@@ -62,7 +66,7 @@ def in_one_array(tree: PyTree) -> jax.Array:
 
 
 def like(example: PyTree, numbers: Numbers) -> PyTree:
-    """Invert `in_one_array`: return the numbers with structure, shapes and dtypes of an example."""
+    """Invert `in_one_array`: give `numbers`, (n,), structure, shapes and dtypes of `example`."""
     leaves, structure = jax.tree.flatten(example)
     made, start = [], 0
     for leaf in leaves:
@@ -76,7 +80,7 @@ def like(example: PyTree, numbers: Numbers) -> PyTree:
 
 
 class AcceptedSteps(AbstractRecorder[RowBuffer[jax.Array]]):
-    """Recorder of accepted steps, a `step_row` each. The caller must empty a full buffer."""
+    """Recorder of accepted steps, a `step_row` each. The caller must empty the buffer when full."""
 
     capacity: int = eqx.field(static=True)
 
@@ -98,8 +102,8 @@ STEPS = "steps"
 class Adjoint(eqx.Module):
     """What runs at different values of their parameters have in common.
 
-    - `family`: the scene, with its derivative along a direction of the parameters.
-    - `reductions`: those whose instants the run finds, such as `Peak`.
+    - `family`: the scene of given parameters, with its derivative along the guard's direction.
+    - `reductions`: by name of the output, those whose instants the run finds, such as `Peak`.
     - `origin`, `end`: s, the scene's time at the start and at the end of the run.
     - `first_step`: s, length of the first step; `max_steps`: largest number of attempts.
     """
@@ -114,19 +118,23 @@ class Adjoint(eqx.Module):
 
     @property
     def own_end(self) -> Scalar:
+        """The end of the run, s since its start."""
         return self.end - self.origin
 
     def systems(self, values: PyTree, direction: PyTree | None = None) -> SystemFamily:
         """Return the equations of motion at `values` of the parameters, with their derivatives
-        along the guard's direction or, as linear functions of it, along a `direction`."""
+        along the guard's direction, or along `direction` if given, as linear functions of it."""
         family, is_transposed = replace(self.family, values=values), direction is not None
         if is_transposed:
             family = replace(family, direction=direction)
         return SystemFamily(family, self.scheme.formulation, self.origin, is_transposed)
 
     def loop(self, values: PyTree, rows: int) -> RunLoop:
+        """Return the loop of a run, with a buffer for `rows` accepted steps."""
         systems = self.systems(values)
-        reductions = {name: ReductionRecorder(of) for name, of in self.reductions.items()}
+        reductions = {
+            name: ReductionRecorder(reduction) for name, reduction in self.reductions.items()
+        }
         recorders = {STEPS: AcceptedSteps(rows), REDUCTIONS: reductions}
         method, system, tried = self.scheme.method, systems.system(), traced_once(attempt)
         return RunLoop(method, system, self.own_end, recorders, family=systems, attempt=tried)
@@ -139,7 +147,7 @@ class Adjoint(eqx.Module):
 
 @Native
 def begun(run: Adjoint, values: PyTree) -> tuple[Step, PyTree]:
-    """Return the first step of a run and the tallies of its reductions."""
+    """Return a run before its first step: the `Step`, and the tallies of the reductions by name."""
     start = run.start(values, 1)
     return start.step, start.records[REDUCTIONS]
 
@@ -148,7 +156,8 @@ def begun(run: Adjoint, values: PyTree) -> tuple[Step, PyTree]:
 def segment(
     run: Adjoint, values: PyTree, step: Step, tallies: PyTree
 ) -> tuple[Step, PyTree, RowBuffer[jax.Array]]:
-    """Continue a run to its end, a failure, the limit of attempts, or a full buffer of steps."""
+    """Continue a run from `step` and `tallies` to its end, a failure, the limit of attempts, or a
+    full buffer of `ROWS` steps. Return step, tallies and buffer, with a `step_row` in each row."""
     loop = run.loop(values, ROWS)
     rows = loop.recorders[STEPS].start(RunStart(loop, step))
 
@@ -164,15 +173,16 @@ def segment(
 def ended(
     run: Adjoint, values: PyTree, step: Step, tallies: PyTree
 ) -> tuple[State, RESULTS, dict[str, dict[str, Scalar]]]:
-    """Return the final state, packed, the result code, and the results of the reductions."""
+    """Return the final state, packed, the result code, and results[name][part] of the reductions,
+    from the `step` and the `tallies` at the end of a run."""
     return end_of(run.systems(values).system(), run.reductions, tallies, step, run.own_end)
 
 
 def _linear_step(
     run: Adjoint, values: PyTree, step: Step, t1: Scalar, tangents: Tangents, direction: PyTree
 ) -> tuple[Tangents, TangentsInside]:
-    """Return the tangents at the end `t1`, s, of the accepted step after `step`, and inside it, as
-    a linear function of the tangents before it and of the direction of the parameters."""
+    """Return the tangents at the end, and those inside, of the accepted step from `step` to `t1`,
+    s, as linear functions of the `tangents` at its start and of the parameters' `direction`."""
     method, systems = run.scheme.method, run.systems(values, direction)
     system, step = systems.system(), replace(step, tangents=tangents)
     trial = with_gaps(system, solved_step(method, system, step, t1, systems))
@@ -182,14 +192,14 @@ def _linear_step(
 
 
 def _row_of(example: Step, row: jax.Array) -> tuple[Step, Scalar]:
-    """Return the step and its end, s, of a row; what a row lacks is taken from `example`."""
+    """Invert `step_row`, whose numbers are `row`; fields that it lacks are those of `example`."""
     recorded, t1 = like(step_row(example, example.t), row)
     return eqx.combine(recorded, replace(example, tangents=None)), t1
 
 
 @Native
 def repeated(run: Adjoint, values: PyTree, example: Step, rows: Numbers) -> jax.Array:
-    """Compute N recorded steps again, and return the numbers of their `Attempt`s, (N, k)."""
+    """Compute N steps again from their `step_row`s. Return their `Attempt`s as numbers, (N, k)."""
     method, system = run.scheme.method, run.systems(values).system()
 
     def again(_: None, row: jax.Array) -> tuple[None, jax.Array]:
@@ -216,7 +226,7 @@ def _attempt(
 
 
 def _attempt_of(run: Adjoint, example: Step, numbers: Numbers) -> Attempt:
-    """Return the `Attempt` whose numbers `repeated` has returned."""
+    """Return the `Attempt` whose `numbers`, (k,), are a row of the result of `repeated`."""
     method, step = run.scheme.method, replace(example, tangents=None)
     assert isinstance(method.solver, UnrolledExplicit)
     information = method.solver.information_like(step.y)
@@ -227,8 +237,8 @@ def _attempt_of(run: Adjoint, example: Step, numbers: Numbers) -> Attempt:
 def values_at(
     run: Adjoint, values: PyTree, example: Step, outputs: Quantities, steps: Numbers, times: Numbers
 ) -> Values:
-    """Return quantities, (N,) each, at N times, s since the start of the run. Row k of `steps`, the
-    result of `repeated`, is the step in which time k lies."""
+    """Return the quantities `outputs`, (N,) each, at N `times`, s since the start of the run. Row k
+    of `steps`, the result of `repeated`, is the step in which time k lies."""
     method, system = run.scheme.method, run.systems(values).system()
 
     def at(_: None, pair: tuple[jax.Array, Scalar]) -> tuple[None, Values]:
@@ -239,11 +249,14 @@ def values_at(
 
 
 class StepTangents(NamedTuple):
+    """Tangents at the end of a step, and those that dense output needs inside the step."""
+
     end: Tangents
     inside: TangentsInside
 
 
 def example_of(run: Adjoint, example: Step) -> StepTangents:
+    """Return an example of the structure, shapes and dtypes of the `StepTangents` of all steps."""
     tangents, solver = example.tangents, run.scheme.method.solver
     assert tangents is not None and isinstance(solver, UnrolledExplicit)
     information = solver.information_like(tangents.y)
@@ -260,10 +273,11 @@ def pulled_outputs(
     times: Numbers,
     cotangents: dict[str, Numbers],
 ) -> tuple[jax.Array, PyTree]:
-    """Pull `cotangents` of the derivatives of quantities at N times (see `values_at`) back to the
-    tangents of the steps and to the direction. Return the cotangents of the `StepTangents` of each
-    step, (N, m), and the sum over all times of those of the direction."""
-    method, none = run.scheme.method, jax.tree.map(jnp.zeros_like, values)
+    """Pull cotangents[name], (N,), of the derivatives of quantities at N times (see `values_at`)
+    back to the tangents of the steps with these times, and to the direction of the parameters.
+    Return for each time the cotangents of the `StepTangents` of its step, (N, m), and those of the
+    direction, summed over all times."""
+    method, zeros = run.scheme.method, jax.tree.map(jnp.zeros_like, values)
 
     def pull(total: PyTree, parts: PyTree) -> tuple[PyTree, jax.Array]:
         numbers, time, seeds = parts
@@ -271,23 +285,25 @@ def pulled_outputs(
 
         def along(tangents: StepTangents, direction: PyTree) -> Values:
             step = replace(tried.step, tangents=tangents.end)
-            attempt = replace(tried, step=step, tangents=tangents.inside)
+            with_tangents = replace(tried, step=step, tangents=tangents.inside)
             systems = run.systems(values, direction)
-            return values_and_derivatives(method, systems, attempt, time, outputs)[1]
+            _, derivatives = values_and_derivatives(method, systems, with_tangents, time, outputs)
+            return derivatives
 
         # `along` is linear in both arguments. JAX transposes it for arguments like these examples.
-        transposed = jax.linear_transpose(along, example_of(run, example), none)
+        transposed = jax.linear_transpose(along, example_of(run, example), zeros)
         # A derivative has a first axis of length 1, since there is one tangent.
         pulled, by_direction = transposed({name: seed[None] for name, seed in seeds.items()})
         return jax.tree.map(jnp.add, total, by_direction), in_one_array(pulled)
 
-    total, pulled = jax.lax.scan(pull, none, (steps, times, cotangents))
+    total, pulled = jax.lax.scan(pull, zeros, (steps, times, cotangents))
     return pulled, total
 
 
 class Pulled(NamedTuple):
-    """Cotangents of the tangents after the first `count` steps, in one array, and `total`, those of
-    the direction of the parameters, from the outputs and all later steps."""
+    """Cotangents that have been pulled back through all but the first `count` steps: `cotangents`,
+    (q,), are those of the tangents after these steps; `total` are those of the direction of the
+    parameters, summed over the outputs and all later steps."""
 
     count: Integers
     cotangents: Numbers
@@ -298,8 +314,8 @@ class PulledSteps(NamedTuple):
     """Steps through which cotangents are pulled back.
 
     - `rows`: (M, n), a `step_row` for each step.
-    - `added`: (A, m), cotangents of the `StepTangents` of some steps; the first row has zeros.
-    - `places`: (M,), for each step the index of its row in `added`, 0 for none.
+    - `added`: (A, m), a row of zeros, then cotangents of the `StepTangents` of steps with outputs.
+    - `places`: (M,), for each step the index of its row in `added`; 0 for a step without outputs.
     """
 
     rows: Numbers
@@ -310,20 +326,24 @@ class PulledSteps(NamedTuple):
 def pulled(
     run: Adjoint, values: PyTree, example: Step, steps: PulledSteps, after: Pulled
 ) -> Pulled:
-    """Pull cotangents back through the last of `after.count` steps, and return those before it."""
-    tangents, of_steps = example.tangents, example_of(run, example)
+    """Pull the cotangents `after` the first `after.count` of the `steps` back through the last one
+    of these, and return the cotangents before it."""
+    example_tangents, example_step_tangents = example.tangents, example_of(run, example)
     index = after.count - 1
     place = jax.lax.dynamic_index_in_dim(jnp.asarray(steps.places), index, keepdims=False)
     row = jax.lax.dynamic_index_in_dim(jnp.asarray(steps.rows), index, keepdims=False)
-    here = jax.lax.dynamic_index_in_dim(jnp.asarray(steps.added), place, keepdims=False)
+    of_outputs = jax.lax.dynamic_index_in_dim(jnp.asarray(steps.added), place, keepdims=False)
     step, t1 = _row_of(example, row)
 
     def along(tangents: Tangents, direction: PyTree) -> tuple[Tangents, TangentsInside]:
         return _linear_step(run, values, step, t1, tangents, direction)
 
-    seeds, none = like(of_steps, here), jax.tree.map(jnp.zeros_like, values)
-    end = jax.tree.map(jnp.add, seeds.end, like(tangents, after.cotangents))
-    before, by_direction = jax.linear_transpose(along, tangents, none)((end, seeds.inside))
+    seeds = like(example_step_tangents, of_outputs)
+    zeros = jax.tree.map(jnp.zeros_like, values)
+    # The tangents at the end of the step act on its own outputs and on the later steps.
+    end = jax.tree.map(jnp.add, seeds.end, like(example_tangents, after.cotangents))
+    transposed = jax.linear_transpose(along, example_tangents, zeros)
+    before, by_direction = transposed((end, seeds.inside))
     return Pulled(index, in_one_array(before), jax.tree.map(jnp.add, after.total, by_direction))
 
 
@@ -331,7 +351,7 @@ def pulled(
 def backward(
     run: Adjoint, values: PyTree, example: Step, steps: PulledSteps, after: Pulled
 ) -> Pulled:
-    """Pull cotangents back through the first `after.count` steps, from the last one on."""
+    """Pull the cotangents `after` the first `after.count` of the `steps` back through all these."""
 
     def body(_: Scalar, now: Pulled) -> Pulled:
         return pulled(run, values, example, steps, now)
@@ -343,8 +363,8 @@ def backward(
 def pulled_start(
     run: Adjoint, values: PyTree, example: Step, row: Numbers, cotangents: Tangents
 ) -> PyTree:
-    """Pull `cotangents` of the tangents before the first step, whose `step_row` is `row`, back to
-    the direction of the parameters."""
+    """Pull `cotangents` of the tangents before the run's first step back to the direction of the
+    parameters, and return those of the direction. `row`: the `step_row` of the first step."""
     method, (step, _) = run.scheme.method, _row_of(example, jnp.asarray(row))
 
     def along(direction: PyTree) -> Tangents:
@@ -352,5 +372,5 @@ def pulled_start(
         initial = initial_with_tangents(systems, step.t)
         return first_tangents(method, term_of(method), systems, step, run.own_end, initial)
 
-    none = jax.tree.map(jnp.zeros_like, values)
-    return jax.linear_transpose(along, none)(cotangents)[0]
+    zeros = jax.tree.map(jnp.zeros_like, values)
+    return jax.linear_transpose(along, zeros)(cotangents)[0]

@@ -59,7 +59,7 @@ def recorders_of(requested: Requested) -> dict[str, Recorders]:
 
 
 class Status(NamedTuple):
-    """What Python needs to know of a run after each segment."""
+    """What Python needs to know of a run after a segment: time `t`, s, step counts and result."""
 
     t: Scalar
     attempts: Scalar
@@ -80,7 +80,8 @@ def begin(
     first_step: Scalar,
     recorders: Recorders,
 ) -> tuple[Step, Records, Status]:
-    """Return a run before its first step, from a packed `state`."""
+    """Return step, records and status of a run before its first step, from a packed `state`.
+    `t0`, `t_end`: s, start and end of the run; `first_step`: s, length of the first step."""
     method, system = scheme.method, scheme.system(unpack(folded_scene))
     step = begin_run(method, system, state, t0, t_end, first_step)
     now = without_weak_types(RunLoop(method, system, t_end, recorders).start(step))
@@ -98,13 +99,13 @@ def segment(
     attempts: Scalar,
     quantities: Mapping[str, Quantity],
 ) -> tuple[Step, Records, Status, tuple[SavedRows, jax.Array] | None]:
-    """Continue a run until its end, a failure, the limit of `attempts` since its start, a full
-    buffer, or the last of the `save_times`, (N,) s, whichever comes first. With times, `recorders`
-    must contain a `LatestAttempt` at the key `LATEST`.
+    """Continue a run until its end, a failure, the limit of `attempts` since the start of the run,
+    a full buffer, or the last of the `save_times`, (N,) s, whichever comes first. With
+    `save_times`, `recorders` must contain a `LatestAttempt` at the key `LATEST`.
 
     **Returns:** the run after the segment: its step, records and status; and, unless `save_times`
-    is ``None``, a pair of the `SavedRows` at the N times, and whether the run has reached each
-    time, (N,). Rows at a time that the run has not reached are meaningless.
+    is ``None``, a pair of the `SavedRows` of `quantities` at the N times, and whether the run has
+    reached each time, (N,). Rows at a time that it has not reached are meaningless.
     """
     method, system = scheme.method, scheme.system(unpack(folded_scene))
     loop = RunLoop(method, system, t_end, recorders)
@@ -130,8 +131,8 @@ def _status(step: Step) -> Status:
 
 
 def emptied(records: Records) -> Records:
-    """Return the records with empty buffers of steps and impacts. Buffers of sections stay: they
-    have room for all crossings to be kept."""
+    """Return the records with empty buffers of steps and impacts. Buffers of sections are not
+    emptied: they have room for all crossings that a section keeps."""
     read = {key: records[key] for key in (STEPS, IMPACTS) if key in records}
     empty = jax.tree.map(lambda p: p.emptied() if _is_buffer(p) else p, read, is_leaf=_is_buffer)
     return records | empty
@@ -161,8 +162,8 @@ segment_compiled = Native(segment)
 
 @dataclass(frozen=True)
 class Run:
-    """A run that is ready to start, to the time `end`, s. `save_at`: (N,) s, times to save at;
-    `redundant`: names of constraints."""
+    """A run that is ready to start, to the time `end`, s. `save_at`: (N,) s, times to save at, or
+    ``None`` if nothing is saved at times; `redundant`: names of the redundant constraints."""
 
     folded_scene: ConstantFolded
     scheme: Scheme
@@ -176,8 +177,8 @@ class Run:
     def in_one_piece(self, step: Step, records: Records, admissible: Condition | None) -> Solution:
         """Run to the end inside a computation that JAX traces, such as under `jax.vmap`, and return
         a `Solution` of traced arrays, without steps and impacts. Saved states and values of
-        quantities at times that the run did not reach are meaningless. With numbers that are not
-        `admissible`, the run ends at once, with the result `domain`."""
+        quantities at times that the run did not reach are meaningless. If `admissible` is false
+        (``None``: no condition), the run ends at once, with the result `domain`."""
         if admissible is not None:
             # With another result than `successful`, the loop of steps takes no step.
             step = replace(step, result=RESULTS.where(admissible, step.result, RESULTS.domain))
@@ -242,6 +243,7 @@ class Run:
                 limit = np.asarray(min(int(status.attempts) + ATTEMPTS_A_SEGMENT, self.max_steps))
                 program = self.scheme, self.folded_scene, self.recorders
                 rest = saved.next_times(end), self.end, limit, self.requested.quantities
+                # The step stays flattened for the next call. The other results are read here.
                 step, *others = segment_compiled.in_parts(*program, step, records, *rest)
                 records, status, sampled = (part.tree for part in others)
                 records = saved.add(records, sampled)
@@ -271,7 +273,7 @@ class Run:
         time, attempts, accepted = jax.device_get((status.t, status.attempts, status.accepted))
         states, values = saved.samples()
         trajectory = states if self.requested.save.states else None
-        numbers = {
+        reduced = {
             result_name(name, part): float(value)
             for name, parts in jax.device_get(results).items()
             for part, value in parts.items()
@@ -288,7 +290,7 @@ class Run:
             impacts=Impacts.of_rows(saved.impact_rows) if IMPACTS in records else None,
             formulation=self.scheme.formulation,
             redundant_constraints=self.redundant,
-            outputs={**values, **self.requested.recorded(records), **numbers},
+            outputs={**values, **self.requested.recorded(records), **reduced},
             settings=notes,
         )
         return solution, bool(slid_out)
@@ -310,14 +312,14 @@ class _SavedBySegments:
         return self.save_at is None or self.count == len(self.save_at)
 
     def next_times(self, end: float) -> np.ndarray | None:
-        """Return the next `SAVES_A_SEGMENT` times to save at, filled up with the end time."""
+        """Return the next `SAVES_A_SEGMENT` times, s, filled up with `end`; ``None`` for none."""
         if self.save_at is None:
             return None
         following = self.save_at[self.count :][:SAVES_A_SEGMENT]
         return np.pad(following, (0, SAVES_A_SEGMENT - len(following)), constant_values=end)
 
     def add(self, records: Records, sampled: tuple[SavedRows, jax.Array] | None) -> Records:
-        """Take what a segment has saved, and return the records with empty buffers."""
+        """Take what a segment has saved; `sampled` is its last result. Return emptied records."""
         if sampled is not None and self.save_at is not None:
             # Only the first samples are kept. The others are at times that the run has not reached
             # yet, or belong to the filling.
@@ -366,7 +368,9 @@ def end_of(
     """Return the packed final state, the result code, and results[name][part] of the reductions."""
     final = Snapshot.of(step)
     instant = final.instant(system)
-    results = {name: of.results(tallies[name], instant) for name, of in reductions.items()}
+    results = {
+        name: reduction.results(tallies[name], instant) for name, reduction in reductions.items()
+    }
     return pack(final.state(system)), final_result(step, end), results
 
 

@@ -1,8 +1,8 @@
 """Recorder of impacts, which are finished contacts.
 
 While a contact lasts, its peak force and its largest penetration are updated after each accepted
-step. When it ends, they are written into a row of a buffer, with the times and speeds of its onset
-and its end. The penetration, negative where the surfaces are apart, is also called depth.
+step. When the contact ends, both are written into a row of a buffer, with the times and speeds of
+its onset and its end. The penetration, negative where the surfaces are apart, is also called depth.
 """
 
 from collections.abc import Callable, Mapping
@@ -41,11 +41,11 @@ from .recorders import ROWS, RowBuffer
 from .run_loop import AbstractRecorder, RunStart, StepOutcome
 
 RESOLVED_TRAVEL = 1e-8
-"""Smallest product of a step's length and the contact's speed, m, for which rates inside the step
-are computed from depths. In a shorter step, rounding errors dominate the change of the depth."""
+"""Smallest product of a step's length and the contact's speed, m, for which rates of the depth in
+the step are computed from depths. Below it, rounding errors dominate the change of the depth."""
 PIECES = 4
-"""Number of intervals of a step for a first search for the peak of a contact, which may fill only a
-small part of a step that does not end at its onset or its end."""
+"""Number of equal intervals of a step in a first search for the peak of a contact. The contact may
+fill only a small part of the step, unless steps end at its onset and its end."""
 
 
 class ContactInstant(eqx.Module):
@@ -76,10 +76,11 @@ def peak_in_step(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant, h: Scalar
 ) -> tuple[Point, Scalar]:
     """Return the largest normal force, N, and the largest depth, m, of a contact in a step of
-    length h, s. The force is a `Point`, with its position in the step from 0 to 1.
+    length h, s, from `start` to `end`. The force is a `Point`, with its position in the step from 0
+    to 1.
 
-    The law uses the entry speed at `start` in the whole step, or the current rate if that is zero
-    because the contact begins in the step (see `contact_normal_force`).
+    In the whole step the law uses the entry speed at `start`. If this is zero, because the contact
+    begins in the step, the law uses the current rate (see `contact_normal_force`).
     """
     first, last = (Bend(at.gap.depth, at.gap.rate, at.second_rate) for at in (start, end))
     quintic = Quintic.through(first, last, h)
@@ -88,12 +89,12 @@ def peak_in_step(
     # cubic through rates and second rates does not.
     moves = h * jnp.abs(start.speed()) > RESOLVED_TRAVEL
 
-    # The normal force does not depend on the rate of the factor, which is zero here.
+    # The normal force does not depend on the rate of the gap's factor, so this rate is set to zero.
     def factor(x: Scalar) -> Slope | None:
-        first, last = start.gap.factor, end.gap.factor
-        if first is None or last is None:
+        at_start, at_end = start.gap.factor, end.gap.factor
+        if at_start is None or at_end is None:
             return None
-        return Slope(hermite_value(x, first, last, h), 0.0)
+        return Slope(hermite_value(x, at_start, at_end, h), 0.0)
 
     def force(x: Scalar) -> Scalar:
         rate = jnp.where(moves, quintic.rate(x), hermite_value(x, *rates, h))
@@ -105,6 +106,7 @@ def peak_in_step(
 
 def _largest(value_at: Callable[[Scalar], Scalar]) -> Point:
     # Among all triples of neighbouring points, the one with the highest middle point is selected.
+    # The ends of the step are in the middle of no triple, so they are compared with the result.
     points = [Point(k / PIECES, value_at(k / PIECES)) for k in range(PIECES + 1)]
     best = points[:3]
     for k in range(2, PIECES):
@@ -116,7 +118,7 @@ def end_in_step(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant, h: Scalar
 ) -> Scalar:
     """Return the fraction, 0 to 1, of a step of length h, s, after which a contact that exists at
-    `start` ends; 1 if it does not. The depth is the cubic through depths and rates at both ends."""
+    `start` ends; 1 if it lasts. The depth is the cubic through depths and rates at both ends."""
     before, after = _depths(law, start, end)
     return jnp.where(after.value < 0.0, hermite_root(before, after, h), 1.0)
 
@@ -124,7 +126,7 @@ def end_in_step(
 def _depths(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant
 ) -> tuple[Slope, Slope]:
-    """Return the depth, counted from the onset of the force, and its rate at two instants."""
+    """Return the depth, m, counted from the onset of the force, and its rate, m/s, at both ends."""
     lead = law.onset_offset()
     return Slope(start.gap.depth + lead, start.gap.rate), Slope(end.gap.depth + lead, end.gap.rate)
 
@@ -145,13 +147,15 @@ class ImpactRow(eqx.Module):
     largest_penetration: Scalar
 
     def columns(self, *_: object) -> dict[str, Scalar]:
-        """Return all fields by name, and the "duration", s; only sections use the arguments."""
+        """Return all fields by name, and the "duration", s. Arguments are ignored: lanes pass those
+        that `Snapshot.columns` needs."""
         return {**vars(self), "duration": self.separation - self.onset}
 
 
 class ContactSoFar(eqx.Module):
     """A contact at the end of the latest accepted step.
 
+    - `instant`: the contact at that time.
     - `begun`: whether it touches at that time and its onset was after the start of the run.
     - `row`: its onset, its entry speed and its peaks so far, valid only if `begun`. `separation`
       and `exit_speed` have no meaning before the contact ends.
@@ -175,14 +179,15 @@ class ContactSoFar(eqx.Module):
         peak, depth = peak_in_step(law, start, end, h)
         stronger = peak.value > row.peak_force
         first, last = _depths(law, start, end)
-        over = end_in_step(law, start, end, h)
+        x_end = end_in_step(law, start, end, h)
         # `separation` and `exit_speed` are overwritten in each step, until the contact ends. If
         # steps land at the ends of contacts, the rate there needs no interpolation.
         row = ImpactRow(
             onset=row.onset,
-            separation=t0 + h * over,
+            separation=t0 + h * x_end,
             entry_speed=row.entry_speed,
-            exit_speed=-(end.gap.rate if lands else hermite_rate(over, first, last, h)),
+            # Surfaces that separate have a negative rate of the depth, but a positive exit speed.
+            exit_speed=-(end.gap.rate if lands else hermite_rate(x_end, first, last, h)),
             peak_force=jnp.where(stronger, peak.value, row.peak_force),
             peak_time=jnp.where(stronger, t0 + h * peak.x, row.peak_time),
             largest_penetration=jnp.maximum(row.largest_penetration, depth),
@@ -200,8 +205,8 @@ class ContactSoFar(eqx.Module):
         else:
             # The contact may have begun long before the end of the step, and may already recede
             # there.
-            x = hermite_root(first, last, h)
-            onset, speed = t0 + h * x, hermite_rate(x, first, last, h)
+            x_onset = hermite_root(first, last, h)
+            onset, speed = t0 + h * x_onset, hermite_rate(x_onset, first, last, h)
             peak_force, peak_time, largest_penetration = peak.value, t0 + h * peak.x, depth
         # The separation and the exit speed are still unknown, so these fields get any numbers.
         fresh = ImpactRow(
@@ -216,7 +221,8 @@ class ContactSoFar(eqx.Module):
         # A contact that exists at the start of the run gets no row, because its onset is unknown.
         begun = touches & (begins | self.begun)
         contact = ContactSoFar(end, begun, choose(begins, fresh, row))
-        return contact, self.begun & jnp.logical_not(touches), row
+        has_ended = self.begun & jnp.logical_not(touches)
+        return contact, has_ended, row
 
 
 class ContactRecord(eqx.Module):
@@ -248,14 +254,16 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
 
     @override
     def start(self, start: RunStart) -> ImpactRecord:
-        no, loop = jnp.asarray(False), start.loop
-        none = ImpactRow(**{field.name: jnp.zeros(()) for field in fields(ImpactRow)})
-        rows = RowBuffer.like(none, self.capacity)
+        # A contact that exists at the start of the run counts as not begun, and gets no row.
+        begun, loop = jnp.asarray(False), start.loop
+        blank = ImpactRow(**{field.name: jnp.zeros(()) for field in fields(ImpactRow)})
+        rows = RowBuffer.like(blank, self.capacity)
         instants = self._instants(loop.method, loop.system, start.now, start.step)
-        return each_label(
-            lambda name, label: ContactRecord(ContactSoFar(instants[name][label], no, none), rows),
-            instants,
-        )
+
+        def record(name: str, label: str) -> ContactRecord:
+            return ContactRecord(ContactSoFar(instants[name][label], begun, blank), rows)
+
+        return each_label(record, instants)
 
     @override
     def after(self, record: ImpactRecord, step_outcome: StepOutcome) -> ImpactRecord:
@@ -271,9 +279,9 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
             recorded = record[name][label]
             law, end = laws[name][label], ends[name][label]
             arguments = recorded.contact, law, t0, t1, end, lands
-            contact, over, row = shared_by_many(count, ContactSoFar.after, *arguments)
+            contact, has_ended, row = shared_by_many(count, ContactSoFar.after, *arguments)
             # A row is written if the contact ended in this step, and the row is to be recorded.
-            written = accepted & over
+            written = accepted & has_ended
             if self.window is not None:
                 written = written & self.window.at(now).holds(system.clock(row.onset))
             if self.wanted is not None:
@@ -298,7 +306,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
 
 
 def _second_rates(method: Method, system: System, step: Step) -> ByLabel[Scalar]:
-    """Return the second time derivatives of all penetrations, m/s^2, by joint and contact."""
+    """Return by joint and contact the second time derivatives of penetrations at `step`, m/s^2."""
     if isinstance(method.solver, UnrolledExplicit):
         return step.second_rates
     # Other solvers do not keep the rates at the end of a step, so they are computed here.
@@ -312,7 +320,7 @@ def _second_rates(method: Method, system: System, step: Step) -> ByLabel[Scalar]
 
 
 def most(record: ImpactRecord) -> int:
-    """Return the largest number of impacts of a contact, recorded or not; zero without contacts."""
+    """Return the largest number of impacts, recorded or not, of any contact; 0 without contacts."""
     contacts = (contact for family in record.values() for contact in family.values())
     return max((int(contact.rows.count) for contact in contacts), default=0)
 

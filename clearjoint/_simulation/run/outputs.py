@@ -45,7 +45,7 @@ class ImpactTable:
 
     - `count`: largest number of impacts recorded for each contact.
     - `joint`: name of the joint whose contacts are recorded; by default all joints with contacts.
-    - `after`, `until`: start and end of a time window; by default the whole run. An impact is
+    - `after`, `until`: s, start and end of a time window; by default the whole run. An impact is
       recorded if its onset lies in the window. Each may be a function of the scene that returns a
       time and that JAX can trace, so that each run of a sweep has a window of its own.
 
@@ -96,7 +96,7 @@ Output: TypeAlias = Quantity | AbstractReduction | Section | ImpactTable | Rejec
 RECORDED = AbstractReduction | Section | ImpactTable | RejectedSteps
 """Kinds of outputs that are recorded at steps, not evaluated at sample times."""
 SECTIONS, REDUCTIONS, TABLES, REJECTIONS = "sections", "reductions", "tables", "rejections"
-"""Keys of recorders and of records, whose values are dictionaries by the name of the output."""
+"""Keys of recorders and of records; under each of them is a dictionary by name of the output."""
 Table: TypeAlias = Crossings | Impacts | Rejections
 """A result with a row for each event of a run."""
 EXAMPLE = 'pass for example {"x": cj.quantities.Position("arm", "x")}'
@@ -135,8 +135,8 @@ class Requested:
         return {n: output for n, output in self.outputs.items() if isinstance(output, ImpactTable)}
 
     def check(self, scene: Scene, ledger: bool) -> None:
-        """Check that a scene has the elements that the outputs name, and that outputs which need
-        the energy `ledger` have it; raise a `ValueError` that names the output."""
+        """Check that a scene has the elements that the outputs name, and that no output needs the
+        energy ledger if `ledger` is false; raise a `ValueError` that names the output."""
         for name, output in self.outputs.items():
             if isinstance(output, AbstractReduction):
                 expected, remedy = f"True for outputs[{name!r}]", "pass Settings(ledger=True)"
@@ -152,6 +152,7 @@ class Requested:
         reduction, such as "peak_time", named as another output, and for quantities without sample
         times."""
         require_array_names("outputs", self.outputs, EXAMPLE)
+        # The result "" of a reduction has the name of the output itself.
         parts = {result_name(n, p) for n, o in self.reductions.items() for p in o.units() if p}
         twice = sorted(parts & set(self.outputs))
         require(not twice, "outputs", twice, "names of no part of a reduction", "rename the output")
@@ -161,8 +162,8 @@ class Requested:
             require(self.save.times is not None, "times", None, expected, remedy)
 
     def refuse(self, kinds: type | UnionType, expected: str, remedy: str) -> None:
-        """Raise a `ValueError` that names the output, what is `expected` and the `remedy`, if an
-        output is of `kinds`, which a kind of run cannot compute."""
+        """Raise a `ValueError` if an output is of one of the `kinds`, which the present kind of run
+        cannot compute. The message has the output's name, what is `expected`, and the `remedy`."""
         for name, output in self.outputs.items():
             is_possible = not isinstance(output, kinds)
             require(is_possible, f"outputs[{name!r}]", output, expected, remedy)
@@ -171,13 +172,14 @@ class Requested:
         tables, outputs = self.tables.items(), self.outputs.items()
         return {
             SECTIONS: {name: section.recorder for name, section in self.sections.items()},
-            REDUCTIONS: {name: ReductionRecorder(of) for name, of in self.reductions.items()},
+            REDUCTIONS: {n: ReductionRecorder(o) for n, o in self.reductions.items()},
             TABLES: {n: ImpactRecorder(o.joint, o.window(), o.count) for n, o in tables},
             REJECTIONS: {n: o.recorder for n, o in outputs if isinstance(o, RejectedSteps)},
         }
 
     def recorded(self, records: Records, origin: float = 0.0) -> dict[str, Table]:
-        """Return the tables in the records of a run whose clock was zero at `origin`, s."""
+        """Return by name of the output the tables in the records of a run. `origin`, s, is the
+        scene's time at which the clock of the run was zero."""
         found: dict[str, Table] = {}
         for name, section in self.sections.items():
             columns = records[SECTIONS][name].rows.filled()

@@ -36,14 +36,14 @@ from .sections import Section
 
 T = TypeVar("T")
 KEPT_RUNS, KEPT_BYTES = 4, 240_000_000
-"""Number of runs that a predictor keeps, so that a gradient does not repeat those of the values,
-and bytes up to which it keeps more of them."""
+"""Number of latest runs that a predictor always keeps, so that a gradient does not repeat the runs
+that have computed the outputs; and bytes of recorded steps up to which it keeps further runs."""
 GUARD_TOLERANCE = 0.3
-"""Factor of the tolerance of derivatives if there are several parameters, for whose derivatives
-that of the guard stands. With 1, derivatives by a clearance that hardly changes the guard were
-wrong by 2e-6 and 7e-6 at an `rtol` of 1e-9, where forward mode has errors of 2e-8 to 8e-8; with 0.3
-by 6e-8 and 6e-7, in 1.1 to 1.2 times as many steps, which are still fewer than those of forward
-mode."""
+"""Factor of the tolerance of derivatives in runs with several parameters. Only the error of the
+guard, the derivative along one direction of all parameters (see `.adjoint`), is then controlled.
+With a factor of 1, derivatives by a clearance that hardly changes the guard were wrong by 2e-6 and
+7e-6 at an `rtol` of 1e-9, where forward mode has errors of 2e-8 to 8e-8; with 0.3 by 6e-8 and 6e-7,
+in 1.1 to 1.2 times as many steps, which are still fewer than those of forward mode."""
 AT_ONCE = 64
 """Largest number of runs of a batch that are computed side by side. Each may keep steps of up to 30
 MB (`.recorded_runs`) until their outputs or gradients are computed."""
@@ -111,7 +111,7 @@ class Predictor:
 
         **Raises:** `ValueError` for values of another form, and for numbers that the scene can't
         have; `SimulationError` if the run fails. Inside of `jax.jit` and `jax.vmap`, JAX raises an
-        error of its own with the text of these.
+        error of its own, whose text contains that of the `ValueError` or `SimulationError`.
         """
         return self._predict(self._checked(values))
 
@@ -181,8 +181,8 @@ class Predictor:
     def _recorded(
         self, values: list[dict[str, PyTree]], or_nan: bool = False
     ) -> list[RecordedRun | None]:
-        """Return the runs at values of the parameters, those that were made before or new ones. An
-        invalid or failed run raises an error, or is ``None`` with `or_nan`."""
+        """Return a run, new or kept from an earlier call, for each of the `values` of the
+        parameters. An invalid or failed run raises an error, or is ``None`` with `or_nan`."""
         # A run is kept by the bytes of its parameters. Kept runs are taken out here and put back
         # below, so that the last ones in `_runs` are those used last.
         keys = [b"".join(leaf.tobytes() for leaf in jax.tree.leaves(at)) for at in values]
@@ -219,16 +219,19 @@ class Predictor:
         if redundant not in self._recorders:
             reductions = self._outputs.reductions
             formulation = replace(scheme.formulation, integrands=integrands_of(reductions))
-            method, numbers = scheme.method, sum(map(np.size, jax.tree.leaves(values)))
+            method, parameter_count = scheme.method, sum(map(np.size, jax.tree.leaves(values)))
             assert method.derivative_tolerance is not None
-            # The derivative along the guard's direction stands for those by all numbers.
-            if numbers > 1:
+            # Only the error of the derivative along the guard's direction is controlled. With a
+            # single number, it is the wanted derivative itself; with several, it chooses the steps
+            # for all derivatives.
+            if parameter_count > 1:
                 tolerance = GUARD_TOLERANCE * method.derivative_tolerance
                 method = replace(method, derivative_tolerance=tolerance)
             run = Adjoint(
                 scheme=replace(scheme, method=method, formulation=formulation),
                 family=self._family,
-                reductions={n: of for n, of in reductions.items() if of.finds_instants},
+                # Only reductions whose instants the run finds need a tally.
+                reductions={n: o for n, o in reductions.items() if o.finds_instants},
                 origin=np.asarray(start, float),
                 end=np.asarray(end, float),
                 first_step=np.asarray(settings.length_of_first_step(start, end), float),
@@ -239,6 +242,8 @@ class Predictor:
 
 
 def _gradients(runs: list[RecordedRun], cotangents: list[dict[str, np.ndarray]]) -> list[PyTree]:
+    # A recorder computes the gradients of its runs side by side. Those with redundant constraints
+    # have another recorder (see `Predictor._recorder`).
     slopes: list[PyTree] = [None] * len(runs)
     for recorder in {run.recorder: None for run in runs}:
         numbers = [k for k, run in enumerate(runs) if run.recorder is recorder]
@@ -251,8 +256,8 @@ def _gradients(runs: list[RecordedRun], cotangents: list[dict[str, np.ndarray]])
 
 
 def _batch_shape(examples: PyTree, arrays: PyTree) -> tuple[int, ...]:
-    """Return the shape of a batch: the first axes of `arrays`, before those that an element of the
-    batch, `examples`, has too."""
+    """Return the shape of a batch, whose elements are like `examples`: the axes of each of `arrays`
+    before those that an element has too, broadcast over all arrays; ``()`` without a batch."""
     pairs = zip(jax.tree.leaves(examples), jax.tree.leaves(arrays), strict=True)
     return np.broadcast_shapes(
         *(np.shape(array)[: np.ndim(array) - len(np.shape(example))] for example, array in pairs)
@@ -260,12 +265,13 @@ def _batch_shape(examples: PyTree, arrays: PyTree) -> tuple[int, ...]:
 
 
 def _elements_of(examples: PyTree, arrays: PyTree, shape: tuple[int, ...]) -> list[PyTree]:
-    """Return the elements, each like `examples`, of a batch of arrays broadcast to `shape`."""
+    """Return the elements of a batch, in row-major order, each a PyTree like `examples`. The axes
+    of the batch in `arrays` are broadcast to `shape`."""
 
     def flat(example: PyTree, array: ArrayLike) -> np.ndarray:
-        own = np.shape(example)
+        of_element = np.shape(example)
         array = np.asarray(array, float)
-        return np.broadcast_to(array, (*shape, *own)).reshape(-1, *own)
+        return np.broadcast_to(array, (*shape, *of_element)).reshape(-1, *of_element)
 
     columns = jax.tree.map(flat, examples, arrays)
     count = math.prod(shape)
@@ -289,7 +295,8 @@ def _as_floats(leaf: ArrayLike) -> jax.Array | np.ndarray:
 
 
 def on_host(function: Callable[..., PyTree], shapes: PyTree, *arguments: PyTree) -> PyTree:
-    """Return the result, of known `shapes`, of a function of NumPy arrays, also if JAX traces."""
+    """Return the result of a function of NumPy arrays for `arguments`, which JAX may trace: it then
+    calls the function from compiled code. `shapes`: a PyTree of the result's shapes and dtypes."""
     if is_traced(arguments):
         return jax.pure_callback(function, shapes, *arguments, vmap_method="expand_dims")
     # A callback would wrap the error of a run that fails in one of JAX's own.
@@ -323,13 +330,13 @@ def predictor(
     The derivatives are those of the exact motion, as those of `sensitivities`, of which this is the
     reverse mode: a gradient costs as much as a few runs, whatever the number of parameters.
     `sensitivities` costs about one run for each parameter. The function works under `jax.grad`,
-    `jax.vjp`, `jax.jacrev`, `jax.jit` and `jax.vmap`, which computes the runs of a batch side by
-    side in vectors of the processor; not under `jax.jvp`.
+    `jax.vjp`, `jax.jacrev`, `jax.jit` and `jax.vmap`, not under `jax.jvp`. Under `jax.vmap`, the
+    runs of a batch are computed side by side in vectors of the processor.
 
     The steps of a run are controlled by the errors of the state and of its derivative along one
     random direction of all parameters, which is always the same. If the parameters hardly move the
-    first impacts, the steps may be too long for the derivatives by others: compare with
-    `sensitivities` once, and lower `rtol` in the settings if they differ.
+    first impacts, the steps may be too long for some of the derivatives: compare these with those
+    of `sensitivities` once, and lower `rtol` in the settings if they differ.
 
     **Arguments:**
 
@@ -341,7 +348,8 @@ def predictor(
     - `outputs`: quantities by name, as in `sensitivities`, and reductions `Integral`, `Statistics`
       (mean and root mean square), `Peak` (the value), `DissipatedEnergy` and `MeanPowerLost`.
       Integrated quantities must be continuous in time, and windows must have fixed edges.
-    - `times`: (N,) s, not decreasing, between start and end, at which quantities are evaluated.
+    - `times`: (N,) s, not decreasing, between start and end, at which quantities are evaluated; may
+      be left out if the outputs have no quantity.
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.derivatives` unless given.
 
     **Raises:** `ValueError` for invalid arguments, as `sensitivities`.

@@ -39,18 +39,19 @@ from .outputs import REDUCTIONS, Requested
 from .run_loop import Progress
 
 KEPT_BYTES = 30_000_000
-"""Bytes of recorded steps kept of a run. The backward loop computes those of other segments
-again."""
+"""Bytes of recorded steps up to which the segments of a run are kept. The backward loop computes
+the steps of later segments again."""
 LANE_ROWS = 256
-"""Largest number of steps of a lane between two visits of Python. Eight lanes then occupy some
-megabytes, which is near to the size of the processor's second cache."""
+"""Largest number of steps of a lane between two returns to Python. The steps of eight lanes then
+occupy some megabytes, which is near to the size of the processor's second cache."""
 T = TypeVar("T")
 
 
 class _Segment(NamedTuple):
-    """A part of a run: the numbers of the `Step` before it, the `ends` of its M steps, s, and their
-    `rows`, (M, n). Rows that are not kept are ``None``, to be computed again; `picked` has some of
-    them, by number in the segment."""
+    """M successive steps of a run. `start`: numbers of the `Step` before the first; `ends`: (M,) s
+    since the start of the run; `rows`: (M, n), a `step_row` for each step, or ``None`` if they are
+    not kept, but computed again from `start`; `picked`: by index of the step in the segment, single
+    rows that are kept nevertheless."""
 
     start: np.ndarray
     ends: np.ndarray
@@ -59,7 +60,7 @@ class _Segment(NamedTuple):
 
 
 class _Recording(NamedTuple):
-    """The segments of a run, the last step, and the tallies of its reductions."""
+    """The segments of a run, the `last` `Step`, and the tallies of the reductions at the end."""
 
     segments: list[_Segment]
     last: Step
@@ -67,9 +68,10 @@ class _Recording(NamedTuple):
 
 
 class _Samples(NamedTuple):
-    """Times, (N,) s since the start of a run, at which quantities are evaluated; `places` are the
-    numbers of the steps in which they lie, and `rows`, (N, n), the rows of these. First come the
-    times of the requested quantities, then the `instants[name]`, s, of reductions."""
+    """Times, (N,) s since the start of a run, at which quantities are evaluated: first those of the
+    requested quantities, then those of reductions. `places`: (N,), for each time the index in the
+    run of the step in which the time lies; `rows`: (N, n), the `step_row` of this step;
+    `instants[name]`: s, the times of a reduction again, but on the scene's clock."""
 
     times: np.ndarray
     places: np.ndarray
@@ -80,8 +82,8 @@ class _Samples(NamedTuple):
 class Recorder:
     """Records runs at values of parameters, and computes outputs and their derivatives.
 
-    **Arguments:** `outputs`: quantities and reductions; `times`: (N,) s, not decreasing, between
-    the start and the end of the runs, of the quantities.
+    **Arguments:** `outputs`: quantities and reductions; `times`: (N,) s of the scene's time, not
+    decreasing, between start and end of the runs, at which the quantities are evaluated.
     """
 
     def __init__(self, run: Adjoint, outputs: Requested, times: np.ndarray):
@@ -97,7 +99,7 @@ class Recorder:
         self.has_lanes = is_native()
 
     def example_like(self, step: Step) -> Step:
-        """Return the step of the first call, an example of the structure of all steps."""
+        """Return the `step` passed in the first call, an example of the structure of all steps."""
         if self._example is None:
             self._example = keep_flattened(step)
         return self._example
@@ -115,7 +117,7 @@ class Recorder:
         self, runs: "Sequence[RecordedRun]", cotangents: Sequence[dict[str, np.ndarray]]
     ) -> list[PyTree]:
         """Return for each run the derivatives, by all parameters, of the sum of its outputs times
-        its cotangents. A run may occur several times, with different cotangents."""
+        their `cotangents`. A run may occur several times, with different cotangents."""
 
         def seeds_of(number: int) -> Seeds:
             return runs[number].pulled_outputs(cotangents[number])
@@ -126,6 +128,8 @@ class Recorder:
         return slopes or [run.gradient(seeds_of(number)) for number, run in enumerate(runs)]
 
     def _or_refused(self, function: Callable[[], T]) -> T | None:
+        # Without a rule of native code for an operation, runs are computed one after the other, in
+        # this call and in all later ones.
         try:
             return function()
         except UnsupportedPrimitiveError as error:
@@ -137,9 +141,9 @@ class Recorder:
 class RecordedRun:
     """A run with its accepted steps, from which values and derivatives of outputs follow.
 
-    - `last`: the step at its end. If the run has failed, the values and derivatives at times that
-      it has not reached are meaningless.
-    - `bytes_kept`: bytes of the recorded steps.
+    - `last`: the `Step` at the end of the run. If the run has failed, values and derivatives at
+      times that the run has not reached are meaningless.
+    - `at`: values of the parameters; `bytes_kept`: bytes of the recorded steps.
     """
 
     def __init__(self, recorder: Recorder, at: PyTree, recording: _Recording):
@@ -154,7 +158,8 @@ class RecordedRun:
         if segment.rows is not None:
             return segment.rows
         start = like(self.example, segment.start)
-        buffer = adjoint.segment(self.recorder.run, self.at, start, self._tallies)[2]
+        # Tallies do not influence the steps, so those of the end of the run serve here.
+        _, _, buffer = adjoint.segment(self.recorder.run, self.at, start, self._tallies)
         return np.asarray(buffer.filled())
 
     def solution(self, settings: Notes) -> Solution:
@@ -187,27 +192,30 @@ class RecordedRun:
             require(is_reached, argument, reduction, "a reduction over a part of the run", remedy)
         further = [t - origin for group in instants.values() for t in group]
         times = np.concatenate([self.recorder.times, further])
-        # The step in which a time lies is the first that ends at or after it. If the run fails,
-        # that of later times is its last one.
+        # The step in which a time lies is the first that ends at or after it. Times that a failed
+        # run has not reached get its last step.
         ends = np.concatenate([segment.ends for segment in self.segments])
         places = np.minimum(np.searchsorted(ends, times), len(ends) - 1)
         return _Samples(times, places, self._rows_at(places), instants)
 
     def _rows_at(self, places: np.ndarray) -> np.ndarray:
-        rows: dict[int, np.ndarray] = {}
+        # The segment has the steps with the indices `first` to `stop` - 1 of the run.
+        rows_by_place: dict[int, np.ndarray] = {}
         first = 0
         for segment in self.segments:
-            last = first + len(segment.ends)
-            numbers = np.unique(places[(first <= places) & (places < last)] - first).tolist()
+            stop = first + len(segment.ends)
+            in_segment = np.unique(places[(first <= places) & (places < stop)] - first).tolist()
             known = segment.picked if segment.rows is None else segment.rows
-            if segment.rows is None and not segment.picked.keys() >= set(numbers):
+            # Picked are the steps of the times of quantities, but not those of instants of
+            # reductions, which are found at the end of the run.
+            if segment.rows is None and not segment.picked.keys() >= set(in_segment):
                 known = self.rows_of(segment)
-            rows |= {first + k: known[k] for k in numbers}
-            first = last
-        return np.stack([rows[int(k)] for k in places])
+            rows_by_place |= {first + k: known[k] for k in in_segment}
+            first = stop
+        return np.stack([rows_by_place[int(k)] for k in places])
 
     def values(self) -> dict[str, np.ndarray]:
-        """Return the quantities, (N,) each, at N times, and the results of the reductions."""
+        """Return by name the quantities, (N,) each, at N times, and the results of reductions."""
         return self._combined(self._sampled)
 
     @cached_property
@@ -225,22 +233,24 @@ class RecordedRun:
         return np.asarray(adjoint.repeated(self.recorder.run, self.at, self.example, rows))
 
     def _combined(self, sampled: dict[str, Numbers]) -> dict[str, Numbers]:
-        """Return the outputs from values of the quantities at the times of `_samples`."""
-        outputs, first = self.recorder.outputs, len(self.recorder.times)
-        combined = {name: sampled[name][:first] for name in outputs.quantities}
+        """Return the outputs by name, from the values of quantities at all times of `_samples`."""
+        outputs, start = self.recorder.outputs, len(self.recorder.times)
+        combined = {name: sampled[name][:start] for name in outputs.quantities}
+        # After the times of the quantities come the instants of one reduction after the other.
         for name, reduction in outputs.reductions.items():
             instants = self._samples.instants[name]
-            last = first + len(instants)
-            columns = [sampled[part][first:last] for part in _parts_of(name, reduction)]
+            stop = start + len(instants)
+            columns = [sampled[part][start:stop] for part in _parts_of(name, reduction)]
             for part, value in reduction.combined(jnp.stack(columns, axis=1), instants).items():
                 combined[result_name(name, part)] = value
-            first = last
+            start = stop
         return combined
 
     def pulled_outputs(self, cotangents: dict[str, np.ndarray]) -> "Seeds":
         """Pull cotangents of the outputs, (N,) for a quantity and numbers for a reduction, back to
         the steps in which the outputs are evaluated."""
         recorder, samples = self.recorder, self._samples
+        # First from the outputs to the values of quantities at all times of `_samples`.
         if recorder.outputs.reductions:
             (cotangents,) = jax.device_get(jax.vjp(self._combined, self._sampled)[1](cotangents))
         shared, pulled = (recorder.run, self.at, self.example, recorder.quantities), []
@@ -254,25 +264,28 @@ class RecordedRun:
 
     @property
     def places(self) -> np.ndarray:
-        """Numbers of the steps in which quantities are evaluated."""
+        """Indices in the run, (N,), of the steps in which quantities are evaluated."""
         return self._samples.places
 
     def is_kept(self) -> bool:
         return all(segment.rows is not None for segment in self.segments)
 
     def gradient(self, seeds: "Seeds") -> PyTree:
-        """Return the derivatives by all parameters of the sum of tangents times `seeds`."""
+        """Pull `seeds` back to the start of the run, and return derivatives by all parameters."""
         now = Pulled(np.asarray(0), np.zeros(_count_of_tangents(self.example)), seeds.total)
+        # Index in the run of the first step of the segment.
         first = sum(len(segment.ends) for segment in self.segments)
-        last = seeds.steps_needed()
+        needed = seeds.steps_needed()
         for segment in reversed(self.segments):
             first -= len(segment.ends)
-            count = min(len(segment.ends), last - first)
-            if count <= 0:
+            count = min(len(segment.ends), needed - first)
+            if count <= 0:  # no step of this segment or of later ones has cotangents
                 continue
+            # One program serves all segments, so their arrays are filled up to the same lengths.
             rows = self.rows_of(segment)
             rows = np.pad(rows, ((0, adjoint.ROWS - len(rows)), (0, 0)))
-            steps = seeds.steps(rows, first, first + count, min(len(seeds.places), adjoint.ROWS))
+            room = min(len(seeds.places), adjoint.ROWS)
+            steps = seeds.steps(rows, first, first + count, room)
             now = now._replace(count=np.asarray(count))
             now = adjoint.backward(self.recorder.run, self.at, self.example, steps, now)
         return self.gradient_from(now)
@@ -280,13 +293,13 @@ class RecordedRun:
     def gradient_from(self, start: Pulled) -> PyTree:
         """Return the derivatives by all parameters from the cotangents before the first step."""
         before = jax.device_get(like(self.example.tangents, start.cotangents))
-        first = self._rows_at(np.zeros(1, int))[0]
-        along = adjoint.pulled_start(self.recorder.run, self.at, self.example, first, before)
-        return jax.tree.map(np.add, start.total, along)
+        (first_row,) = self._rows_at(np.zeros(1, int))
+        of_start = adjoint.pulled_start(self.recorder.run, self.at, self.example, first_row, before)
+        return jax.tree.map(np.add, start.total, of_start)
 
 
 def _pieces(rows: np.ndarray, times: np.ndarray, *cotangents: PyTree) -> Iterator[tuple]:
-    """Yield N rows, their times and cotangents, in pieces of `ROWS`. The last of several pieces is
+    """Yield N rows, their times and cotangents, in pieces of `adjoint.ROWS`. The last of several is
     filled up by copies of the last row, with zero cotangents; a single piece may be shorter."""
     missing = -len(rows) % adjoint.ROWS if len(rows) > adjoint.ROWS else 0
 
@@ -306,8 +319,8 @@ def _count_of_tangents(example: Step) -> int:
 class Seeds(NamedTuple):
     """Cotangents with which a backward loop begins.
 
-    - `total`: of the direction of the parameters at fixed tangents.
-    - `pulled`: (K, m), of the `StepTangents` of the steps with the numbers `places`, (K,).
+    - `total`: of the direction of the parameters, on which outputs depend at fixed tangents too.
+    - `pulled`: (K, m), of the `StepTangents` of the steps with the indices `places`, (K,).
     """
 
     total: PyTree
@@ -315,21 +328,21 @@ class Seeds(NamedTuple):
     places: np.ndarray
 
     def steps_needed(self) -> int:
-        """Return the number of the run's steps up to the last one that has cotangents."""
+        """Return how many steps the run has up to the last one that has cotangents."""
         places = self.places[self.pulled.any(axis=1)]
         return int(places.max(initial=-1)) + 1
 
     def steps(self, rows: np.ndarray, first: int, last: int, room: int) -> PulledSteps:
-        """Return the steps with the numbers `first` to `last` - 1 of the run. Their rows are the
-        first ones of `rows`, and `room` of them may have cotangents."""
+        """Return the steps with the indices `first` to `last` - 1 in the run. Their rows are the
+        first ones of `rows`, and at most `room` of these steps have cotangents."""
         # Row 0 of `added` stays zero, for steps without cotangents. Steps in which outputs are
         # evaluated at several times get the sum of their cotangents.
         added = np.zeros((room + 1, self.pulled.shape[1]))
         places = np.zeros(len(rows), int)
         here = np.flatnonzero((first <= self.places) & (self.places < last))
-        numbers, order = np.unique(self.places[here] - first, return_inverse=True)
+        with_outputs, order = np.unique(self.places[here] - first, return_inverse=True)
         np.add.at(added, order + 1, self.pulled[here])
-        places[numbers] = np.arange(1, len(numbers) + 1)
+        places[with_outputs] = np.arange(1, len(with_outputs) + 1)
         return PulledSteps(rows, added, places)
 
 
@@ -355,12 +368,13 @@ def _recorded(recorder: Recorder, at: PyTree) -> _Recording:
 
 
 def _without_rows(segment: _Segment, times: np.ndarray) -> _Segment:
-    """Return a segment with the rows of its first step and of the steps in which `times` lie."""
+    """Return a segment without rows, except those of the steps in which `times`, s, lie, and that
+    of its first step: the derivatives of the initial state need the row of the run's first step."""
     assert segment.rows is not None
-    numbers = np.unique([0, *np.searchsorted(segment.ends, times)])
-    last = len(segment.ends) - 1
-    numbers = np.minimum(numbers, last)
-    return segment._replace(rows=None, picked={int(k): segment.rows[k].copy() for k in numbers})
+    picked = np.unique([0, *np.searchsorted(segment.ends, times)])
+    # Times after the segment lie in steps of later segments, and pick its last step here.
+    picked = np.minimum(picked, len(segment.ends) - 1)
+    return segment._replace(rows=None, picked={int(k): segment.rows[k].copy() for k in picked})
 
 
 def _numbers_of(step: Step) -> np.ndarray:
@@ -404,9 +418,10 @@ def _through(
     begin: Callable[[int], tuple[np.ndarray, np.ndarray]],
     serve: Callable[[int, np.ndarray, bool], bool],
 ) -> None:
-    """Run the lanes 0 to `count` - 1 in the columns of a loop. `begin` returns the cells of a
-    lane's own data and of its state. Whenever the loop returns, `serve` gets the cells of each
-    lane's column and whether it moves, and returns whether it goes on."""
+    """Run the lanes 0 to `count` - 1 in the columns of a loop. `begin` gets the number of a lane,
+    and returns the cells of its own data and of its state. Whenever the loop returns, `serve` gets,
+    for each lane, its number, the cells of its column, and whether it moves, that is, could take a
+    step; it returns whether the lane goes on. If not, the next lane gets the column."""
     columns, waiting = loop.columns(shared), deque(range(count))
     # The lane in each column; ``None`` for an empty one.
     slots: list[int | None] = [None] * loop.width
@@ -426,21 +441,22 @@ def _through(
 
 
 def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Recording]:
-    """Record runs side by side, and return by number those that are short enough to be kept."""
-    run, own = recorder.run, Cells(values[0])
+    """Record a run for each of the `values` of the parameters, side by side. Return, by index in
+    `values`, the recordings of those runs that are short enough to be kept."""
+    run, parameter_cells = recorder.run, Cells(values[0])
     recordings: dict[int, _Recording] = {}
     # Rows that the host has read so far, by the number of the run.
     rows_of_runs: dict[int, list[np.ndarray]] = defaultdict(list)
     begin_rows = _begun_lane.native.bound(run, values[0])
     stacked = jax.tree.map(lambda *leaves: np.stack(leaves), *values)
     # Cells of the parameters of all runs, (runs, cells), and layout of a lane's state.
-    parameters, cells = own.rows(stacked), begin_rows.results
-    first = cells.tree(begin_rows(parameters[:1])[0])
-    loop = made_lane_loop(_stepped_lane, _status_of_lane, (run, values[0], first))
+    parameters, state_cells = parameter_cells.rows(stacked), begin_rows.results
+    example = state_cells.tree(begin_rows(parameters[:1])[0])
+    loop = made_lane_loop(_stepped_lane, _status_of_lane, (run, values[0], example))
     # Cells, in a lane's column, of the buffer of accepted steps: its rows and their count.
-    places = cells.columns().records[STEPS]
-    start, width = loop.state_cells.start, places.rows.shape[1]
-    rows_from, count_at = start + int(places.rows[0, 0]), start + int(places.count)
+    buffer = state_cells.columns().records[STEPS]
+    state_at, row_size = loop.state_cells.start, buffer.rows.shape[1]
+    rows_from, count_at = state_at + int(buffer.rows[0, 0]), state_at + int(buffer.count)
     runs_at = loop.status["runs"].start
 
     def begin(number: int) -> tuple[np.ndarray, np.ndarray]:
@@ -452,7 +468,7 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
         # Lanes that will soon be full are emptied with those that are, since they would stop all.
         if moves and count < LANE_ROWS // 2:
             return True
-        rows = column[rows_from : rows_from + count * width].reshape(count, width)
+        rows = column[rows_from : rows_from + count * row_size].reshape(count, row_size)
         read = rows_of_runs[number]
         read.append(np.array(rows))
         integers[count_at] = 0
@@ -462,7 +478,7 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
                 return True
             del rows_of_runs[number]
             return False
-        last = cells.tree(column[loop.state_cells])
+        last = state_cells.tree(column[loop.state_cells])
         rows = np.concatenate(rows_of_runs.pop(number))
         # All rows are kept, so that no segment is computed again from a `start`.
         pieces = (rows[k : k + adjoint.ROWS] for k in range(0, len(rows), adjoint.ROWS))
@@ -476,8 +492,8 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
 
 @dataclass
 class _PulledLane:
-    """A run whose cotangents are pulled back from its end. Its steps from the number `first` on
-    have been given to the lane."""
+    """A run whose cotangents are pulled back from its end. `rows`: (M, n), a `step_row` for each of
+    its steps; `first`: index of the earliest step that the lane has been given so far."""
 
     run: RecordedRun
     rows: np.ndarray
@@ -485,8 +501,8 @@ class _PulledLane:
     first: int
 
     def next_steps(self, left: int, room: int) -> tuple[PulledSteps, int]:
-        """Return the next steps to pull back through, and their number: first the `left` ones that
-        were given before and are not done."""
+        """Return the next steps to pull back through, up to `LANE_ROWS`, and how many there are:
+        the `left` ones that were given before and are not done, and the steps before these."""
         last = self.first + left
         self.first = max(0, last - LANE_ROWS)
         rows = np.zeros((LANE_ROWS, self.rows.shape[1]))
@@ -503,16 +519,18 @@ def _gradients_in_lanes(
     slopes: list[PyTree] = [None] * len(runs)
     room = min(len(runs[0].places), LANE_ROWS)
     # How many numbers the tangents have, the `StepTangents` of a step, and the row of a step.
-    tangents = _count_of_tangents(example)
-    inside = sum(map(np.size, jax.tree.leaves(example_of(recorder.run, example))))
-    width = runs[0].rows_of(runs[0].segments[0]).shape[1]
+    tangent_size = _count_of_tangents(example)
+    added_size = sum(map(np.size, jax.tree.leaves(example_of(recorder.run, example))))
+    row_size = runs[0].rows_of(runs[0].segments[0]).shape[1]
     # Examples of a lane's data and state, for the loop's layout.
     steps = PulledSteps(
-        np.zeros((LANE_ROWS, width)), np.zeros((room + 1, inside)), np.zeros(LANE_ROWS, int)
+        rows=np.zeros((LANE_ROWS, row_size)),
+        added=np.zeros((room + 1, added_size)),
+        places=np.zeros(LANE_ROWS, int),
     )
-    none = jax.tree.map(np.zeros_like, runs[0].at)
+    zeros = jax.tree.map(np.zeros_like, runs[0].at)
     own = runs[0].at, steps
-    state = Pulled(np.asarray(0), np.zeros(tangents), none)
+    state = Pulled(np.asarray(0), np.zeros(tangent_size), zeros)
     shared = recorder.run, example
     loop = made_lane_loop(_pulled_lane, _status_of_pulled_lane, (shared, own, state))
     own_cells, steps_cells, state_cells = Cells(own), Cells(steps), Cells(state)
@@ -526,7 +544,7 @@ def _gradients_in_lanes(
         rows = np.concatenate([run.rows_of(segment) for segment in run.segments])
         lane = lanes[number] = _PulledLane(run, rows, seeds, seeds.steps_needed())
         steps, count = lane.next_steps(0, room)
-        after = Pulled(np.asarray(count), np.zeros(tangents), seeds.total)
+        after = Pulled(np.asarray(count), np.zeros(tangent_size), seeds.total)
         return own_cells.row((run.at, steps)), state_cells.row(after)
 
     def serve(number: int, column: np.ndarray, moves: bool) -> bool:
@@ -549,14 +567,15 @@ def _gradients_in_lanes(
 
 
 def _parts_of(name: str, reduction: AbstractReduction) -> dict[str, Quantity]:
-    """Return the quantities by which a reduction is differentiated, by names that no output has."""
-    observed = {f"{name}/{k}": of for k, of in enumerate(reduction.observed())}
+    """Return the quantities on whose values the differentiated results of a reduction depend, by
+    names that no output has: those `observed`, and the integrals of the `integrands`."""
+    observed = {f"{name}/{k}": quantity for k, quantity in enumerate(reduction.observed())}
     integrals = {key: _Work(key) for key in integrands_of({name: reduction})}
     return {**observed, **integrals}
 
 
 class _Work(eqx.Module):
-    """Quantity: the integral of an integrand from the start of the run."""
+    """Quantity: the integral, from the start of the run, of the integrand with the name `key`."""
 
     key: str = eqx.field(static=True)
 

@@ -28,8 +28,8 @@ ROWS = 64
 
 
 class RowBuffer(eqx.Module, Generic[R]):
-    """A buffer of fixed size for rows, PyTrees of numbers such as finished impacts. The last of the
-    `rows` is never read; `count` includes rows for which there was no room."""
+    """A buffer of fixed size for rows, PyTrees of numbers such as finished impacts. Rows without
+    room overwrite the last of the `rows`, which is never read; `count` includes them."""
 
     rows: R
     count: jax.Array
@@ -50,8 +50,8 @@ class RowBuffer(eqx.Module, Generic[R]):
         return self.count >= self.capacity
 
     def with_row(self, row: R, wanted: Condition) -> "RowBuffer[R]":
-        """Return the buffer with `row` written behind the last row if `wanted`. If there is no
-        room, the row is lost, but `count` increases."""
+        """Return the buffer with `row` appended if `wanted`. If there is no room, the row is lost,
+        but `count` increases."""
 
         def with_leaf(rows: jax.Array, leaf: Scalar) -> jax.Array:
             return jax.lax.dynamic_update_index_in_dim(rows, leaf, self.count, 0)
@@ -84,9 +84,9 @@ class LatestAttempt(AbstractRecorder[Attempt]):
 
 
 class TangentPeak(NamedTuple):
-    """Largest derivative of a speed of the motion by each of p parameters over all accepted steps,
-    `size`; the `time` when it was reached, s since the start of the run; and the largest derivative
-    of a position since then; (p,) each."""
+    """For each of p parameters: the largest derivative of a speed so far, at the end of any
+    accepted step, `size`, (p,); the `time` when it was reached, (p,) s since the start of the run;
+    and the largest derivative of a position since then, `positions`, (p,)."""
 
     size: jax.Array
     time: jax.Array
@@ -104,13 +104,16 @@ class TangentPeakRecorder(AbstractRecorder[TangentPeak]):
     def after(self, record: TangentPeak, step_outcome: StepOutcome) -> TangentPeak:
         now = self._now(step_outcome.system, step_outcome.after)
         # A step that was not accepted leaves the state, and thus the record, as it was.
-        before = record._replace(positions=jnp.maximum(record.positions, now.positions))
+        continued = record._replace(positions=jnp.maximum(record.positions, now.positions))
+        # For each parameter, a higher peak replaces all three numbers.
         rises = now.size > record.size
-        return TangentPeak(*(jnp.where(rises, *pair) for pair in zip(now, before, strict=True)))
+        pairs = zip(now, continued, strict=True)
+        return TangentPeak(*(jnp.where(rises, new, old) for new, old in pairs))
 
     def _now(self, system: System, step: Step) -> TangentPeak:
         assert step.tangents is not None
         motion = step.tangents.y.motion
+        # The tangents of speeds alone, with zeros as those of positions, and the other way round.
         zeros = jax.tree.map(jnp.zeros_like, motion)
         size = jnp.asarray(largest(system.with_speeds(zeros, motion)))
         positions = jnp.asarray(largest(system.with_speeds(motion, zeros)))
@@ -118,7 +121,7 @@ class TangentPeakRecorder(AbstractRecorder[TangentPeak]):
 
 
 class LatestDenseStep(AbstractRecorder[DenseStep]):
-    """Recorder of the latest accepted step by an `UnrolledExplicit`."""
+    """Recorder of the latest accepted step, with dense output, by an `UnrolledExplicit` solver."""
 
     @override
     def start(self, start: RunStart) -> DenseStep:

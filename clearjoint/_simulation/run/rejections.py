@@ -31,10 +31,10 @@ REASONS = tuple(Rejection)
 class Rejections(AbstractTabular):
     """Table of the N rejected steps of a run that a `RejectedSteps` keeps, in their order.
 
-    - `start`: (N,) s, start of the step. Successive rows with one start are trials of a step.
+    - `start`: (N,) s, start of the step. Successive rows with equal starts are trials of one step.
     - `length`: (N,) s, length of the step that was tried.
     - `reason`: (N,), the text of a `Rejection`.
-    - `counts`: number of rejected steps by reason, also of those for which the table has no room.
+    - `counts`: number of rejected steps by reason, including those for which there is no room.
 
     >>> table = cj.results.Rejections(
     ...     np.array([0.1]), np.array([1e-3]), np.array(["rotation"]), {"rotation": 1}
@@ -85,7 +85,7 @@ class RejectionRecord(NamedTuple):
 
 
 class RejectionRecorder(AbstractRecorder[RejectionRecord]):
-    """Recorder of rejected steps. Its record changes after these, unlike other records.
+    """Recorder of rejected steps. Unlike other records, its record changes at rejected attempts.
 
     - `earliest`: s, time of the scene before which rejected steps are ignored.
     - `capacity`: number of rows in the buffer. Further steps are only counted.
@@ -96,9 +96,9 @@ class RejectionRecorder(AbstractRecorder[RejectionRecord]):
 
     @override
     def start(self, start: RunStart) -> RejectionRecord:
-        none = RejectedRow(*(jnp.zeros(()) for _ in RejectedRow._fields))
+        blank = RejectedRow(*(jnp.zeros(()) for _ in RejectedRow._fields))
         counts: dict[str, jax.Array] = dict.fromkeys(REASONS, jnp.zeros((), int))
-        return RejectionRecord(RowBuffer.like(none, self.capacity), counts)
+        return RejectionRecord(RowBuffer.like(blank, self.capacity), counts)
 
     @override
     def after(self, record: RejectionRecord, step_outcome: StepOutcome) -> RejectionRecord:
@@ -117,8 +117,8 @@ class RejectionRecorder(AbstractRecorder[RejectionRecord]):
 @dataclass(frozen=True)
 class RejectedSteps:
     """Output with the steps that were tried and rejected in a run, and the reason of each: a
-    `Rejections`. It shows why a run takes many steps, or where and why it gets stuck. Sweeps do not
-    record it: pass the scene of a lane to `simulate`.
+    `Rejections`. It shows why a run takes many steps, or where and why the run gets stuck. Sweeps
+    lack this output: pass the scene of one run of the sweep to `simulate`.
 
     The possible reasons are the values of `results.Rejection`. Steps that end early because the
     solver expects an event there, such as an onset or a breakpoint, are not rejected.
@@ -127,7 +127,7 @@ class RejectedSteps:
 
     - `count`: largest number of rejected steps in the table; later ones are only counted.
     - `after`: s, time of the scene before which rejected steps are ignored; by default none are.
-      For the last ones of a run that failed, pass a time shortly before its `time`.
+      For the last rejected steps of a failed run, pass a time shortly before its `Solution.time`.
 
     **Raises:** `ValueError` for a `count` that is no positive integer or an infinite `after`.
 

@@ -88,7 +88,7 @@ def check_start(
 ) -> tuple[str, ...]:
     """Check all numbers of a scene and a state, and the state against the constraints at
     `start_time`, s, as `check_numbers` and `check_structure`, and return the names of the redundant
-    constraints. `flat`: scene and state, if flattened, all leaves arrays of floats."""
+    constraints. `flat`: scene and state, if flattened already, with arrays of floats as leaves."""
     if not (isinstance(scene, Scene) and isinstance(state, State)):
         check_numbers(scene, state)
         return check_structure(scene, state, start_time, coordinates)
@@ -117,11 +117,11 @@ def check_structure(
 
     **Raises:** `ValueError` if the state violates a constraint, if a joint holds a wrong
     orientation, if a contact is deeper than its joint allows, as for a journal far outside its
-    bearing, if redundancy cannot be decided, or if the coordinates cannot represent it or have no
-    variable.
+    bearing, if it cannot be decided which constraints are redundant, or if the coordinates cannot
+    represent the state or have no variable.
 
     **Warns:** `UnusualValueWarning` for a contact that is deeper than the fraction `FAR_OUTSIDE` of
-    the depth that its joint allows, and for one that approaches further without an entry speed.
+    the depth that its joint allows, and for a closed contact that approaches without entry speed.
     """
     if not scene.joints:
         return ()
@@ -168,9 +168,9 @@ _recheck = cached_by_numbers(recheck)
 
 
 class StartValues(NamedTuple):
-    """What the checks of a start compare with their limits: `depths` and `approaches` of contacts,
-    the constraint equations' `rows`, `cosines` of the angles from declared orientations, and the
-    results of `round_trip`, `variables` and `orientations`."""
+    """What the checks of a start compare with their limits: depths, m, and rates of approach, m/s,
+    of contacts; the constraint equations' `rows`; by joint, `cosines` of the angles from declared
+    orientations; and `variables` and `orientations`, the results of `assembly.round_trip`."""
 
     depths: ByLabel[Scalar]
     approaches: ByLabel[Scalar]
@@ -200,7 +200,7 @@ def _passes(
     """Evaluate the checks of `check_start` as conditions on arrays, so that they can be compiled.
 
     **Returns:** whether the start passes all checks except those of redundancy and of the scene's
-    numbers, and none of them would warn; and the fields `names` and `reduced` of `StartRows`.
+    numbers, and no check would warn; and the fields `names` and `reduced` of `StartRows`.
     """
     scene = folded_scene.tree
     holds: list[Condition] = [*conditions_of(lambda: assembly.check_names(scene, state))]
@@ -291,9 +291,9 @@ class _Starts:
         return self._function.count()
 
     def redundant(self, arguments: FlatArguments) -> tuple[str, ...] | None:
-        """Return the names of the redundant constraints of a start that passes all checks; ``None``
-        if a condition of `_passes` fails, if redundancy is uncertain, or if there is no native
-        program for its structure. The caller must then check the start in Python.
+        """Return the names of the redundant constraints of a start, `arguments` by `flat_start`,
+        that passes all checks; ``None``, and then the caller must check the start in Python, if a
+        condition of `_passes` fails, if redundancy is uncertain, or without a native program.
 
         **Raises:** `ValueError` for numbers that the scene can't have.
         """

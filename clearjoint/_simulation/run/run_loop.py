@@ -64,12 +64,12 @@ class StepOutcome:
 
     @cached_property
     def dense_step(self) -> DenseStep:
-        """The step with its dense output; valid only if the step was accepted."""
+        """The tried step with its dense output; valid only if the step was accepted."""
         return DenseStep.of(self.tried)
 
     @cached_property
     def now(self) -> Instant:
-        """The state `after`, whose method `inside` is valid only if the step was accepted."""
+        """The instant of `after`. Its method `inside` is valid only if the step was accepted."""
 
         def inside(x: Scalar) -> Instant:
             return self.dense_step.within(self.method, x).instant(self.system)
@@ -134,7 +134,7 @@ class RunLoop:
         return Progress(step, _map_recorders(lambda r: r.start(start), self.recorders))
 
     def advance(self, now: Progress, goes: Condition | None = None) -> Progress:
-        """Return the run after one attempt; unchanged if `goes` is false: a lane may wait."""
+        """Return the run after one attempt; unchanged if `goes` is false, as for a waiting lane."""
         family_if_any = () if self.family is None else (self.family,)
         method = self._method(now.step)
         tried = self.attempt(method, self.system, now.step, self.t_end, *family_if_any)
@@ -149,8 +149,9 @@ class RunLoop:
         return Progress(after, records)
 
     def _method(self, step: Step) -> Method:
-        # The rotations of those bodies are limited on which searched numbers depend. These are only
-        # traced, for any instant of the next step: its `inside` is the same instant.
+        # A step limits the rotations of the bodies on which the `searched` numbers of recorders
+        # depend. To find these bodies, the numbers are traced, but not computed. So any instant of
+        # the next step will do, and each stands for all others `inside` of it.
         def searched(motion: MotionVariables) -> PyTree:
             snapshot = Snapshot(step.t, replace(step.y, motion=motion), step.entry_speeds)
 
@@ -169,9 +170,9 @@ class RunLoop:
         attempts: Scalar,
         goes: Callable[[Progress], Condition] | None = None,
     ) -> Progress:
-        """Return the run after further steps, the last of which ends at or after the time `stop`,
-        s; or earlier at a failure, at the end, after `attempts` attempts since the start, and if
-        `goes`, called with the run before each attempt, returns false."""
+        """Return the run after further steps, up to the first that ends at or after time `stop`, s.
+        It may stop earlier: at a failure, at its end, after `attempts` attempts since its start, or
+        when `goes`, which is called with the run before each attempt, returns false."""
 
         def continues(now: Progress) -> Condition:
             more = (now.step.t < stop) & running(now.step, self.t_end, attempts)
@@ -183,8 +184,8 @@ class RunLoop:
 def begin_run(
     method: Method, system: System, state: State, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
-    """Return the complete state of a run before its first step, from a packed `state`, whose entry
-    speeds, bristles, memories and ledger are initialised where it lacks them."""
+    """Return the complete state of a run before its first step, which has the length `first_step`,
+    s. Entry speeds, bristles, memories and ledger that the packed `state` lacks are initialised."""
     motion = system.encode(unpack(state.bodies))
     work = state.work if system.formulation.ledger else {}
     y = Variables(motion, work, unpack(state.bristles), state.memory)
@@ -192,6 +193,6 @@ def begin_run(
 
 
 def final_result(step: Step, t_end: Scalar) -> RESULTS:
-    """Return the result code: `max_steps_reached` if the run has neither failed nor ended."""
+    """Return a run's result code: `max_steps_reached` if it neither failed nor reached `t_end`."""
     unfinished = (step.t < t_end) & (step.result == RESULTS.successful)
     return RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)

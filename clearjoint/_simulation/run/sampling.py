@@ -63,9 +63,10 @@ class Sampled(eqx.Module):
     - `values[name]`: (N,), `derivatives[name]`: (N, p), in the quantity's unit, with respect to the
       coordinates of the parameters on their scales, such as logarithms.
     - `reached`: (N,), whether the run reached each time. Other rows are meaningless.
-    - `amplification`: (p,), largest derivative of a speed by each parameter, times the time since,
-      over the largest derivative of a position since. Times the relative error of the former, it
-      bounds that of the latter.
+    - `time`: s, end of the run, on the scene's clock.
+    - `amplification`: (p,), for each parameter, the largest derivative of a speed, times the time
+      from then on, over the largest derivative of a position from then on. Times the relative error
+      of that derivative of a speed, it bounds the relative error of that of a position.
     - `records`: the records of the run's recorders. Impacts have times since the start of the run,
       and crossings times on the clock of the scene.
     """
@@ -88,7 +89,7 @@ Initial: TypeAlias = tuple[Variables, EntrySpeeds]
 
 def initial_with_tangents(family: SystemFamily, t0: Scalar) -> tuple[Initial, Initial]:
     def initial(system: System, values: Coordinates) -> Initial:
-        state = of_scenes.start(values)
+        state = scenes.start(values)
         motion = system.encode(state.bodies)
         memory = initial_memories(system, motion, t0, state.memory)
         y = Variables(motion, {}, initial_bristles(system.scene, state.bristles), memory)
@@ -97,8 +98,8 @@ def initial_with_tangents(family: SystemFamily, t0: Scalar) -> tuple[Initial, In
     # `with_derivatives` evaluates a function of the system, and differentiates it along directions
     # of the parameters. For this it takes the derivatives of the function's other arguments, which
     # for the parameters themselves are these directions.
-    of_scenes = family.family
-    return family.with_derivatives(initial, (of_scenes.values,), (of_scenes.seeds,))
+    scenes = family.family
+    return family.with_derivatives(initial, (scenes.values,), (scenes.seeds,))
 
 
 def first_tangents(
@@ -109,7 +110,7 @@ def first_tangents(
     t_end: Scalar,
     initial: tuple[Initial, Initial],
 ) -> Tangents:
-    """Return the tangents before the first step, from those of the `initial` variables."""
+    """Return the tangents before the first step; `initial` is as by `initial_with_tangents`."""
     (_, entry_speeds), (y_along, entry_speeds_along) = initial
 
     # The solver of an explicit method has a state of its own: the rates at the start of the step,
@@ -119,8 +120,8 @@ def first_tangents(
         return method.solver.init(term, step.t, t_end, y, (system, entry_speeds))
 
     # The energy ledger does not depend on the parameters at the start.
-    none = jnp.zeros(family.family.tangents)
-    y_along = replace(y_along, work=dict.fromkeys(step.y.work, none))
+    zeros = jnp.zeros(family.family.tangents)
+    y_along = replace(y_along, work=dict.fromkeys(step.y.work, zeros))
 
     # The entry speed of a contact that begins at the start is its penetration rate there, which
     # depends on the parameters like that of a later onset.
@@ -141,21 +142,21 @@ def look_at_tangents(
     method: Method, system: System, attempt: Attempt, t: Scalar, entry_speeds: EntrySpeeds
 ) -> tuple[Variables, EntrySpeeds]:
     """Return the derivatives of variables and entry speeds at a time t, s since the start of the
-    run, in the accepted step of an `attempt`; `entry_speeds` are those of `look_inside` there.
+    run, in the accepted step of an `attempt`. `entry_speeds`: those by `look_inside` at this time.
     Inside the step the results are derivatives of dense output, and at its end those of the stored
     state. The correction by which `look_inside` satisfies the constraints is not differentiated."""
-    end, inside, last = attempt.step.t, attempt.tangents, attempt.step.tangents
-    assert inside is not None and last is not None
-    dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **inside.information)
-    is_end = at_end(system, end, t)
-    y = choose(is_end, last.y, dense.evaluate(dense_time(attempt, t)))
+    t1, inside, at_t1 = attempt.step.t, attempt.tangents, attempt.step.tangents
+    assert inside is not None and at_t1 is not None
+    dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=t1, **inside.information)
+    is_end = at_end(system, t1, t)
+    y = choose(is_end, at_t1.y, dense.evaluate(dense_time(attempt, t)))
 
     def speed_along(name: str, label: str) -> Gradients:
         # A contact that began in this step has its entry speed from the end of the step.
         before = attempt.entry_speeds_start[name][label]
         began = (before == 0.0) & (entry_speeds[name][label] > 0.0)
         kept = inside.entry_speeds_start[name][label]
-        return jnp.where(is_end | began, last.entry_speeds[name][label], kept)
+        return jnp.where(is_end | began, at_t1.entry_speeds[name][label], kept)
 
     return y, each_label(speed_along, entry_speeds)
 
@@ -296,10 +297,10 @@ def sampled(
     given times. This is the whole run of `sensitivities` and fits.
 
     **Arguments:** `times`: (N,) s, not decreasing, not before `t0`. The run ends with the step that
-    reaches the last time, so that this must be `t_end` or later, as `padded` ensures; times after
-    `t_end` are not reached. `recorders`: further recorders; `has_states`: whether to keep the state
-    at each time. For more than `LONGEST_PACKED` parameters, several runs compute the derivatives by
-    some of them each; values, states and records are those of the first run.
+    reaches the last time, which must be `t_end` or later, as `padded` ensures; times after `t_end`
+    are not reached. `recorders`: further recorders; `has_states`: whether to keep the state at each
+    time. For more than `LONGEST_PACKED` parameters, there are several runs, each with the
+    derivatives by some of them; values, states and records are those of the first run.
     """
     rest = times, t0, t_end, max_steps, recorders or {}, has_states
     runs = []
@@ -311,11 +312,13 @@ def sampled(
 
 
 def _joined(runs: list[Sampled], count: int) -> Sampled:
-    """Join runs, each with derivatives by some of `count` parameters, to one result."""
+    """Join runs, each with the derivatives by some of `count` parameters, to one result."""
 
+    # All groups have the same size, for which the last one may repeat the last parameter.
     def together(*parts: jax.Array) -> jax.Array:
         return jnp.concatenate(parts, axis=-1)[..., :count]
 
+    # The code of the first run that has failed.
     result = runs[0].result
     for run in runs[1:]:
         result = RESULTS.where(result == RESULTS.successful, run.result, result)
@@ -336,7 +339,7 @@ def recorded_run(
 ) -> Sampled:
     """Return the result of `sampled` as NumPy arrays. `arguments` are those of `sampled` before
     `recorders`; with `impacts`, all impacts are recorded at the key `IMPACTS`. The run is repeated
-    until its buffers have room for them."""
+    until its buffers have room for all impacts."""
     room = IMPACTS_AT_FIRST
     while True:
         every = {IMPACTS: ImpactRecorder(capacity=room)} if impacts else {}

@@ -33,7 +33,8 @@ class Saving:
       that begin and end within one step have no row, and times and speeds are interpolated.
 
     **Raises:** `ValueError` for times that are not finite or do not rise strictly, for an array of
-    times that is empty or not one-dimensional, and for fields of other types. Traced times pass.
+    times that is empty or not one-dimensional, and for fields of other types. Times that JAX traces
+    are not checked.
 
     >>> cj.Saving(np.linspace(0.0, 1.0, 1001), impacts=True).impacts
     True
@@ -60,8 +61,8 @@ class Saving:
         return None if times is None else checked_times(start_time, end_time, times, "times")
 
     def require_none(self, names: Sequence[str], where: str, remedy: str) -> None:
-        """Raise a `ValueError` if one of the fields `names` is set, which the function or
-        transformation `where` does not support; the message contains the `remedy`."""
+        """Raise a `ValueError` with the `remedy` if one of the fields `names` is set. `where`: the
+        words for what does not support these fields, such as "under a transformation of JAX"."""
         for name in names:
             value = getattr(self, name)
             require(not value, name, value, f"False {where}", remedy)

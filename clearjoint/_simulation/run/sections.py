@@ -45,14 +45,14 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
     """Recorder of the crossings of a section.
 
     - `quantity`: function of an `Instant`; its value is called the level. A step contains a
-      crossing if the level is negative at its start, and positive or zero at its end; also if it
-      has the same sign at both ends, and the other one where it turns in between. At most one
-      crossing is found in a step.
+      crossing if the level is negative at the step's start, and positive or zero at its end; also
+      if the level has the same sign at both ends, but the opposite sign at a turning point in
+      between. At most one crossing is found in a step.
     - `earliest`: s, time of the scene before which crossings are ignored.
-    - `channels`: pairs of a name and a quantity, whose values, and the time, make a row of the
-      record; if `channels` is ``None``, as in lanes, a row is a `Snapshot`.
+    - `channels`: pairs of a name and a quantity. A row of the record has the time of a crossing and
+      the values of the quantities; with ``None``, as in lanes, a row is a `Snapshot`.
     - `wanted`: number of rows in the buffer after which no further crossing is recorded or counted
-      until the buffer is emptied, by default `capacity`.
+      until the buffer is emptied; ``None`` for `capacity`, the number for which it has room.
     """
 
     quantity: Quantity = eqx.field(static=True)
@@ -98,13 +98,14 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         return jnp.asarray(self.quantity(now), dtype=float)
 
     def _bracket(self, now: Instant, before: Scalar, after: Scalar) -> tuple[Point, Point]:
-        # Two points in the step, at elapsed parts of its time, between which the level rises
-        # through zero.
+        # The positions of points are parts of the step's time, from 0 at its start to 1 at its end.
+        # If there is a crossing, the level is negative at the first point of the result, and
+        # positive or zero at the second.
         parabola = Parabola.through(before, self._level(now.middle), after)
         below, first, last = before < 0.0, Point(0.0, before), Point(1.0, after)
         # A level with the same sign at both ends may rise through zero before or after a turning
         # point inside the step. A ball that is thrown up, for example, flies without integration
-        # errors: in a single step it passes a height twice.
+        # errors: in a single step it passes a height twice. x is the turning point of the parabola.
         x = -0.5 * parabola.slope / jnp.where(parabola.bend == 0.0, 1.0, parabola.bend)
         turns = (below == (after < 0.0)) & (x > 0.0) & (x < 1.0)
         turns = turns & ((parabola.at(x) < 0.0) != below)
@@ -210,7 +211,7 @@ class Section:
 
     @property
     def state_recorder(self) -> SectionRecorder:
-        """The recorder of the states at the crossings, whose buffer is emptied during the run."""
+        """The recorder of states at crossings, for lanes, which empty its buffer during the run."""
         return SectionRecorder(self.crossing, self._earliest, None, ROWS)
 
     def check(self, scene: Scene) -> None:

@@ -150,7 +150,7 @@ def sensitivities(
     **Arguments:**
 
     - `scene`, `state`, `start_time`, `end_time`, `throw`: as in `simulate`, with `Sensitivities` in
-      place of the `Solution`. Derivatives are taken at the parameters' values there.
+      place of the `Solution`. Derivatives are taken at the parameters' values in scene and state.
     - `parameters`: the p `Parameter`s to differentiate with respect to, by names of your choice.
       Errors of sensors, such as `Parameter.bias("x")`, change the values of the output "x".
     - `outputs`: as in `simulate`, by names of your choice: quantities, scalar functions of an
@@ -203,8 +203,8 @@ def sensitivities(
         run = recorded_run(arguments, requested.recorders(), saved is not None, save.impacts)
         values, derivatives = run.values, run.derivatives
         if sensors.errors:
-            numbers = values, derivatives, run_times - start_time, coordinates
-            values, derivatives = with_sensor_errors(sensors, *numbers)
+            without_errors = values, derivatives, run_times - start_time, coordinates
+            values, derivatives = with_sensor_errors(sensors, *without_errors)
     rows = _reached_rows(run, all_times, sample_times)
     states, impacts = None, None
     if saved is not None:
@@ -247,7 +247,7 @@ def _checked_outputs(outputs: Mapping[str, Output], save: Saving | None) -> Requ
 def _reached_rows(
     run: Sampled, all_times: Float[np.ndarray, " N"], times: Float[np.ndarray, " some"]
 ) -> Int[np.ndarray, " reached"]:
-    """Return the indices in `all_times`, those of a run, of the `times` that the run reached."""
+    """Return the indices in `all_times`, the times of a run, of those `times` that it reached."""
     rows = np.searchsorted(all_times, times)
     return rows[run.reached[rows]]
 
@@ -280,18 +280,18 @@ def _caution_amplified(
 
 
 GROWN = 1e6
-"""Growth of derivatives above which it counts as the cause of a failed run. Along a regular motion
-derivatives grow about as the time or its square."""
+"""Factor by which derivatives grow in a run that fails, above which their growth counts as the
+cause. Along a regular motion, derivatives grow about as the time or its square."""
 
 
 def _growth_of_derivatives(run: Sensitivities) -> str | None:
-    """Return the message of a run that failed because its derivatives have grown, or ``None``."""
+    """Return a message if a run failed because its derivatives have grown, otherwise ``None``."""
     stuck = [RESULTS.max_steps_reached, RESULTS.step_too_small]
     growth = 1.0
     for rows in run.derivatives.values():
         for column in np.abs(rows.T):
             sizes = column[column > 0.0]
-            # The peak over the peak in the first tenth of the samples.
+            # The peak over the peak in the first tenth of the samples, rounded up to whole samples.
             if sizes.size:
                 growth = max(growth, sizes.max() / sizes[: -(-sizes.size // 10)].max())
     if not any(run.result == code for code in stuck) or growth < GROWN:

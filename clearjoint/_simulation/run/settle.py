@@ -1,7 +1,7 @@
 """Simulate until a motion is periodic, steady or stationary.
 
-A run covers a block of periods. After each block, the motion is compared with itself some periods
-earlier, reduced to a table with one row of numbers for each period.
+A run covers a block of periods. After each block, the motion is reduced to a table, with one row of
+numbers for each period, whose last rows are compared with those some periods earlier.
 """
 
 import enum
@@ -57,7 +57,7 @@ class Settled:
     - `time`, `state`: the time in s at which the last run ended, and the `State` then. Continue
       with ``simulate(scene, settled.state, end_time, start_time=settled.time)``. With a `period`,
       and if no run failed, the simulated time is a whole number of periods; if all drivers and
-      loads repeat with it, a further run may start from `state` at `start_time` instead.
+      loads have this period, a further run may start from `state` at `start_time` instead.
     - `periods`: number of periods, or of times between crossings of the section, that were
       simulated in runs without a failure.
     - `multiple`: number of these periods in one period of the motion; ``None`` unless periodic.
@@ -111,8 +111,8 @@ CONFIRMING = 3
 an earlier one by chance; also the number of periods for which a steady motion must be still."""
 STILL = 1e-6
 """Lower bound of the ranges of a motion, in m, m/s and rad/s, by which its changes are divided, so
-that rounding errors of a motion at rest are not taken for changes. With a section, it is also that
-of the times between crossings, s, and of each channel, in its unit."""
+that rounding errors of a motion at rest are not taken for changes. With a section, also the lower
+bound of the scales of the times between crossings, s, and of the channels, each in its unit."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,8 @@ class Strobe:
     scales: Float[np.ndarray, " D"]
 
     def change(self, multiple: int) -> Float[np.ndarray, " changes"]:
-        """Return the largest scaled change since `multiple` periods earlier, (n - multiple,)."""
+        """Return the largest scaled change of each row since `multiple` rows earlier; there are n -
+        `multiple` such rows."""
         difference = np.abs(self.rows[multiple:] - self.rows[:-multiple])
         return np.max(difference / self.scales, axis=1, initial=0.0)
 
@@ -140,8 +141,8 @@ class Strobe:
         return None
 
     def statistics_settled(self) -> bool:
-        """Return whether means and standard deviations in the third and the last quarter of the
-        periods are the same; ``False`` for fewer than eight periods."""
+        """Return whether means and standard deviations of all columns agree between the third and
+        the last quarter of the periods (`SETTLED_STATISTICS`); ``False`` below eight periods."""
         quarter = len(self.rows) // 4
         # The standard deviation of a single period would be zero.
         if quarter < 2:
@@ -166,7 +167,8 @@ def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]
 
 
 def ranges(parts: dict[str, Float[np.ndarray, "N bodies components"]]) -> dict[str, float]:
-    """Return the largest range of each array, at least `STILL`; 1 for orientations."""
+    """Return for each array the largest range of a component over the N states, at least `STILL`;
+    for orientations 1."""
     sizes = {name: np.max(np.ptp(part, axis=0), initial=STILL) for name, part in parts.items()}
     return {**sizes, "orientation": 1.0}
 
@@ -174,14 +176,17 @@ def ranges(parts: dict[str, Float[np.ndarray, "N bodies components"]]) -> dict[s
 def strobe_of(states: State, phases: int) -> Strobe:
     """Return a motion of n periods as a table, from states at `phases` instants of each period."""
     parts = columns(states)
+    # Scaled by the last periods only, since a transient may have larger ranges.
     sizes = ranges({name: part[-phases * CONFIRMING :] for name, part in parts.items()})
-    whole = [part.reshape(len(part) // phases, -1) for part in parts.values()]
-    scales = [np.full(row.shape[1], sizes[name]) for name, row in zip(parts, whole, strict=True)]
-    return Strobe(np.concatenate(whole, axis=1), np.concatenate(scales))
+    # A row has the numbers of all `phases` states of a period, one state after the other.
+    tables = [part.reshape(len(part) // phases, -1) for part in parts.values()]
+    scales = [np.full(t.shape[1], sizes[name]) for name, t in zip(parts, tables, strict=True)]
+    return Strobe(np.concatenate(tables, axis=1), np.concatenate(scales))
 
 
 def stillness(states: State, last: int) -> float:
-    """Return the range of a motion in its `last` states, relative to the range in all states."""
+    """Return the largest range of a part of `columns` in the `last` states of a motion, relative to
+    the range of this part in all states."""
     parts = columns(states)
     sizes = ranges(parts)
     return max(
@@ -320,7 +325,8 @@ def settle(
 
 
 def _kind(strobe: Strobe, multiple: int | None, is_last: bool) -> Settling | None:
-    """Return the kind of a motion that moves, or ``None`` if more periods have to be run."""
+    """Return the kind of a motion that is not at rest; ``None`` if more periods have to be run.
+    `multiple`: that of `Strobe`; `is_last`: whether the largest number of periods is reached."""
     if multiple is not None:
         return Settling.PERIODIC
     if not is_last:

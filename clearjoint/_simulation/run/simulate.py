@@ -30,7 +30,7 @@ from .saving import EXCEPT_TIMES, Saving
 from .terminal import RunInterrupted
 
 SHORT_STEPS = RESULTS.max_steps_reached, RESULTS.step_too_small
-"""Result codes of runs whose steps were too short."""
+"""Result codes of runs that may have failed because contacts made the equations stiff."""
 UNDER_JAX = "under a transformation of JAX"
 LEAVE_OUT = "leave it out, or call simulate() outside of the transformation"
 
@@ -49,13 +49,13 @@ def simulate(
 ) -> Solution:
     """Integrate the equations of motion of a scene.
 
-    The program is compiled once for each structure of the scene and each integration method. Other
-    numbers use the same program, unless a vector component changes to or from exactly 0 or 1.
+    The program is compiled once for each structure of the scene and each integration method. Scenes
+    with other numbers use it too, unless a vector component changes to or from exactly 0 or 1.
 
     The function works under `jax.vmap` and `jax.jvp`, not under `jax.grad` and `jax.vjp`. Put
     `jax.jit` around the outermost transformation, or each call compiles anew. A traced number that
     is invalid, such as a clearance that is NaN, raises no error: the run ends before its first step
-    with the result `RESULTS.domain`. It does not check the initial state against the constraints.
+    with the result `RESULTS.domain`. A traced run does not check the state against the constraints.
 
     Derivatives by `jax.jvp` are derivatives of the computed steps, not of the exact motion. Their
     error is far above the error of the states, and falls slowly with the tolerance. Prefer

@@ -21,9 +21,9 @@ from ..._compilation import seconds_of_compiling
 from ..results.solution import Solution
 
 TICK = 1.0
-"""Time, s, between two updates of the text, and after which the text mentions compiling."""
+"""Time, s, between two updates of a bar's text, and of compiling before the text mentions it."""
 LINE_PERIOD = 30.0
-"""Time, s, between two lines where the error stream is neither a terminal nor a notebook."""
+"""Time, s, between lines of progress if the error stream is neither a terminal nor a notebook."""
 WATCH = "clearjoint: compiling"
 """Name of the thread that updates the bars."""
 
@@ -32,7 +32,7 @@ class _Watch:
     """Updates the texts of progress bars, by a thread that runs while there are bars.
 
     - `usual`: the bars, each with its text for the time in which nothing is being compiled.
-    - `lock`: held while `usual` or `thread` changes, or texts are written: no bar is then closed.
+    - `lock`: held while `usual` or `thread` changes, and while texts are written to open bars.
     """
 
     def __init__(self) -> None:
@@ -131,7 +131,7 @@ def telling_of_compiling(bar: tqdm) -> Iterator[tqdm]:
 
 
 def compiling_bar(show: bool) -> AbstractContextManager[tqdm]:
-    """Show the time spent compiling, for a call that reports no progress."""
+    """Return a context that shows the time spent compiling, for a call without other progress."""
     bar = ProgressBar(bar_format="{desc}", delay=2.0, leave=False, disable=not show)
     return telling_of_compiling(bar)
 
@@ -161,7 +161,7 @@ class RunInterrupted(KeyboardInterrupt):
 @contextmanager
 def interruptions_deferred() -> Iterator[Callable[[], bool]]:
     """Note the first Ctrl-C in the block instead of raising an error, so that a run can stop when
-    compiled code next returns to Python, and keep its results. The value is a function that returns
+    compiled code next returns to Python, and keep its results. The block gets a function that tells
     whether Ctrl-C has been pressed. A further Ctrl-C raises `KeyboardInterrupt`, also only when
     compiled code returns. Outside the main thread, and in a program with its own handler of SIGINT,
     the handling of the signal is not changed, and the function returns ``False``."""

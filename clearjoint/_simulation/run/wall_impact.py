@@ -28,8 +28,8 @@ LONGEST = 100.0
 """Longest duration of a contact that is simulated, s."""
 INSIDE = 1e-300
 """Penetration at the start, m, counted from the onset of the law's force. It is positive, so that a
-law whose force jumps at the onset has a force from the start. For a law with a nonzero
-`onset_offset`, it is lost to rounding."""
+law whose force jumps at the onset has a force from the start. If the law has an `onset_offset` that
+is not zero, this small number is lost to rounding."""
 
 
 @dataclass(frozen=True)
@@ -122,8 +122,8 @@ def _contact(
     longest_step: Scalar,
 ) -> diffrax.Solution:
     """Simulate the motion of a mass, kg, that meets a wall at the entry speed, m/s, until the force
-    ends. The rows `ys`, (N, 2), of the solution are the penetration, m, and its rate, m/s, at `ts`;
-    rows of steps that were not taken are infinite."""
+    ends, in steps of at most `longest_step`, s. In the solution, rows of `ys`, (N, 2), have the
+    penetration, m, and its rate, m/s, at `ts`; those of steps that were not taken are infinite."""
 
     def rates(t: Single, y: Float[jax.Array, "2"], args: None) -> Float[jax.Array, "2"]:
         del t, args
@@ -157,11 +157,12 @@ def _contact(
 
 def _crest(times: np.ndarray, values: np.ndarray) -> float:
     """Return the peak of a curve from N >= 3 values at rising times: that of a parabola through the
-    largest of the values and both beside it, or through the three values at an end."""
+    largest value and its two neighbours, or through the three values at an end."""
     k = int(np.clip(np.argmax(values), 1, len(values) - 2))
     start, middle, end = values[k - 1 : k + 2]
     # The position of the middle value on the way from the first time, 0, to the last one, 1.
     x = (times[k] - times[k - 1]) / (times[k + 1] - times[k - 1])
-    # The coefficient of x^2.
+    # The coefficient of x^2: the chords from the first value to the last and to the middle one
+    # differ in slope by this coefficient times 1 - x.
     bend = ((end - start) - (middle - start) / x) / (1.0 - x)
     return float(Parabola(start, end - start - bend, bend).extremes(0.0, 1.0)[1])
