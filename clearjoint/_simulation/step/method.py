@@ -81,7 +81,7 @@ class SystemFamily(eqx.Module):
     """A scene's equations of motion (`System`) and initial state as functions of the coordinates of
     p parameters, such as the logarithm of a parameter on a logarithmic scale.
 
-    - `origin`: the scene's time, s, at which that of the systems is zero; ``None`` if equal.
+    - `origin`: the scene's time, s, at which the systems' time is zero; ``None`` if both are equal.
     - `is_transposed`: whether JAX will transpose the derivatives.
     """
 
@@ -109,8 +109,9 @@ class SystemFamily(eqx.Module):
     ) -> tuple[Value, Auxiliary, Value]:
         """Evaluate a function of the system and of `primals`, and differentiate it with respect to
         the parameters, through the system and through `primals`, whose derivatives are `tangents`.
-        The function returns a value and an auxiliary result, which is not differentiated; the
-        result contains both, and the derivatives of the value."""
+        The function returns a value and an auxiliary result, which is not differentiated. Return
+        the value, the auxiliary result, and the derivatives of the value, whose arrays have a first
+        axis for the parameters."""
 
         def of_scene(scene: Scene, *primals: PyTree) -> tuple[Value, Auxiliary]:
             return function(System.prepared(scene, self.formulation, self.origin), *primals)
