@@ -42,7 +42,8 @@ class AbstractTimeMap(eqx.Module):
     def next_length(self, proposed: Scalar, keep: Condition) -> Scalar:
         """Return the length of the step to try after a step with this map, s; by default the length
         `proposed` by the controller, s, which assumes that the next step has the same time map.
-        `keep`: whether this step is accepted; otherwise the next one begins at its start too."""
+        `keep`: whether this step is accepted; otherwise the next one begins where this one began.
+        """
         del keep
         return proposed
 
