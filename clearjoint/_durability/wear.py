@@ -410,7 +410,7 @@ class CycleRun:
         """Return the wear per cycle by a run of a stage, its derivatives and the final state.
 
         If the run failed, the wear is zero; if the run of the derivatives failed, these are zero.
-        `failure` of the result then says why. `depths`: m, lost by the joints in `scene`.
+        `failure` of the result then says why. `depths`: m, that the joints in `scene` have lost.
         """
         first = self.start_time + self.settle * self.cycle
         middle, last = (first + part * self.measured * self.cycle for part in (0.5, 1.0))
@@ -497,7 +497,7 @@ class _Stages:
     - `cycles`: number of cycles before each stage.
     - `depths`: for each stage, (1 + p, J, 2, samples) m, the depths that have worn off before it,
       bearing before journal, and their derivatives along the p `run.directions`.
-    - `rates`: for each stage with a run, the depths per cycle and their derivatives, as `depths`.
+    - `rates`: for each stage with a run, m per cycle in the form of `depths`.
     - `extremes`: for each stage with a run, the `extremes` of its `_Measured`. The last stage may
       have no run yet. Its depths are then extrapolated, and are corrected after its run.
     - `wears`: wear of each joint in the last run; empty before the first one.
@@ -935,7 +935,7 @@ def _digest(scene: Scene, state: State, run: CycleRun) -> str:
 
 
 def _with_splines(scene: Scene, rates: Mapping[str, WearRates], samples: int) -> Scene:
-    """Return the scene with periodic splines, through `samples` points, as profiles that wear."""
+    """Replace each profile that wears by a periodic spline through it at `samples` angles."""
     joints = dict(scene.joints)
     for name, of_joint in rates.items():
         joint = joints[name]

@@ -136,8 +136,8 @@ def _smooth_step(
 
 
 def _is_shallow(contacts: list[Touch]) -> Condition:
-    """Return whether no penetration exceeds its clearance. On which side of the wall a contact with
-    a larger penetration is would be unknown."""
+    """Return whether no penetration exceeds its bearing's clearance. With a larger penetration, the
+    side of the wall on which the contact is would be unknown."""
     shallow = jnp.asarray(True)
     for touch in contacts:
         if touch.clearance is not None:
