@@ -52,6 +52,7 @@ class MovingSpline(AbstractPeriodicSpline):
     @override
     def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:
         around, count = periodic(on_device(self.coefficients), knot), self.angles()
+        # `directions` has `count` numbers for each parameter.
         for k in range(np.shape(self.shifts)[0]):
             row = on_device(self.directions)[k * count : (k + 1) * count]
             around = around + self.shifts[k] * periodic(row, knot)
@@ -179,7 +180,8 @@ def derivatives_in_spans(
                     (1.0,),
                 )
                 signal_tangents = {n: run.derivatives[f"{joint} {n}"][rows, k] for n in SIGNALS}
-                # The derivative of a rate by its own logarithm is the rate itself.
+                # The derivative of a rate by its own logarithm is the rate itself. Other parameters
+                # do not change the rates.
                 is_own = np.array([rate_name(joint, part) == parameter for part in PARTS])
                 rate_tangents = np.asarray(of_parts) * is_own
                 _, derivatives[i, k, j] = jax.jvp(

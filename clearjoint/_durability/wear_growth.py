@@ -197,7 +197,7 @@ class JointWear(NamedTuple):
 
     @property
     def wearing(self) -> tuple[int, ...]:
-        """Indices of the parts that wear."""
+        """Indices of the parts that wear: 0 for the bearing, 1 for the journal."""
         return tuple(np.flatnonzero(self.rates).tolist())
 
     def blended(self, other: "JointWear", share: float) -> "JointWear":
@@ -232,20 +232,22 @@ def grow(
     wearing = np.array(start.wearing)
     shape = len(rows), len(wearing), rows.shape[-1]
 
-    def at(cycles: float, flat: np.ndarray) -> tuple[JointWear, np.ndarray]:
-        full = np.zeros(rows.shape)
-        full[:, wearing] = flat.reshape(shape)
-        return start if end is None else start.blended(end, cycles / length), full
+    # The solver's variables are the rows of the parts that wear, flat. A part that does not wear
+    # has depths of zero.
+    def wear_and_rows(cycles: float, flat: np.ndarray) -> tuple[JointWear, np.ndarray]:
+        all_parts = np.zeros(rows.shape)
+        all_parts[:, wearing] = flat.reshape(shape)
+        return start if end is None else start.blended(end, cycles / length), all_parts
 
     def per_cycle(cycles: float, flat: np.ndarray) -> np.ndarray:
-        wear, full = at(cycles, flat)
-        return np.asarray(wear.per_cycle(full))[:, wearing].ravel()
+        wear, all_parts = wear_and_rows(cycles, flat)
+        return np.asarray(wear.per_cycle(all_parts))[:, wearing].ravel()
 
     def jacobian(cycles: float, flat: np.ndarray) -> np.ndarray:
         # The derivatives grow by the Jacobian of the depths. How the Jacobian itself changes with
         # the depths is left out, which only adds an iteration to the solver's.
-        wear, full = at(cycles, flat)
-        return np.kron(np.eye(len(rows)), wear.jacobian(full[0]))
+        wear, all_parts = wear_and_rows(cycles, flat)
+        return np.kron(np.eye(len(rows)), wear.jacobian(all_parts[0]))
 
     # Row 0, the depths, comes first. The integration ends where this function rises to zero.
     def below(_: float, flat: np.ndarray) -> float:

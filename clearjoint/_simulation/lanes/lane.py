@@ -86,7 +86,8 @@ class LaneRequest(eqx.Module):
 
 
 class Lane(eqx.Module):
-    """A run between two turns, and the `saved` states, if any, that the host has not read yet."""
+    """A run between two turns, and the `saved` states that the host has not read yet; ``None`` if
+    the batch saves no states."""
 
     run: Progress
     saved: RowBuffer[Snapshot] | None

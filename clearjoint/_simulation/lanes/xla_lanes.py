@@ -104,12 +104,16 @@ class XlaFunction:
         ends = np.cumsum([cells.size for cells in self._arguments])[:-1]
         # The program has a fixed number of lanes. Too few lanes are repeated to fill it up, and the
         # results of the repeated ones are dropped.
-        for first in range(0, len(rows), width):
-            part = rows[first : first + width]
-            parts = np.split(np.resize(part, (width, rows.shape[1])), ends, axis=1)
-            trees = [cells.trees(p) for cells, p in zip(self._arguments, parts, strict=True)]
+        for begin in range(0, len(rows), width):
+            group = rows[begin : begin + width]
+            # The cells of each argument, for all lanes of the group.
+            arguments = np.split(np.resize(group, (width, rows.shape[1])), ends, axis=1)
+            trees = [
+                layout.trees(cells)
+                for layout, cells in zip(self._arguments, arguments, strict=True)
+            ]
             result = _for_all(self._function, self._shared, *trees)
-            results.append(self.results.rows(result)[: len(part)])
+            results.append(self.results.rows(result)[: len(group)])
         return np.concatenate(results)
 
 

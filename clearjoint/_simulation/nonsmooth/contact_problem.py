@@ -184,6 +184,7 @@ class ContactProblem:
         projected += [mechanics.projected(row.jacobian) for row, _ in rotors]
         equations = system.constraint_equations(mechanics, rows, rotors) if projected else None
 
+        # Change of the speeds by a unit impulse along a direction, while ideal joints hold.
         def free_response(direction: Speeds) -> Speeds:
             rates = mechanics.solved(direction)
             if equations is None:

@@ -144,8 +144,8 @@ def _with_smooth_drivers(
 def _with_limited_rotation(
     decision: _Decision, method: Method, system: System, trial: Trial
 ) -> _Decision:
-    """Repeat a trial in which bodies rotate too far. The rates at the start, which have limited the
-    length of the trial, may have grown in it."""
+    """Repeat a trial in which a body rotates by more than `LARGEST`. The rotation rates at the
+    start, which have limited the length of the trial, may have grown in it."""
     step, rotation = trial.step, rotation_in(method, system, trial)
     repeats = decision.keep & (rotation > LARGEST)
     shorter = step.t + jnp.clip(TARGET / rotation, SHORTER, 1.0) * (trial.t1 - step.t)

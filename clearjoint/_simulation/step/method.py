@@ -32,8 +32,8 @@ class Scheme(eqx.Module):
 
     @staticmethod
     def of(settings: Settings, redundant: bool = False) -> "Scheme":
-        """Return the scheme for the settings of a run, with its nonzero numbers as JAX arrays;
-        `redundant` is used if `settings.redundant` is ``None``."""
+        """Return the scheme for the settings of a run, with the scheme's nonzero numbers as JAX
+        arrays; `redundant` takes the place of `settings.redundant` if that is ``None``."""
         redundant = redundant if settings.redundant is None else settings.redundant
         coordinates, stabilisation = settings.coordinates, settings.stabilisation
         formulation = Formulation(coordinates, stabilisation, redundant, settings.ledger)
@@ -97,8 +97,8 @@ class SystemFamily(eqx.Module):
     def with_derivatives(
         self, function: Callable[..., Value], primals: Trees, tangents: Trees
     ) -> tuple[Value, Value]:
-        """Return the value of a function and its derivatives, as `with_auxiliary` does for a
-        function that also has an auxiliary result."""
+        """Return the value of a function, and the derivatives of this value, as `with_auxiliary`
+        does for a function that also has an auxiliary result."""
         value, _, derivatives = self.with_auxiliary(
             lambda *arguments: (function(*arguments), None), primals, tangents
         )

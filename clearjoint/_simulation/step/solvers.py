@@ -227,6 +227,7 @@ def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powe
     degree = max(method.order(None) or 1, 3)
     x = 0.5 - 0.5 * np.cos(np.pi * np.arange(degree + 1) / degree)
 
+    # Dense output at t of a step from y0 = 0 to y1; `k` are the rates in the stages.
     def value(t0: Scalar, t1: Scalar, y1: Scalar, k: jax.Array, t: Scalar) -> Scalar:
         return method.interpolation_cls(t0=t0, t1=t1, y0=0.0 * y1, y1=y1, k=k).evaluate(t)
 
