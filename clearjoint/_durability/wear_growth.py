@@ -74,8 +74,8 @@ def contact_history(
 def _unworn(
     joint: ClearanceJoint, depths: jax.Array, x: jax.Array, y: jax.Array, axes: PlanarAxes
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Return the angle of the contact, rad, and the position of the journal's centre along the
-    bearing's axes x and y, m, that it would have if the depths had not worn off."""
+    """Return the angle of the contact, rad, and the position, m, along the bearing's axes x and y,
+    that the journal's centre would have if the `depths` had not worn off."""
 
     def angle_at(x: Scalar, y: Scalar, axes: PlanarAxes) -> Scalar:
         profiles = joint.bearing_profile, joint.journal_profile
@@ -104,7 +104,7 @@ def _wear(
     history: Float[jax.Array, "bases numbers instants"],
     depths: Float[jax.Array, "2 samples"],
 ) -> Float[jax.Array, "2 samples"]:
-    """Return the depths per cycle, m, that wear off after `depths` of the unworn `joint` have."""
+    """Return the depths, m per cycle, that wear off `joint`, unworn, once `depths` have worn off."""
     # Each of the `NUMBERS`, (bases * instants,): the wear of both bases is added.
     x, y, contact, *axes, work = history.swapaxes(0, 1).reshape(len(NUMBERS), -1)
     axes = PlanarAxes(*axes)

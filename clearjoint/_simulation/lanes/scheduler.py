@@ -104,8 +104,8 @@ class Batch:
         return other
 
     def next_saves(self, lanes: int | slice, first: int) -> np.ndarray:
-        """Return the next `WINDOW` times to save at, s, of the lane with an index or of each lane
-        in a slice, from the time with the index `first` on; infinite where no time is left."""
+        """Return the next `WINDOW` times to save at, s, of one lane, given by its index, or of each
+        lane in a slice, from the time with the index `first` on; infinite where none is left."""
         times = self._save_at[lanes, first : first + WINDOW]
         window = np.full((*times.shape[:-1], WINDOW), np.inf)
         window[..., : times.shape[-1]] = times
@@ -270,7 +270,7 @@ class _Shared:
         self._lanes, self._begun = len(self.waiting), time.monotonic()
 
     def next_lanes(self, count: int) -> list[int]:
-        """Remove the indices of at most `count` next lanes from `waiting`, and return them."""
+        """Remove the first indices, at most `count`, from `waiting`, and return them."""
         lanes: list[int] = []
         # Several threads take lanes at a time: to test for emptiness first would be a race.
         with suppress(IndexError):
@@ -456,7 +456,7 @@ def _ended(shared: _Shared, records: Sequence[_Record]) -> Ended:
     for name, length in shared.batch.lengths.items():
         tables = [of_lane[name] for of_lane in logs_of_lanes]
         read = programs.column_cells[name].trees(np.concatenate([cells for cells, _ in tables]))
-        # Index of the block after the last one of each lane but the last.
+        # For each lane but the last, the index of the block after the lane's last block.
         ends = np.cumsum([len(cells) for cells, _ in tables])[:-1]
         columns = {}
         # Blocks (blocks, rows a block, ...) of one column, of all lanes.
