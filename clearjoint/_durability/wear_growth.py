@@ -104,7 +104,7 @@ def _wear(
     history: Float[jax.Array, "bases numbers instants"],
     depths: Float[jax.Array, "2 samples"],
 ) -> Float[jax.Array, "2 samples"]:
-    """Return the depths, m per cycle, that wear off `joint`, unworn, once `depths` have worn off."""
+    """Return the depths, m per cycle, that wear off a joint after `depths`; `joint` is unworn."""
     # Each of the `NUMBERS`, (bases * instants,): the wear of both bases is added.
     x, y, contact, *axes, work = history.swapaxes(0, 1).reshape(len(NUMBERS), -1)
     axes = PlanarAxes(*axes)
