@@ -156,7 +156,7 @@ def _contact_times(scene: Scene, before: ContactGaps, after: ContactGaps) -> ByL
 def _contact_time(start: ContactGap, end: ContactGap) -> Scalar:
     moves = _changes(start, end) & (end.rate != 0.0)
     since = end.depth / jnp.where(moves, end.rate, 1.0)
-    # After an end, the solver has assumed the force for the time since the end in excess.
+    # After an end, the solver has assumed the force for too long, by the time since the end.
     return jnp.where(moves, jnp.where(end.depth > 0.0, since, -since), 0.0)
 
 

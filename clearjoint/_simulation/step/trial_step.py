@@ -233,7 +233,7 @@ def may_jump(method: Method, scene: Scene) -> bool:
     has kept must be computed anew. Rates are discontinuous at breakpoints and where a contact
     begins to drag bristles. If steps end at contact events, rates also jump if the force jumps at
     the onset or end of a contact; a force that does not jump is zero at the onset, so that a new
-    entry speed does not change the rates. If steps go across events, a new entry speed does."""
+    entry speed does not change the rates. If steps go across events, it does change the rates."""
     if has_breakpoints(scene) or bool(scene.bristle_laws()):
         return True
     return uses_entry_speed(scene) if method.landing is None else contacts_jump(scene)
