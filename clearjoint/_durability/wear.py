@@ -41,16 +41,17 @@ if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
 FIRST_CHANGE = 0.2
-"""Change of the worn depth in the first stage, relative to the largest penetration beyond the onset
+"""Change of the worn depth in the first stage, divided by the largest penetration beyond the onset
 of the force."""
 GROWTH = 2.0
-"""Largest number of cycles of a stage, divided by that of the stage before; the spline of
-`cycles_to_depth` through the stages then has an error of about 1e-3."""
+"""Largest number of cycles of a stage, divided by the number of cycles of the stage before; the
+spline of `cycles_to_depth` through the stages then has an error of about 1e-3."""
 SHORTENED = 0.25
-"""Number of cycles of a stage, divided by that of a stage after which the run failed."""
+"""Number of cycles of a shortened stage, divided by the number before shortening, if the run after
+the stage failed; if the correction was too large, the smallest such ratio."""
 FEWEST_CHANGE = 1e-3
-"""Change of the worn depth in a stage, relative to that in the first stage, below which the stage
-is not shortened."""
+"""Smallest change of the worn depth in a shortened stage, divided by the change in the first stage.
+"""
 SETTLING_RUNS = 8
 """Largest number of runs after a stage until the motion is periodic."""
 LEAST_PENETRATION = 1e-12
@@ -58,10 +59,10 @@ LEAST_PENETRATION = 1e-12
 INTEGRATION = 0.02
 """Absolute tolerance of the integration over a stage, divided by the stage's permitted error."""
 CONTACTS = ("contacts", "direct")
-"""Variables of a store that are no part of the result: fields of `JointWear`."""
+"""Variables of a store that are no part of the result: `history` and `direct` of `JointWear`."""
 FEWEST_SAMPLES = 8
-"""Smallest number of angles. With 8 of them a cubic B-spline, which is four spacings wide, covers
-half of the circumference."""
+"""Smallest number of angles, `samples`. With 8 of them a cubic B-spline, which is four spacings
+wide, covers half of the circumference."""
 EXTREMES = {"penetration": "m", "force": "N"}
 """Unit of each quantity, by name, of which a result contains the largest value in each stage."""
 STEPS_PER_SAMPLE = 16
@@ -96,9 +97,9 @@ def wear(
     cycles of a stage, the depths then grow with the forces, sliding speeds and directions of the
     contacts of this run, while the pressure follows the wall. This is integrated by an implicit
     method, so that the depth of a stage may be many times the elastic penetration. A run with the
-    new profiles follows. With contacts that change evenly from those of one run to those of the
-    next, the depths are integrated again. If this corrects them by more than `stage_error`, the
-    stage is repeated with fewer cycles.
+    new profiles follows. With contacts that change linearly over the cycles of the stage, from the
+    contacts of the run before it to those of the run after it, the depths are integrated again. If
+    this corrects them by more than `stage_error`, the stage is repeated with fewer cycles.
 
     **Arguments:**
 
@@ -115,8 +116,8 @@ def wear(
     - `parameters`: with respect to which the depths are differentiated, by names of your choice;
       they must not select a number of a profile that wears. The logarithms of the positive wear
       rates are additional parameters, with names such as "pin bearing rate". For the derivatives,
-      the number of cycles before each stage is held fixed. They are valid if the motion has settled
-      before the measured cycles.
+      the number of cycles before each stage is held fixed. The derivatives are valid if the motion
+      has settled before the measured cycles.
     - `settle`: number of cycles of a run before the wear is measured; `measured`: number of cycles
       that are measured, even. Their first and second half must agree to the relative `tolerance`:
       in the sum of the depths that wear off each joint, and in the sum of the derivatives with
@@ -124,10 +125,10 @@ def wear(
     - `stage_error`: largest correction of the depths of a stage, relative to the joint's largest
       depth plus its penetration from the onset of the force. The corrected depths have a smaller
       error. For differences between results take 1e-4, since the integration has a relative error
-      of about a fiftieth of it.
+      of about a fiftieth of `stage_error`.
     - `largest_change`: largest change of depth in a stage, m; by default not limited. A stage has
-      at most twice the cycles of the one before, and the depth changes by a fifth of the
-      penetration in the first one.
+      at most twice the cycles of the stage before, and the depth changes by a fifth of the
+      penetration in the first stage.
     - `samples`: number of angles around the wall and around the journal, at least 8.
     - `stages`: largest number of stages.
     - `depth`: m; the computation also ends when the deepest point of a part has lost this depth.
@@ -284,8 +285,9 @@ def cycles_to_depth(found: "xr.Dataset", depth: float, joint: str, part: Part = 
 
 
 def _reached(cycles: np.ndarray, depths: np.ndarray, depth: float) -> tuple["CubicSpline", float]:
-    """Return the cubic spline through `depths`, and the number of cycles at which it first reaches
-    `depth`, which the last of `depths` must reach."""
+    """Return the cubic spline through `depths`, m, over `cycles`, the number of cycles before each
+    stage, and the number of cycles at which the spline first reaches `depth`, m, which the last of
+    `depths` must reach."""
     from scipy.interpolate import CubicSpline
 
     spline = CubicSpline(cycles, depths)
@@ -299,8 +301,8 @@ def life_derivatives(
 ) -> dict[str, float]:
     """Return the derivatives of `clearjoint.cycles_to_depth` by the parameters of a wear result.
 
-    They are numbers of cycles per unit of each parameter's coordinate, by name: for a parameter
-    with the scale `Log`, per unit of its natural logarithm. NaN if the depth was not reached.
+    They are cycles per unit of each parameter's coordinate, by name of the parameter: for the scale
+    `Log`, per unit of its natural logarithm. NaN if the depth, m, was not reached.
 
     **Raises:** `ValueError` if the result has no derivatives, or the depth is not positive.
 
@@ -342,7 +344,8 @@ class CycleRun:
     """Arguments of `wear`, checked by `check`; `measure` makes the run of a stage with them.
 
     `directions` has, by name, the parameters and the logarithms of the wear rates. A store is
-    recognised by the `repr` and the `cycles`; other fields may change when it is continued.
+    recognised by the `repr` of this object and by `cycles`; the other fields that are not in the
+    `repr` may change when the store is continued.
     """
 
     rates: Mapping[str, WearRates]
@@ -406,8 +409,8 @@ class CycleRun:
     ) -> "_Measured":
         """Return the wear per cycle by a run of a stage, its derivatives and the final state.
 
-        The wear is zero if the run, or that of the derivatives, failed; `failure` of the result
-        then says why. `depths` are those that the scene's joints have lost.
+        If the run failed, the wear is zero; if the run of the derivatives failed, these are zero.
+        `failure` of the result then says why. `depths`: m, that the joints in `scene` have lost.
         """
         first = self.start_time + self.settle * self.cycle
         middle, last = (first + part * self.measured * self.cycle for part in (0.5, 1.0))
@@ -420,6 +423,8 @@ class CycleRun:
         extremes = np.zeros((2, len(self.rates), len(EXTREMES)))
         rates = self.rates_of_parts
         histories: list[list[History]] = [[] for _ in rates]
+        # For each half and joint, the run gives the wear (row 0 of `halves`), the extremes and the
+        # contacts.
         if result == RESULTS.successful:
             # A contact may run around the whole wall in a cycle. The wear at an angle is then that
             # of the short time in which the contact passes it, which the quadrature must resolve.
@@ -431,13 +436,13 @@ class CycleRun:
                     of_half = wear_depths(scene, solution, name, of_parts, instants, self.samples)
                     halves[k, 0, j], extremes[k, j], signals = of_half
                     joint = _clearance_joint(scene, name)
+                    # The work is divided by the cycles of both halves, whose histories are joined.
                     history = contact_history(joint, depths[j], instants, signals, self.measured)
                     histories[j].append(history)
             # `simulate` computes no derivatives. They need another run, which gives no wear.
-            if self.directions:
-                along = self.directions
+            if directions := self.directions:
                 derivatives, result = derivatives_in_spans(
-                    scene, state, start, times, rates, along, settings, self.samples
+                    scene, state, start, times, rates, directions, settings, self.samples
                 )
                 if derivatives is not None:
                     halves[:, 1:] = derivatives
@@ -472,6 +477,8 @@ class _Measured(NamedTuple):
     - `halves`: (2, 1 + p, J, 2, samples) m, for each half of the measured cycles: the depths of
       bearing and journal per cycle, then their derivatives with respect to each of p parameters.
     - `extremes`: (J, 2) largest penetration, m, and largest sum of the forces at both ends, N.
+    - `histories`: contacts of each joint in all measured cycles; empty if the run failed.
+    - `state`: the state at the end of the run.
     - `failure`: text of the run's result code; empty for a successful run.
     """
 
@@ -490,9 +497,9 @@ class _Stages:
     - `cycles`: number of cycles before each stage.
     - `depths`: for each stage, (1 + p, J, 2, samples) m, the depths that have worn off before it,
       bearing before journal, and their derivatives along the p `run.directions`.
-    - `rates`, `extremes`: for each stage with a run, the depth per cycle and its derivatives, and
-      those of `_Measured`. The last stage may have no run yet. Its depths are then extrapolated,
-      and are corrected after its run.
+    - `rates`: for each stage with a run, m per cycle in the form of `depths`.
+    - `extremes`: for each stage with a run, the `extremes` of its `_Measured`. The last stage may
+      have no run yet. Its depths are then extrapolated, and are corrected after its run.
     - `wears`: wear of each joint in the last run; empty before the first one.
     - `state`: from which the next run starts.
     - `failure`: why no further stage can be computed; empty if one can.
@@ -524,18 +531,21 @@ class _Stages:
         that the results so far are kept.
         """
         run = self.run
-        if len(self.rates) == len(self.cycles):  # a computation that had reached its end
+        # The last stage of a store has had its run if the computation had reached its end. The next
+        # stage is extrapolated over as many cycles as the last one.
+        if len(self.rates) == len(self.cycles):
             self._extrapolate(self.cycles[-1] - self.cycles[-2])
             return
         measured = self._measured()
-        difference, before = run.difference(measured), len(self.cycles) > 1
-        length = self.cycles[-1] - self.cycles[-2] if before else 0.0
+        # `length` is the number of cycles of the stage whose end the run has measured.
+        difference, is_after_stage = run.difference(measured), len(self.cycles) > 1
+        length = self.cycles[-1] - self.cycles[-2] if is_after_stage else 0.0
         if measured.failure or difference > run.tolerance:
             if not self._shorten(SHORTENED * length):
                 self._refuse(measured.failure, difference)
             return
         depths, wears = self.depths[-1], self._wears(measured)
-        if before:
+        if is_after_stage:
             try:
                 depths, _ = self._grown(length, wears)
             except RuntimeError as error:
@@ -562,9 +572,9 @@ class _Stages:
             self.failure = "no part wears in the measured cycles"
             remedy = "check the loads, or give a number of cycles"
             expected = f"finite ({self.failure})"
-            require(before, "cycles", np.inf, expected, remedy)
+            require(is_after_stage, "cycles", np.inf, expected, remedy)
             return
-        if not before:
+        if not is_after_stage:
             next_length = self._cycles_to_change(FIRST_CHANGE)
         self._extrapolate(next_length)
 
@@ -585,10 +595,12 @@ class _Stages:
         return self.ending != ""
 
     def _measured(self) -> _Measured:
-        """Return the wear of the last stage, in which the journal may first have to fall to the
+        """Return the wear by a run of the last stage. The journal may first have to fall to the
         worn wall, so that further runs follow until the motion is periodic."""
         run, state = self.run, self.state
         scene = _with_depths(self.scene, list(run.rates), self.depths[-1])
+        # Before the first stage, nothing has worn: the journal need not fall. The state is the
+        # user's, so that errors about it are raised as they are.
         if len(self.cycles) == 1:
             return run.measure(scene, state, self.depths[-1][0])
         for _ in range(SETTLING_RUNS):
@@ -610,7 +622,8 @@ class _Stages:
     def _wears(self, measured: _Measured) -> list[JointWear]:
         direct = np.zeros_like(self.depths[-1][1:])
         if self.run.directions:
-            # The run has the derivatives by the parameters with those of the depths.
+            # The run has the total derivatives by the parameters. Less the part through the depths,
+            # computed with `direct` of zero, they are those at fixed depths.
             wears = self.joint_wears(measured.histories, direct.swapaxes(0, 1))
             through_depths = [w.per_cycle(self.depths[-1][:, j])[1:] for j, w in enumerate(wears)]
             direct = measured.halves.mean(axis=0)[1:] - np.stack(through_depths, axis=1)
@@ -640,7 +653,7 @@ class _Stages:
         self.failure = reason
 
     def _pressed(self) -> Float[np.ndarray, " joints"]:
-        """Largest penetration in the last run, m, plus `onset_offset`."""
+        """Largest penetration of each joint in the last run, m, from the onset of the force."""
         pressed = self.extremes[-1][:, 0].copy()
         for j, name in enumerate(self.run.rates):
             joint = _clearance_joint(self.scene, name)
@@ -653,7 +666,7 @@ class _Stages:
         return np.maximum(pressed, LEAST_PENETRATION)
 
     def _cycles_to_change(self, change: float) -> float:
-        """Fewest cycles in which the depths of a joint change by `change` penetrations."""
+        """Fewest cycles in which the depths of a joint change by `change` times `_pressed`."""
         fastest = self.rates[-1][0].max(axis=(1, 2))
         cycles = change * self._pressed() / np.where(fastest > 0.0, fastest, 1.0)
         return float(np.min(np.where(fastest > 0.0, cycles, np.inf)))
@@ -670,7 +683,8 @@ class _Stages:
         return True
 
     def _extrapolate(self, length: float) -> None:
-        """Append the number of cycles and the depths after a stage of at most `length` cycles."""
+        """Append the number of cycles and the depths after a stage of at most `length` cycles: it
+        also ends at the goals in `cycles` and `depth` of `wear`, and after `largest_change`."""
         run = self.run
         goal = float(run.cycles[run.cycles > self.cycles[-1]].min())
         left = goal - self.cycles[-1]
@@ -691,12 +705,12 @@ class _Stages:
 
     def _grown(self, length: float, end: list[JointWear] | None = None) -> tuple[np.ndarray, float]:
         """Return the depths at the end of a stage of `length` cycles after the last run, and its
-        number of cycles, which is smaller if a depth ends the computation before.
+        number of cycles, which is smaller if the `depth` of `wear` ends the computation before.
 
-        With the wear `end` at the end of the stage, the depths are corrected.
+        With the wear `end` of each joint, from a run after the stage, the depths are corrected.
         """
-        run, begun = self.run, len(self.rates) - 1
-        rows, per_cycle, pressed = self.depths[begun], self.rates[begun], self._pressed()
+        run, stage = self.run, len(self.rates) - 1
+        rows, per_cycle, pressed = self.depths[stage], self.rates[stage], self._pressed()
         rtol = INTEGRATION * run.stage_error
         # A little deeper, so that the correction doesn't lead above the depth again.
         until = None if run.depth is None or end else run.depth * (1.0 + 0.1 * run.stage_error)
@@ -716,7 +730,7 @@ class _Stages:
         return depths, reached
 
     def contacts(self) -> dict[str, tuple]:
-        """Return what a store needs, besides the result, to continue a computation."""
+        """Return the variables that a store needs, besides the result, to be continued."""
         if not self.wears:
             return {}
         histories = np.stack([wear.history for wear in self.wears])
@@ -781,8 +795,8 @@ class _Store:
     digest: str
 
     def write(self, result: "xr.Dataset", contacts: Mapping[str, tuple]) -> None:
-        """Replace the store by one of a result of `wear` and of the contacts that continue it. At
-        any time, `_folder` returns a complete store, even after the process is killed."""
+        """Replace the store by one of a result of `wear` and of `_Stages.contacts`. At any time,
+        `_folder` returns a complete store, even after the process is killed."""
         old = _old(self.path)
         remove_abandoned(self.path)
         with unfinished(self.path) as new:
@@ -888,8 +902,8 @@ def final_state(found: "xr.Dataset") -> State:
 
 
 def _stacked(found: "xr.Dataset", name: str) -> Float[np.ndarray, "stages rows joints 2 samples"]:
-    """Return the depths or rates of a result in row 0, and their derivatives by the parameters, if
-    any, in the other rows."""
+    """Return the depths, m, or the rates, m per cycle, of a result in row 0, and their derivatives
+    by the parameters, if any, in the other rows. `name`: "depth" or "rate"."""
     dims = "stage", "parameter", "joint", "angle"
     of_parts = []
     for part in PARTS:
@@ -921,7 +935,7 @@ def _digest(scene: Scene, state: State, run: CycleRun) -> str:
 
 
 def _with_splines(scene: Scene, rates: Mapping[str, WearRates], samples: int) -> Scene:
-    """Replace profiles of parts that wear by periodic splines through them at `samples` angles."""
+    """Replace each profile that wears by a periodic spline through it at `samples` angles."""
     joints = dict(scene.joints)
     for name, of_joint in rates.items():
         joint = joints[name]

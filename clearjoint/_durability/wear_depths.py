@@ -26,7 +26,7 @@ SIGNALS = (*(f"{base} {kind}" for base in BASES for kind in OF_BASE), *PlanarAxe
 They are, for each of the bases V and W (here with the names for V): the normal force, N ("V
 force"), its product with the sliding speed, W ("V power"), the base's eccentricity in the bearing's
 frame, m ("V x", "V y"), and the penetration, m ("V penetration"). The last four are the fields of
-`PlanarAxes`: components of the journal's x and y axes along the bearing's.
+`PlanarAxes`: components of the journal's x and y axes along the bearing's x and y axes.
 """
 TIMES_IN_PROGRAM = 4096
 """The number of times of the quadrature, less one, is rounded up to a multiple of this number, so
@@ -74,12 +74,14 @@ def quadrature_times(
     assert solution.steps is not None, "`wear` saves all steps"
     ends = np.asarray(solution.steps.times)
     ends = np.unique([start, *ends[(ends > start) & (ends < end)], end])
-    # Each interval counts twice: it consists of two halves, between an end and the middle.
+    # Number of parts of each step. It is even, because each interval is two parts, between an end
+    # and the middle.
     parts = 2 * np.ceil(np.diff(ends) / longest).astype(int)
-    # The k-th of n parts of a step begins at k/n of it.
-    within = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-    inner = np.repeat(ends[:-1], parts) + np.repeat(np.diff(ends) / parts, parts) * within
-    return np.append(inner, end)
+    # The k-th of n parts of a step begins at k/n of the step; k is the index of a part among all
+    # parts, less the number of parts of the steps before.
+    k = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+    begins = np.repeat(ends[:-1], parts) + np.repeat(np.diff(ends) / parts, parts) * k
+    return np.append(begins, end)
 
 
 def wear_depths(
@@ -91,11 +93,11 @@ def wear_depths(
     samples: int,
 ) -> tuple[Float[np.ndarray, "2 samples"], Float[np.ndarray, "2"], Signals]:
     """Return the wear of a joint with the wear `rates` of bearing and journal, m^2/N, during the
-    `times` from `quadrature_times`.
+    `times` from `quadrature_times`, s.
 
-    **Returns:** the depths that wear off the wall and off the journal at evenly spaced angles,
-    (2, samples) m; the largest penetration at an end of the journal, m, and sum of both ends'
-    normal forces, N, (2,); and `SIGNALS` at the times.
+    **Returns:** the depths that wear off the wall and off the journal at `samples` evenly spaced
+    angles, (2, samples) m; the largest penetration at an end of the journal, m, and the largest sum
+    of the normal forces at both ends, N, (2,); and `SIGNALS` at the times.
     """
     assert solution.steps is not None, "`wear` saves all steps"
     values = values_along(scene, solution, AllSignals(joint), solution.steps.between(times))
@@ -115,10 +117,12 @@ def depths_from_signals(
     signals: Signals,
     samples: int,
 ) -> Float[jax.Array, "2 samples"]:
-    """Return the depths, m, that wear off the wall and off the journal; JAX can differentiate it.
+    """Return the depths, m, that wear off the wall and off the journal at `samples` angles during
+    the `times` of `wear_depths`, s. JAX can differentiate the depths.
 
     The volume that wears off in a time dt is k F v dt, with the specific wear rate k of bearing or
-    journal (`rates`), the normal force F of a base and the sliding speed v (J. F. Archard 1953).
+    journal (`rates`, m^2/N), the normal force F at a base, an end circle of the journal, and the
+    sliding speed v there (J. F. Archard 1953).
     The volume is distributed over the angles in proportion to the overlap of the two profiles, as
     if the wall were an elastic foundation, and evenly over the length of the journal. The wear of
     both bases is added.
@@ -152,16 +156,18 @@ def _depths(
             density = density + power * shares(joint, x, y, angles, axes)
         # The area of the surface that belongs to one angle, m^2.
         area = radius * 2.0 * np.pi / samples * joint.journal_length
-        # Simpson's rule.
+        # Simpson's rule: even rows are the ends of intervals, odd rows their middles.
         sixths = (times[2::2] - times[:-2:2])[:, None] / 6.0
-        whole = (sixths * (density[:-2:2] + 4.0 * density[1:-1:2] + density[2::2])).sum(axis=0)
-        depths.append(rate / area * whole)
+        terms = sixths * (density[:-2:2] + 4.0 * density[1:-1:2] + density[2::2])
+        work = terms.sum(axis=0)  # normal force times sliding distance, N m
+        depths.append(rate / area * work)
     return jnp.stack(depths)
 
 
 def wall_angles(axes: PlanarAxes, samples: int) -> tuple[np.ndarray, jax.Array]:
-    """Return the directions, rad, in the bearing's frame, of evenly spaced points of the wall,
-    (samples,), and of the journal, which rotates in that frame, (T, samples)."""
+    """Return the directions, rad, in the bearing's frame, of `samples` evenly spaced points of the
+    wall, (samples,), and of the journal, which rotates in that frame, (T, samples). The points of
+    the journal are spaced evenly from its own x axis."""
     angles = np.arange(samples) * 2.0 * np.pi / samples
     along_x = axes.x_along_x * np.cos(angles) + axes.y_along_x * np.sin(angles)
     along_y = axes.x_along_y * np.cos(angles) + axes.y_along_y * np.sin(angles)
@@ -175,16 +181,18 @@ def shares(
     angles: Float[jax.Array | np.ndarray, "... samples"],
     axes: PlanarAxes,
 ) -> Float[jax.Array, "T samples"]:
-    """Return the share of the wear of one base that falls on each angle, at each time.
+    """Return the share of the wear at one base that falls on each of the `angles`, rad, at each
+    time. `x`, `y`: eccentricity of the base in the bearing's frame, m.
 
     At each angle, max(penetration + onset + extra, 0), m, is divided by its sum over all angles.
     The penetration is the overlap in this direction less the clearance, and the onset the distance
     of the surfaces at which the force begins. A contact may be so narrow that it lies between two
-    angles: so the gap of two circles at one spacing of the angles from the deepest point, 0.5 room
-    spacing^2, is added, with the spacing in rad, and the clearance and mean deviations of the
-    profiles as room.
+    angles. The extra depth, 0.5 room spacing^2, therefore gives even a contact without penetration
+    a half-width of one spacing of the angles, rad: it is the gap of two circles at one spacing from
+    the deepest point. The room is the clearance plus the mean deviations of the profiles, m.
     """
     samples = np.shape(angles)[-1]
+    # A deviation of the bearing enlarges the room, a deviation of the journal reduces it.
     room, spacing = joint.clearance, 2.0 * np.pi / samples
     for profile, sign in ((joint.bearing_profile, 1.0), (joint.journal_profile, -1.0)):
         if profile is not None:

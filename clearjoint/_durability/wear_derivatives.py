@@ -35,7 +35,7 @@ Rates = Mapping[str, tuple[float, float]]
 
 class MovingSpline(AbstractPeriodicSpline):
     """A worn profile that p parameters move: a periodic spline with N knots, whose coefficients are
-    `coefficients` plus, for each parameter, its shift times its directions.
+    `coefficients`, m, plus, for each parameter, its shift times its N directions.
 
     - `directions`: (p N,) m, the derivatives of the N coefficients with respect to the first
       parameter, then those with respect to the second, and so on.
@@ -52,6 +52,7 @@ class MovingSpline(AbstractPeriodicSpline):
     @override
     def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:
         around, count = periodic(on_device(self.coefficients), knot), self.angles()
+        # `directions` has `count` numbers for each parameter.
         for k in range(np.shape(self.shifts)[0]):
             row = on_device(self.directions)[k * count : (k + 1) * count]
             around = around + self.shifts[k] * periodic(row, knot)
@@ -64,8 +65,8 @@ class MovingSpline(AbstractPeriodicSpline):
 
 @dataclass(frozen=True)
 class ParameterDirection:
-    """Function that changes the scene and state along one parameter: its number, and with it all
-    profiles that wear, by the effect of the parameter on the stages before.
+    """Function that changes one parameter: its number in the scene or state and, because it would
+    have changed the wear of the stages before, all profiles that wear.
 
     - `index`: index of the parameter in the `shifts` of each `MovingSpline`.
     - `joints`: names of the joints that wear.
@@ -95,8 +96,8 @@ class ParameterDirection:
         return scene, state
 
     def without_profiles(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
-        """Return scene and state with the number changed, but not the profiles."""
-        if self.change is None or self.scale is None:
+        """Return scene and state for `coordinate` + `value`, with unchanged profiles."""
+        if self.change is None or self.scale is None:  # a wear rate, which a scene doesn't contain
             return scene, state
         return self.change(scene, state, self.scale.value(self.coordinate + value))
 
@@ -104,9 +105,9 @@ class ParameterDirection:
 def directions_of(
     scene: Scene, state: State, rates: Rates, parameters: Mapping[str, Parameter]
 ) -> dict[str, ParameterDirection]:
-    """Return a `ParameterDirection` by name for each parameter, and then for the logarithm of each
-    positive wear rate. In `scene`, each profile that wears must be a `MovingSpline`.
-    """
+    """Return a `ParameterDirection` by name for each parameter, and then, named by `rate_name`, for
+    the logarithm of each positive wear rate. In `scene`, each profile that wears must be a
+    `MovingSpline`."""
     joints = tuple(rates)
     directions: dict[str, ParameterDirection] = {}
     for name, parameter in parameters.items():
@@ -139,8 +140,8 @@ def derivatives_in_spans(
     settings: Settings | None,
     samples: int,
 ) -> tuple[Float[np.ndarray, "spans p joints 2 samples"] | None, RESULTS]:
-    """Make one run. Return the derivatives of the depths that wear off in several spans of time,
-    and the run's result code.
+    """Make one run from `start_time`, s, to the end of the last span. Return the derivatives of the
+    depths that wear off in several spans of time, and the run's result code.
 
     The derivatives are (spans, p, joints, 2, samples), bearing before journal, at `samples` angles,
     m per unit of each parameter's coordinate; ``None`` if the run failed. `spans` are the times of
@@ -179,7 +180,8 @@ def derivatives_in_spans(
                     (1.0,),
                 )
                 signal_tangents = {n: run.derivatives[f"{joint} {n}"][rows, k] for n in SIGNALS}
-                # The derivative of a rate by its own logarithm is the rate itself.
+                # The derivative of a rate by its own logarithm is the rate itself. Other parameters
+                # do not change the rates.
                 is_own = np.array([rate_name(joint, part) == parameter for part in PARTS])
                 rate_tangents = np.asarray(of_parts) * is_own
                 _, derivatives[i, k, j] = jax.jvp(

@@ -27,12 +27,13 @@ if TYPE_CHECKING:
     from scipy.integrate import OdeSolution
 
 INSTANTS_PER_SAMPLE = 4
-"""Number of instants of a half of the measured cycles, divided by the number of angles: a contact
-that circles the wall once moves by a quarter of their spacing."""
+"""Number of instants of a `History` in a half of the measured cycles, divided by the number of
+angles. From instant to instant, a contact that circles the wall once in this time moves by a
+quarter of the spacing of the angles."""
 NUMBERS = ("x", "y", "angle", *PlanarAxes._fields, "work")
-"""What a `History` has of each instant: position of the base's centre in an unworn bearing, m,
-angle of the contact from the bearing's x axis, rad, the four numbers of `PlanarAxes`, and friction
-work without the coefficient of friction (normal force times sliding distance) per cycle, N m."""
+"""What a `History` has of each instant: position of the base's centre in the bearing's frame if the
+joint were unworn, m, angle of the contact from the bearing's x axis, rad, the four numbers of
+`PlanarAxes`, and the instant's share of the normal force times sliding distance, N m per cycle."""
 
 History = Float[np.ndarray, "bases numbers instants"]
 """Contacts of the two bases of a journal, at instants between which equal work is done."""
@@ -47,21 +48,25 @@ def contact_history(
     signals: Signals,
     cycles: float,
 ) -> History:
-    """Return the contacts of a joint in a number of cycles, from their `times` and signals, after
-    `depths` had worn off the joint."""
+    """Return the contacts of a joint from which `depths`, m, had worn off, from its `signals` at
+    the `times`, s. The work is divided by `cycles`: the cycles in the times, or, if histories of
+    several spans of time are to be joined, the cycles of all spans."""
     count = INSTANTS_PER_SAMPLE * depths.shape[1]
     bases = []
     for base in BASES:
         power = np.asarray(signals[f"{base} power"])
-        # Simpson's rule, as for the depths.
+        # Simpson's rule, as for the depths: even times are the ends of intervals, odd times their
+        # middles, so that a difference of neighbours is half an interval.
         work = np.diff(times)[::2] / 3.0 * (power[:-2:2] + 4.0 * power[1:-1:2] + power[2::2])
         done = np.append(0.0, np.cumsum(work))
-        at = np.interp((np.arange(count) + 0.5) / count * done[-1], done, times[::2])
-        rows = [f"{base} x", f"{base} y", *PlanarAxes._fields]
-        x, y, *axes = (np.interp(at, times, np.asarray(signals[name])) for name in rows)
+        # Equal parts of the work, N m; each instant is where half of its part is done.
+        work_at_instants = (np.arange(count) + 0.5) / count * done[-1]
+        instants = np.interp(work_at_instants, done, times[::2])
+        names = [f"{base} x", f"{base} y", *PlanarAxes._fields]
+        x, y, *axes = (np.interp(instants, times, np.asarray(signals[name])) for name in names)
         angles, x, y = _unworn(joint, jnp.asarray(depths), x, y, PlanarAxes(*axes))
-        share = np.full(count, done[-1] / (count * cycles))
-        bases.append(np.stack([x, y, angles, *axes, share]))
+        work_per_cycle = np.full(count, done[-1] / (count * cycles))
+        bases.append(np.stack([x, y, angles, *axes, work_per_cycle]))
     return np.stack(bases)
 
 
@@ -69,7 +74,8 @@ def contact_history(
 def _unworn(
     joint: ClearanceJoint, depths: jax.Array, x: jax.Array, y: jax.Array, axes: PlanarAxes
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Return the contact's angle, and the journal's position if the depths had not worn off."""
+    """Return the angle of the contact, rad, and the position, m, along the bearing's axes x and y,
+    that the journal's centre would have if the `depths` had not worn off."""
 
     def angle_at(x: Scalar, y: Scalar, axes: PlanarAxes) -> Scalar:
         profiles = joint.bearing_profile, joint.journal_profile
@@ -82,8 +88,8 @@ def _unworn(
 
 
 def _shift(depths: jax.Array, angles: jax.Array, axes: PlanarAxes) -> tuple[jax.Array, jax.Array]:
-    """Return by how much the journal's centre moves, m, along the bearing's axes x and y, if depths
-    wear off while the penetration and the angle of the contact stay."""
+    """Return by how much the journal's centre moves, m, along the bearing's axes x and y, if
+    `depths` wear off while the penetration and the `angles` of the contact, rad, stay."""
     wall, journal = PeriodicSpline.through(depths[0]), PeriodicSpline.through(-depths[1])
     worn = JournalInBearing(0.0, 0.0, wall, journal, axes)
     # The overlap of the two parts at the contact remains, and remains the largest one.
@@ -98,7 +104,7 @@ def _wear(
     history: Float[jax.Array, "bases numbers instants"],
     depths: Float[jax.Array, "2 samples"],
 ) -> Float[jax.Array, "2 samples"]:
-    """Return the depths per cycle that wear off a joint after `depths` have worn off."""
+    """Return the depths, m per cycle, that wear off a joint after `depths`; `joint` is unworn."""
     # Each of the `NUMBERS`, (bases * instants,): the wear of both bases is added.
     x, y, contact, *axes, work = history.swapaxes(0, 1).reshape(len(NUMBERS), -1)
     axes = PlanarAxes(*axes)
@@ -120,8 +126,8 @@ def _wear(
 
 
 def _moved(joint: ClearanceJoint, field: str, change: jax.Array) -> ClearanceJoint:
-    """Return the joint with `change`, m at each angle, added to a profile if this is such a
-    spline."""
+    """Return the joint with `change`, m at each angle, added to the profile in `field`, if this is
+    a spline with a knot at each angle."""
     profile: AbstractProfile | None = getattr(joint, field)
     coefficients = getattr(profile, "coefficients", None)
     if coefficients is None or np.shape(coefficients) != change.shape:
@@ -134,7 +140,7 @@ def _moved(joint: ClearanceJoint, field: str, change: jax.Array) -> ClearanceJoi
 def _wear_rows(
     joint: ClearanceJoint, rates: tuple[float, float], history: jax.Array, rows: jax.Array
 ) -> jax.Array:
-    """Return `rows` of the depths per cycle and their derivatives, from those of the depths."""
+    """Return the rows of `JointWear.per_cycle`, without derivatives at fixed depths."""
 
     def wear(depths: jax.Array) -> jax.Array:
         return _wear(joint, rates, history, depths)
@@ -149,8 +155,8 @@ def _wear_rows(
 def _jacobian(
     joint: ClearanceJoint, rates: tuple[float, float], history: jax.Array, depths: jax.Array
 ) -> jax.Array:
-    """Return the derivatives (m, m) of the m depths per cycle of the parts that wear with respect
-    to their depths. Other arguments are those of `_wear`."""
+    """Return the derivatives (m, m) of the m depths per cycle of the parts that wear, at all
+    angles, with respect to their m depths. The arguments are those of `_wear`."""
     wearing = np.flatnonzero(rates)
 
     def wear(values: jax.Array) -> jax.Array:
@@ -165,7 +171,7 @@ class JointWear(NamedTuple):
 
     - `joint`: the joint, unworn, with a spline for each part that wears.
     - `rates`: wear rates of bearing and journal, m^2/N.
-    - `history`: its contacts.
+    - `history`: the contacts of the joint.
     - `direct`: (p, 2, samples) m per cycle, derivatives of the depths per cycle by the parameters,
       at fixed depths.
     """
@@ -176,25 +182,27 @@ class JointWear(NamedTuple):
     direct: Float[np.ndarray, "p 2 samples"]
 
     def per_cycle(self, rows: Rows) -> Rows:
-        """Return rows of the depths per cycle and their derivatives, from those of the depths."""
+        """Return the depths per cycle, m, in row 0, and their derivatives by each parameter in the
+        other rows, from the `rows` of the depths and of their derivatives."""
         per_cycle = np.array(_wear_rows(self.joint, self.rates, self.history, rows))
         per_cycle[1:] += self.direct
         return per_cycle
 
     def jacobian(self, depths: Float[np.ndarray, "2 samples"]) -> Float[np.ndarray, "m m"]:
-        """Return approximate derivatives of the wear per cycle, of the parts that wear, with
-        respect to their depths, from a part of the contacts."""
+        """Return approximate derivatives of the m depths per cycle of the parts that wear with
+        respect to their m depths, from one in `INSTANTS_PER_SAMPLE` of the contacts."""
         some = self.history[:, :, ::INSTANTS_PER_SAMPLE].copy()
         some[:, -1] *= INSTANTS_PER_SAMPLE  # each of them does the work of those left out
         return np.asarray(_jacobian(self.joint, self.rates, some, depths))
 
     @property
     def wearing(self) -> tuple[int, ...]:
-        """Indices of the parts that wear."""
+        """Indices of the parts that wear: 0 for the bearing, 1 for the journal."""
         return tuple(np.flatnonzero(self.rates).tolist())
 
     def blended(self, other: "JointWear", share: float) -> "JointWear":
-        """Return the wear by the contacts of this one and a share, from 0 to 1, of the other."""
+        """Return the wear by a mixture of contacts: a `share`, 0 to 1, of those of `other`, and the
+        rest of those of this one."""
         histories = [self.history.copy(), other.history.copy()]
         for history, weight in zip(histories, (1.0 - share, share), strict=True):
             history[:, -1] *= weight  # wear is proportional to the work
@@ -211,33 +219,37 @@ def grow(
     atol: Float[np.ndarray, " rows"],
     depth: float | None = None,
 ) -> "OdeSolution":
-    """Return the depths and their derivatives, flat, as a function of the number of cycles.
+    """Return a function of the number of cycles, 0 to `length`, that returns the depths and their
+    derivatives: an array (rows, number of parts that wear, samples), m, flattened.
 
-    The contacts are those of `start` throughout, or change evenly from those of `start` to those of
-    `end`. The depths are integrated by backward differentiation formulas, with a relative tolerance
-    and an absolute one of each row, m, until the deepest point reaches `depth`, m. `RuntimeError`:
-    the integration failed.
+    The contacts are those of `start` throughout, or change linearly from those of `start` to those
+    of `end`. The depths are integrated by backward differentiation formulas, with a relative
+    tolerance and an absolute one for each row, m, until the deepest point reaches `depth`, m.
+    `RuntimeError`: the integration failed.
     """
     from scipy.integrate import solve_ivp
 
     wearing = np.array(start.wearing)
     shape = len(rows), len(wearing), rows.shape[-1]
 
-    def at(cycles: float, flat: np.ndarray) -> tuple[JointWear, np.ndarray]:
-        full = np.zeros(rows.shape)
-        full[:, wearing] = flat.reshape(shape)
-        return start if end is None else start.blended(end, cycles / length), full
+    # The solver's variables are the rows of the parts that wear, flat. A part that does not wear
+    # has depths of zero.
+    def wear_and_rows(cycles: float, flat: np.ndarray) -> tuple[JointWear, np.ndarray]:
+        all_parts = np.zeros(rows.shape)
+        all_parts[:, wearing] = flat.reshape(shape)
+        return start if end is None else start.blended(end, cycles / length), all_parts
 
     def per_cycle(cycles: float, flat: np.ndarray) -> np.ndarray:
-        wear, full = at(cycles, flat)
-        return np.asarray(wear.per_cycle(full))[:, wearing].ravel()
+        wear, all_parts = wear_and_rows(cycles, flat)
+        return np.asarray(wear.per_cycle(all_parts))[:, wearing].ravel()
 
     def jacobian(cycles: float, flat: np.ndarray) -> np.ndarray:
         # The derivatives grow by the Jacobian of the depths. How the Jacobian itself changes with
         # the depths is left out, which only adds an iteration to the solver's.
-        wear, full = at(cycles, flat)
-        return np.kron(np.eye(len(rows)), wear.jacobian(full[0]))
+        wear, all_parts = wear_and_rows(cycles, flat)
+        return np.kron(np.eye(len(rows)), wear.jacobian(all_parts[0]))
 
+    # Row 0, the depths, comes first. The integration ends where this function rises to zero.
     def below(_: float, flat: np.ndarray) -> float:
         return flat[: shape[1] * shape[2]].max() - (np.inf if depth is None else depth)
 

@@ -53,11 +53,19 @@ class Plan(eqx.Module):
     def loop(self, system: System, request: "LaneRequest") -> RunLoop:
         # A section has one log, which has the name of the output. A table of impacts has a log for
         # each contact (see `impact_log`); its recorder expects the labels of the contacts as keys.
-        wanted, impacts = request.wanted, self.impacts.items()
+        wanted = request.wanted
         recorders: dict[str, Recorders] = {
-            REDUCTIONS: {name: ReductionRecorder(of) for name, of in self.reductions.items()},
-            SECTIONS: {n: replace(of, wanted=wanted.get(n)) for n, of in self.sections.items()},
-            TABLES: {n: replace(of, wanted=_under(f"{n}/", wanted)) for n, of in impacts},
+            REDUCTIONS: {
+                name: ReductionRecorder(reduction) for name, reduction in self.reductions.items()
+            },
+            SECTIONS: {
+                name: replace(recorder, wanted=wanted.get(name))
+                for name, recorder in self.sections.items()
+            },
+            TABLES: {
+                name: replace(recorder, wanted=_under(f"{name}/", wanted))
+                for name, recorder in self.impacts.items()
+            },
         }
         if self.saves:
             recorders[LATEST] = LatestDenseStep()
@@ -78,7 +86,8 @@ class LaneRequest(eqx.Module):
 
 
 class Lane(eqx.Module):
-    """A run between two turns, and the `saved` states, if any, that the host has not read yet."""
+    """A run between two turns, and the `saved` states that the host has not read yet; ``None`` if
+    the batch saves no states."""
 
     run: Progress
     saved: RowBuffer[Snapshot] | None
@@ -97,13 +106,15 @@ class Lane(eqx.Module):
 
 
 def _under(prefix: str, wanted: Mapping[str, PyTree]) -> dict[str, PyTree]:
-    """Return the entries whose key starts with `prefix`, under the rest of the key."""
-    return {log.removeprefix(prefix): n for log, n in wanted.items() if log.startswith(prefix)}
+    """Return the entries whose keys start with `prefix`, with the prefix removed from the keys."""
+    return {
+        log.removeprefix(prefix): rows for log, rows in wanted.items() if log.startswith(prefix)
+    }
 
 
 def impact_log(name: str, joint: str, contact: str) -> str:
-    """Return the name of the log of one contact's impacts, such as "hits/pin V" for the output
-    "hits". Names of outputs contain no slash."""
+    """Return the name of the log of one contact's impacts in the output `name`, such as
+    "hits/pin V" for "hits" and the contact V of "pin". Names of outputs contain no slash."""
     return f"{name}/{contact_label(joint, contact)}"
 
 
@@ -136,12 +147,12 @@ def begin_lane(
 
 
 def step_lane(plan: Plan, scene: Scene, lane: Lane, request: LaneRequest) -> Lane:
-    """Return a lane after one turn. It tries one step, unless its run has ended, it waits for the
-    host, or a state within its latest step is still to be saved. After that it saves one state, if
-    the lane has reached a time to save at."""
+    """Return a lane after one turn. The lane tries one step, unless its run has ended, the lane
+    waits for the host, or a state within its latest step is still to be saved. After that the lane
+    saves one state, if it has reached a time to save at."""
     system = plan.scheme.system(scene)
     run = plan.loop(system, request).advance(lane.run, goes=_tries_step(plan, lane, request))
-    if lane.saved is None:
+    if lane.saved is None:  # a batch that saves no states
         return Lane(run, None)
     saved, lane = lane.saved, Lane(run, lane.saved)
     # The dense output is evaluated in every turn, because lanes side by side cannot branch. If no
@@ -197,7 +208,7 @@ class Task(eqx.Module):
       lanes, and ``None`` in place of the others.
     - `state`: the initial state, packed.
     - `end_time`, `first_step`: s, end of the run and length of its first step.
-    - `save_at`: (K,) s, rising, times to save at, or ``None``.
+    - `save_at`: (K,) s, rising, times to save at; ``None`` if no states are saved.
     """
 
     varied: PyTree

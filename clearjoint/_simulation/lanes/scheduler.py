@@ -52,9 +52,9 @@ OnCells = BoundFunction | XlaFunction
 class Ended(NamedTuple):
     """Results of n lanes that have ended, in NumPy arrays with a first axis of length n.
 
-    - `lanes`: (n,) numbers of the lanes.
+    - `lanes`: (n,) indices of the lanes in the batch.
     - `logs[log]`: recorded columns by name, (n, rows, ...), with NaN after the last row that a lane
-      has recorded; and (n,) numbers of recorded rows.
+      has recorded; and (n,) how many rows each lane has recorded.
     """
 
     lanes: np.ndarray
@@ -63,7 +63,7 @@ class Ended(NamedTuple):
 
 
 class Running(NamedTuple):
-    """Progress of the lanes that have begun and not ended: their number; the smallest and the
+    """Progress of the lanes that have begun and not ended: how many they are; the smallest and the
     largest simulated time, s, that one of them has reached; and the estimated computing time, s,
     until all lanes of the batch have ended, or ``None`` if there is no estimate yet."""
 
@@ -74,9 +74,9 @@ class Running(NamedTuple):
 
 
 class Batch:
-    """A batch of lanes to run, in native code on CPUs where possible, otherwise by XLA. `tasks` are
-    arrays with a first axis of length L. `lengths[log]` is the largest number of rows of each log.
-    """
+    """A batch of L lanes to run, in native code on CPUs where possible, otherwise by XLA. Arrays in
+    `tasks` have a first axis of length L. `threads`: how many to use, by default one for each core
+    or accelerator. The attribute `lengths[log]` is the largest number of rows of each log."""
 
     def __init__(self, common: Common, tasks: Task, threads: int | None = None):
         self.common = jax.tree.map(lambda x: np.asarray(x) if eqx.is_array(x) else x, common)
@@ -93,7 +93,7 @@ class Batch:
         request = LaneRequest(tasks.end_time, tasks.first_step, window, wanted)
         self.own = replace(tasks, save_at=None), request
         self.turns = 0
-        """Number of turns so far, the sum over all columns, including empty columns."""
+        """Number of turns so far, summed over all columns of all groups, empty columns included."""
         self._made: _Programs | None = None
 
     def with_tasks(self, tasks: Task) -> "Batch":
@@ -104,8 +104,8 @@ class Batch:
         return other
 
     def next_saves(self, lanes: int | slice, first: int) -> np.ndarray:
-        """Return the next `WINDOW` times to save at, s, of one lane or of a slice of lanes, from
-        the time with the index `first` on; infinite where no time is left."""
+        """Return the next `WINDOW` times to save at, s, of one lane, given by its index, or of each
+        lane in a slice, from the time with the index `first` on; infinite where none is left."""
         times = self._save_at[lanes, first : first + WINDOW]
         window = np.full((*times.shape[:-1], WINDOW), np.inf)
         window[..., : times.shape[-1]] = times
@@ -119,8 +119,9 @@ class Batch:
     ) -> None:
         """Run some lanes of the batch, in the given order.
 
-        **Arguments:** `on_ended`: receives lanes that have ended; `on_progress`: receives the
-        progress several times a second; both in the thread of the caller.
+        **Arguments:** `lanes`: their indices in the batch; `on_ended`: receives lanes that have
+        ended; `on_progress`: receives the progress several times a second; both are called in the
+        thread of the caller.
 
         **Raises:** `KeyboardInterrupt` after Ctrl-C, when `on_ended` has received all lanes that
         had ended. After a second Ctrl-C, some of them may be missing. An error in a thread or a
@@ -172,7 +173,8 @@ class _Programs:
     - `begin`, `outcome`, `columns[log]`: functions that make a compiled function: for a lane's
       start, for its outcome, and for the columns of a log. Each thread makes functions of its own,
       because two threads must not call one at the same time.
-    - `buffers[log]`: indices in a column of a buffer's rows, (rows, numbers), and of their count.
+    - `buffers[log]`: indices, in a column, of the cells of a buffer's rows, (rows, numbers), and
+      index of the cell with the count of its rows.
     - `blocks[log]`: number of rows that are converted at once, and of numbers in each row.
     """
 
@@ -191,8 +193,9 @@ class _Programs:
 
         # Cells of the data and the state of a lane.
         self.own_cells, self.task_cells = Cells((task, request)), Cells(task).size
-        start = self.loop.own_cells.start
-        self.request: LaneRequest = _shifted(self.own_cells.columns()[1], start)
+        # Indices of cells within these data become indices of cells in the whole column of a lane.
+        offset = self.loop.own_cells.start
+        self.request: LaneRequest = _shifted(self.own_cells.columns()[1], offset)
         state = _shifted(Cells(lane).columns(), self.loop.state_cells.start)
         self.buffers: dict[str, tuple[np.ndarray, int]] = {}
         for name, buffer in common.logs(state).items():
@@ -226,7 +229,8 @@ def _shifted(cells: PyTree, by: int) -> PyTree:
 
 @dataclass
 class _LaneSlot:
-    """A lane in a column: its number, and by log the arrays of rows, (n, numbers), read so far."""
+    """A lane in a column: `number`, its index in the batch, and by log the arrays of rows,
+    (n, numbers), that were read so far."""
 
     number: int
     rows: dict[str, list[np.ndarray]] = field(default_factory=lambda: defaultdict(list))
@@ -236,19 +240,19 @@ class _LaneSlot:
 
 
 _Record: TypeAlias = tuple[int, np.ndarray, dict[str, tuple[np.ndarray, int]]]
-"""A lane that has ended: its number, the cells of its outcome, (cells,), and for each log the cells
-of its result columns, (blocks, cells), and the number of recorded rows."""
+"""A lane that has ended: its index in the batch, the cells of its outcome, (cells,), and for each
+log the cells of its result columns, (blocks, cells), and the number of recorded rows."""
 
 
 @dataclass
 class _Shared:
     """State that the groups of a batch share.
 
-    - `waiting`: numbers of the lanes that have not begun.
-    - `records`: lanes that have ended and that were not handed over yet.
+    - `waiting`: indices, in the batch, of the lanes that have not begun.
+    - `records`: lanes that have ended and that were not handed over to the caller yet.
     - `own`: (L, cells), data of each lane: the cells of its task, then those of its request.
-    - `times[number]`: s, simulated time that each running lane has reached.
-    - `handed_over`: value of `time.monotonic` when records were handed over last.
+    - `times[number]`: s, simulated time that each running lane, by index, has reached.
+    - `handed_over`: value of `time.monotonic`, s, when records were handed over last.
     - `finished`: set when a group has ended; `stops`: whether all groups are to end.
     """
 
@@ -266,7 +270,7 @@ class _Shared:
         self._lanes, self._begun = len(self.waiting), time.monotonic()
 
     def next_lanes(self, count: int) -> list[int]:
-        """Remove up to `count` numbers of the next lanes from `waiting`, and return them."""
+        """Remove the first indices, at most `count`, from `waiting`, and return them."""
         lanes: list[int] = []
         # Several threads take lanes at a time: to test for emptiness first would be a race.
         with suppress(IndexError):
@@ -283,8 +287,9 @@ class _Shared:
 
     def running(self) -> Running:
         # Work is measured in runs: a running lane counts by the part of its time span that it has
-        # covered, and an ended lane counts as 1. The time left is extrapolated from that. The
-        # dictionary is copied, because other threads change it.
+        # covered, and an ended lane counts as 1. The time left is extrapolated from that: the share
+        # of all work that is done has taken `seconds`. The dictionary is copied, because other
+        # threads change it.
         times, start = dict(self.times), float(self.batch.common.start_time)
         ends = self.batch.tasks.end_time
         begun = sum((now - start) / (ends[lane] - start) for lane, now in times.items())
@@ -296,7 +301,7 @@ class _Shared:
 
 
 class _Group:
-    """Columns whose lanes one thread runs. The `number`, from 0 on, selects its accelerator."""
+    """Columns whose lanes one thread runs. The group's index, `number`, selects its accelerator."""
 
     def __init__(self, shared: _Shared, number: int):
         self._shared, self._number = shared, number
@@ -332,7 +337,7 @@ class _Group:
         empty = [column for column, slot in enumerate(self._slots) if slot is None]
         numbers = self._shared.next_lanes(len(empty))
         if numbers:
-            # They count as running while their first states are computed, which may compile.
+            # The lanes count as running while their first states are computed, which may compile.
             start = float(self._shared.batch.common.start_time)
             self._shared.times.update(dict.fromkeys(numbers, start))
             own = self._shared.own[numbers]
@@ -397,13 +402,16 @@ class _Group:
 
     def _log(self, name: str, rows: list[np.ndarray], task: np.ndarray) -> tuple[np.ndarray, int]:
         """Convert the recorded `rows` of one log of a lane, (n, numbers) each, to cells of the
-        result's columns, (blocks, cells), and return these and the number of rows."""
+        result's columns, (blocks, cells), and return these and the number of rows. `task`: cells of
+        the lane's task."""
         rows_a_block, numbers = self._programs.blocks[name]
         count = sum(map(len, rows))
         # The compiled function takes blocks of a fixed size, so the last one is filled with zeros.
-        blocks = np.zeros((-(-count // rows_a_block), rows_a_block * numbers))
+        block_count = -(-count // rows_a_block)  # rounded up
+        blocks = np.zeros((block_count, rows_a_block * numbers))
         if rows:
             np.concatenate(rows, out=blocks.reshape(-1, numbers)[:count])
+        # The function takes the lane's task too, in front of each block.
         arguments = np.concatenate([np.tile(task, (len(blocks), 1)), blocks], axis=1)
         return self._read[name](arguments), count
 
@@ -416,7 +424,7 @@ def _deliver(
     stopped: Callable[[], bool],
 ) -> None:
     """Pass ended lanes and progress to the callbacks every `PERIOD` seconds, and as soon as a group
-    has ended, until all groups have stopped.
+    has ended, until all groups have ended. `stopped`: returns whether Ctrl-C asks them to stop.
 
     **Raises:** the error of a group or of a callback; lanes that ended just before may be lost.
     """
@@ -448,8 +456,10 @@ def _ended(shared: _Shared, records: Sequence[_Record]) -> Ended:
     for name, length in shared.batch.lengths.items():
         tables = [of_lane[name] for of_lane in logs_of_lanes]
         read = programs.column_cells[name].trees(np.concatenate([cells for cells, _ in tables]))
+        # For each lane but the last, the index of the block after the lane's last block.
         ends = np.cumsum([len(cells) for cells, _ in tables])[:-1]
         columns = {}
+        # Blocks (blocks, rows a block, ...) of one column, of all lanes.
         for key, blocks in read.items():
             columns[key] = np.full((len(records), length, *blocks.shape[2:]), np.nan)
             parts = np.split(blocks, ends)
@@ -472,9 +482,9 @@ _begun, _outcome = Native(Common.begun), Native(Common.outcome)
 def _columns(
     shared: tuple[Common, str, Snapshot | ImpactRow], task: Task, rows: Numbers
 ) -> dict[str, Numbers]:
-    """Return the columns (R, ...) of a log by name, for `rows`, (R, n), each with the numbers of
-    one record. `shared` has the common data, the name of the log, and an example of a record, of
-    which only structure and shapes are used."""
+    """Return the columns (R, ...) of a log by name, for the R `rows` (R, n) of a block, each with
+    the n numbers of one record. `shared` has the common data, the name of the log, and an example
+    of a record, of which only structure and shapes are used. `task`: the task of the lane."""
     common, name, example = shared
     leaves, structure = jax.tree.flatten(example)
     # Some columns are quantities such as a contact force, which depend on the lane's scene too.

@@ -28,7 +28,7 @@ ON_CPU, ON_ACCELERATOR = 64, 4096
 TURNS = 256
 """Largest number of turns between two returns to Python, which shows progress and obeys Ctrl-C."""
 WAITING = 8
-"""A loop returns to Python as soon as one part in `WAITING` of its lanes waits. Returning later
+"""A loop returns to Python as soon as the fraction 1/`WAITING` of its lanes waits. Returning later
 would leave more lanes idle, and returning earlier would copy the lanes more often."""
 
 
@@ -41,10 +41,10 @@ class XlaLaneLoop(AbstractLaneLoop):
     """A loop over lanes compiled by XLA.
 
     **Arguments:** `turn`: function (shared, own, state) that returns the state of a lane after a
-    turn; it leaves a lane that waits unchanged, since other lanes may go on. `status`: function of
-    the same arguments that returns scalars by name, among them "moves", which is false if the lane
-    waits. `shared`: data of all lanes. `own`, `state`: example of the data and state of one lane.
-    """
+    turn; `turn` leaves a lane that waits unchanged, since other lanes may go on. `status`: function
+    of the same arguments that returns scalars by name, among them "moves", which is false if the
+    lane waits. `shared`: data that all lanes share. `own`, `state`: examples of the data and the
+    state of one lane, of which only structure, shapes and dtypes are used."""
 
     def __init__(self, turn: OnLane, status: OnLane, shared: PyTree, own: PyTree, state: PyTree):
         self.width, self._functions = width(), (turn, status)
@@ -89,9 +89,9 @@ class XlaLaneLoop(AbstractLaneLoop):
 
 
 class XlaFunction:
-    """A function (shared, *trees) of the data of lanes, compiled by XLA, whose arguments and
-    results are in cells of 8 bytes. The attribute `results` is the layout of the cells of a result.
-    """
+    """A function of the data of one lane, called as function(shared, *trees), compiled by XLA for
+    many lanes, whose data and results are in cells of 8 bytes, a row for each lane. `examples` have
+    the shapes of `trees`. The attribute `results` is the layout of the cells of a result."""
 
     def __init__(self, function: OnLane, shared: PyTree, *examples: PyTree):
         self._function, self._shared = function, shared
@@ -104,12 +104,16 @@ class XlaFunction:
         ends = np.cumsum([cells.size for cells in self._arguments])[:-1]
         # The program has a fixed number of lanes. Too few lanes are repeated to fill it up, and the
         # results of the repeated ones are dropped.
-        for first in range(0, len(rows), width):
-            part = rows[first : first + width]
-            parts = np.split(np.resize(part, (width, rows.shape[1])), ends, axis=1)
-            trees = [cells.trees(p) for cells, p in zip(self._arguments, parts, strict=True)]
+        for begin in range(0, len(rows), width):
+            group = rows[begin : begin + width]
+            # The cells of each argument, for all lanes of the group.
+            arguments = np.split(np.resize(group, (width, rows.shape[1])), ends, axis=1)
+            trees = [
+                layout.trees(cells)
+                for layout, cells in zip(self._arguments, arguments, strict=True)
+            ]
             result = _for_all(self._function, self._shared, *trees)
-            results.append(self.results.rows(result)[: len(part)])
+            results.append(self.results.rows(result)[: len(group)])
         return np.concatenate(results)
 
 
@@ -126,11 +130,13 @@ def _turns(
 
     # Columns without a lane must not count as waiting, because their contents are meaningless.
     def continues(now: tuple[jax.Array, PyTree]) -> jax.Array:
-        waiting = occupied & jnp.logical_not(status(own, now[1])["moves"])
-        return (now[0] < TURNS) & (WAITING * waiting.sum() < occupied.sum())
+        count, states = now
+        waiting = occupied & jnp.logical_not(status(own, states)["moves"])
+        return (count < TURNS) & (WAITING * waiting.sum() < occupied.sum())
 
     def go(now: tuple[jax.Array, PyTree]) -> tuple[jax.Array, PyTree]:
-        return now[0] + 1, turn(own, now[1])
+        count, states = now
+        return count + 1, turn(own, states)
 
     count, state = jax.lax.while_loop(continues, go, (jnp.zeros((), int), state))
     return count, state, status(own, state)

@@ -7,12 +7,12 @@ is one direction of a contact. The solution minimises the energy x W x/2 + q x, 
 
 An iteration has two parts (J. J. More, G. Toraldo, On the solution of large quadratic programming
 problems with bound constraints, 1991). A sweep of projected Gauss-Seidel finds the rows at their
-bounds. Newton steps then minimise the energy over the other rows. A step that would cross a bound
-ends there, and the next one leaves out the row that has met it; a full step reaches the minimum.
-Neither part raises the energy, so the iteration cannot cycle. It mostly ends after one or two
-iterations, also for linearly dependent rows, such as the axial slips at both ends of a journal, and
-for a journal whose ends, with a contact each, are close together. Gauss-Seidel alone would take
-thousands of sweeps for such a journal.
+bounds. Newton steps then minimise the energy over the other rows. A Newton step that would cross a
+bound ends there, and the next Newton step leaves out the row that has met the bound; a full Newton
+step reaches the minimum. Neither part raises the energy, so the iteration cannot cycle. It mostly
+ends after one or two iterations, also for linearly dependent rows, such as the axial slips at both
+ends of a journal, and for a journal whose ends, with a contact each, are close together.
+Gauss-Seidel alone would take thousands of sweeps for such a journal.
 """
 
 from collections.abc import Sequence
@@ -28,8 +28,8 @@ from ..._math.vectors import Condition, Scalar, add
 ITERATIONS = 30
 TOLERANCE = 1e-10
 """The iteration ends at this relative residual, or after `ITERATIONS` iterations, many more than
-usual problems take. The residual is below `.contact_problem.TOLERANCE`, the tolerance of the
-alternation between normal and friction impulses."""
+usual problems take. The value is below `.contact_problem.TOLERANCE`, the tolerance of the
+alternation between normal and friction impulses, whose turns solve such problems."""
 RELATIVE_SHIFT = 1e-11
 """Relative increase of W's diagonal, which makes systems with linearly dependent rows solvable."""
 Impulses = Sequence[Scalar]
@@ -38,10 +38,12 @@ Search = tuple[Impulses, Sequence[Condition], Condition]
 
 
 class BoxProblem:
-    """A complementarity problem of n rows, with the lower triangle of W, 1/kg, and n lower and
-    upper bounds of the impulses, N s, which may be infinite. A row with equal bounds is fixed: its
-    impulse is this bound, and its velocity is free. A diagonal element that is zero, as for a
-    centred journal, whose contact has no direction, counts as 1."""
+    """A complementarity problem of n rows, with the lower triangle of W, `matrix`, 1/kg, and n
+    lower and upper bounds of the impulses, N s, which may be infinite. A row with equal bounds is
+    fixed: its impulse is this bound, and its velocity may have any value. A diagonal element that
+    is zero, as for a centred journal, whose contact has no direction, counts as 1.
+
+    In the methods, `x` are n impulses, N s, and `start` n velocities without impulses, q, m/s."""
 
     def __init__(self, matrix: Rows, lower: Sequence[Scalar], upper: Sequence[Scalar]):
         self._bounds = list(zip(lower, upper, strict=True))
@@ -50,20 +52,21 @@ class BoxProblem:
         self._matrix = [[*row[:-1], d] for row, d in zip(matrix, self._diagonal, strict=True)]
 
     def solve(self, start: Sequence[Scalar], least: Scalar) -> tuple[Impulses, Scalar]:
-        """Return the n impulses x, N s, for the velocities q without impulses, `start`, m/s, and
-        the residual: the largest violation of a condition, relative to the largest magnitude of q
-        among rows that are not fixed, but at least to `least`, m/s. If the residual is above
-        `TOLERANCE`, the iteration did not converge."""
-        is_free = [lower < upper for lower, upper in self._bounds]
-        scale = jnp.maximum(largest_of(is_free, start), least)
+        """Return the n impulses x, N s, that solve the problem, and the residual: the largest
+        violation of a condition, divided by the largest magnitude of q among rows that are not
+        fixed, or by `least`, m/s, if that is larger. If the residual is above `TOLERANCE`, the
+        iteration did not converge."""
+        is_not_fixed = [lower < upper for lower, upper in self._bounds]
+        scale = jnp.maximum(largest_of(is_not_fixed, start), least)
 
         def goes(now: tuple[Impulses, Scalar, Scalar]) -> Condition:
             _, residual, count = now
             return (residual > TOLERANCE) & (count < ITERATIONS)
 
         def go(now: tuple[Impulses, Scalar, Scalar]) -> tuple[Impulses, Scalar, Scalar]:
-            x = self._least_inside(self._swept(now[0], start), start)
-            return x, self._residual(x, start) / scale, now[2] + 1
+            x, _, count = now
+            x = self._least_inside(self._swept(x, start), start)
+            return x, self._residual(x, start) / scale, count + 1
 
         # Begin with the impulses nearest to zero. In most steps all contacts are open and their
         # impulses fixed at zero, so that the residual is zero and no iteration is made.
@@ -98,7 +101,8 @@ class BoxProblem:
         ]
 
         def goes(now: Search) -> Condition:
-            return jnp.logical_not(now[2])
+            _, _, is_reached = now
+            return jnp.logical_not(is_reached)
 
         def go(now: Search) -> Search:
             x, free, _ = now
@@ -129,7 +133,8 @@ class BoxProblem:
     ) -> Impulses:
         """Return the change of the impulses x after which the `free` rows have zero velocity."""
         velocities = self._velocities(x, start)
-        # Rows that are not free become decoupled equations with the solution zero.
+        # Equations: W change = -velocity for the free rows. Rows that are not free become decoupled
+        # equations with the solution zero, so that the matrix has the same size for any free rows.
         matrix = [
             [*(jnp.where(free[i] & free[j], row[j], 0.0) for j in range(i)), row[i]]
             for i, row in enumerate(self._matrix)
@@ -141,9 +146,10 @@ class BoxProblem:
         return Exact().solving(gram_matrix(full, identity))(right)
 
     def _shares(self, x: Impulses, change: Impulses) -> list[Scalar]:
-        """Return for each row the part, 0 to 1, of its `change` that its bounds allow."""
+        """Return for each row the part, 0 to 1, of its `change` that the row's bounds allow."""
         shares: list[Scalar] = []
         for a, d, (lower, upper) in zip(x, change, self._bounds, strict=True):
+            # Distance to the bound towards which the impulse moves.
             room, length = jnp.where(d < 0.0, a - lower, upper - a), jnp.abs(d)
             shares.append(jnp.where(length > room, room / jnp.where(d == 0.0, 1.0, length), 1.0))
         return shares

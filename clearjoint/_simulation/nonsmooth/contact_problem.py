@@ -46,14 +46,14 @@ FAST = 1e3
 speeds below which friction laws are regularised."""
 
 NEGLIGIBLE = 1e-9
-"""Contact velocity in m/s that counts as rest. Residuals are relative to the velocities that the
-impulses have to change, but at least to this: those of a block at rest are rounding errors of 1e-17
-m/s, and no residual is a small part of these."""
+"""Contact velocity in m/s that counts as rest. Residuals are divided by the velocities that the
+impulses have to change, but at least by this value: the velocities of a block at rest are rounding
+errors of 1e-17 m/s, and no residual is a small part of these."""
 ROUNDED = 1e-3
-"""The residuals of the normal and of the friction impulses are relative to the velocities that
-these impulses have to change, but at least to this part of the largest velocity of all. The slip
+"""The residuals of the normal and of the friction impulses are divided by the velocities that these
+impulses have to change, but at least by this part of the largest velocity of either kind. The slip
 velocities of a block at rest are rounding errors, 1e-16 of the normal velocities, and a residual
-relative to them could never be small."""
+divided by such slip velocities could never be small."""
 
 LEAST_FACTOR, LARGEST_FACTOR = 0.1, 1e4
 """Bounds of the factor by which a change of the tangential impulses is extrapolated. Without them,
@@ -184,6 +184,7 @@ class ContactProblem:
         projected += [mechanics.projected(row.jacobian) for row, _ in rotors]
         equations = system.constraint_equations(mechanics, rows, rotors) if projected else None
 
+        # Change of the speeds by a unit impulse along a direction, while ideal joints hold.
         def free_response(direction: Speeds) -> Speeds:
             rates = mechanics.solved(direction)
             if equations is None:
@@ -210,8 +211,8 @@ class ContactProblem:
 
     def kick(self, impulses: Sequence[Scalar]) -> Speeds:
         """Return the change of the speeds of the system's coordinates by impulses at the contacts,
-        including the impulses of ideal joints that follow from them. Rows beyond their end have
-        none."""
+        including the impulses of ideal joints that follow from them. `impulses` may be fewer than
+        `rows`, such as the normal ones alone; the remaining rows then have no impulse."""
         change: Speeds = [0.0] * len(self._responses[0])
         for part, impulse in zip(self._responses, impulses, strict=False):
             change = [add(a, multiply(b, impulse)) for a, b in zip(change, part, strict=True)]
@@ -231,13 +232,13 @@ class ContactProblem:
         self, closed: Sequence[Condition], aims: Sequence[Scalar], least: Scalar = NEGLIGIBLE
     ) -> tuple[Impulses, Scalar]:
         """Return the normal impulses of all contacts, zero at open ones, and the residual. With
-        them, each closed contact opens at least with the smallest velocity that is allowed.
+        these impulses, each closed contact opens at least with the smallest velocity allowed.
 
-        The residual is the largest violation of the contact conditions along the normals, relative
-        to the largest magnitude among the `aims` of closed contacts, but at least to `least`, m/s.
+        The residual is the largest violation of the contact conditions along the normals, divided
+        by the largest magnitude among the `aims` of closed contacts, but at least by `least`, m/s.
 
         **Arguments:** `aims`: m/s, for each contact its opening velocity without impulses, less the
-        smallest one that is allowed, such as -e U- for Newton's restitution.
+        smallest opening velocity that is allowed, such as -e U- for Newton's restitution.
         """
         normal = [row[: i + 1] for i, row in enumerate(self._matrix[: self._count])]
         # An open contact is fixed to an impulse of zero by equal bounds.
@@ -250,16 +251,17 @@ class ContactProblem:
         """Return the impulses at the closed contacts along all `rows`, and the relative residual,
         which is above `TOLERANCE` if the alternation did not converge.
 
-        The residual is the largest of three. Those of the normal and of the friction impulses are
-        relative to the largest velocity at closed contacts that these impulses have to change, but
-        at least to `ROUNDED` times the largest of all, and to `NEGLIGIBLE`. The third is the
-        opening velocity by which normal and friction impulses do not fit each other, relative to
-        the largest of all. `aims`: as in `normal_impulses`; `slips`: slip velocities without
-        impulses.
+        The residual is the largest of three. The residuals of the normal and of the friction
+        impulses are divided by the largest velocity at closed contacts that these impulses have to
+        change, but at least by `ROUNDED` times the largest of both kinds, and by `NEGLIGIBLE`. The
+        third is the opening velocity by which normal and friction impulses do not fit each other,
+        divided by the largest velocity of both kinds. `aims`: as in `normal_impulses`; `slips`:
+        slip velocities without impulses, m/s, in the order of the slip directions in `rows`.
         """
         if not slips:  # without friction
             return self.normal_impulses(closed, aims)
-        # `owner` is the index of the contact to which each tangential row belongs.
+        # `owner` is the index of the contact to which each tangential row belongs; `block` is the
+        # lower triangle of the matrix for these rows.
         count, size = self._count, len(self.rows)
         normals, tangents = range(count), range(count, size)
         owner = [k for k, touch in enumerate(self.contacts) for _ in touch.slip]
@@ -267,8 +269,8 @@ class ContactProblem:
         block = [self._matrix[i][count : i + 1] for i in tangents]
         # The residual is relative to the largest velocity that the impulses at closed contacts have
         # to change.
-        live = [*closed, *(closed[k] for k in owner)]
-        scale = jnp.maximum(largest_of(live, [*aims, *slips]), NEGLIGIBLE)
+        are_closed = [*closed, *(closed[k] for k in owner)]  # for all rows
+        scale = jnp.maximum(largest_of(are_closed, [*aims, *slips]), NEGLIGIBLE)
         least = jnp.maximum(ROUNDED * scale, NEGLIGIBLE)
 
         def go(now: Alternation) -> Alternation:
@@ -312,8 +314,9 @@ class ContactProblem:
 
 
 def _extrapolation(last: Alternation, change: Impulses) -> Scalar:
-    """Return the factor by which a change of the tangential impulses is extrapolated, by Aitken's
-    method (B. Irons, R. Tuck, A version of the Aitken accelerator for computer iteration, 1969).
+    """Return the factor by which the `change` of the tangential impulses in a turn is extrapolated
+    after the turn `last`, by Aitken's method (B. Irons, R. Tuck, A version of the Aitken
+    accelerator for computer iteration, 1969).
     Without extrapolation, two bases (end circles) of a journal that both stick and share axial
     impulses need thousands of turns."""
     bend = [a - b for a, b in zip(change, last.change, strict=True)]

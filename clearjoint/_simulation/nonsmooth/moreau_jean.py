@@ -67,7 +67,7 @@ class StepEnd(eqx.Module):
 
     - `contacts[joint][contact]`: the `ContactStep` of each contact.
     - `residual`: largest relative residual of the contact problem and of the projection.
-    - `shallow`: whether no penetration in the middle of the step exceeds the bearing's clearance.
+    - `shallow`: whether no penetration in the middle of the step exceeds its bearing's clearance.
     """
 
     variables: MotionVariables
@@ -124,8 +124,8 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
 def _smooth_step(
     rigid: Rigid, variables: MotionVariables, t: Scalar, middle_time: Scalar, h: Scalar
 ) -> tuple[MotionVariables, MotionVariables]:
-    """Return the positions in the middle of the step without contact forces, once with the speeds
-    at the start of the step, and once with those at its end."""
+    """Return the variables without contact forces, twice: the positions in the middle of the step,
+    at `middle_time`, s, with the speeds at the start of the step, and with those at its end."""
     # `predicted` has estimated speeds in the middle of the step. Evaluated at these, forces that
     # depend on speeds are integrated to second order.
     half = 0.5 * h
@@ -136,7 +136,8 @@ def _smooth_step(
 
 
 def _is_shallow(contacts: list[Touch]) -> Condition:
-    """Return whether no penetration exceeds a clearance: the side of such a contact is unknown."""
+    """Return whether no penetration exceeds its bearing's clearance. With a larger penetration, the
+    side of the wall on which the contact is would be unknown."""
     shallow = jnp.asarray(True)
     for touch in contacts:
         if touch.clearance is not None:
@@ -151,10 +152,10 @@ def _projection(
     sinks: Sequence[Scalar],
     h: Scalar,
 ) -> tuple[list[Scalar], Scalar]:
-    """Return speeds that move the positions out of the wall, beside the speeds of the motion, and
-    the relative residual of the contact problem for them. Gaps are linearised. `after` are the
-    opening velocities after the impulses, and `sinks`, zero or positive, the velocities towards the
-    wall that the forces add in the step, m/s."""
+    """Return speeds that move the positions out of the wall, to be added to the speeds of the
+    motion, and the relative residual of the contact problem for these speeds. Gaps are linearised.
+    `after` begins with the opening velocity of each contact after the impulses, m/s, and `sinks`,
+    zero or positive, with the velocity towards the wall that the forces add in the step, m/s."""
     stays, ends = [], []
     rows = zip(problem.contacts, closed, after, sinks, strict=False)
     for touch, shut, velocity, sink in rows:
@@ -179,14 +180,14 @@ def _contact_steps(
     losses = [-0.5 * impulse * (a + b) for impulse, a, b in rows]
     steps: dict[str, dict[str, ContactStep]] = {}
     # The normal rows of all contacts come first, then the rows of slip of each contact.
-    first = len(contacts)
+    slip_begin = len(contacts)
     for k, touch in enumerate(contacts):
-        last = first + len(touch.slip)
-        loss = sum(losses[first:last], losses[k])
+        slip_end = slip_begin + len(touch.slip)
+        loss = sum(losses[slip_begin:slip_end], losses[k])
         penetration = jnp.maximum(-touch.gap, 0.0)
         step = ContactStep(impulses[k], jnp.asarray(before[k]), loss, penetration)
         steps.setdefault(touch.joint, {})[touch.label] = step
-        first = last
+        slip_begin = slip_end
     return steps
 
 

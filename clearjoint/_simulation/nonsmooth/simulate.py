@@ -35,13 +35,13 @@ from .contact_problem import require_restitution, restitutions
 from .moreau_jean import SOLVED, Rigid, advance
 
 DRIVER_TOLERANCE = 1e-5
-"""Tolerance of `drivers_are_smooth`, far above the differences of smooth drivers."""
+"""Relative tolerance of `drivers_are_smooth`, far above the differences of smooth drivers."""
 
 
 class RigidRun(eqx.Module):
     """A run between two steps. `touching`: whether each contact had an impulse in the last step;
-    `totals`: since the start of the run; `residual`, `steps`: largest residual and number of the
-    steps that did not fail."""
+    `totals`: of each contact since the start of the run; `residual`, `steps`: largest relative
+    residual, and number, of the steps that did not fail."""
 
     t: Scalar
     variables: MotionVariables
@@ -102,22 +102,23 @@ run_compiled = Compiled(run)
 def _with_breakpoints(
     scene: Scene, stops: Float[jax.Array, " stops"]
 ) -> tuple[Float[jax.Array, " times"], Int[jax.Array, " rest"] | None]:
-    """Return the sorted stops and breakpoints, (T,) s, at which steps must end, and for each stop
-    except the first its index in the times after the first, or ``None`` without breakpoints."""
+    """Return the sorted stops and breakpoints, `times`, (T,) s, at which steps must end, and for
+    each stop except the first its index in ``times[1:]``, or ``None`` without breakpoints."""
     elements = jax.tree.leaves(breakpoints.breakpoints(scene))
     if not elements:
         return stops, None
     # A breakpoint outside of the run is moved to its start or end, where it adds no step.
     inside = [jnp.clip(jnp.ravel(at).astype(float), stops[0], stops[-1]) for at in elements]
     # A stop that is a breakpoint too is in `times` twice. The index is that of the last of equal
-    # times, at which the run surely has the velocities that hold after the breakpoint.
+    # times, at which the run surely has the velocities that hold after the breakpoint. One is
+    # subtracted because `side="right"` gives the index after it, and one for the first time.
     times = jnp.sort(jnp.concatenate([stops, *inside]))
     return times, jnp.searchsorted(times, stops[1:], side="right") - 2
 
 
 def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> RigidRun:
-    """Return the run `now`, at the time `stop`, with the velocities that drivers prescribe just
-    after it. They change only if a driver has a breakpoint at `stop`."""
+    """Return the run `now`, after the steps from `start` to `stop`, s, with the velocities that
+    drivers prescribe just after `stop`. They change only if a driver has a breakpoint there."""
     # For each joint with breakpoints, the first entry tells whether one of them is in the span,
     # and thus at its end, `stop`. Forces have breakpoints too, but prescribe no velocities.
     since = breakpoints.since_breakpoints(system, start, stop)
@@ -144,7 +145,8 @@ def _to_stop(rigid: Rigid, now: RigidRun, start: Scalar, stop: Scalar, longest: 
     h = (stop - start) / jnp.maximum(count, 1.0)
 
     def goes(carry: tuple[RigidRun, Scalar]) -> Scalar:
-        return (carry[1] < count) & (carry[0].result == RESULTS.successful)
+        now, k = carry
+        return (k < count) & (now.result == RESULTS.successful)
 
     def go(carry: tuple[RigidRun, Scalar]) -> tuple[RigidRun, Scalar]:
         now, k = carry

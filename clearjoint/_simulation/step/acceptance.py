@@ -25,10 +25,11 @@ Flag: TypeAlias = Bool[Any, ""]
 """A truth value, (), annotated as in diffrax."""
 DRIVER_TOLERANCE = 3.0
 """Tolerance of `drivers_are_smooth`, as a multiple of the relative tolerance of the step-size
-controller. It leaves room for the error of the quadrature there."""
+controller. The multiple leaves room for the error of the quadrature in that function."""
 SHORTER = 0.2
-"""Length of the trial after one that is rejected because a driver is not smooth, relative to it.
-diffrax's PID controller shortens a step by no smaller factor."""
+"""Length of a trial over that of the trial which it repeats, if a driver was not smooth; if a body
+rotated too far, the lower bound of this ratio. diffrax's PID controller has the same lower bound.
+"""
 
 
 class _Decision(NamedTuple):
@@ -51,8 +52,8 @@ class _Decision(NamedTuple):
     def repeated(
         self, reason: Rejection, repeats: Condition, t_next: Scalar, last: Proposal
     ) -> "_Decision":
-        """Return the decision to repeat the trial up to `t_next`, s, if `repeats`, which is true
-        only of trials that were accepted so far. `last` is the proposal that led to the trial."""
+        """Return the decision to repeat the trial up to `t_next`, s, if `repeats`, which may be
+        true only if `keep` is; otherwise this decision. `last`: the proposal of the trial."""
         return self._replace(
             keep=self.keep & ~repeats,
             t_next=jnp.where(repeats, t_next, self.t_next),
@@ -66,11 +67,12 @@ class _Decision(NamedTuple):
 def decide_step(
     method: Method, system: System, trial: Trial, t_end: Scalar
 ) -> tuple[Condition, Proposal, RESULTS, dict[str, Condition]]:
-    """Decide whether a trial step is accepted, and return also the step to try next, the result
-    code, and by reason whether the trial is rejected for it. The step-size controller decides
-    first. A trial that the controller accepts is still rejected if a driver is not smooth over the
-    step, if bodies rotate too far in it, or if it passes a contact event at which it must end. It
-    is then repeated with a shorter step, or up to the event."""
+    """Decide whether a trial step is accepted, in a run that ends at `t_end`, s. Return also the
+    step to try next, the result code, and by `Rejection` whether the trial is rejected for it.
+
+    The step-size controller decides first. A trial that the controller accepts is still rejected if
+    a driver is not smooth over the step, if a body rotates too far in it, or if it passes a contact
+    event at which it must end. Such a trial is repeated with a shorter step, or up to the event."""
     step, t1, after = trial.step, trial.t1, trial.gaps
     last = step.proposal
     decision = _controller_decision(method, system, trial)
@@ -142,8 +144,8 @@ def _with_smooth_drivers(
 def _with_limited_rotation(
     decision: _Decision, method: Method, system: System, trial: Trial
 ) -> _Decision:
-    """Repeat a trial in which bodies rotate too far. The rates at the start, which have limited the
-    length of the trial, may have grown in it."""
+    """Repeat a trial in which a body rotates by more than `LARGEST`. The rotation rates at the
+    start, which have limited the length of the trial, may have grown in it."""
     step, rotation = trial.step, rotation_in(method, system, trial)
     repeats = decision.keep & (rotation > LARGEST)
     shorter = step.t + jnp.clip(TARGET / rotation, SHORTER, 1.0) * (trial.t1 - step.t)
@@ -170,17 +172,17 @@ def _relative_tolerance(controller: diffrax.AbstractStepSizeController) -> Scala
 
 
 def _controller_decision(method: Method, system: System, trial: Trial) -> _Decision:
-    """Return the decision of diffrax's step-size controller about a trial step from `step`. The
-    controller gets the errors of variables and tangents together. Since it has one tolerance for
-    both, errors of tangents are first divided by `method.derivative_tolerance`."""
-
-    def scaled(y: PyTree) -> PyTree:
-        return step_length.with_relative_bristles(unstacked(y), system.scene) if has_bristles else y
-
+    """Return the decision of diffrax's step-size controller about a trial step. The controller gets
+    the errors of variables and tangents together. Since it has one tolerance for both, errors of
+    tangents are first divided by `method.derivative_tolerance`."""
     step, has_bristles = trial.step, bool(system.scene.bristle_laws())
 
     # Deflections of bristles are micrometres: they and their errors are divided by the deflection
     # at full friction, so that the same tolerance suits them.
+    def scaled(y: PyTree) -> PyTree:
+        return step_length.with_relative_bristles(unstacked(y), system.scene) if has_bristles else y
+
+    # `before`, `after` and `error` have a second part in a run with tangents: that of the tangents.
     before, after = (step_length.magnitudes(scaled(y)) for y in (step.y, trial.outcome.y))
     error = scaled(trial.outcome.error)
     if trial.tangents is not None:
@@ -194,8 +196,9 @@ def _controller_decision(method: Method, system: System, trial: Trial) -> _Decis
         error = stacked(error), stacked(along)
     else:
         before, after, error = map(stacked, (before, after, error))
-    # `wrap(1)` tells diffrax's controller that time runs forward. Its second result, the start of
-    # the next step, is not used: each step begins where the last accepted one has ended.
+    # `wrap(1)` tells diffrax's controller that time runs forward. The second result of
+    # `adapt_step_size`, the start of the next step, is not used: each step begins where the last
+    # accepted one has ended.
     controller, last_state = method.controller.wrap(1), step.proposal.controller_state
     args, order = (system, step.entry_speeds), error_order(method)
     keep, _, t_next, made_jump, state, result = controller.adapt_step_size(
@@ -212,10 +215,10 @@ def _controller_decision(method: Method, system: System, trial: Trial) -> _Decis
 def _result(
     system: System, step: Step, trial: Trial, decision: _Decision, t_end: Scalar
 ) -> RESULTS:
-    """Return the result code of the run after a trial step. If several checks fail, the last of
-    these decides: the step is too small, a journal is too deep in the wall, a driver or ideal joint
-    is not followed, a variable is not finite, the solver or the controller failed. If none fails,
-    the code in `step` stays."""
+    """Return the result code of the run after a trial step from the state `step`, in a run that
+    ends at `t_end`, s. If several checks fail, the last of these decides: the step is too small, a
+    journal is too deep in the wall, a driver or ideal joint is not followed, a variable is not
+    finite, the solver or the controller failed. If no check fails, the code in `step` stays."""
     keep, t_next = decision.keep, decision.t_next
     now = jnp.where(keep, trial.t1, step.t)
     eps = jnp.finfo(now.dtype).eps

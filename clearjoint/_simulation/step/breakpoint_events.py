@@ -1,4 +1,4 @@
-"""Corrections, at the end of a step at a breakpoint, of velocities that jump and of derivatives.
+"""Corrections, for a step that ends at a breakpoint, of velocities that jump and of derivatives.
 
 As in `.saltation`, the change of the rates at the breakpoint, times the time since the breakpoint,
 is added to the variables. This time is zero except for rounding, but it has derivatives with
@@ -31,9 +31,9 @@ T = TypeVar("T")
 
 
 class SwitchedForce(AbstractForce):
-    """A force whose wrenches and power are interpolated linearly between their values at two times,
-    `before` and `after`, s of the scene, by `share`, 0 to 1. With times just before and after a
-    breakpoint, the derivative of the rates by `share` is their change at the breakpoint."""
+    """A force whose wrenches and power are interpolated linearly, by `share`, 0 to 1, between their
+    values at two times of the scene, s, `before` and `after`. If these are just before and just
+    after a breakpoint, the derivative of the motion's rates by `share` is their change there."""
 
     force: AbstractForce
     before: Scalar
@@ -139,8 +139,8 @@ def _with_shares(
 
 
 def _without_integrands(system: System) -> System:
-    """Return the system with integrands of zero: a quantity does not recognise a `SwitchedForce` or
-    `HeldForce` as the element that it names."""
+    """Return the system with integrands of zero, because quantities to integrate do not recognise a
+    `SwitchedForce` or `HeldForce` as the element that they name."""
     integrands = dict.fromkeys(system.formulation.integrands, _zero)
     return replace(system, formulation=replace(system.formulation, integrands=integrands))
 
@@ -160,9 +160,13 @@ def _past_samples(
     after: Scalar,
     differentiated: bool,
 ) -> Variables:
-    """Return the variables with the memories that sampled forces have after their instants at the
-    time t, s. If an instant depends on parameters, the motion sampled there, and the time for which
-    the changed forces have acted at t, have derivatives, which are added if `differentiated`."""
+    """Return the variables with the memories that forces have after the instants, at the end t of
+    the step, s, at which they sample the motion. If an instant depends on parameters, the motion
+    sampled there, and the time for which the changed forces have acted at t, have derivatives,
+    which are added if `differentiated`. `before` and `after` are times just before and after t, s.
+    """
+    # The times since the instants are zero except for rounding. So are the products of these times
+    # with derivatives of the rates, which are therefore left out.
     fixed, still, speeds = constant((system, y, entry_speeds))
 
     forces, motions = sampled_forces(system.scene), system.motions(y.motion)
@@ -172,19 +176,24 @@ def _past_samples(
         # `jax.jvp` demands floats, but components may be Python numbers.
         as_floats = partial(jax.tree.map, partial(jnp.asarray, dtype=float))
         motion_rates = jax.jvp(lambda y: as_floats(fixed.motions(y)), (still.motion,), (rates,))[1]
-    now, changes = y.memory, []
+    # Each change at an instant: name of the force, memories of all forces before and after the
+    # instant, and time from the instant to t.
+    memories, changes = y.memory, []
     for name, instants in sampled.items():
-        for key, (lands, at) in instants.items():
-            since, there = system.clock(t) - at, motions
+        for key, (lands, instant) in instants.items():
+            since, motions_sampled = system.clock(t) - instant, motions
             if differentiated:
-                there = _moved_on(motions, motion_rates, -since)
-            updated = kinds.evaluate(updated_memory, forces[name], there, key, now[name], at)
-            earlier, now = now, {**now, name: choose(lands, updated, now[name])}
-            changes.append((name, earlier, now, since))
-    y = replace(y, memory=now)
+                motions_sampled = _moved_on(motions, motion_rates, -since)
+            sample = forces[name], motions_sampled, key, memories[name], instant
+            updated = kinds.evaluate(updated_memory, *sample)
+            earlier = memories
+            memories = {**memories, name: choose(lands, updated, memories[name])}
+            changes.append((name, earlier, memories, since))
+    y = replace(y, memory=memories)
     if not differentiated:
         return y
-    changes = [(*constant(change[:3]), change[3]) for change in changes]
+    # Only the times keep their derivatives.
+    changes = [(*constant((name, old, new)), since) for name, old, new, since in changes]
     forces = sampled_forces(fixed.scene)
 
     # The rates depend linearly on the shares of the changes of forces, as above.
@@ -205,10 +214,11 @@ def _past_samples(
 
     times = [since for *_, since in changes]
     along = jax.jvp(changed_rates, ([jnp.zeros(())] * len(times),), (times,))[1]
+    # Integrands were left out of `changed_rates`; they may depend on the memories, and change too.
     for name, integrand in fixed.formulation.integrands.items():
-        at = partial(integrand, fixed, after, still.motion, speeds, still.bristles)
-        along.work[name] = sum(since * (at(new) - at(old)) for _, old, new, since in changes)
-    return replace(_moved_on(y, along, 1.0), memory=now)
+        value = partial(integrand, fixed, after, still.motion, speeds, still.bristles)
+        along.work[name] = sum(since * (value(new) - value(old)) for _, old, new, since in changes)
+    return replace(_moved_on(y, along, 1.0), memory=memories)
 
 
 def _moved_on(y: T, rates: T, time: Scalar) -> T:
@@ -217,9 +227,9 @@ def _moved_on(y: T, rates: T, time: Scalar) -> T:
 
 def _past_kink(system: System, y: Variables, t: Scalar) -> Variables:
     """Return the variables with velocities that satisfy the constraints at the time t, s, just
-    after a kink in the angle or distance that a driver prescribes, and differ least from the old
-    ones, in the metric of the mass matrix. The kinetic energy that the impulse of the constraints
-    adds is added to the integral "supplied" of the energy ledger."""
+    after a kink in the angle or distance that a driver prescribes, and that differ least from the
+    velocities in `y`, in the metric of the mass matrix. The kinetic energy that the impulse of the
+    constraints adds is added to the integral "supplied" of the energy ledger."""
     motion = system.project_velocities(y.motion, t)
     work = y.work
     if "supplied" in work:

@@ -1,5 +1,5 @@
 """States inside an accepted step by dense output, projected onto the constraints where the
-stabilisation projects the ends of steps. Functions that take a `Method` need the one of the step.
+stabilisation projects the ends of steps. A `method` is the one with which the step was computed.
 """
 
 from collections.abc import Callable, Mapping
@@ -30,8 +30,8 @@ Quantities: TypeAlias = Mapping[str, Quantity]
 def look_inside(method: Method, system: System, attempt: Attempt, t: Scalar) -> "Snapshot":
     """Return the snapshot at a time t, s, of the accepted step of an `attempt`, corrected by the
     stabilisation. Before the end of the step, entry speeds are those of `entry_speeds_inside`. At
-    the end, variables and entry speeds are the stored ones, with the corrections for events
-    there."""
+    the end, variables and entry speeds are those in `attempt.step`, which contain the corrections
+    for events there."""
     step, end = attempt.step, attempt.step.t
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **attempt.information)
     is_end = at_end(system, end, t)
@@ -42,9 +42,9 @@ def look_inside(method: Method, system: System, attempt: Attempt, t: Scalar) -> 
 
 
 def at_end(system: System, end: Scalar, t: Scalar) -> Condition:
-    """Return whether a time t, s, is the `end` of the step in which it lies. With sampled forces, t
-    may be earlier by a rounding error: the values at an instant of a force are surely those after
-    the jump of its memory."""
+    """Return whether a time t, s, is the `end`, s, of the step in which it lies. With sampled
+    forces, a time that is earlier by a rounding error also counts as the end, because at an instant
+    at which a force samples the motion, the values after the jump of its memory are wanted."""
     return coincide(system, end, t) if sampled_forces(system.scene) else t >= end
 
 
@@ -106,8 +106,8 @@ class Snapshot(eqx.Module):
         return Snapshot(step.t, step.y, step.entry_speeds)
 
     def instant(self, system: System, inside: Callable[[Scalar], Instant] | None = None) -> Instant:
-        """Return the snapshot as an `Instant`. `inside`: a function that returns the instant after
-        a part, 0 to 1, of the time of the step that ends here, if quantities need it."""
+        """Return the snapshot as an `Instant`. `inside`: function that returns the instant after a
+        part, 0 to 1, of the step that ends here; ``None`` if no quantity needs such instants."""
         y = self.y
         parts = y.motion, self.entry_speeds, y.work, y.bristles, y.memory
         return Instant(system, self.t, *parts, inside)
@@ -127,8 +127,8 @@ class Snapshot(eqx.Module):
 
 
 class DenseStep(eqx.Module):
-    """The latest accepted step of a run, with the contact gaps at its end, and with the `stages` of
-    its `DenseOutput`."""
+    """The latest accepted step of a run, with the contact `gaps` at its end, and with the `stages`
+    of its `DenseOutput`; `time_map` is ``None`` if time is uniform in the step."""
 
     start: Snapshot
     end: Snapshot

@@ -55,7 +55,7 @@ BREAKPOINTS = "`breakpoints` that returns the times in s at which it jumps or ha
 def require_declared(scene: Scene) -> None:
     """Check that every element of a scene that may change abruptly at some time, because it
     compares, rounds or clips a number that depends on time, declares its breakpoints; raise a
-    `ValueError` that names the first one that does not, or its function of time."""
+    `ValueError` that names the first element, or function of time in it, that does not."""
     elements = {"joints": scene.joints, "forces": scene.forces}
     for family, members in elements.items():
         for name, element in members.items():
@@ -86,13 +86,13 @@ def _undeclared_functions_of_time(element: AbstractElement) -> list[AbstractFunc
 
 
 _COMPARES: RecentPrograms[bool] = RecentPrograms()
-"""Results of `compares_time` by the structure of the part. They don't depend on its numbers, which
-runs trace, except for those that are exactly 0 or 1."""
+"""Results of `compares_time`, by the structure of the part, to which components of vectors that are
+exactly 0 or 1 belong. Results don't depend on other numbers of the part, which runs trace."""
 
 
 def compares_time(part: AbstractFunctionOfTime | AbstractElement) -> bool:
-    """Return whether a function of time, or the forces or constraint rates of an element, in packed
-    form, may have a jump or a kink in time."""
+    """Return whether a `part`, in packed form, may have a jump or a kink in time: a function of
+    time, or the forces or constraint rates of an element."""
     if isinstance(part, AbstractElement):
         # Elements of a kind are traced once. Errors for other names are raised for the true ones.
         with suppress(*NOT_RENAMED):
@@ -136,15 +136,15 @@ def _program_of_element(element: AbstractElement) -> Jaxpr:
 
 def _depends_on_primitive(program: Jaxpr, chosen: list[bool], primitives: frozenset[str]) -> bool:
     """Return whether a result of a program depends on an operation that may jump or has a kink, and
-    that has an input which depends on one of the `chosen` arguments. Such operations are those
-    named in `primitives`, and all whose result is not a float, such as comparisons."""
+    one of whose inputs depends on an argument that is `chosen`. Such operations are those named in
+    `primitives`, and all whose result is not a float, such as comparisons."""
     # Variables that depend on a chosen argument.
     causes = {v for v, is_chosen in zip(program.invars, chosen, strict=True) if is_chosen}
     # Dead code is left out, such as comparisons in the value of a constraint, which is not used.
     needed, _ = partial_eval.dce_jaxpr(program, [True] * len(program.outvars))
     for equation in needed.eqns:
-        which = [not isinstance(v, Literal) and v in causes for v in equation.invars]
-        if not any(which):
+        depends = [not isinstance(v, Literal) and v in causes for v in equation.invars]
+        if not any(depends):
             continue
         # Results that are not floats are those of comparisons, of conversions to whole numbers and
         # the like, which jump.
@@ -159,8 +159,8 @@ def _depends_on_primitive(program: Jaxpr, chosen: list[bool], primitives: frozen
             # Arguments correspond one to one for calls. For conditionals the assignment differs by
             # primitive, and in a loop a carried value may depend on the chosen arguments from the
             # second iteration on; all inner arguments then count as dependent.
-            is_call = equation.primitive.name not in LOOPS and len(inner.invars) == len(which)
-            passed = which if is_call else [True] * len(inner.invars)
+            is_call = equation.primitive.name not in LOOPS and len(inner.invars) == len(depends)
+            passed = depends if is_call else [True] * len(inner.invars)
             if _depends_on_primitive(inner, passed, primitives):
                 return True
         causes.update(equation.outvars)
@@ -168,9 +168,10 @@ def _depends_on_primitive(program: Jaxpr, chosen: list[bool], primitives: frozen
 
 
 STEEPEST = 4.0
-"""Largest change of a smooth rate over a step, as a multiple of the sum of the changes that the
-slopes at both ends of the step predict. The change of a smooth rate is about half of this sum. The
-limit is eight times as large, so that a strongly curved rate is not taken for one that jumps."""
+"""Largest change of a smooth rate over a step, divided by the sum of the two changes, in magnitude,
+that the slopes at the start and at the end of the step predict. For a smooth rate this ratio is
+about 1/2. The limit is eight times as large, so that a strongly curved rate is not taken for one
+that jumps."""
 SMALLEST, NEGLIGIBLE = 1e-3, 1e-9
 """A jump is reported only if it exceeds `SMALLEST` times the rate that jumps plus `NEGLIGIBLE`
 times the largest of all rates. The first term disregards small changes of smooth rates whose slopes
@@ -205,8 +206,9 @@ def has_undeclared_jump(method: Method, system: System, trial: Trial) -> Conditi
         y = eqx.tree_at(lambda y: y.motion, step.y, motion)
         return term.vf(t, y, fixed).motion
 
-    # Slopes are taken along the secant of the step, from its start to its end, at both ends. A
-    # smooth rate changes by about the mean of both slopes.
+    # Slopes are taken along the secant of the step, from its start to its end, at both ends. Each
+    # slope times the secant is a prediction of the change of the rate over the step. A smooth rate
+    # changes by about the mean of both predictions.
     start, end = step.y.motion, trial.outcome.y.motion
     change = trial.t1 - step.t, jax.tree.map(jnp.subtract, end, start)
     early, early_change = jax.jvp(rates, (step.t, start), change)
@@ -216,6 +218,7 @@ def has_undeclared_jump(method: Method, system: System, trial: Trial) -> Conditi
     # Rounding of the largest rate reaches all others through the mass matrix.
     largest = reduce(jnp.maximum, [jnp.max(size) for size in magnitudes])
 
+    # The arguments are a rate at the start and end of the step, and its changes predicted there.
     def jumps(a: Scalar, b: Scalar, da: Scalar, db: Scalar, size: Scalar) -> Condition:
         smooth = STEEPEST * (jnp.abs(da) + jnp.abs(db))
         return jnp.any(jnp.abs(b - a) > smooth + SMALLEST * size + NEGLIGIBLE * largest)

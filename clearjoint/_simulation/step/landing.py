@@ -16,10 +16,10 @@ from ..._math.vectors import Condition, Scalar
 from ..._model.joints.base import ByLabel
 
 LATEST = 1e-11
-"""Longest time past an event at which a step may end, s. In slow contacts, its product with the
-penetration rate is less than the landing tolerance, and steps must land within this depth. Where a
-step lands, the contact has an elastic energy that no work has supplied: a large error in a slow
-impact, which may not even reach the depth of the tolerance."""
+"""Longest time past an event at which a step may end, s. In slow contacts, this time multiplied by
+the penetration rate is a smaller depth than the landing tolerance, and steps must land within the
+smaller depth. A contact in which a step lands past the onset has an elastic energy that no work has
+supplied: a large error in an impact so slow that its penetration may not reach the tolerance."""
 CLOSEST = 1e-4
 """Smallest depth within which a step must land, relative to the landing tolerance. Otherwise
 rounding errors of the penetration could make it impossible to land in slow contacts."""
@@ -102,8 +102,8 @@ class Landing(eqx.Module):
         return (fraction < 1.0) & (landing < t1 - resolution), landing
 
     def _crossing(self, start: ContactGap, end: ContactGap, h: Scalar) -> Scalar:
-        """Return the fraction, 0 to 1, of a step of length h at which it must end to land half the
-        landing depth past an event of one contact; 1 if it need not be repeated."""
+        """Return the fraction, 0 to 1, of a step of length `h`, s, at which the step must end to
+        land half the landing depth past an event of one contact; 1 if it need not be repeated."""
         inwards, turns = _inwards(start), _turns(start, end)
         # Zero of the rate, interpolated linearly; its error matters little at an extremum.
         x = start.rate / jnp.where(turns, start.rate - end.rate, 1.0)

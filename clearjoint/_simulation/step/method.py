@@ -32,8 +32,8 @@ class Scheme(eqx.Module):
 
     @staticmethod
     def of(settings: Settings, redundant: bool = False) -> "Scheme":
-        """Return the scheme for the settings of a run, with its nonzero numbers as JAX arrays;
-        `redundant` is used if `settings.redundant` is ``None``."""
+        """Return the scheme for the settings of a run, with the scheme's nonzero numbers as JAX
+        arrays; `redundant` takes the place of `settings.redundant` if that is ``None``."""
         redundant = redundant if settings.redundant is None else settings.redundant
         coordinates, stabilisation = settings.coordinates, settings.stabilisation
         formulation = Formulation(coordinates, stabilisation, redundant, settings.ledger)
@@ -81,7 +81,7 @@ class SystemFamily(eqx.Module):
     """A scene's equations of motion (`System`) and initial state as functions of the coordinates of
     p parameters, such as the logarithm of a parameter on a logarithmic scale.
 
-    - `origin`: the scene's time, s, at which that of the systems is zero; ``None`` if equal.
+    - `origin`: the scene's time, s, at which the systems' time is zero; ``None`` if both are equal.
     - `is_transposed`: whether JAX will transpose the derivatives.
     """
 
@@ -97,8 +97,8 @@ class SystemFamily(eqx.Module):
     def with_derivatives(
         self, function: Callable[..., Value], primals: Trees, tangents: Trees
     ) -> tuple[Value, Value]:
-        """Return the value of a function and its derivatives, as `with_auxiliary` does for a
-        function that also has an auxiliary result."""
+        """Return the value of a function, and the derivatives of this value, as `with_auxiliary`
+        does for a function that also has an auxiliary result."""
         value, _, derivatives = self.with_auxiliary(
             lambda *arguments: (function(*arguments), None), primals, tangents
         )
@@ -109,8 +109,9 @@ class SystemFamily(eqx.Module):
     ) -> tuple[Value, Auxiliary, Value]:
         """Evaluate a function of the system and of `primals`, and differentiate it with respect to
         the parameters, through the system and through `primals`, whose derivatives are `tangents`.
-        The function returns a value and an auxiliary result, which is not differentiated; the
-        result contains both, and the derivatives of the value."""
+        The function returns a value and an auxiliary result, which is not differentiated. Return
+        the value, the auxiliary result, and the derivatives of the value, whose arrays have a first
+        axis for the parameters."""
 
         def of_scene(scene: Scene, *primals: PyTree) -> tuple[Value, Auxiliary]:
             return function(System.prepared(scene, self.formulation, self.origin), *primals)

@@ -57,8 +57,9 @@ def across_contacts(
     The correction changes the variables themselves by rounding errors only, but it adds the
     saltation to their derivatives.
 
-    **Arguments:** `before`, `entry_speeds`: those at the start of the step; `y`, `t`: variables and
-    time at its end; `differentiated`: whether the result will be differentiated.
+    **Arguments:** `before`, `entry_speeds`: contact gaps and entry speeds, m/s, at the start of the
+    step; `y`, `t`: variables, and time, s, at its end; `differentiated`: whether the caller
+    differentiates the result.
     """
     motions, joints = system.motions(y.motion), system.scene.contact_joints()
     times = _contact_times(system.scene, before, contact_gaps(system.scene, motions))
@@ -104,7 +105,7 @@ def across_contacts(
 
 
 def constant(tree: T) -> T:
-    """Return a PyTree whose numbers have no derivatives."""
+    """Return a PyTree with the same numbers, whose derivatives are zero."""
     # JAX would make arrays of the numbers that are folded into formulas.
     return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if isinstance(x, jax.Array) else x, tree)
 
@@ -122,8 +123,8 @@ def _changes(before: ContactGap, after: ContactGap) -> Condition:
 
 
 def any_changes(scene: Scene, before: ContactGaps, after: ContactGaps) -> Condition:
-    """Return whether a contact begins or ends between two instants, of those contacts whose force,
-    or its slope, may jump."""
+    """Return whether any contact whose force, or the force's slope over the penetration, may jump
+    begins or ends between two instants; `before` and `after` are the contact gaps at these."""
     jumping = _jumping_contacts(scene)
     count = sum(map(len, jumping.values()))
     return any_of(
@@ -137,9 +138,10 @@ def _contact_times(scene: Scene, before: ContactGaps, after: ContactGaps) -> ByL
     """Return by how much longer, s, each contact transmitted its force than the solver assumed in a
     step: positive after an onset, negative after an end, zero without an event.
 
-    The solver computes a step with the contacts that exist at its start. Penetration over its rate
-    is the time since the event to first order; the derivative of this quotient is exact, because
-    the penetration is zero except for rounding. At a rate of zero the result is zero.
+    The solver computes a step with the contacts that exist at its start. Penetration over its rate,
+    at the end, is the time since the event to first order; the derivative of this quotient is
+    exact, because the penetration is zero except for rounding. At a rate of zero the result is
+    zero. Contacts whose force has no jump and no kink at the event are left out.
     """
 
     jumping = _jumping_contacts(scene)
@@ -154,6 +156,7 @@ def _contact_times(scene: Scene, before: ContactGaps, after: ContactGaps) -> ByL
 def _contact_time(start: ContactGap, end: ContactGap) -> Scalar:
     moves = _changes(start, end) & (end.rate != 0.0)
     since = end.depth / jnp.where(moves, end.rate, 1.0)
+    # After an end, the solver has assumed the force for too long, by the time since the end.
     return jnp.where(moves, jnp.where(end.depth > 0.0, since, -since), 0.0)
 
 
@@ -181,8 +184,9 @@ def _mean_force(
 ) -> LoadedContact:
     """Return the mean force of one contact over the time from the event to the end of the step.
 
-    **Arguments:** `speed`: entry speed, m/s, zero in flight, ``None`` if the law does not use it;
-    `bristles`: deflections of the joint's contacts, m, by label.
+    **Arguments:** `contact`, `motions`: at the end of the step; `speed`: entry speed of the
+    contact, m/s, zero in flight, ``None`` if its law uses none; `bristles`: deflections of the
+    joint's contacts, m, by label.
     """
     # The contact counts as closed, so that it has a force also if the step ends just outside.
     law, closed = joint.laws()[label], jnp.asarray(True)

@@ -167,7 +167,7 @@ class Settings:
         return self.rtol, self.atol, self.first_step, self.landing_tolerance
 
     def length_of_first_step(self, start_time: Scalar, end_time: Numbers) -> Numbers:
-        """Return the length of the first step, s; the default has the shape of `end_time`."""
+        """Return the length of the first step, s: `first_step`, or a default for each end time."""
         length = self.first_step
         return FIRST_SHARE * (end_time - start_time) if length is None else length
 
@@ -235,6 +235,7 @@ def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -
     not one-dimensional or are outside of the run, and for an empty array.
     """
     row = rising_times(times, argument)
+    # `checkable` returns ``None`` if JAX traces one of the numbers.
     if (numbers := checkable(row, start, end)) is not None:
         row, first, last = numbers
         room = rounding(start, end, times)
@@ -246,8 +247,8 @@ def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -
 
 
 def rising_times(times: ArrayLike, argument: str) -> Column:
-    """Return `times`, (N,) s, as an array, after a check that they do not decrease, with the errors
-    of `checked_times`. Of traced times only the shape is checked."""
+    """Return `times`, (N,) s, as an array, after the checks of `checked_times` that do not concern
+    the run. Of traced times only the shape is checked."""
     row = as_number(times, argument, "s")
     expected = "a rising one-dimensional array of finite times"
     remedy = "sort the times, or pass for example numpy.linspace(0, 1, 101)"
@@ -261,7 +262,7 @@ def rising_times(times: ArrayLike, argument: str) -> Column:
 
 
 def strictly_rising_times(times: ArrayLike, argument: str) -> Column:
-    """Return `times` as `rising_times`, but refuse repeated ones. JAX must not trace them."""
+    """Return `times` as `rising_times`, but refuse repeated times too. JAX must not trace them."""
     row = rising_times(times, argument)
     remedy = "remove repeated times, for example with numpy.unique"
     require(bool((np.diff(row) > 0).all()), argument, times, "without repetition", remedy)
@@ -269,8 +270,8 @@ def strictly_rising_times(times: ArrayLike, argument: str) -> Column:
 
 
 def rounding(start: Scalar, end: Scalar, times: ArrayLike) -> Scalar:
-    """Return by how much, s, `times` may be outside of a run because of rounding errors, in the
-    least precise floating-point type among the arguments."""
+    """Return by how much, s, `times` may be outside of a run from `start` to `end`, s, because of
+    rounding errors in the least precise floating-point type among the arguments."""
     arrays = [v if isinstance(v, jax.Array) else np.asarray(v) for v in (start, end, times)]
     kinds = [v.dtype if jnp.issubdtype(v.dtype, jnp.floating) else float for v in arrays]
     precision = max(float(jnp.finfo(kind).eps) for kind in kinds)

@@ -39,8 +39,8 @@ if the step has one. Other solvers use other names."""
 class UnrolledExplicit(diffrax.AbstractSolver):
     """An explicit Runge-Kutta solver whose stages are written out instead of computed in a loop.
 
-    A step computes many variables as one array (see `..._math.stacked`). The solver's state
-    consists of the rates at the start of the next step.
+    If the variables are many, a step computes them as one array (see `..._math.stacked`). The
+    solver's state consists of the rates at the start of the next step.
 
     **Arguments:** `method`: diffrax's solver, which supplies the tableau.
     """
@@ -72,8 +72,8 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         return terms.vf(t0, y0, args)
 
     def information_like(self, y: PyTree) -> "DenseInformation":
-        """Return a placeholder of the data for dense output of a step of the variables `y`, which a
-        loop needs as its initial value."""
+        """Return a placeholder, with the structure and shapes of the data for dense output of a
+        step with the variables `y`, which a loop needs as its initial value."""
         return {"y0": y, "stages": (stacked(y),) * self.method.tableau.num_stages}  # pyright: ignore[reportAttributeAccessIssue]
 
     @override
@@ -88,49 +88,51 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         made_jump: Scalar,
         time_map: AbstractTimeMap | None = None,
     ) -> tuple[Y, Y, DenseInformation, Y, diffrax.RESULTS]:
-        """Compute one step from `t0` to `t1`, s, with arguments and results as in diffrax. Only if
-        `made_jump` is the Python value ``False`` are the rates at `t0` those of `solver_state`;
-        otherwise they are computed again. `time_map`: the elapsed part of the step's time at each
-        stage; ``None`` if it is the tableau's node. Error and data for dense output are `Stacked`
-        if the variables are many."""
+        """Compute one step from `t0` to `t1`, s, with arguments and results as in diffrax: the
+        variables at `t1`, their error, the data for dense output, the new solver state, and a
+        result code. Only if `made_jump` is the Python value ``False`` are the rates at `t0` those
+        of `solver_state`; otherwise they are computed again. `time_map` maps the tableau's node of
+        each stage to the elapsed part of the step's time; ``None`` if the two are equal. Error and
+        data for dense output are `Stacked` if the variables are many."""
         tableau = _tableau(self.method)
         h = t1 - t0
         start = stacked(y0)
         # With a traced condition, every lane would compute both branches, so the rates are then
         # computed unconditionally.
-        last = stacked(solver_state) if made_jump is False else terms.vf(t0, start, args)
+        rates = stacked(solver_state) if made_jump is False else terms.vf(t0, start, args)
         # With a time map the independent variable is not the time t but a fraction x of the step,
         # 0 to 1. The tableau's nodes are values of x, and dy/dx = dy/dt dt/dx.
-        stages, y = [_rates_by_fraction(last, 0.0, time_map)], start
+        stages, y = [_rates_by_fraction(rates, 0.0, time_map)], start
+        # Each row has the weights with which one stage combines the stages before it.
         for row, fraction in zip(tableau.a_lower, tableau.c, strict=True):
             y = _advanced(start, h, row, stages)
             elapsed = fraction if time_map is None else time_map.elapsed(fraction)
             # The last stage is at exactly t1; t0 + h may differ from it by rounding.
             t = t1 if fraction == 1.0 else t0 + elapsed * h
-            last = terms.vf(t, y, args)
-            stages.append(_rates_by_fraction(last, fraction, time_map))
+            rates = terms.vf(t, y, args)
+            stages.append(_rates_by_fraction(rates, fraction, time_map))
         # "Solution same as last" (`ssal`): the variables of the last stage are the result.
         # Otherwise the result has weights of its own.
         y1 = y if tableau.ssal else _advanced(start, h, tableau.b_sol, stages)
         # "First same as last" (`fsal`): the last stage was evaluated at the end of the step.
         if not tableau.fsal:
-            last = terms.vf(t1, y1, args)
+            rates = terms.vf(t1, y1, args)
 
         # The weights are the differences between those of the two embedded methods.
-        def error_of(h: Scalar, *rates: Scalar) -> Scalar:
-            return multiply(h, _weighted(tableau.b_error, rates))
+        def error_of(h: Scalar, *stage_rates: Scalar) -> Scalar:
+            return multiply(h, _weighted(tableau.b_error, stage_rates))
 
         error = _by_leaf(error_of, h, *stages)
         information = {"y0": y0, "stages": tuple(stages)}
-        return unstacked(y1), error, information, unstacked(last), diffrax.RESULTS.successful
+        return unstacked(y1), error, information, unstacked(rates), diffrax.RESULTS.successful
 
 
 class DenseOutput(eqx.Module):
     """Dense output of a step: the variables between its start `t0` and its end `t1`, s.
 
     The polynomials are diffrax's. Sums over the stages are written out: a reduction of an array
-    would be a loop between scalar operations, and XLA computes the value of an expression from
-    before a loop again at each use after it. One derivative of one acceleration of the double
+    would be a loop between scalar operations, and XLA computes an expression that comes before a
+    loop again at each of its uses after the loop. One derivative of one acceleration of the double
     pendulum had 59 MB of LLVM text and never compiled; without reductions it has 11 MB.
 
     **Arguments:** `stages`: for each stage, the rates, per s, multiplied by the slope of the time
@@ -150,9 +152,9 @@ class DenseOutput(eqx.Module):
         return self.at((t - self.t0) / jnp.where(h > 0.0, h, 1.0))
 
     def at(self, x: Scalar) -> PyTree[Scalar]:
-        """Return the variables at x, 0 to 1, the variable in which the tableau's nodes c are given.
-        Without a time map, x is the elapsed part of the step's time; with one, that part is
-        `time_map.elapsed(x)`."""
+        """Return the variables at x, 0 to 1, the fraction of the step in which the tableau's nodes
+        c are given. Without a time map, x is the elapsed part of the step's time; with a time map,
+        that part is `time_map.elapsed(x)`."""
         h = self.t1 - self.t0
         weights = [h * _horner(row, x) for row in dense_weights(self.method)]
 
@@ -172,7 +174,7 @@ def _by_leaf(function: Callable[..., Scalar], numbers: PyTree[Scalar], *trees: Y
 
 
 def _rates_by_fraction(rates: Y, x: float, time_map: AbstractTimeMap | None) -> Y:
-    """Return the derivatives by the fraction x of a step, over the step's length, per s."""
+    """Return dy/dx over the length of a step, per s, from `rates` dy/dt at the fraction x of it."""
     return rates if time_map is None else _by_leaf(multiply, time_map.slope(x), rates)
 
 
@@ -189,7 +191,7 @@ def _advanced(y0: Y, h: Scalar, weights: Weights, stages: Sequence[Y]) -> Y:
 
 
 def _weighted(weights: Weights, values: Sequence[Scalar]) -> Scalar:
-    """Return the sum of `values` times `weights`, not all zero, without operations for zeros."""
+    """Return the sum of `weights`, not all zero, times `values`, without operations for zeros."""
     pairs = zip(weights, values, strict=True)
     return reduce(add, [multiply(float(w), value) for w, value in pairs if w != 0.0])
 
@@ -203,8 +205,8 @@ def unrolled(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
 
 
 def _horner(coefficients: Weights, x: Scalar) -> Scalar:
-    """Return the value at x of a polynomial, lowest power first, whose coefficient of power 0 is
-    zero, as in dense output, which is y0 at x = 0."""
+    """Return the value at x of a polynomial, given by its `coefficients`, lowest power first. The
+    coefficient of power 0 is zero, since dense output is y0 at x = 0."""
     value: Scalar = float(coefficients[-1])
     for coefficient in coefficients[-2:0:-1]:
         value = value * x + float(coefficient)
@@ -213,10 +215,11 @@ def _horner(coefficients: Weights, x: Scalar) -> Scalar:
 
 @cache
 def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powers"]:
-    """Return the polynomials b_i of the dense output y0 + h sum b_i(x) f_i of a method, x from 0 to
-    1, as coefficients, (stages, degree + 1), lowest power first. diffrax does not provide them, but
-    its interpolant is linear in the stages. It is therefore evaluated at Chebyshev nodes x with one
-    stage equal to 1 and the others 0, and a polynomial is passed through the values."""
+    """Return the polynomials b_i of the dense output y0 + h sum b_i(x) f_i of a method, with the
+    rates f_i in its stages and x from 0 to 1, as coefficients, (stages, degree + 1), lowest power
+    first. diffrax does not provide the polynomials, but its interpolant is linear in the f_i. The
+    interpolant is therefore evaluated at Chebyshev nodes x with one f_i equal to 1 and the others
+    0, and a polynomial is passed through the values."""
     tableau = _tableau(method)
     stages = tableau.num_stages
     # diffrax's interpolants have at most the order of the method as degree, but methods of low
@@ -224,10 +227,12 @@ def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powe
     degree = max(method.order(None) or 1, 3)
     x = 0.5 - 0.5 * np.cos(np.pi * np.arange(degree + 1) / degree)
 
+    # Dense output at t of a step from y0 = 0 to y1; `k` are the rates in the stages.
     def value(t0: Scalar, t1: Scalar, y1: Scalar, k: jax.Array, t: Scalar) -> Scalar:
         return method.interpolation_cls(t0=t0, t1=t1, y0=0.0 * y1, y1=y1, k=k).evaluate(t)
 
-    # With a step of length 1 from 0, unit stage i leads to y1 = b_sol[i].
+    # A step of length 1 from y0 = 0 with the rates `unit[i]`, 1 in stage i and 0 in the others,
+    # ends at y1 = b[i].
     b, unit = np.asarray(tableau.b_sol), np.eye(stages)
     rows = zip(b, unit, strict=True)
     calls = [(0.0, 1.0, *row, t) for row in rows for t in x]
@@ -281,7 +286,7 @@ def ready_solver(
         solver = replace(solver, scan_kind="lax")
     if isinstance(solver, diffrax.AbstractImplicitSolver):
         # The tolerances and the norm of the default root finder are markers, which only
-        # `diffrax.diffeqsolve` replaces by those of the controller.
+        # `diffrax.diffeqsolve` replaces by the tolerances and norm of the controller.
         marker = diffrax.with_stepsize_controller_tols(diffrax.VeryChord)().rtol
         usual = {"rtol": rtol, "atol": atol, "norm": largest_component}
         finder = solver.root_finder

@@ -25,9 +25,9 @@ disregards cuts as small as rounding errors."""
 
 
 SHARE_OF_SPEED = 0.2
-"""Least size of a speed's derivative in `tangent_sizes`, relative to the speed, over the same ratio
-of positions. With smaller ones, derivatives of a fall from 50 m on 1e13 N/m^1.5 could not be
-computed."""
+"""Part of each speed that `tangent_sizes` adds to the size of the speed's derivative, divided by
+the ratio of the largest derivative of a position to the largest position. With smaller values,
+derivatives of a fall from 50 m on a contact of 1e13 N/m^1.5 could not be computed."""
 
 
 def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Scalar:
@@ -57,9 +57,10 @@ def lengths_after_contacts(
 ) -> tuple[Scalar, Condition, Scalar]:
     """Return `full_length`, `begins_contact` and `entry_length` of the next `Proposal`.
 
-    **Arguments:** `after`: the contact gaps at the end of the trial, at the time `t1`, s; `keep`:
-    whether it is accepted; `lands`: whether it is rejected because it passes an event, and repeated
-    up to this event; `proposed`: length of the next step, s, without regard to events.
+    **Arguments:** `step`: the state before the trial; `after`: the contact gaps at the end of the
+    trial, at the time `t1`, s; `keep`: whether the trial is accepted; `lands`: whether the trial is
+    rejected because it passes an event, and repeated up to this event; `proposed`: length of the
+    next step, s, without regard to events.
     """
     last = step.proposal
     length_tried = t1 - step.t
@@ -87,15 +88,15 @@ def length_after_breakpoints(step: Step, t1: Scalar, keep: Condition, proposed: 
 
 
 def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
-    """Return the length, s, of the next step without events: the `proposed` one, but after a step
-    that was cut short at least the length of that step without events."""
+    """Return the length, s, that the next step has if no event cuts it short: `proposed`, but if
+    the `last` step was cut short (`is_cut`), at least the `full_length` of that step."""
     return jnp.where(is_cut, jnp.maximum(proposed, last.full_length), proposed)
 
 
 def magnitudes(y: Variables) -> Variables:
     """Return the numbers to which the step-size controller relates the errors of the variables y.
 
-    - Positions and velocities of bodies: the largest absolute component, for all three.
+    - Positions and velocities of bodies: for each component, the largest magnitude of the three.
     - Bristle deflections, from `with_relative_bristles`: the absolute value, but at least 1.
     - All other variables: the variable itself; the controller takes absolute values.
     """
@@ -123,10 +124,10 @@ def magnitudes(y: Variables) -> Variables:
 
 
 def tangent_sizes(system: System, sizes: Variables, along: Variables) -> Variables:
-    """Return the numbers to which the step-size controller relates the errors of tangents, from the
-    `magnitudes` of the variables, `sizes`, and of the tangents, `along`. They are those of the
-    tangents, plus, for tangents of speeds, a share of the speeds: a parameter that changes the
-    positions by a hundredth per unit is expected to change the speeds by about a hundredth too."""
+    """Return the numbers to which the step-size controller relates the errors of tangents: the
+    `magnitudes` of the tangents, `along`, plus, for tangents of speeds, a share of `sizes`, the
+    `magnitudes` of the variables. A parameter that changes the positions by a hundredth per unit is
+    expected to change the speeds by about a hundredth too."""
 
     # In free flight the derivative of a speed may be zero. At an onset it rises to a high peak. The
     # rate of this rise has the relative error of the tiny depth, of which few digits are known far
@@ -135,6 +136,7 @@ def tangent_sizes(system: System, sizes: Variables, along: Variables) -> Variabl
     def positions(motion: MotionVariables) -> MotionVariables:
         return system.with_speeds(motion, jax.tree.map(jnp.zeros_like, motion))
 
+    # One number for each tangent, and one for the variables.
     change, size = (largest(positions(y.motion)) for y in (along, sizes))
     ratio = SHARE_OF_SPEED * change / jnp.where(size > 0.0, size, jnp.inf)
 
@@ -146,7 +148,7 @@ def tangent_sizes(system: System, sizes: Variables, along: Variables) -> Variabl
 
 
 def largest(tree: PyTree[Scalar]) -> Scalar:
-    """Return the largest magnitude of the leaves of a PyTree, element by element."""
+    """Return the largest magnitude among a PyTree's leaves, of one shape, element by element."""
     return reduce(jnp.maximum, [jnp.abs(leaf) for leaf in jax.tree.leaves(tree)])
 
 

@@ -33,7 +33,7 @@ ControllerState: TypeAlias = PyTree[Scalar]
 class Method(eqx.Module):
     """Integration method of a run.
 
-    - `landing`: the rule by which steps end at contact events; ``None`` if they go across.
+    - `landing`: the rule by which steps end at contact events; ``None`` if steps go across events.
     - `derivative_tolerance`: factor by which the tolerances of tangents are larger than those of
       the variables; ``None`` in runs without tangents.
     - `rotating`: names of the bodies whose rotations a step limits (see `.rotation_limit`).
@@ -62,9 +62,9 @@ class Variables(eqx.Module):
 
 
 class Tangents(eqx.Module):
-    """Derivatives of three fields of a `Step` with respect to p parameters. They are with respect
-    to the parameters' coordinates, such as the logarithm of a parameter on a logarithmic scale.
-    Coordinates are pure numbers, so that each leaf has the unit of the variable."""
+    """Derivatives of three fields of a `Step` with respect to the coordinates of p parameters, such
+    as the logarithm of a parameter on a logarithmic scale. Coordinates are pure numbers, so that
+    each leaf has the unit of the variable. It has a first axis of length p."""
 
     y: Variables
     entry_speeds: EntrySpeeds
@@ -99,9 +99,11 @@ class Proposal(eqx.Module):
 class Step(eqx.Module):
     """The complete state of a run between two steps: `t` is the end of the latest accepted step, s.
 
-    - `entry_speeds`: m/s, by joint and contact, of those whose law uses entry speeds.
+    - `entry_speeds`: m/s, by joint and contact, of contacts whose law uses entry speeds.
     - `second_rates`: second time derivative of each penetration at t, m/s^2, by joint and contact;
       zero if the solver keeps no rates.
+    - `result`: result code of the run; `attempts`, `accepted`: numbers of trial steps, and of those
+      that were accepted, since the start of the run.
     - `tangents`: derivatives of the state; ``None`` in runs without tangents.
     """
 
@@ -155,7 +157,7 @@ class Attempt(eqx.Module):
       proposal, result code and number of attempts.
     - `t_start`, `entry_speeds_start`: time, s, and entry speeds, m/s, at the start of the trial.
     - `tangents`: derivatives of the data for dense output; ``None`` in runs without tangents.
-    - `rejected`: whether and why it was rejected; ``None`` in a record of accepted attempts.
+    - `rejected`: whether and why the trial was rejected; ``None`` in a record of accepted attempts.
     """
 
     step: Step

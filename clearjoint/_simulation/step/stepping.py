@@ -59,8 +59,8 @@ Shapes = TypeVar("Shapes")
 MANY_OPERATIONS = 50_000
 """Number of operations in the equations of motion above which `shapes_of` warns of slow compiling.
 
-For chains of 12, 24 and 48 ideal revolute joints (2800, 11 000 and 55 000 operations), native code
-took 2, 5 and 23 s; XLA 53 and 264 s for the first two, and more than 8 GB for the last.
+Chains of 12, 24 and 48 ideal revolute joints have 2800, 11 000 and 55 000 operations. To compile
+them took 2, 5 and 23 s as native code; with XLA, 53 s, 264 s, and more than 8 GB of memory.
 """
 
 
@@ -79,7 +79,8 @@ def start(
 
     **Arguments:**
 
-    - `term`: the equations from `term_of`, which JAX traces once if the caller uses them again.
+    - `term`: the equations from `term_of`; JAX traces them once, also if the term is used again.
+    - `t0`, `t_end`: s, start and end of the run.
     - `first_step`: length of the first step, s; with ``None`` the controller chooses it.
     - `y`: the motion and, to continue an earlier run, integrals of the energy ledger, bristle
       deflections and memories; missing ones are initialised.
@@ -133,7 +134,7 @@ def _initial_ledger(
     term: diffrax.ODETerm, args: Arguments, t: Scalar, y: Variables, derivatives: bool
 ) -> dict[str, Scalar]:
     """Return the integrals of the energy ledger at the start of a run, J, by name; empty without a
-    ledger. Those in `y.work` are kept."""
+    ledger. Integrals that `y.work` has are kept. `derivatives`: whether steps carry tangents."""
     # Only the names of the powers are needed: the equations are traced and not computed. Without a
     # ledger, the solver uses the same trace.
     system, entry_speeds = args
@@ -150,11 +151,12 @@ def _initial_ledger(
 
 
 def shapes_of(equations: Callable[[], Shapes], derivatives: bool) -> Shapes:
-    """Trace the equations of motion without computing them, as `jax.eval_shape` does, and warn if
-    they are so large that compiling takes long. It runs once for each compiled program.
-    `derivatives`: whether steps carry tangents."""
+    """Return the shapes of the results of the `equations` of motion, as `jax.eval_shape` does, and
+    warn if they have so many operations that compiling takes long. This function runs once for each
+    compiled program. `derivatives`: whether steps carry tangents."""
     program, shapes = jax.make_jaxpr(equations, return_shape=True)()
-    # The equations are a function that JAX traces once (see `term_of`).
+    # The equations are a function that JAX traces once (see `term_of`): the program is a call of
+    # this function, and the operations are in the program that is called.
     calls = [equation.params.get("jaxpr") for equation in program.jaxpr.eqns]
     count = len(calls) + sum(len(call.jaxpr.eqns) for call in calls if call is not None)
     # A step with derivatives has about three times as many operations as a step without.
@@ -208,7 +210,8 @@ def accepted_state(
     method: Method, system: System, family: SystemFamily | None, trial: Trial, keep: Condition
 ) -> Step:
     """Return the state after a trial step, with the `proposal`, `result` and `attempts` of the
-    state before it. If `keep` is false, it is not used, and single runs skip parts of it."""
+    state before. If `keep` is false, the caller doesn't use it, and single runs skip parts of it.
+    """
     step, gaps = trial.step, trial.gaps
     y1, solver_state = trial.outcome.y, trial.outcome.solver_state
     second_rates = _second_rates(method, system, y1, solver_state, gaps)
@@ -273,9 +276,10 @@ def _across_discontinuities(
     """Return the variables at the end of a trial step and their tangents, corrected for
     discontinuities of forces there (see `.saltation` and `.breakpoint_events`).
 
-    The corrections change the variables by rounding errors, or by as little as a step ends past an
-    onset, with two exceptions: velocities jump where the angle or distance that a driver prescribes
-    has a kink, and bristle deflections become zero in open contacts. Tangents may change much.
+    The corrections change the variables by rounding errors, or by the change of the rates times the
+    short time by which a step ends past an onset, with two exceptions: velocities jump where the
+    angle or distance that a driver prescribes has a kink, and bristle deflections become zero in
+    open contacts. Tangents may change much.
     """
     step, t1, y1 = trial.step, trial.t1, trial.outcome.y
     y_tangents = None if trial.tangents is None else trial.tangents.y
@@ -283,9 +287,9 @@ def _across_discontinuities(
     # force jumps, the correction concerns the tangents alone, so a run without tangents skips it.
     slopes = family is not None and slopes_jump(system.scene)
     lands = method.landing is not None
-    contacts = lands and (slopes or contacts_jump(system.scene))
-    jumps = has_breakpoints(system.scene)
-    if not contacts and not jumps and not y1.bristles:
+    corrects_contacts = lands and (slopes or contacts_jump(system.scene))
+    corrects_breakpoints = has_breakpoints(system.scene)
+    if not corrects_contacts and not corrects_breakpoints and not y1.bristles:
         return y1, y_tangents
 
     def corrected(correction: Callable[..., Variables], at: Ends) -> Ends:
@@ -305,7 +309,7 @@ def _across_discontinuities(
 
     # Bristles come last, because they depend on the corrected motion.
     def others_corrected(system: System, y: Variables, entry_speeds: EntrySpeeds) -> Variables:
-        if jumps:
+        if corrects_breakpoints:
             differentiated = family is not None
             y = across_breakpoints(system, step.t, y, entry_speeds, t1, keep, differentiated)
         if y.bristles:
@@ -316,7 +320,7 @@ def _across_discontinuities(
         return y
 
     ends = y1, y_tangents
-    if contacts:
+    if corrects_contacts:
         changes = keep & any_changes(system.scene, step.contact_gaps, trial.gaps)
         # JAX needs less time to trace derivatives inside of a branch than those of a branch. To
         # transpose a branch, it divides it into its linear part and the rest twice, unless the
@@ -324,7 +328,7 @@ def _across_discontinuities(
         is_transposed = family is not None and family.is_transposed
         correct = traced_once(partial(corrected, contacts_corrected), is_transposed)
         ends = jax.lax.cond(changes, correct, lambda ends: ends, ends)
-    if jumps or y1.bristles:
+    if corrects_breakpoints or y1.bristles:
         ends = corrected(others_corrected, ends)
     return ends
 
@@ -333,7 +337,7 @@ def _second_rates(
     method: Method, system: System, y: Variables, solver_state: SolverState, gaps: ContactGaps
 ) -> ByLabel[Scalar]:
     """Return the second time derivatives of all penetrations, m/s^2, from the variables and their
-    rates. Only `UnrolledExplicit` keeps these; otherwise the result is zero."""
+    rates in `solver_state`; zero if the solver, unlike `UnrolledExplicit`, keeps no rates."""
     if gaps and isinstance(method.solver, UnrolledExplicit):
         return system.second_rates(y.motion, solver_state.motion)
     return each_label(lambda name, label: jnp.zeros_like(gaps[name][label].rate), gaps)
@@ -373,6 +377,6 @@ def blank_attempt(
 
 
 def running(step: Step, t_end: Scalar, attempts: Scalar) -> Condition:
-    """Return whether a run goes on after `step`: it is before its end, has not failed, and has made
-    fewer than `attempts` trials."""
+    """Return whether a run goes on after `step`: it is before its end `t_end`, s, has not failed,
+    and has made fewer than `attempts` trials."""
     return (step.t < t_end) & (step.result == RESULTS.successful) & (step.attempts < attempts)

@@ -5,8 +5,8 @@ derivative with respect to a parameter as the square root of t - t_on; likewise 
 the contact. Neither is smooth in t, but both are smooth in that square root. Solvers assume smooth
 rates. Without a time map, error estimates miss nearly all of the error of the first step after an
 onset, which is 1e-6 of an impact's energy at an `rtol` of 1e-8. In runs with derivatives, the error
-of the square root would force each step after an onset, and before an end, to differ from the one
-before it by at most a seventh: many short steps.
+of the square root would force the length of each step after an onset, and before an end, to differ
+from the length of the step before by at most a seventh: many short steps.
 """
 
 import abc
@@ -23,9 +23,9 @@ TINY = 1e-300
 
 
 class AbstractTimeMap(eqx.Module):
-    """Base class of time maps: polynomials from the fraction x of a step at which the solver's
-    tableau places a stage to the part of the step's time that has elapsed there, both 0 to 1. If
-    the two are equal, time is called uniform in the step."""
+    """Base class of time maps. A time map is a polynomial that gives, for the fraction x of a step
+    at which the solver's tableau places a stage, the part of the step's time that has elapsed at
+    this stage; both are 0 to 1. If the two are equal, time is called uniform in the step."""
 
     @abc.abstractmethod
     def elapsed(self, x: float) -> Scalar:
@@ -41,8 +41,9 @@ class AbstractTimeMap(eqx.Module):
 
     def next_length(self, proposed: Scalar, keep: Condition) -> Scalar:
         """Return the length of the step to try after a step with this map, s; by default the length
-        `proposed` by the controller, which assumes that the next step has the same time map. A step
-        that is not kept is repeated from its start."""
+        `proposed` by the controller, s, which assumes that the next step has the same time map.
+        `keep`: whether this step is accepted; otherwise the next one begins where this one began.
+        """
         del keep
         return proposed
 
@@ -70,8 +71,8 @@ class WithinContact(AbstractTimeMap):
     """Time map of runs with derivatives: during a contact, x is linear in the square root of the
     time since the contact's onset, or of the time until its end.
 
-    **Arguments:** `length`: length of the step, s; `start`, `end`: these square roots at the start
-    and end of the step, s^0.5. Without a contact or any known time, both are 1: time is uniform.
+    **Arguments:** `length`: of the step, s; `start`, `end`: the square root at the start and end of
+    the step, s^0.5; both 1, so that time is uniform, without contact or known onset or end.
     """
 
     length: Scalar
@@ -120,12 +121,15 @@ class WithinContact(AbstractTimeMap):
     @override
     def next_length(self, proposed: Scalar, keep: Condition) -> Scalar:
         """Return the length of the step to try next, s. The rates are smooth in the square root of
-        time, so the controller's ratio of lengths is applied to the difference of the square roots
-        over this step. If that step would go past the end of the contact, return `proposed`."""
+        time, so the controller's ratio, `proposed` over `length`, is applied to the difference of
+        the roots over this step. If the next step would then pass the contact's end, return
+        `proposed`."""
         change = proposed / self.length * (self.end - self.start)
+        # The square root at the start of the next step.
         root = jnp.where(keep, self.end, self.start)
         # Length of a step with this difference of roots: (root + change)^2 - root^2, up to its
-        # sign, since `length` is end^2 - start^2.
+        # sign, where `length` is |end^2 - start^2|. Towards the end of a contact the roots
+        # decrease; the root at the end of the next step must not become negative.
         alike = proposed * (2.0 * root + change) / (self.start + self.end)
         return jnp.where(root + change >= 0.0, alike, proposed)
 

@@ -38,7 +38,7 @@ def rates_of(
     system: System, y: Variables, entry_speeds: EntrySpeeds, t: Scalar, closed: Closed | None = None
 ) -> Variables:
     """Return the rates of all integrated variables `y` at the time t, s, as arrays of the dtype of
-    `t`; stacked if the variables are. By default those contacts that penetrate are `closed`."""
+    `t`; `Stacked` if the variables are. By default those contacts that penetrate are `closed`."""
     are_stacked, y = isinstance(y, Stacked), unstacked(y)
     held = holding(system, y.memory)
     dynamics = held.dynamics(y.motion, entry_speeds, t, closed, y.bristles)
@@ -67,7 +67,9 @@ def term_of(
     The rates are traced once per term and reused for all stages. Each term traces anew, because the
     traced function uses values of the surrounding trace.
 
-    **Arguments:** `family`: the system as a function of parameters, if the step has tangents.
+    **Arguments:** `step`: the state at the start of the step; with ``None``, forces have at a
+    breakpoint the value after it, and contacts are closed where they penetrate; `family`: the
+    system as a function of parameters, if the step has tangents.
     """
     traced_rates = traced_once(rates_of, family is not None and family.is_transposed)
     lands = step is not None and method.landing is not None
@@ -100,8 +102,8 @@ class SolverStep(eqx.Module):
 
 class Trial(eqx.Module):
     """A trial step from the state `step` as the solver computed it: its end `t1`, s, results of the
-    solver, and the contact gaps at the end. If it is not `finite`, the variables are those at the
-    start of the step, and the errors are `REJECTED_ERROR`."""
+    solver, and the contact gaps at the end. If the solver's results are not `finite`, the variables
+    are those at the start of the step, and the errors are `REJECTED_ERROR`."""
 
     step: Step
     t1: Scalar
@@ -133,7 +135,7 @@ def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | Non
 def try_step(
     method: Method, system: System, step: Step, t1: Scalar, family: SystemFamily | None
 ) -> Trial:
-    """Compute `solved_step`, and have the controller reject a result that is not finite."""
+    """Compute `solved_step`, and have the controller reject numbers that are not finite."""
     trial = solved_step(method, system, step, t1, family)
     outcome, tangents = trial.outcome, trial.tangents
     if tangents is None:
@@ -229,9 +231,9 @@ def _or_rejected(finite: Condition, outcome: SolverStep, y: Variables) -> Solver
 def may_jump(method: Method, scene: Scene) -> bool:
     """Return whether rates may be discontinuous between two steps, so that those which the solver
     has kept must be computed anew. Rates are discontinuous at breakpoints and where a contact
-    begins to drag bristles. Where steps end at contact events, rates also jump if the force jumps
-    at the onset or end of a contact; a force that does not jump is zero at the onset, so that a new
-    entry speed does not change the rates. Where steps go across contact events, it does."""
+    begins to drag bristles. If steps end at contact events, rates also jump if the force jumps at
+    the onset or end of a contact; a force that does not jump is zero at the onset, so that a new
+    entry speed does not change the rates. If steps go across events, it does change the rates."""
     if has_breakpoints(scene) or bool(scene.bristle_laws()):
         return True
     return uses_entry_speed(scene) if method.landing is None else contacts_jump(scene)
@@ -239,14 +241,14 @@ def may_jump(method: Method, scene: Scene) -> bool:
 
 def slopes_may_jump(method: Method, scene: Scene) -> bool:
     """Return whether rates are continuous from step to step, but their slopes may jump where a
-    contact begins or ends, so that kept tangents of rates are not valid."""
+    contact begins or ends, so that tangents of rates that the solver has kept are not valid."""
     lands = method.landing is not None and isinstance(method.solver, UnrolledExplicit)
     return lands and slopes_jump(scene) and not may_jump(method, scene)
 
 
 def all_finite(tree: PyTree[Scalar]) -> Condition:
     """Return whether all numbers of a PyTree are finite. 0 times a NaN or an infinity is NaN, so
-    the sum of all numbers times 0 is 0 only if they are."""
+    the sum of 0 times each number is 0 only if all numbers are finite."""
     families: dict[tuple[int, ...], list[Scalar]] = {}
     for leaf in jax.tree.leaves(tree):
         # Leaves of one shape are added elementwise first, so that there is one reduction for each
