@@ -63,9 +63,9 @@ def displacements(covariance: Covariance, limits: Point, generator: Generator) -
     shortened so that no component exceeds its entry of `limits` in magnitude.
     """
     errors, root = np.sqrt(np.diag(covariance)), _root(covariance)
-    # Columns are displacements by one standard error. Column k of the first matrix is the covariance
-    # with parameter k over its standard error: along it the other parameters minimise chi squared
-    # for a given value of parameter k.
+    # Columns are displacements by one standard error. Column k of the first matrix is the
+    # covariance with parameter k over its standard error: along it the other parameters minimise
+    # chi squared for a given value of parameter k.
     axes = [covariance / errors]
     if len(errors) > 1:  # With one parameter, the root is the same displacement again.
         axes.append(root)
@@ -204,11 +204,8 @@ NEAR, NEAREST = 0.03, 1e-3
 @dataclass
 class _CountedRuns:
     """Makes the runs of `explore`, and counts them up to the limit `most`, in runs without
-    derivatives. A run with derivatives by p parameters counts as 1 + p of them.
-
-    - `points`: number of runs without derivatives so far.
-    - `searches`: the local searches so far, whose runs have derivatives.
-    """
+    derivatives, of which there have been `points`. A run with derivatives by p parameters, in one
+    of the local `searches`, counts as 1 + p of them."""
 
     compared: Comparison
     most: float
@@ -368,8 +365,8 @@ LEAST_NUMBER, MOST_NUMBER = 50, 400
 LEAST_RUNS = 20
 """A posterior is begun only if at least this many runs for each of its points are affordable."""
 MARGIN = 4.0
-"""Half the width of the box of the small posterior, in multiples of the result of `_extent`. A wider
-box takes more runs, a narrower one may cut the posterior off."""
+"""Half the width of the small posterior's box, in multiples of the result of `_extent`. A wider box
+takes more runs, a narrower one may cut the posterior off."""
 
 
 @dataclass(frozen=True)

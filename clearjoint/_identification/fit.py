@@ -299,9 +299,8 @@ class Fit(AbstractTabular):
         return self._at_samples(self.best.best.jacobian)
 
     def _at_samples(self, rows: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the rows of each series at its own N sample times, (N, ...) by name. The argument
-        has the rows of S series, one after the other, each at all T times of the run: (S T, ...).
-        """
+        """Return, by name, the rows (N, ...) at the N sample times of each series, from `rows` of
+        the shape (S T, ...): those of S series, one after the other, at all T times of the run."""
         times, series = self.measurements.times(), self.measurements.series
         parts = zip(series.items(), np.split(rows, len(series)), strict=True)
         return {name: part[np.searchsorted(times, s.times)] for (name, s), part in parts}
@@ -544,8 +543,7 @@ class Fit(AbstractTabular):
 
     @property
     def _scatter(self) -> float:
-        """Size of the residuals in multiples of the stated noise: the square root of chi squared
-        per degree of freedom."""
+        """Residuals in multiples of the stated noise: sqrt(chi squared / degrees of freedom)."""
         return math.sqrt(self.chi_squared / self.degrees_of_freedom)
 
     def _noise(self) -> Iterator[str]:

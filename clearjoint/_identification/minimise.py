@@ -33,7 +33,7 @@ Objective = Callable[[dict[str, jax.Array]], jax.Array]
 """Function that returns the number to minimise from the outputs by name: an array (N,) for each
 quantity, and the result of each reduction."""
 Coordinates = dict[str, PyTree]
-"""The point of a search, by name: the coordinate of each `Parameter` on its scale, and the SI values
+"""Point of a search, by name: the coordinate of each `Parameter` on its scale, and the SI values
 that each other `Part` selects, in the form of `Predictor.values`."""
 HALVINGS = 12
 """Largest number of trials of a line search, each with half the step of the one before."""

@@ -67,8 +67,8 @@ PLAYS = 0.8, 1.25
 """Factors on all estimated plays, from which the fit is repeated: a collision less or more in the
 motion gives minima of chi squared at plays that differ by a few percent."""
 NO_PLAY = 1e-3
-"""Factor on each estimated play by itself, from which the fit is repeated too: without play, the
-log may fit as well, or better, and a search from a larger play stops in a minimum before it."""
+"""Factor on each single estimated play, from which the fit is repeated too: without play, the log
+may fit as well, or better, but a search from a larger play stops in a minimum on the way."""
 SHORTEST = 1.0 / 64.0
 """Share of the log in the first window if a start in a play is unknown. Over the whole log, chi
 squared has minima at wrong places; the right one shows in the beginning."""

@@ -19,9 +19,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 EDGE, EDGE_SHARE = 0.01, 0.02
-"""Distance from an end of the box, over the width of the box, up to which a point is at the end;
-share of the points at one end above which the report warns, twice that of a uniform distribution.
-"""
+"""Distance from an end of the box, over its width, up to which a point is at the end; share of the
+points at one end above which the report warns, twice that of a uniform distribution."""
 EVEN = 0.1
 """Largest difference of the points' cumulative distribution from the uniform one below which they
 count as filling the box evenly."""

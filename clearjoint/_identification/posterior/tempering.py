@@ -154,10 +154,10 @@ def from_prior(target: Target, number: int, generator: Generator) -> tuple[Point
     """Return points of the prior, the logarithm of the prior's integral over the box, and the
     standard error of this logarithm.
 
-    Points of a uniform prior fill the box evenly. For any other prior, `drawn_from` draws them, with
-    the prior as the likelihood of a record of one sample. Points that fill the box can't be
-    weighted by the prior instead: if the prior is much narrower than the box, a single point has
-    all the weight.
+    Points of a uniform prior fill the box evenly. Points of any other prior are drawn by
+    `drawn_from`, with the prior as the likelihood of a record of one sample. Points that fill the
+    box can't be weighted by the prior instead: if it is much narrower than the box, a single point
+    has all the weight.
     """
     box = filled(target.low, target.high, PRIOR_POINTS, generator)
     logarithms = target.log_prior(box)
