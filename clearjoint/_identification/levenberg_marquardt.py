@@ -33,9 +33,9 @@ NEARLY = 0.1
 as converged, because integration errors prevent a higher accuracy."""
 ROUGH, SLOW = 2.0, 5
 """A search also ends if the last `SLOW` iterations have together lowered chi squared by less than
-`NEARLY` squared, at Gauss-Newton steps of less than `ROUGH` standard deviations. Chi squared has
-kinks, for example, at the values of a play beyond which flanks no longer touch in the run. A search
-would otherwise go on there until its limit of iterations, without a change that matters."""
+`NEARLY` squared, at Gauss-Newton steps of less than `ROUGH` standard deviations. At a kink of chi
+squared, as at the play of a light link at which a flank just touches or doesn't, a search would
+otherwise go on until its limit of iterations, without a change of the estimates that matters."""
 UNDETERMINED = 1e-12
 """The data don't determine a direction if its singular value of the Jacobian is below this multiple
 of the largest one. If the norm of a column of the Jacobian is below this multiple of the largest

@@ -350,7 +350,7 @@ def identifiability_from(
 ) -> Identifiability:
     """Return the `Identifiability` of p parameters at `coordinates` from a `run` with the outputs
     of all sensors at the times of all sensors. The first p derivatives of the run must be those by
-    the parameters. The tolerance of `settings` determines their accuracy."""
+    the parameters, with an accuracy that follows from the tolerance in `settings`."""
     p, names, times, rows = len(coordinates), [], [], []
     for name, sensor in sensors.items():
         at = np.searchsorted(run.times, sensor.times)

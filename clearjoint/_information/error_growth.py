@@ -33,10 +33,10 @@ DIRECTION = (0.53, 0.62, 0.58)
 class _Push:
     """Function that adds a perturbation of a given size, m/s, to the initial velocities.
 
-    Every body gets an additional velocity of this size, and an additional spin of this size over
-    its radius of gyration, m, from `radii`, pairs of name and radius. Components of the
-    perturbation that ideal joints forbid are dropped; joints that close a loop are not taken into
-    account.
+    Every body gets an additional velocity of this size, and an additional spin that moves points at
+    its radius of gyration, m, with the same speed. `radii` has pairs of body and radius. Components
+    of the perturbation that ideal joints forbid are dropped; joints that close a loop are not taken
+    into account.
     """
 
     radii: tuple[tuple[str, float], ...]
