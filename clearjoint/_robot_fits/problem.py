@@ -171,7 +171,7 @@ class AbstractStart(AbstractGroupedChange):
 
 
 class StartNumbers(NamedTuple):
-    """Positions `q`, rad or m, and speeds `qd` of joints at the start, replacing those of `state`."""
+    """Positions `q`, rad or m, and speeds `qd` at the start, by joint, in place of those of `state`."""
 
     state: State
     q: dict[str, Scalar]
@@ -227,9 +227,9 @@ class StartInPlay(AbstractStart):
 
 @dataclass(frozen=True)
 class GearLoss:
-    """Function that sets the loss of a gear: the torque of its `friction` over the torque that it
-    transmits. If this is the torque of flanks, `radius`, m, converts their force; otherwise it
-    is 1."""
+    """Function that sets the loss of a gear: the load of its `friction` over the torque that the
+    gear transmits. If flanks press on the friction by a force, `radius`, m, converts the force to
+    this torque; otherwise it is 1."""
 
     friction: str
     radius: float
