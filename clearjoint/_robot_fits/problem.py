@@ -171,7 +171,7 @@ class AbstractStart(AbstractGroupedChange):
 
 
 class StartNumbers(NamedTuple):
-    """Positions `q`, rad or m, and speeds `qd` at the start, by joint, in place of those of `state`."""
+    """Positions `q`, rad or m, and speeds `qd` at the start, by joint, instead of the `state`'s."""
 
     state: State
     q: dict[str, Scalar]
