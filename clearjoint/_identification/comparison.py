@@ -90,9 +90,9 @@ class Comparison:
             predictions = np.resize(rows, (TOGETHER, *rows.shape[1:]))
             if runs.sensors.of_values:
                 quantities = dict(zip(runs.names, np.moveaxis(predictions, 1, 0), strict=True))
-                at = np.resize(coordinates[lanes], (TOGETHER, coordinates.shape[1]))
+                of_lanes = np.resize(coordinates[lanes], (TOGETHER, coordinates.shape[1]))
                 elapsed = self.times - float(runs.start_time)
-                readings = readings_of_runs(runs.sensors, quantities, elapsed, at)
+                readings = readings_of_runs(runs.sensors, quantities, elapsed, of_lanes)
                 predictions = np.stack([np.asarray(readings[n]) for n in runs.names], axis=1)
             sums = np.asarray(_cumulated(self.data, predictions, smoothing))
             curves[lanes, 1:] = sums[: len(lanes), :count]

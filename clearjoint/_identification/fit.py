@@ -231,8 +231,9 @@ class Fit(AbstractTabular):
         minima, posterior = [self.best.best, *self._other_minima], self.posterior
         # Minima in the posterior's box are part of the posterior.
         if posterior is not None:
-            low, high = posterior.box
-            minima = [m for m in minima if ((m.coordinates < low) | (m.coordinates > high)).any()]
+            start, end = posterior.box
+            minima = [m for m in minima if ((m.coordinates < start) | (m.coordinates > end)).any()]
+        # Ends of the intervals in coordinates, (2, p), by the posterior or the exploration.
         explored = None
         if posterior is not None:
             pairs = zip(self.parameters.values(), posterior.intervals.values(), strict=True)
@@ -361,14 +362,14 @@ class Fit(AbstractTabular):
 
     @override
     def __str__(self) -> str:
-        # The result of the check comes first, and is then left out of the warnings at the end.
-        first = [] if self.check is None else [self._test_report()]
-        first = [*self._correlation(), *first]
+        # Whether the covariance is valid comes first, and is left out of the warnings at the end.
+        on_test = [] if self.check is None else [self._test_report()]
+        on_covariance = [*self._correlation(), *on_test]
         series, end = len(self.measurements.series), self.measurements.times()[-1]
         parts = [
             f"Fit of {self.samples} samples in {series} series to {end:g} s: "
             f"{self.ending.value}, {self.best.evaluations} runs",
-            *first,
+            *on_covariance,
             estimates_table(self.estimates, self.standard_errors, self.intervals, self.units),
             f"chi squared {self.chi_squared:.6g} with {self.degrees_of_freedom} degrees of "
             f"freedom, p = {self.p_value:.2g}",
@@ -381,7 +382,7 @@ class Fit(AbstractTabular):
             parts.append("\n".join(aligned(rows)))
         if len(self.searches) > 1:
             parts.append(_searches_table(self))
-        rest = [warning for warning in self.warnings if warning not in first]
+        rest = [warning for warning in self.warnings if warning not in on_covariance]
         parts.append("\n".join(f"Warning: {warning}" for warning in rest))
         if self.advice:
             parts.append("Remedies, in this order:\n" + numbered(self.advice))
@@ -556,8 +557,8 @@ class Fit(AbstractTabular):
 
 
 def limit_text(low: float, high: float, unit: str) -> str:
-    """Return a text on an interval that begins at zero or ends at infinity, such as "at most 0.1
-    N m (95 %): a smaller value fits as well."."""
+    """Return a text on an interval that begins at zero or ends at infinity, for example "at most
+    0.1 N m (95 %): a smaller value fits as well."."""
     rises = math.isinf(high)
     limit, others = (
         (f"at least {low:.3g}", "larger") if rises else (f"at most {high:.3g}", "smaller")

@@ -189,20 +189,20 @@ def identify_many(
     True
     """
     _check(scene, measurements, start_time, grow, max_iterations, tolerance, check_runs)
-    first = measurements[0]
+    first_set = measurements[0]
     settings = settings_or(settings, presets.identification)
     if horizon is not None:
-        horizon.warn_if_beyond(float(first.times()[-1]))
+        horizon.warn_if_beyond(float(first_set.times()[-1]))
     # All sets have the same channels and times, so that one compiled program serves all fits.
-    compared = comparison(scene, state, first, parameters, start_time, settings)
+    compared = comparison(scene, state, first_set, parameters, start_time, settings)
     around = starts if isinstance(starts, Starts) else None
     rows, coarse = start_coordinates(scene, state, compared.parameters, guess, around), compared
     if isinstance(starts, Screening):
         require(len(rows) == 1, "guess", len(rows), "one guess, for a screening", "pass one")
         # A screening only ranks points, for which cheaper runs are accurate enough.
         looser = settings.looser(LOOSER)
-        coarse = comparison(scene, state, first, parameters, start_time, looser)
-    ends = (*grow, float(first.times()[-1]))
+        coarse = comparison(scene, state, first_set, parameters, start_time, looser)
+    ends = (*grow, float(first_set.times()[-1]))
     problem = _Problem(
         compared, coarse, rows, starts, ends, tolerance, max_iterations, check_runs, horizon
     )
@@ -407,17 +407,17 @@ def _check(
     remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
     for measured in measurements:
         require_type("measurements", measured, Measurements, "Measurements", remedy)
-    first = measurements[0]
-    first.check(scene)
+    first_set = measurements[0]
+    first_set.check(scene)
     for k, measured in enumerate(measurements):
-        same = list(measured.series) == list(first.series) and all(
-            series.channel == first[name].channel
-            and np.array_equal(series.times, first[name].times)
+        same = list(measured.series) == list(first_set.series) and all(
+            series.channel == first_set[name].channel
+            and np.array_equal(series.times, first_set[name].times)
             for name, series in measured.series.items()
         )
         expected = "measurements of the same channels and times as the first"
         require(same, f"measurements[{k}]", list(measured.series), expected, "fit them separately")
-    ends = [start_time, *grow, first.times()[-1]]
+    ends = [start_time, *grow, first_set.times()[-1]]
     rising = all(a < b for a, b in zip(ends, ends[1:], strict=False))
     expected = f"rising times between the start, {start_time} s, and the last sample, {ends[-1]} s"
     remedy = "leave out the time of the last sample, which is added"
@@ -425,7 +425,7 @@ def _check(
     require_count("max_iterations", max_iterations, "allow one run")
     require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")
     # An exploration by fewer points would hardly describe chi squared of several parameters.
-    whole = isinstance(check_runs, int) and (check_runs == 0 or check_runs >= 50)
+    is_number = isinstance(check_runs, int) and (check_runs == 0 or check_runs >= 50)
     remedy = "pass 0 to leave out the test"
     expected = "None, 0, or a whole number from 50"
-    require(check_runs is None or whole, "check_runs", check_runs, expected, remedy)
+    require(check_runs is None or is_number, "check_runs", check_runs, expected, remedy)

@@ -85,7 +85,8 @@ def condition(roots: Float[np.ndarray, "*T r p"]) -> np.ndarray:
 def covariance(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
     """Return the covariance of the parameters' estimates, the inverse of F with a root `rows`."""
     lengths, values, directions = floored(rows)
-    # F = R^T R, R = diag(values) directions diag(lengths), so that its inverse is H^T H.
+    # F = R^T R with R = diag(values) directions diag(lengths), where `directions` is orthogonal.
+    # The inverse of F is therefore H^T H, with the following H.
     inverse_root = (directions / values[:, None]) / lengths
     return inverse_root.T @ inverse_root
 

@@ -192,8 +192,8 @@ def fit_horizon(
 
     - `scene`, `state`, `parameters`, `sensors`, `settings`, `start_time`: as in `identifiability`;
       the run ends at the last sample.
-    - `uncertainty`: largest error of a first guess, positive, by name of each parameter, in the
-      coordinate of its scale: log(5) for a factor of five on a `Log` scale.
+    - `uncertainty`: largest error of the value from which a fit starts, positive, by name of each
+      parameter, in the coordinate of its scale: log(5) for a factor of five on a `Log` scale.
 
     **Raises:** `ValueError` as `identifiability`, for an `uncertainty` that is not one positive
     number for each parameter, and for a parameter or sensor with a name that this function uses

@@ -21,7 +21,7 @@ TURN = 2.0 * math.pi
 ANGLES, TORQUES = ("rad", "m"), ("N m", "N")
 """SI units, for hinges and for sliders, of positions, and of torques and forces."""
 GAP = 10.0
-"""The time between two samples is a gap if it is above this multiple of the median."""
+"""A time between two samples that is above this multiple of the median is a gap."""
 
 
 @dataclass(frozen=True)

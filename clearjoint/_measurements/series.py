@@ -291,8 +291,8 @@ class Measurements(AbstractReadable):
         """
         import xarray as xr
 
-        first, *others = (series.times for series in self.series.values())
-        shared = all(np.array_equal(first, times) for times in others)
+        first_times, *others = (series.times for series in self.series.values())
+        shared = all(np.array_equal(first_times, times) for times in others)
         variables, coordinates = {}, {}
         for name, series in self.series.items():
             # A dimension has one row of times: series with other times need their own.

@@ -44,7 +44,7 @@ class AbstractSceneFamily(eqx.Module):
     @property
     @abc.abstractmethod
     def seeds(self) -> PyTree:
-        """Directions of derivatives, as `values`, but with a first axis for tangents per array."""
+        """Directions of derivatives, in the form of `values`, with a first axis for tangents."""
 
     @property
     def tangents(self) -> int:

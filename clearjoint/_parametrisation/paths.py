@@ -46,9 +46,9 @@ class Number:
         keys = key if isinstance(key, tuple) else (key,)
         # In NumPy, an index after a slice, as in inertia[0:2][1], counts along the slice. Here all
         # indices are applied to the array at once, which would select something else.
-        whole = all(isinstance(index, int | np.integer) for index in self.component)
+        only_integers = all(isinstance(index, int | np.integer) for index in self.component)
         expected, remedy = "indexed no further after a slice", "give one index, as in inertia[1]"
-        require(whole, "path", [*self.component, *keys], expected, remedy)
+        require(only_integers, "path", [*self.component, *keys], expected, remedy)
         return Number(self.leaf, (*self.component, *keys))
 
 

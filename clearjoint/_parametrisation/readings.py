@@ -35,7 +35,7 @@ class SensorErrors(eqx.Module):
 
     @property
     def of_values(self) -> bool:
-        """Whether there are errors that change the reading at a given time: others than delays."""
+        """Whether any error changes the reading at a given time, as all errors but delays do."""
         return len(self.delays) < len(self.errors)
 
     def value(self, number: int, coordinates: jax.Array) -> jax.Array:
@@ -139,7 +139,7 @@ def units_of(
     for name, parameter in parameters.items():
         error = parameter.variation
         if isinstance(error, AbstractSeriesVariation):
-            units_of_value = {error.unit_of(series[of]): None for of in error.series}
+            units_of_value = {error.unit_of(series[label]): None for label in error.series}
             expected, argument = "an error of series with the same unit", f"parameters[{name!r}]"
             remedy = f"pass a {error.noun} for each unit"
             require(len(units_of_value) == 1, argument, [*units_of_value], expected, remedy)

@@ -339,7 +339,8 @@ def fit_robot(
     free = {**problem.parameters, **parameters}
     scene, state, measured = problem.scene, problem.state, problem.measurements
     starts = {name: p.scale.value(p.coordinate_in(scene, state)) for name, p in free.items()}
-    starts = values = {name: float(value) for name, value in starts.items()}
+    starts = {name: float(value) for name, value in starts.items()}
+    values = starts  # Those of the last fit, as soon as there is one.
     units = units_of(free, scene, state, {n: s.unit for n, s in measured.series.items()})
     options: dict[str, PyTree] = {"start_time": log.start, "progress": progress}
     options |= {"max_iterations": max_iterations, "check_runs": check_runs}
@@ -525,7 +526,7 @@ def _at_an_end(
     errors = dict(zip(fit.parameters, np.sqrt(np.diag(fit.covariance)).tolist(), strict=True))
     effects = zip(report.deviations_alone, report.limits, strict=True)
     for name, scale, (alone, limit) in zip(report.names, report.scales, effects, strict=True):
-        # It has no effect if it is uncertain even with all other parameters known.
+        # A parameter has no effect if it is uncertain even with all others known.
         if name in errors and isinstance(scale, Log) and alone > limit:
             # As in `Log.interval`, linear in the value, or in its reciprocal.
             value, half = fit.estimates[name], WIDTH * errors[name]
@@ -563,6 +564,8 @@ def _reason(
     problem: RobotProblem,
     flanks: Callable[[], Mapping[str, set[str]]],
 ) -> str:
+    """Return why the log does not determine the parameter `name`, the one of index `k` in
+    `report`. `flanks` returns the result of `_touched`."""
     joint, kind = problem.subjects.get(name, ("", name))
     head = f"{_subject(name, problem)} cannot be determined"
     # The run with contacts is another program, which is compiled only if it may be the reason.
@@ -582,7 +585,8 @@ def _reason(
             f"{head}: the log hardly depends on it (the noise allows a standard deviation of "
             f"{report.labels[k]} of {size})."
         )
-    # Alone it would be determined: the combination that makes it uncertain has other parameters.
+    # With all others known, the parameter would be determined: others are in the combination that
+    # contributes most to its uncertainty.
     worst = max(report.combinations, key=lambda c: abs(c.weights[k]) * c.standard_deviation)
     weights = {n: abs(w) for n, w in zip(report.names, worst.weights, strict=True) if n != name}
     large = PART * min(abs(worst.weights[k]), max(weights.values()))

@@ -75,7 +75,8 @@ POSITION, SPEED, IN_PLAY = OF_START = "start position", "start speed", "start in
 """What a fit finds of the start; `IN_PLAY` is the place, from -1 to 1, in the play of a drive train
 of which one side is not logged."""
 CERTAIN = 10.0
-"""The sign of a load is certain if position errors of this multiple of the noise keep it."""
+"""The sign of a load is certain if errors of the position of this multiple of its noise don't
+change the sign."""
 UNKNOWN_NOISE = 1e-3
 """Noise, rad or m, that replaces an unknown one in the scale of a position at the start."""
 
@@ -171,7 +172,8 @@ class AbstractStart(AbstractGroupedChange):
 
 
 class StartNumbers(NamedTuple):
-    """Positions `q`, rad or m, and speeds `qd` at the start, by joint, instead of the `state`'s."""
+    """Positions `q`, rad or m, and speeds `qd` of joints at the start, by name, that replace those
+    of `state`."""
 
     state: State
     q: dict[str, Scalar]
@@ -291,8 +293,11 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
     driven = _driven(robot, log, driven_by, positions)
     parameters: dict[tuple[str, str], Parameter] = {}
     for joint, kinds in find.items():
-        pairs = {kind: pair[0 if is_hinge(robot, joint) else 1] for kind, pair in KINDS.items()}
-        units = {kind: unit for kind, unit in pairs.items() if unit is not None}
+        hinge = is_hinge(robot, joint)
+        of_joint = {
+            k: of_hinge if hinge else of_slider for k, (of_hinge, of_slider) in KINDS.items()
+        }
+        units = {kind: unit for kind, unit in of_joint.items() if unit is not None}
         for kind, start in (kinds if isinstance(kinds, Mapping) else dict.fromkeys(kinds)).items():
             expected, remedy = f"one of {', '.join(units)}", nearest(kind, units, "leave it out")
             require(kind in units, f"find[{joint!r}]", kind, expected, remedy)

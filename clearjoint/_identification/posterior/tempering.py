@@ -195,9 +195,8 @@ def drawn_from(
     sampling therefore draws from wide normal distributions around the points of the cloud, and each
     further round from those around the weighted points of the round before, until the effective
     number of runs is at least `number`. Only the last round enters the result. The mean of its
-    weights is an almost
-    unbiased estimate of the integral of prior times likelihood: the mixture is fixed before the
-    round, whose runs only decide whether another round follows.
+    weights is an almost unbiased estimate of the integral of prior times likelihood: the mixture is
+    fixed before the round, whose runs only decide whether another round follows.
     """
     points, weights, steps = along_record(target, points, generator, on_step)
     mixture, runs = Mixture.around(points, weights, WIDER), FIRST * number
