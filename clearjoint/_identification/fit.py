@@ -207,7 +207,8 @@ class Fit(AbstractTabular):
 
     @property
     def _is_gone(self) -> np.ndarray:
-        """Which estimates on a `Log` scale are about zero or infinite, (p,)."""
+        """Which coordinates have a standard deviation above `GONE`, (p,): estimates on a `Log` scale
+        are then about zero or infinite."""
         return np.diag(self.covariance) > GONE**2
 
     @property
