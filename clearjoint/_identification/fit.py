@@ -207,8 +207,8 @@ class Fit(AbstractTabular):
 
     @property
     def _is_gone(self) -> np.ndarray:
-        """Which coordinates have a standard deviation above `GONE`, (p,): estimates on a `Log` scale
-        are then about zero or infinite."""
+        """Which coordinates have a standard deviation above `GONE`, (p,): on a `Log` scale, such an
+        estimate is about zero or infinite."""
         return np.diag(self.covariance) > GONE**2
 
     @property
