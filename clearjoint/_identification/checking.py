@@ -2,6 +2,8 @@
 
 After many impacts chi squared may be rough on the scale of the standard errors: the search
 converges in one of several minima close together, and the covariance describes only that minimum.
+By the quadratic model of chi squared, a displacement d of the coordinates from a minimum raises chi
+squared by d^T C^-1 d, with the covariance C.
 """
 
 import math
@@ -37,13 +39,12 @@ DIFFERING_SHARE = 0.1
 """The horizon is the first time at which chi squared disagrees with the quadratic model at this
 share of the test points or more."""
 WIDENINGS = (1.0, 2.0, 4.0)
-"""Factors on the standard errors of normal distributions from which points are drawn."""
+"""Points are drawn from normal distributions with a fit's standard errors times these factors."""
 KEPT = 32
-"""Smallest number of points, those with the lowest chi squared, among which a round draws new
-ones."""
+"""Smallest number of points with the lowest chi squared among which a round draws new points."""
 WORTH = 3.0
-"""Largest rise of chi squared over the lowest, in multiples of `RISE`, at which a point counts as
-low: new points are drawn among the low ones."""
+"""A point counts as low if its chi squared is at most this multiple of `RISE` above the lowest one.
+New points are drawn among the low points."""
 DESCENTS = 6
 """Largest number of local searches in a round."""
 ROUNDS = 6
@@ -58,14 +59,15 @@ def displacements(covariance: Covariance, limits: Point, generator: Generator) -
     Six displacements for each parameter change it by ±1, ±2 and ±4 standard errors, and the other
     parameters so that the model predicts the smallest chi squared for that change. If p > 1, six
     more lie along each eigenvector of the correlation matrix. The rest are random: normally
-    distributed with the covariance, every second one twice as long. All are shortened so that no
-    component exceeds its entry of `limits`.
+    distributed with the `covariance` of the minimum, every second one twice as long. All are
+    shortened so that no component exceeds its entry of `limits` in magnitude.
     """
     errors, root = np.sqrt(np.diag(covariance)), _root(covariance)
-    # Column k is the covariance with parameter k over its standard error: along it the other
-    # parameters minimise chi squared for a given value of parameter k.
+    # Columns are displacements by one standard error. Column k of the first matrix is the
+    # covariance with parameter k over its standard error: along it the other parameters minimise
+    # chi squared for a given value of parameter k.
     axes = [covariance / errors]
-    if len(errors) > 1:
+    if len(errors) > 1:  # With one parameter, the root is the same displacement again.
         axes.append(root)
     along = np.concatenate([np.multiply.outer(STEPS, row) for axis in axes for row in axis.T])
     normal = generator.standard_normal((DRAWN * len(errors), len(errors))) @ root.T
@@ -94,7 +96,8 @@ def _root(covariance: Covariance) -> Float[np.ndarray, "p p"]:
 class QuadraticTest:
     """Test of the quadratic model of chi squared by runs at n points around a minimum.
 
-    - `predicted`, `actual`: rise of chi squared over the minimum, by the model and in the runs.
+    - `predicted`, `actual`: rise of chi squared from the minimum to each point, by the model and in
+      the runs.
     - `horizon`: first time at which chi squared of the samples up to it disagrees with the model at
       a tenth of the points or more, s; infinite if there is none.
     """
@@ -128,10 +131,10 @@ def tested(
 ) -> QuadraticTest:
     """Compare runs at n points around a minimum with the quadratic model, for S series at T times.
 
-    `residuals` and `jacobian` are those at the minimum, and `moved` the residuals at the points, at
-    the given `offsets` from the minimum. Only the points marked in `near` determine the horizon: at
-    far ones the model fails from the first sample on if a scale, such as a logarithm, is not
-    nearly linear between them and the minimum.
+    `residuals` and `jacobian` are those at the minimum, `moved` the residuals at the points, at the
+    given `offsets` of coordinates from the minimum, and `times` those of the samples, s. Only the
+    points marked in `near` determine the horizon: at far points the model fails from the first
+    sample on if a scale, such as a logarithm, is not nearly linear from the minimum to the point.
     """
     linear = np.einsum("stp,np->nst", jacobian, offsets)
     predicted = np.cumsum((linear**2).sum(axis=1), axis=1)
@@ -151,9 +154,9 @@ def tested(
 class Exploration:
     """Result of `explore`: points around a minimum, and minima found from the lowest points.
 
-    - `points`, `chi_squared`: first the minimum at which the fit's own search ended, then all
-      points drawn.
-    - `minima`: the run at this minimum, then the ends of the local searches.
+    - `points`, `chi_squared`: coordinates of the minimum at which the fit's own search ended, then
+      of all points drawn, and chi squared at each of them.
+    - `minima`: the run at the minimum of the fit's own search, then the ends of the local searches.
     - `settled`: whether noise explains the lowest chi squared, and the last round widened every
       interval by less than a twentieth and found no new minimum that affects the intervals.
     """
@@ -179,9 +182,9 @@ class Exploration:
 def interval_ends(minima: Sequence[RunMisfit], lowest: float) -> Float[np.ndarray, "k p"]:
     """Return the ends of the 95 % intervals around minima: two rows for each, lower and upper ends.
 
-    An interval contains the coordinates at which chi squared, minimised over the other parameters
-    by the minimum's covariance, is at most `RISE` above `lowest`, the smallest known chi squared.
-    Minima whose own chi squared is higher are left out.
+    The interval of a coordinate has the values at which chi squared, minimised over the other
+    coordinates by the quadratic model of the minimum, is at most `RISE` above `lowest`, the
+    smallest known chi squared. Minima whose own chi squared is higher are left out.
     """
     ends = []
     for minimum in minima:
@@ -201,7 +204,8 @@ NEAR, NEAREST = 0.03, 1e-3
 @dataclass
 class _CountedRuns:
     """Makes the runs of `explore`, and counts them up to the limit `most`, in runs without
-    derivatives. A run with derivatives by p parameters counts as 1 + p of them."""
+    derivatives, of which there have been `points`. A run with derivatives by p parameters, in one
+    of the local `searches`, counts as 1 + p of them."""
 
     compared: Comparison
     most: float
@@ -217,7 +221,7 @@ class _CountedRuns:
         return values
 
     def descend(self, start: Point, near: float = NEAR, steps: int = STEPS_DOWN) -> RunMisfit:
-        """Return the best run of a local search from `start`, which ends when its next step is
+        """Return the best run of a local search from `start`. The search ends when its next step is
         below `near` standard errors, or after `steps` runs with derivatives."""
         end = float(self.compared.times[-1])
         misfit = partial(run_misfit, self.compared.runs, self.compared.data, end)
@@ -257,22 +261,22 @@ def explore(
 ) -> Exploration:
     """Explore the neighbourhood of a fit's `minimum` for all points with a similar chi squared.
 
-    The first round draws `number` points around the minimum, from normal distributions with the
-    given covariances, the first of which is that of the minimum, and with once, twice and four
-    times their standard errors. Each further round draws half as many points among those with the
-    lowest chi squared so far. If the round before found a much lower minimum, or if the lowest chi
-    squared is above `likely`, the largest that noise explains, it draws as many again around the
-    lowest minimum. Points drawn around a minimum are at most `limits` away from it in each
-    coordinate. In every round, local searches start from low points that are far from each other
-    and from the known minima. The exploration ends when it has settled (see `Exploration`), after
-    `ROUNDS` rounds, or when no further runs are affordable.
+    The first round draws `number` points around the minimum, from normal distributions with once,
+    twice and four times the standard errors of each of the `covariances`, the first of which is
+    that of the minimum. Each further round draws half as many points among those with the lowest
+    chi squared so far (`drawn_among`). If the round before found a much lower minimum, or if the
+    lowest chi squared is above `likely`, the largest that noise explains, the round draws as many
+    points again around the lowest minimum. Points drawn around a minimum are at most `limits` away
+    from it in each coordinate. In every round, local searches start from low points that are far
+    from each other and from the known minima. The exploration ends when it has settled (see
+    `Exploration`), after `ROUNDS` rounds, or when no further runs are affordable.
     """
     p = len(minimum.coordinates)
     bounds = minimum.coordinates - limits, minimum.coordinates + limits
 
     def drawn_around(centre: Point, covariances: Sequence[Covariance], count: int) -> Points:
         # The points take the covariances and factors in turn.
-        roots = [w * _root(matrix) for matrix in covariances for w in WIDENINGS]
+        roots = [factor * _root(matrix) for matrix in covariances for factor in WIDENINGS]
         normal = generator.standard_normal((count, p))
         offsets = np.stack([roots[k % len(roots)] @ row for k, row in enumerate(normal)])
         return centre + within(offsets, limits)
@@ -325,8 +329,9 @@ def explore(
 def _local_searches(
     starts: Points, minima: Sequence[RunMisfit], runs: _CountedRuns
 ) -> list[RunMisfit]:
-    """Search for minima from up to `DESCENTS` of the starts, which are far from each other and not
-    `inside` the known `minima`; all but the first search are made only while affordable."""
+    """Search for minima from up to `DESCENTS` of the starts, chosen far from each other and not
+    `inside` the known `minima`, and return the ends of the searches. All but the first search are
+    made only while further runs are affordable."""
     # Searches from points in known minima would only find these minima again.
     candidates = [x for x in starts if not any(inside(minimum, x) for minimum in minima)]
     # `far_apart` measures distances in standard deviations of the points, so it needs two or more.
@@ -340,8 +345,8 @@ def _local_searches(
 
 
 def inside(minimum: RunMisfit, point: Point) -> bool:
-    """Return whether d^T C^-1 d < 1 for a point's offset d from a minimum with the covariance C: a
-    search from this point would probably end in the minimum."""
+    """Return whether d^T C^-1 d < 1 for the offset d of a point from a minimum with the covariance
+    C: a search from such a point would probably end in this minimum."""
     offset = point - minimum.coordinates
     errors = np.sqrt(np.diag(minimum.covariance))
     # In units of the standard errors, C is the correlation matrix. It may be singular, and the
@@ -360,8 +365,8 @@ LEAST_NUMBER, MOST_NUMBER = 50, 400
 LEAST_RUNS = 20
 """A posterior is begun only if at least this many runs for each of its points are affordable."""
 MARGIN = 4.0
-"""Half the width of the posterior's box, in multiples of `_extent`. A wider box takes more runs, a
-narrower one may cut the posterior off."""
+"""Half the width of the small posterior's box, in multiples of the result of `_extent`. A wider box
+takes more runs, a narrower one may cut the posterior off."""
 
 
 @dataclass(frozen=True)
@@ -371,8 +376,8 @@ class LikelihoodCheck:
     - `test`: comparison of chi squared at points around the estimates with the covariance.
     - `exploration`, `posterior`: ``None`` if the test passed. The posterior is also ``None`` if
       noise doesn't explain chi squared, if it would need too many runs, or if it has `warnings`.
-    - `searches`: the local searches of the exploration. If one of them has lowered chi squared by
-      more than `FLOOR`, the last is a more accurate search from its end.
+    - `searches`: the local searches of the exploration. If they have found a minimum lower than the
+      fit's by more than `FLOOR`, a more accurate search from the lowest minimum is the last.
     - `runs`: number of runs, except those of the posterior.
     - `seconds`: computing time, including that of the posterior.
     - `difference`: chi squared at the estimates in a run without derivatives, less that in the run
@@ -395,13 +400,14 @@ class LikelihoodCheck:
         return self.test.passed
 
     def widening(self, best: RunMisfit) -> float:
-        """Return how much the intervals by the exploration differ from those by the covariance of
-        `best`: the largest ratio, 1 or more, of the distances of their ends from `best`."""
+        """Return the factor, 1 or more, by which the intervals by the exploration differ from those
+        by the covariance of `best`: the larger over the smaller distance of an end of the interval
+        from `best`, where this ratio is largest."""
         assert self.exploration is not None
         half = np.sqrt(RISE * np.diag(best.covariance))
         low, high = self.exploration.intervals()
-        ratios = np.abs(np.concatenate([best.coordinates - low, high - best.coordinates]))
-        ratios = ratios / np.tile(half, 2)
+        distances = np.abs(np.concatenate([best.coordinates - low, high - best.coordinates]))
+        ratios = distances / np.tile(half, 2)
         return float(np.maximum(ratios, 1.0 / np.maximum(ratios, 1e-12)).max())
 
     @cached_property
@@ -424,7 +430,7 @@ def check(
 ) -> LikelihoodCheck:
     """Test the covariance of a fit by runs around its `best` run.
 
-    If the test fails, explore chi squared and, if noise explains the lowest one, compute a small
+    If the test fails, explore chi squared and, if noise explains its lowest value, compute a small
     posterior. `number` is the number of points in the first round of the exploration, to which the
     size of the posterior is proportional. With ``None``, exploration and posterior together cost
     about as much as the test and the fit, which took `cost` runs with derivatives. `on_iteration`
@@ -482,8 +488,8 @@ def check(
 
 
 def _extent(explored: Exploration, lowest: RunMisfit) -> Point:
-    """Return how far low points are from the lowest minimum in each coordinate, at least two
-    standard errors."""
+    """Return the largest distance of the low points (see `WORTH`) from the `lowest` minimum in each
+    coordinate, but at least two standard errors."""
     low = explored.chi_squared <= explored.lowest + WORTH * RISE
     offsets = np.abs(explored.points[low] - lowest.coordinates)
     least = 2.0 * np.sqrt(np.diag(lowest.covariance))
@@ -535,8 +541,9 @@ def _quadratic_test(
 
 def _largest_offsets(best: RunMisfit, max_changes: Point) -> Point:
     """Return the largest distance of explored points from the estimates in each coordinate: twice
-    the largest change in one step of a fit or, if that is infinite, the larger one of the
-    coordinate's magnitude and `FARTHEST` standard errors for all other parameters known."""
+    the largest change in one step of a fit, `max_changes`, or, if that is infinite, the larger one
+    of the coordinate's magnitude and `FARTHEST` times the standard error that the coordinate would
+    have if all others were known."""
     norms = np.linalg.norm(best.jacobian, axis=0)
     # With all other parameters known, the standard error is the inverse of the column's norm.
     far_alone = np.where(norms > 0.0, FARTHEST / np.where(norms > 0.0, norms, 1.0), 0.0)

@@ -34,6 +34,7 @@ class Comparison:
     """An experiment, and the samples with which its runs are compared, for fits, screenings,
     posteriors and the test of a fit's covariance.
 
+    - `runs`: the experiment, which makes the runs.
     - `data`: the samples, at the times of `runs`: T sample times, followed by padding.
     - `parameters`, `units`: the free parameters, and the unit of each one's value, by name.
     """
@@ -69,11 +70,12 @@ class Comparison:
     def chi_squared(
         self, coordinates: Points, count: int, smoothing: int = 1
     ) -> Float[np.ndarray, "n {count}+1"]:
-        """Return chi squared of n runs: in column k, that of all samples up to the k-th time.
+        """Return chi squared of runs at n points: in column k, that of all samples up to the k-th
+        of the first `count` sample times; column 0 is zero.
 
-        Samples that a run does not reach have the residual `UNREACHED`, to which larger ones are
-        reduced. Each residual is replaced by the mean of `smoothing` residuals up to its time;
-        those before the first time are zero.
+        Samples that a run does not reach have the residual `UNREACHED`, to which larger residuals
+        are reduced. Each residual is replaced by the mean of `smoothing` successive residuals up to
+        its time; residuals before the first time count as zero.
         """
         runs, coordinates = self.runs, self.runs.with_held(coordinates)
         instants, sample_indices = self._instants(coordinates, count)
@@ -88,9 +90,9 @@ class Comparison:
             predictions = np.resize(rows, (TOGETHER, *rows.shape[1:]))
             if runs.sensors.of_values:
                 quantities = dict(zip(runs.names, np.moveaxis(predictions, 1, 0), strict=True))
-                at = np.resize(coordinates[lanes], (TOGETHER, coordinates.shape[1]))
+                of_lanes = np.resize(coordinates[lanes], (TOGETHER, coordinates.shape[1]))
                 elapsed = self.times - float(runs.start_time)
-                readings = readings_of_runs(runs.sensors, quantities, elapsed, at)
+                readings = readings_of_runs(runs.sensors, quantities, elapsed, of_lanes)
                 predictions = np.stack([np.asarray(readings[n]) for n in runs.names], axis=1)
             sums = np.asarray(_cumulated(self.data, predictions, smoothing))
             curves[lanes, 1:] = sums[: len(lanes), :count]
@@ -131,9 +133,9 @@ class Comparison:
         return Task(varied, states, ends, first_steps, instants)
 
     def _instants(self, coordinates: np.ndarray, count: int) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Return the rising times (n, K) at which n runs are recorded, padded with infinity. Return
-        for each series at which of these times its first `count` samples are compared: indices
-        (n, count), or (1, count) if they are the same in all runs.
+        """Return the rising times (n, K), s, at which n runs are recorded, padded with infinity,
+        and, for each series, the indices among these times of its first `count` sample times:
+        (n, count), or (1, count) if the indices are the same in all runs.
 
         A series with a delay is compared at its sample times minus the delay of the run; times
         before the start of the run are replaced by the start.
@@ -151,7 +153,7 @@ class Comparison:
         # Before the start there is only the initial state.
         start = float(runs.start_time)
         times_of = {n: np.maximum(undelayed - d[:, None], start) for n, d in delay_of.items()}
-        # All series with the same delay have the same delayed times, so those of the first suffice.
+        # All series with the same delay have the same delayed times: `names[0]` stands for them.
         delayed = np.concatenate([times_of[names[0]] for _, names in runs.sensors.delays], axis=1)
         all_times = np.concatenate([np.tile(undelayed, (lanes, 1)), delayed], axis=1)
         instants = np.full((lanes, len(self.times) * (1 + len(runs.sensors.delays))), np.inf)
@@ -201,7 +203,8 @@ def comparison(
 def _scenes_and_states(
     runs: Experiment, varied: PyTree[bool], coordinates: Float[np.ndarray | jax.Array, "n p"]
 ) -> tuple[PyTree, State]:
-    """Return n scenes, with ``None`` for the leaves that are not `varied`, and n initial states."""
+    """Return scenes and initial states at n points, each in one PyTree with a first axis of n. In
+    the scenes, leaves that are not `varied` are ``None``."""
     scenes, states = jax.vmap(runs.family.scene_and_state)(coordinates)
     return eqx.filter(scenes, varied), states
 

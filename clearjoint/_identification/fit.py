@@ -207,7 +207,8 @@ class Fit(AbstractTabular):
 
     @property
     def _is_gone(self) -> np.ndarray:
-        """Which estimates on a `Log` scale are about zero or infinite, (p,)."""
+        """Which coordinates have a standard deviation above `GONE`, (p,): on a `Log` scale, such an
+        estimate is about zero or infinite."""
         return np.diag(self.covariance) > GONE**2
 
     @property
@@ -219,20 +220,21 @@ class Fit(AbstractTabular):
         1. the `posterior`: its central intervals, which need not contain the estimates;
         2. the points that `check` has explored, if it has found that chi squared is not quadratic:
            all values at points whose chi squared is at most 3.84 above the lowest;
-        3. the covariance: the estimate plus and minus 1.96 standard errors of the coordinate. That
-           of a friction that may be zero is from zero to the largest one that the data allow
-           (`AbstractScale.interval`).
+        3. the covariance: the estimate plus and minus 1.96 standard errors of the coordinate. The
+           interval of a friction that may be zero is from zero to the largest friction that the
+           data allow (`AbstractScale.interval`).
 
-        They are extended to contain the intervals by the covariances at other minima, outside the
+        Intervals are extended to contain those by the covariances at other minima, outside the
         posterior's box, whose chi squared is at most 3.84 above that of the fit. If residuals are
-        `correlated`, each of them is widened about its middle, in coordinates, by `widening` times
+        `correlated`, each interval is widened about its middle, in coordinates, by `widening` times
         a factor of Student's distribution.
         """
         minima, posterior = [self.best.best, *self._other_minima], self.posterior
         # Minima in the posterior's box are part of the posterior.
         if posterior is not None:
-            low, high = posterior.box
-            minima = [m for m in minima if ((m.coordinates < low) | (m.coordinates > high)).any()]
+            start, end = posterior.box
+            minima = [m for m in minima if ((m.coordinates < start) | (m.coordinates > end)).any()]
+        # Ends of the intervals in coordinates, (2, p), by the posterior or the exploration.
         explored = None
         if posterior is not None:
             pairs = zip(self.parameters.values(), posterior.intervals.values(), strict=True)
@@ -276,8 +278,8 @@ class Fit(AbstractTabular):
         well, the smallest chi squared first.
 
         The chi squared of such a minimum is within the joint 95 % confidence region of the best
-        minimum. It is outside the 95 % interval, by the covariance, of at least one parameter
-        around the best minimum and around every minimum before it in the list.
+        minimum. At least one coordinate is outside its 95 % interval, by the covariance, around the
+        best minimum, and likewise around every minimum before this one in the list.
         """
         minima = statistics.competing_minima(self.best.best, self._other_minima)
         return [values_at(self.parameters, minimum.coordinates) for minimum in minima]
@@ -291,7 +293,7 @@ class Fit(AbstractTabular):
     @cached_property
     def residuals(self) -> dict[str, np.ndarray]:
         """Residuals of each series by name, (N,): (prediction - value) / noise, or 1e6 at times
-        that the fitted run does not reach, also in `chi_squared`."""
+        that the fitted run does not reach. `chi_squared` includes these 1e6 too."""
         return self._at_samples(self.best.best.residuals)
 
     @cached_property
@@ -299,8 +301,8 @@ class Fit(AbstractTabular):
         return self._at_samples(self.best.best.jacobian)
 
     def _at_samples(self, rows: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the rows (N, ...) at the N sample times of each series, from rows (S T, ...):
-        those at all T times of a run for each of S series, one series after the other."""
+        """Return, by name, the rows (N, ...) at the N sample times of each series, from `rows` of
+        the shape (S T, ...): those of S series, one after the other, at all T times of the run."""
         times, series = self.measurements.times(), self.measurements.series
         parts = zip(series.items(), np.split(rows, len(series)), strict=True)
         return {name: part[np.searchsorted(times, s.times)] for (name, s), part in parts}
@@ -361,14 +363,14 @@ class Fit(AbstractTabular):
 
     @override
     def __str__(self) -> str:
-        # The result of the check comes first, and is then left out of the warnings at the end.
-        first = [] if self.check is None else [self._test_report()]
-        first = [*self._correlation(), *first]
+        # Whether the covariance is valid comes first, and is left out of the warnings at the end.
+        on_test = [] if self.check is None else [self._test_report()]
+        on_covariance = [*self._correlation(), *on_test]
         series, end = len(self.measurements.series), self.measurements.times()[-1]
         parts = [
             f"Fit of {self.samples} samples in {series} series to {end:g} s: "
             f"{self.ending.value}, {self.best.evaluations} runs",
-            *first,
+            *on_covariance,
             estimates_table(self.estimates, self.standard_errors, self.intervals, self.units),
             f"chi squared {self.chi_squared:.6g} with {self.degrees_of_freedom} degrees of "
             f"freedom, p = {self.p_value:.2g}",
@@ -381,7 +383,7 @@ class Fit(AbstractTabular):
             parts.append("\n".join(aligned(rows)))
         if len(self.searches) > 1:
             parts.append(_searches_table(self))
-        rest = [warning for warning in self.warnings if warning not in first]
+        rest = [warning for warning in self.warnings if warning not in on_covariance]
         parts.append("\n".join(f"Warning: {warning}" for warning in rest))
         if self.advice:
             parts.append("Remedies, in this order:\n" + numbered(self.advice))
@@ -517,8 +519,8 @@ class Fit(AbstractTabular):
 
     @property
     def _other_minima(self) -> list[RunMisfit]:
-        """Minima in which other searches than the best one have ended; a search stalls in one that
-        is rough."""
+        """Minima in which searches other than the best one have ended, converged or, where chi
+        squared is rough, stalled."""
         searches = (*self.searches, *(() if self.check is None else self.check.searches))
         in_minimum = Ending.CONVERGED, Ending.STALLED
         return [s.best for s in searches if s is not self.best and s.ending in in_minimum]
@@ -543,7 +545,7 @@ class Fit(AbstractTabular):
 
     @property
     def _scatter(self) -> float:
-        """Size of the residuals in multiples of the stated noise."""
+        """Residuals in multiples of the stated noise: sqrt(chi squared / degrees of freedom)."""
         return math.sqrt(self.chi_squared / self.degrees_of_freedom)
 
     def _noise(self) -> Iterator[str]:
@@ -556,7 +558,8 @@ class Fit(AbstractTabular):
 
 
 def limit_text(low: float, high: float, unit: str) -> str:
-    """Return a text on an interval that begins at zero or ends at infinity."""
+    """Return a text on an interval that begins at zero or ends at infinity, for example "at most
+    0.1 N m (95 %): a smaller value fits as well."."""
     rises = math.isinf(high)
     limit, others = (
         (f"at least {low:.3g}", "larger") if rises else (f"at most {high:.3g}", "smaller")
@@ -651,10 +654,11 @@ def _explanation(
     or empty if even all kinds together explain less than `MOST`.
     """
     chosen: list[Kind] = []
-    before = float(np.sum(residuals[part] ** 2))
+    before = float(np.sum(residuals[part] ** 2))  # Chi squared of the series.
 
     def fitted(kinds: Sequence[Kind]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the errors of these kinds by least squares, and the remaining residuals."""
+        """Return the size of an error of each of these `kinds`, by least squares, and the residuals
+        of all series that remain with these errors."""
         columns = np.stack([effects[kind] for kind in kinds], axis=1)
         sizes = np.linalg.norm(columns, axis=0)
         smallest = information.LEAST_SINGULAR_VALUE
@@ -673,8 +677,8 @@ def _explanation(
 
 
 def _effects_of_errors(fit: Fit, name: str) -> dict[Kind, Float[np.ndarray, " N"]]:
-    """Derivatives of the residuals of a series by each kind of error of its sensor, for an ideal
-    sensor."""
+    """Derivatives of the residuals of the series `name` by each kind of error of its sensor, at the
+    values of an ideal sensor."""
     series = fit.measurements[name]
     quantity, times = fit.predictions[name], np.asarray(series.times)
     instants = [*zip(quantity.tolist(), (times - fit.start_time).tolist(), strict=True)]
@@ -689,7 +693,8 @@ def _effects_of_errors(fit: Fit, name: str) -> dict[Kind, Float[np.ndarray, " N"
 
 def _sensor_faults(fit: Fit) -> Iterator[str]:
     """A sentence on a series most of whose misfit a few errors of its sensor explain, if there is
-    one; of several, on that whose errors lower the chi squared of all series the most."""
+    such a series; of several, on the series whose errors lower the chi squared of all series the
+    most."""
     residuals = np.concatenate([*fit.residuals.values()])
     jacobian = np.concatenate([*fit._jacobians.values()])
     # Orthonormal basis of the changes of residuals that the fit's parameters can make. The small
@@ -702,7 +707,7 @@ def _sensor_faults(fit: Fit) -> Iterator[str]:
     most, name, values, explained = 0.0, "", {}, 0.0
     end = 0
     for series, row in fit.residuals.items():
-        part = slice(end, end + len(row))
+        part = slice(end, end + len(row))  # Rows of this series among those of all series.
         end = part.stop
         # Too few samples don't tell one cause from another.
         if len(row) < PIECES or not (_rms(row) > FAR or series in fit.correlated):
@@ -717,9 +722,9 @@ def _sensor_faults(fit: Fit) -> Iterator[str]:
             column -= basis @ (basis.T @ column)
             if (kind, series) not in estimated and np.linalg.norm(column) > 0.0:
                 effects[kind] = column
-        fault = _explanation(residuals, part, effects)
-        if fault[0] > most:
-            name, (most, values, explained) = series, fault
+        decrease, faults, share = _explanation(residuals, part, effects)
+        if decrease > most:
+            name, most, values, explained = series, decrease, faults, share
     if not values:
         return
     unit = fit.measurements[name].unit

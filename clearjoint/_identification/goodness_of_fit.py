@@ -24,7 +24,7 @@ RISE = DEVIATIONS**2
 """Rise of chi squared over its minimum at the ends of a 95 % interval of one parameter, 3.84."""
 
 FEWEST_FREEDOM = 2.0
-"""Smallest number of degrees of freedom from which `student_factor` computes intervals."""
+"""Smallest number of degrees of freedom in `student_factor`, which replaces smaller numbers."""
 
 
 class Direction(NamedTuple):
@@ -39,21 +39,23 @@ class Direction(NamedTuple):
 
 
 def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
-    """Return p directions along which the estimates err independently.
+    """Return p directions along which the errors of the estimates are independent.
 
-    They are the principal axes of the estimates' errors in scaled coordinates: the unit of each
+    The directions are the principal axes of these errors in scaled coordinates: the unit of each
     coordinate is the standard error that its parameter would have if all others were known. The
     axes are sorted by the error in these units, the largest first; `Direction.deviation` is not in
     these units and need not decrease. With M < p residuals there are only M directions. A direction
     without effect on the residuals gets a very large but finite deviation.
     """
-    norms, sizes, axes = floored(jacobian)
-    changes = []
-    for size, axis in zip(sizes[::-1], axes[::-1], strict=True):
-        along = axis / norms
-        largest = along[np.argmax(np.abs(along))]
-        changes.append(Direction(along / largest, abs(largest) / float(size)))
-    return changes
+    norms, singular_values, axes = floored(jacobian)
+    found = []
+    # The largest errors are those of the smallest singular values, which come last.
+    for singular_value, axis in zip(singular_values[::-1], axes[::-1], strict=True):
+        change = axis / norms  # From scaled coordinates, whose unit is 1 / norm.
+        largest = change[np.argmax(np.abs(change))]
+        # The standard deviation along the unit vector `axis` is 1 / singular value.
+        found.append(Direction(change / largest, abs(largest) / float(singular_value)))
+    return found
 
 
 def chi_squared_p(chi_squared: float, degrees_of_freedom: int) -> float:
@@ -154,9 +156,9 @@ def correlated_noise(residuals: Float[np.ndarray, " M"]) -> CorrelatedNoise:
 
 
 def student_factor(effective: float) -> float:
-    """Return the width of 95 % intervals by Student's distribution over that by the normal one. The
-    degrees of freedom are the `effective` number of independent samples from which the variance is
-    estimated, but at least `FEWEST_FREEDOM`."""
+    """Return the ratio of the widths of 95 % intervals by Student's distribution and by the normal
+    distribution. The degrees of freedom are the `effective` number of independent samples from
+    which the variance is estimated, but at least `FEWEST_FREEDOM`."""
     from scipy.special import stdtrit
 
     return float(stdtrit(max(effective, FEWEST_FREEDOM), 0.5 + 0.5 * CONFIDENCE)) / DEVIATIONS
@@ -184,8 +186,8 @@ def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMi
 def distinct(
     minima: Iterable[RunMisfit], limit: float, apart: Callable[[RunMisfit, RunMisfit], bool]
 ) -> list[RunMisfit]:
-    """Return the minima with a chi squared up to `limit`, the lowest first, each `apart` from all
-    lower ones returned."""
+    """Return the minima with a chi squared up to `limit`, the lowest first, without those for which
+    ``apart(lower, minimum)`` is false for a lower minimum that is returned."""
     chosen: list[RunMisfit] = []
     for minimum in sorted(minima, key=lambda minimum: minimum.chi_squared):
         if minimum.chi_squared <= limit and all(apart(lower, minimum) for lower in chosen):

@@ -38,9 +38,10 @@ from .starts import Guess, Starts, start_coordinates
 OnIteration = Callable[[Iteration], None]
 """Function of the user that is called after each run of a search."""
 OnFitIteration = Callable[[int, Iteration], None]
-"""Function that is called after each run of a search, with the number of samples in its window."""
+"""Function ``f(samples, iteration)`` that is called after each run of a search, with the number of
+samples in the window that is fitted."""
 WINDOW_TOLERANCE = 0.1
-"""Smallest `tolerance` of the searches in all windows but the last, which only start the next."""
+"""Smallest `tolerance` in windows before the last, whose results are only starts for the next."""
 
 
 class FitInterrupted(KeyboardInterrupt):
@@ -116,7 +117,7 @@ def identify(
       fit by a single run.
     - `check_runs`: after a search that neither failed nor reached `max_iterations`, about twenty
       runs for each parameter test whether chi squared rises as the covariance predicts, up to four
-      standard errors from the estimates; 0 leaves the test out. If it fails, chi squared has
+      standard errors from the estimates; 0 leaves the test out. If the test fails, chi squared has
       several minima close together or is not quadratic: runs without derivatives and local searches
       explore it, and the fit moves to the lowest minimum. `check_runs`, 50 or more, such as 400, is
       the number of runs in the first of up to six rounds; by default the exploration costs about as
@@ -188,20 +189,20 @@ def identify_many(
     True
     """
     _check(scene, measurements, start_time, grow, max_iterations, tolerance, check_runs)
-    first = measurements[0]
+    first_set = measurements[0]
     settings = settings_or(settings, presets.identification)
     if horizon is not None:
-        horizon.warn_if_beyond(float(first.times()[-1]))
+        horizon.warn_if_beyond(float(first_set.times()[-1]))
     # All sets have the same channels and times, so that one compiled program serves all fits.
-    compared = comparison(scene, state, first, parameters, start_time, settings)
+    compared = comparison(scene, state, first_set, parameters, start_time, settings)
     around = starts if isinstance(starts, Starts) else None
     rows, coarse = start_coordinates(scene, state, compared.parameters, guess, around), compared
     if isinstance(starts, Screening):
         require(len(rows) == 1, "guess", len(rows), "one guess, for a screening", "pass one")
         # A screening only ranks points, for which cheaper runs are accurate enough.
         looser = settings.looser(LOOSER)
-        coarse = comparison(scene, state, first, parameters, start_time, looser)
-    ends = (*grow, float(first.times()[-1]))
+        coarse = comparison(scene, state, first_set, parameters, start_time, looser)
+    ends = (*grow, float(first_set.times()[-1]))
     problem = _Problem(
         compared, coarse, rows, starts, ends, tolerance, max_iterations, check_runs, horizon
     )
@@ -221,8 +222,9 @@ def identify_many(
 class _Problem:
     """What the fits of `identify_many` have in common; `fit` fits one set of measurements.
 
-    - `coarse`: `compared`, with the looser tolerances of a screening.
-    - `rows`: (S, p) points from which searches start, or around which a screening draws.
+    - `compared`: the experiment, with the first set of measurements.
+    - `coarse`: the same with the looser tolerances of a screening, if there is one.
+    - `rows`: (S, p) points from which searches start; for a screening, the centre of its box.
     - `ends`: ends of the growing windows and of the record, s.
     """
 
@@ -239,8 +241,8 @@ class _Problem:
     def fit(
         self, measurements: Measurements, on_iteration: OnFitIteration, show: bool
     ) -> tuple[Fit | None, bool]:
-        """Fit one set of measurements. Return the fit, and whether the user interrupted it, in
-        which case it is ``None`` if no run had ended."""
+        """Fit one set of measurements. Return the fit, and whether the user interrupted it. The fit
+        is ``None`` if it was interrupted before any run had ended."""
         compared, parameters = self.compared.of(measurements), self.compared.parameters
         searches: list[Search] = []
         screened, checked, stopped = (), None, False
@@ -296,9 +298,9 @@ class _Problem:
     def _search(
         self, compared: Comparison, start: np.ndarray, on_iteration: OnFitIteration
     ) -> Search:
-        """Search from a point, window by window, each from the result of the one before. After
-        Ctrl-C, the search has `Ending.INTERRUPTED` and the best run so far; a `KeyboardInterrupt`
-        is raised only if the first run has not ended."""
+        """Search from the point `start` in the first window, and in each further window from the
+        result of the one before. After Ctrl-C, the search has `Ending.INTERRUPTED` and the best run
+        so far; a `KeyboardInterrupt` is raised only if the first run has not ended."""
         max_changes, runs = step_limits(compared.parameters), compared.runs
         windows, at = [], start
         best: RunMisfit | None = None
@@ -359,8 +361,8 @@ def warn_of(fits: Sequence[Fit]) -> None:
 def _with_prior(
     misfit: Callable[[np.ndarray], RunMisfit], centre: Point, deviations: Point, at: Point
 ) -> RunMisfit:
-    """Return the misfit at the point `at`, with the residuals (at - centre)/deviations of a normal
-    prior appended, which are zero where a deviation is infinite."""
+    """Return the misfit at the point `at`, with the residuals of a normal prior appended:
+    (at - centre)/deviations, which are zero where a deviation is infinite."""
     plain = misfit(at)
     residuals = np.append(plain.residuals, (at - centre) / deviations)
     jacobian = np.vstack([plain.jacobian, np.diag(1.0 / deviations)])
@@ -371,8 +373,8 @@ def _with_prior(
 def iteration_callback(
     progress: bool | OnIteration, parameters: Mapping[str, Parameter], searches: int
 ) -> Iterator[OnFitIteration]:
-    """Yield the function to call after each run: the user's, or one that updates a bar, which is
-    hidden if `progress` is false. `searches` is the total number of searches."""
+    """Yield the function to call after each run: the user's, or one that updates a progress bar,
+    which is hidden if `progress` is false. `searches` is the total number of searches."""
     if callable(progress):
         yield lambda _, iteration: progress(iteration)
         return
@@ -405,17 +407,17 @@ def _check(
     remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
     for measured in measurements:
         require_type("measurements", measured, Measurements, "Measurements", remedy)
-    first = measurements[0]
-    first.check(scene)
+    first_set = measurements[0]
+    first_set.check(scene)
     for k, measured in enumerate(measurements):
-        same = list(measured.series) == list(first.series) and all(
-            series.channel == first[name].channel
-            and np.array_equal(series.times, first[name].times)
+        same = list(measured.series) == list(first_set.series) and all(
+            series.channel == first_set[name].channel
+            and np.array_equal(series.times, first_set[name].times)
             for name, series in measured.series.items()
         )
         expected = "measurements of the same channels and times as the first"
         require(same, f"measurements[{k}]", list(measured.series), expected, "fit them separately")
-    ends = [start_time, *grow, first.times()[-1]]
+    ends = [start_time, *grow, first_set.times()[-1]]
     rising = all(a < b for a, b in zip(ends, ends[1:], strict=False))
     expected = f"rising times between the start, {start_time} s, and the last sample, {ends[-1]} s"
     remedy = "leave out the time of the last sample, which is added"
@@ -423,7 +425,7 @@ def _check(
     require_count("max_iterations", max_iterations, "allow one run")
     require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")
     # An exploration by fewer points would hardly describe chi squared of several parameters.
-    whole = isinstance(check_runs, int) and (check_runs == 0 or check_runs >= 50)
+    is_number = isinstance(check_runs, int) and (check_runs == 0 or check_runs >= 50)
     remedy = "pass 0 to leave out the test"
     expected = "None, 0, or a whole number from 50"
-    require(check_runs is None or whole, "check_runs", check_runs, expected, remedy)
+    require(check_runs is None or is_number, "check_runs", check_runs, expected, remedy)

@@ -33,13 +33,13 @@ NEARLY = 0.1
 as converged, because integration errors prevent a higher accuracy."""
 ROUGH, SLOW = 2.0, 5
 """A search also ends if the last `SLOW` iterations have together lowered chi squared by less than
-`NEARLY` squared, at Gauss-Newton steps of less than `ROUGH` standard deviations. Where chi squared
-has kinks, as at plays of light links, whose flanks touch or don't, a search would otherwise go on
-until its limit of iterations, without a change of the estimates that matters."""
+`NEARLY` squared, at Gauss-Newton steps of less than `ROUGH` standard deviations. At a kink of chi
+squared, as at the play of a light link at which a flank just touches or doesn't, a search would
+otherwise go on until its limit of iterations, without a change of the estimates that matters."""
 UNDETERMINED = 1e-12
-"""The data don't determine a direction whose singular value of the Jacobian, over the largest, is
-below this. A coordinate whose column of the Jacobian has a norm, over the largest, below this is
-scaled by the largest norm."""
+"""The data don't determine a direction if its singular value of the Jacobian is below this multiple
+of the largest one. If the norm of a column of the Jacobian is below this multiple of the largest
+norm, its coordinate is scaled by the largest norm."""
 
 
 class Ending(Enum):
@@ -159,7 +159,8 @@ _Model = tuple[jax.Array, jax.Array, jax.Array]
 
 
 def _residuals(y: jax.Array, model: _Model) -> tuple[jax.Array, None]:
-    """The linear model, in optimistix' form."""
+    """Return the residuals (M,) at the coordinates `y` by the linear model, and ``None`` for the
+    auxiliary result that optimistix expects."""
     at, residuals, jacobian = model
     return residuals + jacobian @ (y - at), None
 
@@ -169,8 +170,8 @@ def _advance(
     y: jax.Array, arrays: PyTree, model: _Model, limits: jax.Array, tolerance: jax.Array
 ) -> tuple[jax.Array, PyTree, jax.Array, jax.Array]:
     """Compute one step of the search, in scaled coordinates. `y` is the best point before the
-    latest one, `model` the linear model at the latest one, and `arrays` those of the solver's
-    state, ``None`` for the first step.
+    latest one, `model` the linear model at the latest one, `arrays` those of the solver's state,
+    ``None`` for the first step, and `limits` are the largest changes of coordinates in a step.
 
     **Returns:** the best point, which may be the latest; the new arrays, of which `y_eval` is the
     next point to evaluate; whether the search ends; and the `decrement` at the best point.
@@ -198,9 +199,9 @@ def _advance(
     gains = 2.0 * limits * jnp.abs(residuals @ jacobian)
     is_idle = (changes < NEARLY) & (gains < NEARLY**2)
     length = decrement(residuals, jnp.where(is_idle, 0.0, jacobian))
-    short = jnp.max(jnp.abs(state.y_eval - y)) < SHORT * tolerance
-    stuck = state.num_steps_since_acceptance >= PATIENCE
-    done = (length < tolerance) | short | stuck
+    is_short = jnp.max(jnp.abs(state.y_eval - y)) < SHORT * tolerance
+    is_stuck = state.num_steps_since_acceptance >= PATIENCE
+    done = (length < tolerance) | is_short | is_stuck
     return y, eqx.filter(state, eqx.is_array), done, length
 
 
@@ -215,8 +216,9 @@ def search_with_damping(
     """Minimise the sum of squared residuals from a start, by the method of Levenberg and Marquardt.
 
     The search ends when the Gauss-Newton step is below `tolerance`, in standard deviations of the
-    estimates. No coordinate changes by more than its limit in a step. A `KeyboardInterrupt` ends
-    the search; during the first evaluation it is not caught, because there is no result yet.
+    estimates. No coordinate changes by more than its entry of `step_limits` in a step. A
+    `KeyboardInterrupt` ends the search; during the first evaluation it is not caught, because there
+    is no result yet.
 
     **Returns:** the best evaluation, all iterations, and the reason why the search ended, which is
     never `Ending.FAILED`: the caller must check whether the best run reaches the last sample.
@@ -225,8 +227,8 @@ def search_with_damping(
     lowest: list[float] = []
     best = latest = evaluate(start)
     try:
-        # Each coordinate is scaled by the norm of its column; a column that is negligible gets the
-        # largest norm, so that a division by it is safe.
+        # Each coordinate is scaled by the norm of its column of the Jacobian; that of a negligible
+        # column is replaced by the largest norm, by which a division is safe.
         norms = np.linalg.norm(latest.jacobian, axis=0)
         largest = norms.max() if norms.max() > 0.0 else 1.0
         scales = np.where(norms > UNDETERMINED * largest, norms, largest)
@@ -261,17 +263,18 @@ def search_with_damping(
 
 
 def _is_slow(iterations: Sequence[Iteration], lowest: Sequence[float]) -> bool:
-    """Return whether a search goes on without a change of the estimates that matters; `lowest` is
-    chi squared at the best point after each iteration."""
+    """Return whether a search goes on without a change of the estimates that matters (see `SLOW`).
+    `lowest` has the smallest chi squared so far after each iteration."""
     is_near = all(iteration.decrement < ROUGH for iteration in iterations[-SLOW:])
     return len(lowest) > SLOW and is_near and lowest[-1 - SLOW] - lowest[-1] < NEARLY**2
 
 
 def _triangular(misfit: RunMisfit, scales: np.ndarray) -> tuple[jax.Array, jax.Array]:
-    """Return p + 1 residuals and their Jacobian, in scaled coordinates, with the same sum of
-    squares as the linear model of the M residuals, so that one compiled program serves data of any
-    size."""
-    # A QR decomposition rotates the rows. Fewer than p + 1 rows are followed by zeros.
+    """Return p + 1 residuals and their Jacobian (p + 1, p), in scaled coordinates. Their linear
+    model has the same sum of squares as that of the M residuals, so that one compiled program
+    serves data of any size."""
+    # A QR decomposition rotates the rows, which keeps the sum of squares. With fewer than p + 1
+    # residuals, rows of zeros are added.
     table = np.column_stack([misfit.jacobian / scales, misfit.residuals])
     rows = np.zeros((table.shape[1], table.shape[1]))
     triangle = np.linalg.qr(table, mode="r")

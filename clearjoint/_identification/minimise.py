@@ -30,10 +30,11 @@ if TYPE_CHECKING:
     import optax
 
 Objective = Callable[[dict[str, jax.Array]], jax.Array]
-"""Function of outputs by name, (N,) or numbers of reductions, that returns what to minimise."""
+"""Function that returns the number to minimise from the outputs by name: an array (N,) for each
+quantity, and the result of each reduction."""
 Coordinates = dict[str, PyTree]
-"""By name, the coordinate of each `Parameter` on its scale, and the values of each path in the form
-of `Predictor.values`."""
+"""Point of a search, by name: the coordinate of each `Parameter` on its scale, and the SI values
+that each other `Part` selects, in the form of `Predictor.values`."""
 HALVINGS = 12
 """Largest number of trials of a line search, each with half the step of the one before."""
 
@@ -44,8 +45,9 @@ class Minimum:
 
     - `estimates`: value of each parameter by name, SI: a number, or arrays in the form of
       `Predictor.values`.
-    - `coordinates`: (p,) all these numbers, those of `Parameter`s on their scales.
-    - `objective`: that of this run.
+    - `coordinates`: (p,) the same numbers in one array, those of `Parameter`s as coordinates on
+      their scales.
+    - `objective`: smallest value of the objective.
     - `history`: (iterations,) objective before each iteration; shorter if the search ended early.
     - `result`: `RESULTS` code of the last run.
 
@@ -198,7 +200,8 @@ def _descended(
 
 @dataclass(frozen=True)
 class _Forward:
-    """Objective and gradient by runs in forward mode, from the coordinates `first`, (p,)."""
+    """Objective and gradient by runs in forward mode. A search starts at the coordinates `first`,
+    (p,)."""
 
     runs: Experiment
     objective: Objective
@@ -219,8 +222,8 @@ class _Forward:
         # The times that pad `times` to the length of a compiled program are cut off.
         values = {name: row[:count] for name, row in run.values.items()}
         value, slopes = self.gradient(values)
-        # Chain rule: the run gives the derivatives of the outputs by the coordinates, and JAX those
-        # of the objective by the outputs.
+        # Chain rule: the run gives the derivatives of the outputs by the coordinates, (N, p), and
+        # JAX those of the objective by the outputs, (N,).
         along = sum(slopes[name] @ run.derivatives[name][:count] for name in values)
         slope = dict(zip(self.parameters, jnp.asarray(along), strict=True))
         return float(value), slope, run.result

@@ -14,15 +14,15 @@ Point = Float[np.ndarray, " p"]
 """Coordinates of all p parameters, or another number for each of them."""
 Points = Float[np.ndarray, "n p"]
 Box = tuple[Point, Point]
-"""Lower and upper ends of the coordinates."""
+"""Lower end and upper end of each coordinate."""
 Covariance = Float[np.ndarray, "p p"]
 """Covariance of the coordinates."""
 NEIGHBOURS = 2
-"""Number of nearest points, over p + 1, whose covariance serves to draw new points around a point.
-A covariance of p coordinates needs at least p + 1 points; more make it less random."""
+"""New points around a point are drawn with the covariance of this multiple of p + 1 nearest points.
+A covariance of p coordinates needs at least p + 1 points; more points make it less random."""
 SPLIT = 1e-12
-"""Smallest variance of points along a principal axis, over the variances of the coordinates, so
-that its square root can divide distances."""
+"""Smallest variance along a principal axis of points whose coordinates are scaled to unit variance;
+smaller ones are replaced by it, so that its square root can divide distances."""
 
 
 def filled(
@@ -50,8 +50,8 @@ def chi_squared_over(curves: Float[np.ndarray, "n T"], count: float) -> Float[np
 
 
 def last_where(holds: Callable[[float], bool], low: float, high: float) -> float:
-    """Return by bisection the last float at which a condition holds that holds at `low`, but not at
-    `high`."""
+    """Return, by bisection, the last float at which the condition `holds` is true. It is true at
+    `low` and false at `high`."""
     # Until no float is between the ends: a step of a posterior may be as short as 1e-30, because
     # the logarithm of a prior that is 1e15 times narrower than the box varies by 1e30 over the box.
     while low < (middle := 0.5 * (low + high)) < high:
@@ -61,7 +61,8 @@ def last_where(holds: Callable[[float], bool], low: float, high: float) -> float
 
 def reached(curves: np.ndarray, keep: int, excess: float) -> float:
     """Return the largest number of sample times over which at least `keep` points have a chi
-    squared at most `excess` above the smallest. It may have a fraction, see `chi_squared_over`."""
+    squared at most `excess` above the smallest. The number may have a fraction, see
+    `chi_squared_over`."""
 
     def gap(values: np.ndarray) -> np.ndarray:
         # Excess of the `keep`-th smallest value over the smallest.
@@ -92,9 +93,9 @@ def drawn_among(
 ) -> Float[np.ndarray, "new p"]:
     """Draw `number` new points in the region that two or more points fill.
 
-    Each is drawn from a normal distribution around one of the points, with the covariance of the
-    points nearest to it, so that new points follow a curved or disconnected region. Points outside
-    the `bounds` are reflected at them.
+    Each new point is drawn from a normal distribution around one of the points, with the covariance
+    of the points nearest to this one, so that new points follow a curved or disconnected region.
+    New points outside the `bounds` are reflected at them.
     """
     neighbours = min(NEIGHBOURS * (points.shape[1] + 1), len(points))
     near = np.argsort(_principal_distances(points), axis=1)[:, :neighbours]
@@ -111,7 +112,7 @@ def drawn_among(
 
 
 def _principal_distances(points: Points) -> Float[np.ndarray, "n n"]:
-    """Distances between points, in units of their standard deviation along each principal axis."""
+    """Distances between points, in the standard deviations of all points along principal axes."""
     sizes = points.std(axis=0)
     scaled = points / np.where(sizes > 0.0, sizes, 1.0)
     variances, axes = np.linalg.eigh(np.atleast_2d(np.cov(scaled.T)))

@@ -54,7 +54,8 @@ APART = 1e-7
 """Half the interval, s, of the central difference that gives the rate of a delayed output: short
 compared with the duration of a contact, long compared with the rounding of times."""
 NO_RECORDERS = requested_by(None, None).recorders()
-"""Those of `sensitivities` without recorded outputs, whose compiled programs a fit then shares."""
+"""The recorders of a run of `sensitivities` that records no outputs, whose compiled programs a fit
+shares by passing the same recorders."""
 UNREACHED = 1e6
 """Residual of a sample that the run did not reach: an optimiser rejects the step."""
 
@@ -68,8 +69,9 @@ class Experiment(eqx.Module):
     - `times`: the sample times, s. The last one is repeated until their number is 64, 512, 4096 and
       so on, so that records of similar length share a program.
     - `sensors`: errors of the sensors, such as a delay, that are parameters.
-    - `free`, `whole`: indices of the parameters that are not `held`, and coordinates (p,) of which
-      those of held ones are used; ``None`` if none is held.
+    - `free`: indices of the parameters that are not `held`; ``None`` if none is held.
+    - `whole`: coordinates (p,) of all parameters, of which only those of held parameters are used;
+      ``None`` if none is held.
     """
 
     scheme: Scheme
@@ -85,7 +87,7 @@ class Experiment(eqx.Module):
     whole: np.ndarray | None = None
 
     def with_held(self, coordinates: ArrayLike) -> np.ndarray:
-        """Return coordinates (..., p) of all parameters from those of the free ones."""
+        """Return coordinates (..., p) of all parameters from those of the free parameters."""
         of_free = np.asarray(coordinates)
         if self.free is None or self.whole is None:
             return of_free
@@ -98,13 +100,16 @@ class Experiment(eqx.Module):
 
         Readings later than `end_time`, s, are meaningless. An output with a delay is evaluated at
         `times` minus the delay, but not before the start of the run; with a negative delay, the run
-        ends later than `end_time`. If the run fails, readings that it misses are meaningless and
-        `reached` is false there; with delays, they are NaN and `reached` is true everywhere.
+        ends later than `end_time`. If the run fails, readings at times that it does not reach are
+        meaningless and `reached` is false there; with delays, these readings are NaN and `reached`
+        is true everywhere.
         """
         at, end_time = on_device(self.with_held(coordinates)), on_device(end_time)
         delayed = _instants(self, at, end_time) if self.sensors.delays else None
-        # Every output is evaluated at all of the rising times, whatever its delay.
-        times, end = (self.times, end_time) if delayed is None else (delayed[0], delayed[3])
+        times, end = self.times, end_time
+        if delayed is not None:
+            # Every output is evaluated at all of the rising times, whatever its delay.
+            times, _, _, end = delayed
         run = sampled(
             self.scheme,
             self.family.at(at),
@@ -117,7 +122,8 @@ class Experiment(eqx.Module):
             recorders=NO_RECORDERS,
         )
         if delayed is not None:
-            run = _delayed(self, at, *delayed[:3], run)
+            rising, indices, inside, _ = delayed
+            run = _delayed(self, at, rising, indices, inside, run)
         if self.sensors.of_values:
             elapsed = self.times - self.start_time
             readings, slopes = sensor_readings.with_sensor_errors(
@@ -170,9 +176,10 @@ def _delayed(
     inside: jax.Array,
     sampled: Sampled,
 ) -> Sampled:
-    """Return a copy of a run, `sampled` at the times of `_instants`, with each output at the T
-    sample times minus its own delay. `rising`, `indices` and `inside` are results of `_instants`.
-    Outputs are NaN at times that the run did not reach, and `reached` is true throughout."""
+    """Return the run `sampled`, which has all outputs at all times of `_instants`, with each output
+    only at the T sample times minus its own delay. `rising`, `indices` and `inside` are the first
+    three results of `_instants`. In the result, outputs are NaN at times that the run did not
+    reach, and `reached` is true throughout."""
     delay_of = {name: k for k, (_, names) in enumerate(runs.sensors.delays) for name in names}
     values, derivatives = {}, {}
     for name, output in runs.outputs.items():
@@ -262,14 +269,15 @@ class Samples(eqx.Module):
         return int(np.count_nonzero(self.weights))
 
     def until(self, times: ArrayLike, end_time: float) -> "Samples":
-        """Give samples after `end_time` zero weight."""
+        """Return a copy with zero weight for samples after `end_time`, s. `times` are the T common
+        times, which may be followed by padding."""
         inside = np.asarray(times)[: self.weights.shape[1]] <= end_time
         return Samples(self.values, np.where(inside, self.weights, 0.0), self.periods)
 
     def residuals(self, predicted: jax.Array | np.ndarray) -> Float[jax.Array, "S T"]:
-        """Return (prediction - value) / noise, where the nearest multiple of the period of a
-        periodic quantity is subtracted from the difference. A residual is zero where there is no
-        sample, and `UNREACHED` where the prediction is NaN."""
+        """Return (prediction - value) / noise. For a periodic quantity, the nearest multiple of its
+        period is subtracted from the difference. A residual is zero where there is no sample, and
+        `UNREACHED` where the prediction is NaN."""
         difference = predicted - self.values
         # Of all values that differ by whole periods, the nearest counts.
         rows = [
@@ -298,7 +306,7 @@ class RunMisfit:
 
     - `residuals`: (M,) series after series, zero where a series has no sample; `UNREACHED` at
       samples that the run misses, where the `jacobian` is zero. In growing windows before the last,
-      those of a prior, (p,), follow.
+      the p residuals of a prior follow, and p rows of the `jacobian`.
     - `predicted`: (S, T) values of the outputs, SI; meaningless at times that the run misses.
     """
 
@@ -314,7 +322,7 @@ class RunMisfit:
 
     @cached_property
     def covariance(self) -> Float[np.ndarray, "p p"]:
-        """Covariance of the coordinates for residuals of unit variance."""
+        """Covariance of the coordinates if the residuals have unit variance."""
         return covariance(self.jacobian)
 
 

@@ -29,8 +29,8 @@ Guess = Mapping[str, float]
 class Starts:
     """Guess and random starts around it, for a fit that searches from several starts.
 
-    They are uniformly distributed in a box around the guess, in the coordinates of the parameters:
-    their values on their scales.
+    The random starts are uniformly distributed in a box around the guess, in the coordinates of the
+    parameters, which are the values on their scales.
 
     **Arguments:**
 
@@ -58,14 +58,15 @@ class Starts:
             require_positive(argument, spread, "give a distance in coordinates", zero=True)
 
     def around(self, first: Point, names: Sequence[str]) -> Float[np.ndarray, "{self.number} p"]:
-        """Return all starts; the first row is `first`."""
+        """Return all starts; the first row is `first`, the coordinates of the guess."""
         offsets = np.random.default_rng(self.seed).uniform(-1.0, 1.0, (self.number, len(first)))
         offsets[0] = 0.0
         return first + half_widths(self.spread, names) * offsets
 
 
 def half_widths(spread: float | Mapping[str, float], names: Sequence[str]) -> Point:
-    """Return half the width of the box around a guess in each coordinate."""
+    """Return half the width of the box around a guess in each coordinate, from an argument `spread`
+    (see `Starts`)."""
     if not isinstance(spread, Mapping):
         return np.full(len(names), float(spread))
     _require_known("spread", spread, names)

@@ -89,8 +89,9 @@ def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
 
 
 def outputs_of(sensors: Mapping[str, Sensor]) -> dict[str, Quantity]:
-    """Return the channels of all sensors by the name of the sensor, followed by a number from 0 on
-    if it has several: "probe 0". By equal names, a fit shares the compiled program."""
+    """Return the channels of all sensors by the name of the sensor, followed, if the sensor has
+    several channels, by a number from 0 on: "probe 0". A fit of series with the same names shares
+    the compiled program."""
     outputs: dict[str, Quantity] = {}
     for name, sensor in sensors.items():
         for k, channel in enumerate(sensor.channels):
@@ -149,7 +150,7 @@ class Identifiability:
         return self._where(np.isin(self.sensors, sensors))
 
     def until(self, time: float) -> "Identifiability":
-        """Return the identifiability from the samples up to `time` only."""
+        """Return the identifiability from the samples up to `time`, s, only."""
         early, first = self.sample_times <= time, float(self.times[0])
         expected = f"{first} s or later, the first sample"
         require(bool(early.any()), "time", time, expected, "raise it")
@@ -347,16 +348,17 @@ def identifiability_from(
     sensors: Mapping[str, Sensor],
     settings: Settings,
 ) -> Identifiability:
-    """Return the `Identifiability` of p parameters from a run with the outputs of all sensors at
-    the times of all sensors, whose first p derivatives are those by the parameters."""
+    """Return the `Identifiability` of p parameters at `coordinates` from a `run` with the outputs
+    of all sensors at the times of all sensors. The first p derivatives of the run must be those by
+    the parameters, with an accuracy that follows from the tolerance in `settings`."""
     p, names, times, rows = len(coordinates), [], [], []
     for name, sensor in sensors.items():
         at = np.searchsorted(run.times, sensor.times)
-        columns = [run.derivatives[output][at, :p] for output in outputs_of({name: sensor})]
+        channels = [run.derivatives[output][at, :p] for output in outputs_of({name: sensor})]
         # (N, channels, p): a sample of each channel at each of the sensor's N times.
-        scaled = np.stack(columns, axis=1) / sensor.noise[:, None, None]
+        scaled = np.stack(channels, axis=1) / sensor.noise[:, None, None]
         rows.append(scaled.reshape(-1, p))
-        times.append(np.repeat(sensor.times, len(columns)))
+        times.append(np.repeat(sensor.times, len(channels)))
         names += [name] * len(rows[-1])
     # In order of time, the samples of a shorter record are the first rows.
     sample_times = np.concatenate(times)

@@ -34,8 +34,9 @@ class _Push:
     """Function that adds a perturbation of a given size, m/s, to the initial velocities.
 
     Every body gets an additional velocity of this size, and an additional spin that moves points at
-    its radius of gyration, m, with the same speed. Components of the perturbation that ideal joints
-    forbid are dropped; joints that close a loop are not taken into account.
+    its radius of gyration, m, with the same speed. `radii` has pairs of body and radius. Components
+    of the perturbation that ideal joints forbid are dropped; joints that close a loop are not taken
+    into account.
     """
 
     radii: tuple[tuple[str, float], ...]
@@ -53,10 +54,10 @@ class _Push:
 
 
 def disturbance(scene: Scene) -> Parameter:
-    """Return the size of a perturbation of the initial velocities, m/s, as a parameter of the value
-    zero, by which derivatives show how small differences grow. If the perturbation violates the
-    constraints of drivers or of joints that close a loop, their stabilisation reduces it in the
-    run."""
+    """Return a parameter of the value zero: the size of a perturbation of the initial velocities,
+    m/s. Derivatives by this size show how small differences grow. If the perturbation violates
+    constraints of drivers or of joints that close a loop, the stabilisation of these constraints
+    reduces it during the run."""
     return Parameter.change(_Push(tuple(radii_of_gyration(scene).items())), 0.0, unit="m/s")
 
 
@@ -79,17 +80,17 @@ def penetrations(scene: Scene) -> dict[str, Quantity]:
 
 
 def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) -> np.ndarray:
-    """Return the root mean square displacement, (T, p), per unit of each of p parameters, from the
-    derivatives, (T, p) by name, of the quantities of `points`."""
+    """Return the root mean square displacement of the points, (T, p), per unit of each of p
+    parameters, from the derivatives, (T, p) by name. `names` has the result of `points`."""
     # The mean is over coordinates; three of them make a point, hence the factor 3.
     squares = [derivatives[name] ** 2 for name in names]
     return np.sqrt(3.0 * np.mean(squares, axis=0))
 
 
 def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
-    """Return the rate of exponential growth of displacements from the time `since` on, 1/s: the
-    slope of a straight line that is fitted to their logarithms; NaN for fewer than two positive
-    displacements."""
+    """Return the rate, 1/s, of exponential growth of displacements `size`, one at each of `times`,
+    from the time `since` on: the slope of a straight line that is fitted to their logarithms; NaN
+    for fewer than two positive displacements."""
     used = (times >= since) & (size > 0.0)
     if used.sum() < 2:
         return math.nan

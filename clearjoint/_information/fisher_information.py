@@ -18,8 +18,8 @@ SMALL_WEIGHT, SMALL_SHARE = 0.02, 0.1
 """The description of a combination omits parameters whose weight has less than `SMALL_WEIGHT` times
 the largest magnitude, unless the combination causes more than `SMALL_SHARE` of their variance."""
 LEAST_SINGULAR_VALUE = 1e-12
-"""Smallest singular value of derivatives over the largest, with columns scaled to unit length, to
-which smaller ones are raised, so that the variance of an undetermined combination is finite."""
+"""Singular values of derivatives, with columns scaled to unit length, are raised to at least this
+multiple of the largest, so that the variance of an undetermined combination is finite."""
 
 
 def root_of(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
@@ -48,15 +48,16 @@ def correlation_together(
     """Return the correlations of the parameters' estimates if all are estimated; NaN for a
     parameter with an infinite bound in `deviations_together`."""
     parts = _parts_together(root, accuracy)
-    half = np.where(np.isinf(parts).any(axis=0), np.nan, parts)
-    return correlation(half.T @ half)
+    determined_parts = np.where(np.isinf(parts).any(axis=0), np.nan, parts)
+    # The covariance is the sum over the singular directions, along the first axis.
+    return correlation(determined_parts.T @ determined_parts)
 
 
 def _parts_together(
     roots: Float[np.ndarray, "*T r p"], accuracy: float
 ) -> Float[np.ndarray, "*T k p"]:
-    """Contributions of the k singular directions to the p bounds of `deviations_together`, each of
-    which is the norm of its k contributions."""
+    """Contributions of the k singular directions to the p bounds of `deviations_together`: each
+    bound is the norm of k contributions."""
     # Columns of unit length make the test independent of the units of the parameters.
     lengths, values, directions = _equilibrated(roots)
     negligible = _negligible(values, accuracy)[..., None]
@@ -84,8 +85,10 @@ def condition(roots: Float[np.ndarray, "*T r p"]) -> np.ndarray:
 def covariance(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
     """Return the covariance of the parameters' estimates, the inverse of F with a root `rows`."""
     lengths, values, directions = floored(rows)
-    half = (directions / values[:, None]) / lengths
-    return half.T @ half
+    # F = R^T R with R = diag(values) directions diag(lengths), where `directions` is orthogonal.
+    # The inverse of F is therefore H^T H, with the following H.
+    inverse_root = (directions / values[:, None]) / lengths
+    return inverse_root.T @ inverse_root
 
 
 def floored(
@@ -95,7 +98,8 @@ def floored(
     singular values that can be divisors.
 
     Singular values are raised to at least `LEAST_SINGULAR_VALUE` times the larger of 1 and the
-    largest of them. A norm of zero becomes that share of the larger of 1 and the largest norm.
+    largest of them. A norm of zero is replaced by `LEAST_SINGULAR_VALUE` times the larger of 1 and
+    the largest norm.
     """
     lengths, values, directions = _equilibrated(rows)
     values = np.maximum(values, LEAST_SINGULAR_VALUE * max(values[0], 1.0))
@@ -105,7 +109,7 @@ def floored(
 
 def correlation(covariances: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
     """Return the correlations of estimates from their covariance; NaN for zero variances, zero or
-    NaN for infinite ones."""
+    NaN for infinite variances."""
     deviations = np.sqrt(np.diag(covariances))
     with np.errstate(invalid="ignore"):
         return covariances / np.outer(deviations, deviations)
@@ -163,8 +167,8 @@ def combinations(root: Float[np.ndarray, "p p"], accuracy: float) -> tuple[Combi
 def _equilibrated(
     roots: Float[np.ndarray, "*T r p"],
 ) -> tuple[Float[np.ndarray, "*T p"], Float[np.ndarray, "*T k"], Float[np.ndarray, "*T k p"]]:
-    """Norms of the columns of roots and, of the roots with columns scaled to unit length, the
-    singular values, the largest first, and right singular vectors."""
+    """Return the column norms of `roots` and, after scaling the columns to unit length, the k
+    singular values, the largest first, and the right singular vectors in rows."""
     lengths = np.linalg.norm(roots, axis=-2)
     scaled = roots / np.where(lengths > 0.0, lengths, 1.0)[..., None, :]
     _, values, directions = np.linalg.svd(scaled, full_matrices=False)

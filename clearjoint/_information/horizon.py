@@ -35,8 +35,8 @@ from . import error_growth as growth
 from .analysis import Identifiability, Sensor, Sensors, outputs_of
 
 LOOSER = 10.0
-"""Tolerance of a second run, over that of the main run, whose error the difference of the two
-estimates. With a tighter second run, rounding might dominate."""
+"""Ratio of the tolerance of a second run to that of the main run. The difference of the two runs
+estimates the error of the main run. With a tighter second run, rounding might dominate."""
 PATH_POINTS = 4
 """Number of points on the line from the truth to a wrong guess, including the guess, at which the
 slope of the misfit is computed."""
@@ -57,7 +57,7 @@ class WrongGuess:
     - `offsets`: coordinates of the guess minus those of the truth.
     - `blocked`: for the record up to each of the T sample times, whether the misfit rises somewhere
       on the line from the guess to the truth.
-    - `since`: end of the shortest blocked record, s; infinite if none is blocked.
+    - `since`: end of the shortest blocked record, s; infinite if no record is blocked.
     """
 
     offsets: Float[np.ndarray, " p"]
@@ -192,8 +192,8 @@ def fit_horizon(
 
     - `scene`, `state`, `parameters`, `sensors`, `settings`, `start_time`: as in `identifiability`;
       the run ends at the last sample.
-    - `uncertainty`: largest error of a first guess, positive, by name of each parameter, in the
-      coordinate of its scale: log(5) for a factor of five on a `Log` scale.
+    - `uncertainty`: largest error of the value from which a fit starts, positive, by name of each
+      parameter, in the coordinate of its scale: log(5) for a factor of five on a `Log` scale.
 
     **Raises:** `ValueError` as `identifiability`, for an `uncertainty` that is not one positive
     number for each parameter, and for a parameter or sensor with a name that this function uses
@@ -218,11 +218,11 @@ def fit_horizon(
     outputs, end_time = outputs_of(by_name) | points | contacts, float(times[-1])
     disturbance = {growth.DISTURBANCE: growth.disturbance(scene)}
     # These names are used beside the user's.
-    for argument, named, own in (
+    for argument, named, reserved in (
         ("parameters", parameters, disturbance),
         ("sensors", outputs_of(by_name), points | contacts),
     ):
-        taken = sorted(set(named) & set(own))
+        taken = sorted(set(named) & set(reserved))
         require(not taken, argument, taken, "of other names, which are used here", "rename them")
 
     def run_at(coordinates: np.ndarray, settings: Settings, throw: bool = True) -> Sensitivities:
@@ -236,7 +236,7 @@ def fit_horizon(
 
     true_run, weights = run_at(truth, tight), _weights(by_name, times)
     loose = _near(run_at(truth, tight.looser(LOOSER)), true_run, outputs)
-    errors = _errors(true_run, loose, weights, len(truth))
+    error, derivative_error = _errors(true_run, loose, weights, len(truth))
     sizes = growth.sizes(true_run.derivatives, points)
     # Differences grow exponentially only through impacts, so the rate is fitted from the first
     # contact on.
@@ -247,10 +247,13 @@ def fit_horizon(
         return _near(run_at(coordinates, tight, throw=False), true_run, outputs)
 
     guesses = [_wrong_guess(near_truth, true_run, truth, d, weights) for d in offsets(spread)]
+    # The last column is that of the disturbance, which comes after the parameters.
     rate = growth.rate(times, sizes[:, -1], onset if np.isfinite(onset) else start_time)
-    numerical = _first(times, (errors[0] > 1.0) | (errors[1] > DERIVATIVE_ERROR))
+    numerical = _first(times, (error > 1.0) | (derivative_error > DERIVATIVE_ERROR))
     information = analysis.identifiability_from(true_run, parameters, truth, by_name, tight)
-    return FitHorizon(times, sizes, rate, *errors, numerical, tuple(guesses), information)
+    return FitHorizon(
+        times, sizes, rate, error, derivative_error, numerical, tuple(guesses), information
+    )
 
 
 def _weights(sensors: Mapping[str, Sensor], times: np.ndarray) -> dict[str, np.ndarray]:
@@ -279,26 +282,26 @@ def _near(
 def _errors(
     run: Sensitivities, loose: Sensitivities, weights: Mapping[str, np.ndarray], p: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds, (T,) each, of the errors of a run's values and of its derivatives by the p
-    parameters: those of `FitHorizon`, from the difference to a run with a looser tolerance."""
-    values = [np.abs(run.outputs[n] - loose.outputs[n]) * w for n, w in weights.items()]
+    """Return `error` and `derivative_error` of `FitHorizon`, (T,) each, for p parameters, from the
+    difference of a run to the run `loose` with a larger tolerance."""
+    of_values = [np.abs(run.outputs[n] - loose.outputs[n]) * w for n, w in weights.items()]
     # Errors of derivatives are compared with the derivatives of the whole record so far, because a
     # fit uses their sum over all samples.
-    differences, size = np.zeros((2, len(run.times), p))
+    squared_errors, squares = np.zeros((2, len(run.times), p))
     for name, weight in weights.items():
         weighted = run.derivatives[name][:, :p] * weight[:, None]
-        differences += (loose.derivatives[name][:, :p] * weight[:, None] - weighted) ** 2
-        size += weighted**2
+        squared_errors += (loose.derivatives[name][:, :p] * weight[:, None] - weighted) ** 2
+        squares += weighted**2
     # A parameter without any effect so far has no relative error; the divisor 1 avoids 0/0.
-    total, error = np.cumsum(size, axis=0), np.cumsum(differences, axis=0)
+    total, error = np.cumsum(squares, axis=0), np.cumsum(squared_errors, axis=0)
     relative = np.sqrt(error / np.where(total > 0.0, total, 1.0))
-    return np.max(values, axis=0), relative.max(axis=1)
+    return np.max(of_values, axis=0), relative.max(axis=1)
 
 
 def offsets(uncertainty: Float[np.ndarray, " p"]) -> Iterator[Float[np.ndarray, " p"]]:
     """Yield the offset of each wrong guess from the truth: with each parameter wrong alone, in both
-    directions, then with all wrong together, in every combination of signs, or in eight random ones
-    for more than `ALL_CORNERS` parameters."""
+    directions, then, for several parameters, with all wrong together, in every combination of signs
+    or, for more than `ALL_CORNERS` parameters, in eight random combinations."""
     p = len(uncertainty)
     for k in range(p):
         for sign in (1.0, -1.0):
@@ -335,7 +338,8 @@ def _wrong_guess(
 def _weighted(
     rows: Mapping[str, np.ndarray], weights: Mapping[str, np.ndarray]
 ) -> Float[np.ndarray, "S n"]:
-    """Values or derivatives of S outputs over their noise, at the n times that the run reached."""
+    """Return values or derivatives of S outputs, `rows`, over their noise, at the n times that the
+    run reached; zero at times at which an output has no sample."""
     return np.stack([rows[name] * weight[: len(rows[name])] for name, weight in weights.items()])
 
 
@@ -348,13 +352,14 @@ def blocked_records(
 
     `truth` and `values` are the outputs at the truth and at the point, and `slopes` the derivatives
     at the point along the direction from truth to guess, all divided by the noise. If the run at
-    the point failed after n of T times, longer records are blocked. A misfit below the noise blocks
-    no fit. Neither does a constant one: before the first impact, the run doesn't depend on the
-    clearance, but in a longer record it does.
+    the point failed after n of T times, longer records are blocked. A misfit below the noise does
+    not block a record, nor does a constant misfit: before the first impact, for example, the run
+    doesn't depend on the clearance, but in a longer record it does.
     """
     n = values.shape[1]
     residuals = values - truth[:, :n]
     slope = np.cumsum((residuals * slopes).sum(axis=0))
+    # Squared norms of the residuals and of the slopes over each record.
     misfit, size = (np.cumsum((part**2).sum(axis=0)) for part in (residuals, slopes))
     is_blocked = np.ones(truth.shape[1], bool)
     # A negative slope means that the misfit rises towards the truth. Divided by the norms, the

@@ -66,13 +66,14 @@ class TableColumn:
         remedy = "subtract the first one and divide by one second"
         require(kind not in "mM", self.label, self.values.dtype, "numbers, not dates", remedy)
         if kind in "bO":
-            # These would become 1 and 0 below.
+            # Truth values would become 1 and 0 below.
             plain = np.array([not isinstance(value, bool) for value in self.values.tolist()])
             self.require_each(plain, "a number, not a truth value", "write 0 or 1 instead")
         return np.asarray(pd.to_numeric(self.values, errors="coerce"), dtype=float)
 
     def samples(self, missing: Missing) -> tuple[np.ndarray, np.ndarray]:
-        """Return the values that are finite numbers, and whether each value is one."""
+        """Return the values that are finite numbers, and whether each value is such a number. If
+        `missing` is "refuse", all values must be."""
         choices = ("refuse", "drop")
         require(missing in choices, "missing", missing, f"one of {choices}", "name one of them")
         numbers = self.numbers()
@@ -186,9 +187,9 @@ def function_from_csv(
 def columns_of(
     source: "str | Path | pd.DataFrame", options: dict[str, Any]
 ) -> Callable[[str, str], TableColumn]:
-    """Read a CSV or Parquet file, unless `source` is a table already. Return the function
-    ``column(name, argument)``, which finds a column by its name. Errors about the name mention
-    `argument`, that of the user's call."""
+    """Read a CSV or Parquet file with the options of its reader in pandas, unless `source` is a
+    table already. Return a function ``column(name, argument)`` that finds a column by its name.
+    Errors about the name mention `argument`, the argument by which the user has given it."""
     import pandas as pd
 
     file, names_in_file = "the table", []
@@ -331,7 +332,7 @@ def require_listed(argument: str, name: str, listed: list[str], kind: str) -> No
 
 
 def times_in(column: TableColumn, unit: str) -> np.ndarray:
-    """Return the times in a column, converted to s, from `unit` if the table has none."""
+    """Return the times in a column, converted to s; `unit` is the unit if the table has none."""
     times = column.numbers()
     column.require_each(np.isfinite(times), "a finite number", "complete the times")
     rising = np.append(True, np.diff(times) > 0.0)

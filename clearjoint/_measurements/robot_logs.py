@@ -21,7 +21,7 @@ TURN = 2.0 * math.pi
 ANGLES, TORQUES = ("rad", "m"), ("N m", "N")
 """SI units, for hinges and for sliders, of positions, and of torques and forces."""
 GAP = 10.0
-"""Time between two samples, over the median of these times, above which it is a gap."""
+"""A time between two samples that is above this multiple of the median is a gap."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +71,10 @@ class LogColumn:
         noise: float | None = None,
         reverse: bool = False,
     ) -> "LogColumn":
-        """Return a column of encoder counts: `counts` per revolution of the joint, with any gear
-        between, `zero` counts at the joint's zero, and `noise`, counts, by default the error of
-        rounding, 0.289. With `reverse`, counts fall as the joint's angle rises.
+        """Return a column of encoder counts: `counts` per revolution of the joint, including the
+        ratio of a gear between joint and encoder, `zero` counts at the joint's zero, and `noise`,
+        counts, by default the standard deviation of rounding, 0.289. With `reverse`, counts fall as
+        the joint's angle rises.
 
         >>> print(f"{cj.LogColumn.encoder('raw', counts=4096).noise:.3f}")
         0.289
@@ -92,8 +93,8 @@ class LogColumn:
         noise: float | None = None,
     ) -> "LogColumn":
         """Return a column of motor currents, with the `torque_constant`, N m/A, of the motor, which
-        makes `ratio` revolutions for one of the joint, negative in the opposite direction. `zero`
-        and `noise` are in the unit of the column, by default A.
+        makes `ratio` revolutions for one of the joint; `ratio` is negative if they are in opposite
+        directions. `zero` and `noise` are in the unit of the column, by default A.
 
         >>> cj.LogColumn.current("i3 [mA]", torque_constant=0.05, ratio=100.0).factor  # N m/A
         5.0
@@ -103,8 +104,9 @@ class LogColumn:
 
 
 class Logged(NamedTuple):
-    """Samples of a joint's position or torque: times (N,), s, and values (N,) and their noise, if
-    known, in the SI unit `unit`; ``None`` stands for that of the joint, a hinge or a slider.
+    """Samples of a joint's position or torque: times (N,), s, and values (N,) and the standard
+    deviation of their noise, ``None`` if unknown, in the SI unit `unit`. A `unit` of ``None`` means
+    the SI unit for the kind of the joint, hinge or slider.
 
     >>> cj.results.Logged(np.array([0.0, 0.1]), np.array([0.0, 0.3]), noise=None, unit="rad").unit
     'rad'
@@ -224,7 +226,8 @@ class RobotLog:
 
 
 def _since_first(column: TableColumn, unit: str | None) -> Float[np.ndarray, " N"]:
-    """Return the times in a column since the first one, s."""
+    """Return the times in a column since the first one, s. Numbers are in the column's unit or,
+    without one, in `unit`, which is s if ``None``; dates are converted."""
     import pandas as pd
 
     if not pd.api.types.is_numeric_dtype(column.values):

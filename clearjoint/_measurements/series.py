@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 LONGEST = 100
 """Largest number of characters in a unit."""
 LARGEST_POWER = 1000
-"""Largest product of all exponents in a unit, with 1 for smaller ones and without denominators:
-pint computes integers, which would exhaust the memory."""
+"""Largest product of all exponents in a unit. Exponents below 1 count as 1, and denominators are
+left out. With larger powers, integers that pint computes would exhaust the memory."""
 POWER = re.compile(r"\*\*\(?[+-]?(\d{1,2}(?:\.\d*)?)(?:/\d{1,2})?(?!\d)\)?")
 """A power with at most two digits before the decimal point or in a fraction: "**2", "**(-1/2)"."""
 # The remedy in error messages about a unit.
@@ -38,8 +38,9 @@ SPELLING = 'write for example "mm", "deg", "N m", "m/s^2", "g_0" or "1"'
 
 def to_si(unit: str, si: str | None) -> tuple[float, str]:
     """Return the factor that converts values from a unit, any that pint knows, to the SI unit `si`,
-    and this SI unit. For ``None`` it is the combination of SI base units of the same dimension.
-    Units of other dimensions, levels in dB, Hz for angular speeds and long units are refused."""
+    and this SI unit. If `si` is ``None``, the SI unit is the combination of SI base units of the
+    same dimension. Units of a dimension other than that of `si`, levels in dB, Hz for angular
+    speeds and long units are refused."""
     import pint  # Importing it takes a quarter of a second, so it is imported only when needed.
 
     registry = pint.get_application_registry()
@@ -213,7 +214,7 @@ class Series(AbstractReadable):
         return replace(self, values=self.values + self.noise * generator.standard_normal(len(self)))
 
     def between(self, start: float, end: float) -> "Series | None":
-        """Return the samples with start <= time < end, or ``None`` if there are none."""
+        """Return the samples with start <= time < end, s, or ``None`` if there are none."""
         inside = (self.times >= start) & (self.times < end)
         if not inside.any():
             return None
@@ -290,8 +291,8 @@ class Measurements(AbstractReadable):
         """
         import xarray as xr
 
-        first, *others = (series.times for series in self.series.values())
-        shared = all(np.array_equal(first, times) for times in others)
+        first_times, *others = (series.times for series in self.series.values())
+        shared = all(np.array_equal(first_times, times) for times in others)
         variables, coordinates = {}, {}
         for name, series in self.series.items():
             # A dimension has one row of times: series with other times need their own.

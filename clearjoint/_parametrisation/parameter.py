@@ -82,10 +82,10 @@ class AbstractScale(abc.ABC):
     def interval(self, coordinate: float, half: float, rising: bool) -> tuple[float, float]:
         """Return the ends of the interval of the values, from the half width of the coordinate's.
 
-        By default it is that of ``coordinate - half`` to ``coordinate + half``. A scale whose
-        coordinate runs to infinity if the data say that a value is at an end of its range, such as
-        a friction of zero, overrides it, because the derivative by the coordinate then vanishes.
-        `rising` is whether the search raised the coordinate.
+        By default these are the values at ``coordinate - half`` and ``coordinate + half``. A scale
+        whose coordinate runs to infinity if the data say that a value is at an end of its range,
+        such as a friction of zero, overrides this method, because the derivative of the value by
+        the coordinate then vanishes. `rising` is whether the search raised the coordinate.
         """
         return float(self.value(coordinate - half)), float(self.value(coordinate + half))
 
@@ -154,10 +154,10 @@ class Log(AbstractScale):
 
     @override
     def interval(self, coordinate: float, half: float, rising: bool) -> tuple[float, float]:
-        """Return an interval from zero if that of the value by the covariance contains zero. Data
-        that tell the logarithm to no better than 5 tell the value, or its reciprocal, about
-        linearly: the interval then is that from zero or, if the coordinate has risen, to infinity.
-        """
+        """Return an interval from zero if the covariance does not exclude a value of zero. If the
+        standard deviation of the logarithm exceeds 5, the data depend about linearly on the value,
+        and the interval is linear in the value, from zero. If the coordinate has risen, the same
+        holds for the reciprocal of the value, and the interval is to infinity."""
         if half <= 1.0:
             return super().interval(coordinate, half, rising)
         value = float(self.value(coordinate))
@@ -218,8 +218,8 @@ class Bounded(AbstractScale):
     @override
     def uninformative_std(self, coordinate: float) -> float:
         """Return pi/sqrt(3) at the coordinate zero: the standard deviation of the coordinate of a
-        value that is uniformly distributed between the bounds. It rises towards the bounds, so that
-        the standard deviation of the value that it means is the same everywhere."""
+        value that is uniformly distributed between the bounds. Towards the bounds the result rises,
+        so that it corresponds to the same standard deviation of the value everywhere."""
         return math.pi / math.sqrt(3.0) * math.cosh(0.5 * coordinate) ** 2
 
     @override
@@ -369,8 +369,8 @@ class Parameter:
         return _of_sensors(variations.SeriesDrift, series, value, scale)
 
     def coordinate_in(self, scene: Scene, state: State) -> float:
-        """Return the coordinate of `value` or, if it is ``None``, of the (first tied) number in the
-        scene or state.
+        """Return the coordinate of `value` or, if `value` is ``None``, of the number in the scene
+        or state, the first of tied numbers.
 
         **Raises:** `ValueError` for a value that the scale doesn't allow; if `value` is ``None``,
         also for a path that leads to no number, and for what is no number of the scene or state,
@@ -404,8 +404,8 @@ PASS_PARAMETERS = 'pass {"clearance": cj.Parameter(lambda scene: scene.joints["p
 
 
 def held(parameter: Parameter, value: float) -> Parameter:
-    """Return a parameter that a fit holds at a value and leaves out of its result. Runs share the
-    compiled programs of a fit in which the parameter is free."""
+    """Return a copy of a parameter that a fit holds at a value and leaves out of its result. Runs
+    of this fit share the compiled programs of a fit in which the parameter is free."""
     copy = Parameter(parameter.variation, parameter.scale, value=value)
     object.__setattr__(copy, "_is_held", True)
     return copy

@@ -25,7 +25,7 @@ Coordinates = jax.Array | np.ndarray
 Trees = tuple[PyTree, ...]
 SceneFunction = Callable[..., tuple[PyTree, PyTree]]
 """Function of a scene and of further arguments that returns a value, which is differentiated, and
-an auxiliary result."""
+an auxiliary result, which is not."""
 
 
 class AbstractSceneFamily(eqx.Module):
@@ -44,7 +44,7 @@ class AbstractSceneFamily(eqx.Module):
     @property
     @abc.abstractmethod
     def seeds(self) -> PyTree:
-        """The directions: for each array of `values`, an array with a first axis for tangents."""
+        """Directions of derivatives, in the form of `values`, with a first axis for tangents."""
 
     @property
     def tangents(self) -> int:
@@ -52,7 +52,7 @@ class AbstractSceneFamily(eqx.Module):
 
     @abc.abstractmethod
     def pairs(self, values: PyTree) -> list[tuple[Change, PyTree]]:
-        """Return the changes of `base`, each with its value at parameters."""
+        """Return the changes of `base`, each with its value at the parameters `values`."""
 
     def scene_and_state(self, values: PyTree) -> tuple[Scene, State]:
         """Return scene and initial state at parameters, with vectors as arrays (3,)."""
@@ -84,8 +84,8 @@ class AbstractSceneFamily(eqx.Module):
         return self.effects()[0]
 
     def effects(self) -> tuple[PyTree[bool], int | None]:
-        """Return what `varied` does, and the number of changes up to the last one that changes the
-        scene, not only the state; ``None`` for all."""
+        """Return the result of `varied`, and the number of changes up to the last one that changes
+        the scene, not only the state; ``None`` stands for the number of all changes."""
         # A user's function may change any leaf. JAX traces the functions here without computing
         # numbers, and each leaf that depends on a parameter becomes a tracer.
         effects: list[tuple[PyTree[bool], int]] = []
@@ -127,13 +127,13 @@ class ParametrisedScene(AbstractSceneFamily):
     in_scene: int | None = eqx.field(static=True, default=None)
 
     def in_groups(self, largest: int) -> "list[ParametrisedScene]":
-        """Return copies that share the derivatives among them: each computes those by the same
-        number of parameters, at most `largest`. The last copy repeats the last parameter if the
-        division leaves a remainder."""
+        """Return copies that share the derivatives among them: each copy computes derivatives by
+        the same number of parameters, at most `largest`. The last copy repeats the last parameter
+        if the division leaves a remainder."""
         count = len(self.values)
         if count <= largest:
             return [self]
-        # Quotients rounded up.
+        # Quotients rounded up: the number of copies, then the number of parameters of each.
         groups = -(-count // largest)
         size = -(-count // groups)
         numbers = np.minimum(np.arange(groups * size), count - 1).reshape(groups, size)
@@ -245,7 +245,7 @@ class DirectedScene(AbstractSceneFamily):
 
 
 def _with_axis(tree: PyTree) -> PyTree:
-    """Return a PyTree with a first axis of length one, that for the one tangent, in each array."""
+    """Return a PyTree whose arrays have a first axis of length one added, for the one tangent."""
     # JAX traces an index in several times the time of its primitive.
     return jax.tree.map(lambda leaf: jax.lax.expand_dims(jnp.asarray(leaf), (0,)), tree)
 

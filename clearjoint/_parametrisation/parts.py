@@ -40,8 +40,8 @@ class PartSetter(AbstractLeafSetter):
 def parts_of(
     scene: Scene, state: State, paths: Mapping[str, Part]
 ) -> tuple[dict[str, PyTree], tuple[tuple[str, Change], ...]]:
-    """Return the numbers that paths select, SI, by name, and the functions that set them, each with
-    its name. The numbers of an element are its arrays of floats.
+    """Return the numbers that paths select, SI, by name, and pairs of the name of a path and the
+    function that sets its numbers. The numbers of an element are its arrays of floats.
 
     **Raises:** `ValueError` for a path that selects no number, and for a parameter that is neither
     a number of the scene or initial state nor has a value.
@@ -91,10 +91,10 @@ def _selected(
 
 
 def guard_direction(paths: Mapping[str, Part], numbers: Mapping[str, PyTree]) -> dict[str, PyTree]:
-    """Return a random direction in the space of all numbers, the same for the same numbers.
+    """Return a random direction in the space of all `numbers`, the same for equal numbers.
 
-    Its components are normally distributed. The standard deviation is, for a `Parameter`, the slope
-    of its scale; for an array the root mean square of its numbers, or 1 if all are zero.
+    The components are normally distributed. The standard deviation is, for a `Parameter`, the slope
+    of its scale; for an array, the root mean square of its numbers, or 1 if all are zero.
     """
     random = np.random.default_rng(0)
 

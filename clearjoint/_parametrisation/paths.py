@@ -46,15 +46,15 @@ class Number:
         keys = key if isinstance(key, tuple) else (key,)
         # In NumPy, an index after a slice, as in inertia[0:2][1], counts along the slice. Here all
         # indices are applied to the array at once, which would select something else.
-        whole = all(isinstance(index, int | np.integer) for index in self.component)
+        only_integers = all(isinstance(index, int | np.integer) for index in self.component)
         expected, remedy = "indexed no further after a slice", "give one index, as in inertia[1]"
-        require(whole, "path", [*self.component, *keys], expected, remedy)
+        require(only_integers, "path", [*self.component, *keys], expected, remedy)
         return Number(self.leaf, (*self.component, *keys))
 
 
 def numbers_at(tree: PyTree, path: NumberPath) -> list[Number]:
     """Return the locations of the numbers that a path selects; raise a `ValueError` for unknown
-    names, computed values and whole elements. Whether an array has the component is not checked."""
+    names, computed values and whole elements. Whether a component exists is not checked."""
     try:
         # The path runs on a tree whose leaves are their own locations, so that it returns
         # locations instead of values.
@@ -124,7 +124,8 @@ def set_in_leaves(leaves: list[PyTree], numbers: Sequence[Number], value: Leaf) 
 
 
 def require_fits(leaves: list[PyTree], numbers: Sequence[Number], value: Leaf) -> None:
-    """Check that the located numbers exist among the `leaves`, and have the shape of the value."""
+    """Raise a `ValueError` unless the located numbers exist among the `leaves` and have the shape
+    of the value."""
     for number in numbers:
         shape = _shape(leaves[number.leaf], number.component)
         expected = f"of shape {shape}, as the number it replaces"
@@ -185,7 +186,7 @@ def parameters(tree: PyTree) -> dict[str, tuple[Leaf, str]]:
 
 def _named_leaves(tree: PyTree, name: str, unit: str = "1") -> Iterator[tuple[str, PyTree, str]]:
     """Yield name, value and unit of each number of a part of a scene or state, in the order of
-    `jax.tree.leaves`. `name` and `unit` are those of the part; its fields declare their own
+    `jax.tree.leaves`. `name` and `unit` are those of the part; fields of a module declare their own
     units."""
     # As in JAX, static fields are no leaves.
     if isinstance(tree, eqx.Module):

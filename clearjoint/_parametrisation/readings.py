@@ -35,7 +35,7 @@ class SensorErrors(eqx.Module):
 
     @property
     def of_values(self) -> bool:
-        """Whether there are errors other than delays, which change the reading at a given time."""
+        """Whether any error changes the reading at a given time, as all errors but delays do."""
         return len(self.delays) < len(self.errors)
 
     def value(self, number: int, coordinates: jax.Array) -> jax.Array:
@@ -77,8 +77,8 @@ def with_sensor_errors(
         # gives the diagonal of its Jacobian.
         at = partial(reading, coordinates=coordinates)
         readings[name], factor = jax.jvp(at, (values[name],), (jnp.ones_like(values[name]),))
-        own = jax.jacfwd(reading, argnums=1)(values[name], coordinates)
-        slopes[name] = factor[:, None] * derivatives[name] + own
+        of_errors = jax.jacfwd(reading, argnums=1)(values[name], coordinates)
+        slopes[name] = factor[:, None] * derivatives[name] + of_errors
     return readings, slopes
 
 
@@ -89,7 +89,8 @@ def readings_of_runs(
     elapsed: Float[jax.Array | np.ndarray, " T"],
     coordinates: Float[jax.Array | np.ndarray, "n p"],
 ) -> dict[str, jax.Array]:
-    """Return the readings of all sensors in n runs, (n, T) each, from the quantities, `values`."""
+    """Return the readings of all sensors in n runs, (n, T) each, from the quantities, `values`, at
+    the times `elapsed`, s, since the start."""
 
     def of_run(values: Rows, coordinates: Row) -> dict[str, jax.Array]:
         return {n: sensors.reading(n, row, elapsed, coordinates) for n, row in values.items()}
@@ -133,12 +134,12 @@ def in_scene(parameters: Mapping[str, Parameter]) -> dict[str, Parameter]:
 def units_of(
     parameters: Mapping[str, Parameter], scene: Scene, state: State, series: Mapping[str, str]
 ) -> dict[str, str]:
-    """Return the unit of each parameter's value; `series` has those of the measured series."""
+    """Return the unit of each parameter's value; `series` has the units of the measured series."""
     units = {}
     for name, parameter in parameters.items():
         error = parameter.variation
         if isinstance(error, AbstractSeriesVariation):
-            units_of_value = {error.unit_of(series[of]): None for of in error.series}
+            units_of_value = {error.unit_of(series[label]): None for label in error.series}
             expected, argument = "an error of series with the same unit", f"parameters[{name!r}]"
             remedy = f"pass a {error.noun} for each unit"
             require(len(units_of_value) == 1, argument, [*units_of_value], expected, remedy)

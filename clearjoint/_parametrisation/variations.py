@@ -23,7 +23,7 @@ Change = Callable[[Scene, State, Scalar], tuple[Scene, State]]
 
 @dataclass(frozen=True)
 class AbstractVariation(abc.ABC):
-    """What a value changes in a scene and its initial state."""
+    """What the value of a parameter or of an axis changes in a scene and its initial state."""
 
     @property
     @abc.abstractmethod
@@ -236,7 +236,7 @@ def unchanged(scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
 
 
 class AbstractGroupedChange(abc.ABC):
-    """A `Change` that is made in one call with neighbours that have the same function `make_all`.
+    """A `Change` that is made in one call with neighbouring changes that have the same `make_all`.
     With sixty parameters, each program of a gradient takes half a second less to trace."""
 
     @staticmethod

@@ -67,13 +67,14 @@ PLAYS = 0.8, 1.25
 """Factors on all estimated plays, from which the fit is repeated: a collision less or more in the
 motion gives minima of chi squared at plays that differ by a few percent."""
 NO_PLAY = 1e-3
-"""Factor on each estimated play by itself, from which the fit is repeated too: without play, the
-log may fit as well, or better, and a search from a larger play stops in a minimum before it."""
+"""Factor on each single estimated play, from which the fit is repeated too: without play, the log
+may fit as well, or better, but a search from a larger play stops in a minimum on the way."""
 SHORTEST = 1.0 / 64.0
 """Share of the log in the first window if a start in a play is unknown. Over the whole log, chi
 squared has minima at wrong places; the right one shows in the beginning."""
 PART = 0.3
-"""Weight in an undetermined combination, over the largest, above which a parameter is named."""
+"""A parameter is named if its weight in an undetermined combination is above this share of the
+smaller of two weights: that of the parameter in question, and the largest of the others."""
 
 
 class Hysteresis(NamedTuple):
@@ -96,11 +97,12 @@ class RobotFit(AbstractTabular):
 
     - `fit`: the `Fit` of the parameters that the log determines.
     - `robot`: the robot with the estimates.
-    - `log`, `driven_by`: those of the fit.
+    - `log`, `driven_by`: the arguments of `fit_robot`.
     - `undetermined`: for each parameter that the log doesn't determine, a sentence that says why.
-    - `held`: value and unit at which each of these was held: its start, or its last estimate if it
-      is a position or speed at the start of the log, or if the log excludes its start.
-    - `limits`: the 95 % interval, from zero or to infinity, of what is about zero or infinite.
+    - `held`: value and unit at which each undetermined parameter was held: its start, or its last
+      estimate if it is a position or speed at the start of the log, or if the log excludes its
+      start.
+    - `limits`: the 95 % interval, from zero or to infinity, of parameters about zero or infinite.
 
     ```python
     import clearjoint as cj
@@ -151,7 +153,7 @@ class RobotFit(AbstractTabular):
         return labelled_dataset("fit of a robot", variables, labels)
 
     def _rows(self) -> dict[str, tuple[float, float, float, str]]:
-        """Return value, bounds and unit of each parameter."""
+        """Return value, ends of the 95 % interval and unit of each estimated or held parameter."""
         estimates, units = self.fit.estimates, self.fit.units
         values = {name: (estimates[name], units[name]) for name in estimates} | self.held
         unknown, intervals = (math.nan, math.nan), self.intervals
@@ -196,20 +198,21 @@ class RobotFit(AbstractTabular):
         series, start, fit = problem.measurements.series, log.start, self.fit
         sensors = sensor_errors(fit.parameters, fit.measurements.series)
         reading = partial(sensors.reading, coordinates=fit.coordinates)
-        # The first reading of a position has the sensor's errors: it is linear in the position.
+        # The first reading of a position has the sensor's errors. It is linear in the position, so
+        # that the readings of the positions 0 and 1 tell how to remove the errors.
         starts = {n: (p, float(p.value or 0.0)) for n, p in problem.parameters.items()}
         for name, (parameter, value) in starts.items():
             side, kind = problem.subjects[name]
             if kind == POSITION:
                 exact, start_times = np.array([0.0, 1.0]), np.zeros(2)
-                bias, read = reading(f"{side} position", exact, start_times).tolist()
-                starts[name] = parameter, (value - bias) / (read - bias)
+                at_zero, at_one = reading(f"{side} position", exact, start_times).tolist()
+                starts[name] = parameter, (value - at_zero) / (at_one - at_zero)
         scene, state = changed(problem.scene, problem.state, starts)
         instants = {name: np.asarray(s.times) for name, s in series.items()}
         for name, parameter in fit.parameters.items():
             if isinstance(delay := parameter.variation, SeriesDelay):
-                own, value = series.keys() & delay.series, fit.estimates[name]
-                instants |= {n: np.maximum(instants[n] - value, start) for n in own}
+                delayed, value = series.keys() & delay.series, fit.estimates[name]
+                instants |= {n: np.maximum(instants[n] - value, start) for n in delayed}
         times = np.unique(np.concatenate([*instants.values()]))
         settings, end = settings_or(settings, presets.identification), float(times[-1])
         outputs = {name: s.channel for name, s in series.items()}
@@ -221,6 +224,7 @@ class RobotFit(AbstractTabular):
         for name, s in series.items():
             exact = np.asarray(run.outputs[name])[np.searchsorted(times, instants[name])]
             difference = reading(name, exact, np.asarray(s.times) - start) - s.values
+            # As in `predictions`, angles are those nearest to the measured ones.
             if s.period is not None:
                 difference = wrapped(difference, s.period)
             predicted[name] = np.asarray(s.values + difference)
@@ -242,8 +246,8 @@ class RobotFit(AbstractTabular):
                 np.interp(times, torques.times, torques.values),
             )
             predicted = [
-                np.interp(times, measured[n].times, by_name[n]) if n in by_name else own
-                for n, own in zip((position, torque), logged, strict=True)
+                np.interp(times, measured[n].times, by_name[n]) if n in by_name else as_logged
+                for n, as_logged in zip((position, torque), logged, strict=True)
             ]
             loops[joint] = Hysteresis(*logged, *predicted)
         return loops
@@ -339,7 +343,8 @@ def fit_robot(
     free = {**problem.parameters, **parameters}
     scene, state, measured = problem.scene, problem.state, problem.measurements
     starts = {name: p.scale.value(p.coordinate_in(scene, state)) for name, p in free.items()}
-    starts = values = {name: float(value) for name, value in starts.items()}
+    starts = {name: float(value) for name, value in starts.items()}
+    values = starts  # Those of the last fit, as soon as there is one.
     units = units_of(free, scene, state, {n: s.unit for n, s in measured.series.items()})
     options: dict[str, PyTree] = {"start_time": log.start, "progress": progress}
     options |= {"max_iterations": max_iterations, "check_runs": check_runs}
@@ -371,13 +376,14 @@ def fit_robot(
         values = {**values, **fixed, **_inside(problem, fit)}
     assert fit is not None
     warn_of([fit])
+    # The robot of the result has no drives: those of the fit follow this log.
     joints, forces = (
         {n: e for n, e in family.items() if n not in map(drive_name, driven_by)}
         for family in (fit.scene.joints, fit.scene.forces)
     )
     fitted = replace(robot, scene=replace(fit.scene, joints=joints, forces=forces))
-    at = {name: (value, units[name]) for name, value in fixed.items()}
-    return RobotFit(fit, fitted, log, dict(driven_by), undetermined, at, limits)
+    held_at = {name: (value, units[name]) for name, value in fixed.items()}
+    return RobotFit(fit, fitted, log, dict(driven_by), undetermined, held_at, limits)
 
 
 def _best_fit(
@@ -387,11 +393,12 @@ def _best_fit(
     grow: Sequence[float] | None,
     options: Mapping[str, PyTree],
 ) -> Fit:
-    """Return the one of several fits with the lowest chi squared, with the searches of all.
+    """Return the best of several fits, with the searches of all.
 
-    The fits begin in the middle and at both ends of the plays in which sides of drive trains start.
-    Unless the user has given windows to `grow`, there are fits of the whole log at once, of growing
-    windows, and from other plays than the estimated ones.
+    If a side of a drive train starts at an unknown place in its play, fits begin with the middle
+    and with both ends of the play. Unless the user has given windows to `grow`, there are fits of
+    the whole log at once, of growing windows, and from plays other than the estimated ones.
+    `options` are further arguments of `identify`.
     """
     # Chi squared may have a minimum at either end of a play in which a side starts.
     free = free_parameters(parameters)
@@ -455,6 +462,7 @@ def _windows(
     fit: Fit, parameters: Mapping[str, Parameter], problem: RobotProblem, settings: Settings
 ) -> list[float]:
     """Return ends of growing windows, s; none if a single run can fit the whole log."""
+    # Starts may be wrong by a factor of two; those of other parameters by one unit of the scale.
     uncertainty = {
         name: math.log(2.0) if problem.subjects.get(name, ("", ""))[1] in KINDS else 1.0
         for name in parameters
@@ -466,15 +474,15 @@ def _windows(
             uncertainty=uncertainty,
             start_time=start,
         )
-        length = 0.9 * (min(limits.single_shot, end) - start)
+        length = 0.9 * (min(limits.single_shot, end) - start)  # Of the first window.
     except SimulationError:  # the run with the estimates fails
         return _doubled(problem, 1.0 / 16.0)
     return _doubled(problem, length / (end - start))
 
 
 def _doubled(problem: RobotProblem, share: float) -> list[float]:
-    """Return ends of windows, s, each twice as long as the one before, from a `share` of the log
-    on."""
+    """Return ends of windows, s, shorter than the log. The first window is a `share` of the log,
+    and each further one is twice as long as the one before."""
     start, end = problem.log.start, float(problem.measurements.times()[-1])
     ends = []
     while 0.0 < share < 1.0:
@@ -487,19 +495,20 @@ def _undetermined(
     report: Identifiability, problem: RobotProblem, parameters: Mapping[str, Parameter]
 ) -> dict[str, str]:
     """Return, for each parameter that the log does not determine, a sentence that says why."""
-    part, reasons = report, {}
+    remaining, reasons = report, {}
+    # The run that tells which flanks touch is made at most once, and only if it is needed.
     flanks = cache(partial(_touched, problem, parameters))
-    while part.names:
-        ratios = part.deviations / part.limits
+    while remaining.names:
+        ratios = remaining.deviations / remaining.limits
         if (ratios <= 1.0).all():
             break
-        # Of several parameters that only together are undetermined, that with the smallest effect
-        # of its own is left out first: the others may be determined without it.
-        alone = np.where(ratios > 1.0, part.deviations_alone / part.limits, 0.0)
+        # Of several parameters that only together are undetermined, the one with the smallest
+        # effect of its own is left out first: the others may be determined without it.
+        alone = np.where(ratios > 1.0, remaining.deviations_alone / remaining.limits, 0.0)
         k = int(alone.argmax())
-        name = part.names[k]
-        reasons[name] = _reason(name, part, k, problem, flanks)
-        part = _without(part, [name])
+        name = remaining.names[k]
+        reasons[name] = _reason(name, remaining, k, problem, flanks)
+        remaining = _without(remaining, [name])
     return reasons
 
 
@@ -541,7 +550,8 @@ def _subject(name: str, problem: RobotProblem) -> str:
 
 
 def _touched(problem: RobotProblem, parameters: Mapping[str, Parameter]) -> dict[str, set[str]]:
-    """Return which flanks of each backlash touch in a run."""
+    """Return the labels of the contacts that touch in the run with the parameters' values, by
+    joint; those of a backlash are its flanks."""
     values = {name: (p, float(p.value or 0.0)) for name, p in parameters.items()}
     scene, state = changed(problem.scene, problem.state, values)
     times, start = problem.measurements.times(), problem.log.start
@@ -561,6 +571,8 @@ def _reason(
     problem: RobotProblem,
     flanks: Callable[[], Mapping[str, set[str]]],
 ) -> str:
+    """Return why the log does not determine the parameter `name`, the one of index `k` in
+    `report`. `flanks` returns the result of `_touched`."""
     joint, kind = problem.subjects.get(name, ("", name))
     head = f"{_subject(name, problem)} cannot be determined"
     # The run with contacts is another program, which is compiled only if it may be the reason.
@@ -580,6 +592,8 @@ def _reason(
             f"{head}: the log hardly depends on it (the noise allows a standard deviation of "
             f"{report.labels[k]} of {size})."
         )
+    # With all others known, the parameter would be determined: others are in the combination that
+    # contributes most to its uncertainty.
     worst = max(report.combinations, key=lambda c: abs(c.weights[k]) * c.standard_deviation)
     weights = {n: abs(w) for n, w in zip(report.names, worst.weights, strict=True) if n != name}
     large = PART * min(abs(worst.weights[k]), max(weights.values()))

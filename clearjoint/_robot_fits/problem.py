@@ -61,11 +61,11 @@ Start: TypeAlias = float | str | None
 """Value from which a fit starts: a number, or a text with a unit; ``None`` for the robot's own."""
 Find: TypeAlias = Mapping[str, Mapping[str, Start] | Sequence[str]]
 COULOMB = RegularisedCoulomb(1.0, regularisation_speed=1e-4)
-"""Law of a friction that the robot lacks; it allows longer steps than one with bristles."""
+"""Law of a friction that is added to the robot; it allows longer steps than one with bristles."""
 SHARE = 0.1
 """Share of the largest logged torque with which the fit of a friction or damping starts."""
 FACTOR = 100.0
-"""Typical change of a speed at the start, over the noise of the position, 1/s."""
+"""Ratio, 1/s, of the typical change of a speed at the start to the noise of the position."""
 STILL = 1.5
 """Standard deviation of positions, over their noise, up to which a joint counts as not moving."""
 REST, SLOPE = 10, 3.3
@@ -76,7 +76,8 @@ POSITION, SPEED, IN_PLAY = OF_START = "start position", "start speed", "start in
 """What a fit finds of the start; `IN_PLAY` is the place, from -1 to 1, in the play of a drive train
 of which one side is not logged."""
 CERTAIN = 10.0
-"""A load is certain if it keeps its sign with so large an error of the position, over its noise."""
+"""The sign of a load is certain if errors of the position of this multiple of its noise don't
+change the sign."""
 UNKNOWN_NOISE = 1e-3
 """Noise, rad or m, that replaces an unknown one in the scale of a position at the start."""
 
@@ -100,8 +101,8 @@ class JointPosition(AbstractQuantity):
 
 @dataclass(frozen=True)
 class LinkInertia:
-    """Function that scales a body's inertia to a given moment, kg m^2, about an axis through the
-    centre of mass."""
+    """Function that scales a body's inertia to a given moment of inertia, kg m^2, about `axis`, a
+    unit vector in body axes, through the centre of mass."""
 
     body: str
     axis: tuple[float, ...]
@@ -117,13 +118,14 @@ class LinkInertia:
 
 @dataclass(frozen=True)
 class FlankStiffness:
-    """Function that gives the flanks of a backlash a torsional stiffness, N m/rad."""
+    """Function that gives the flanks of a backlash a stiffness about its axis, N m/rad."""
 
     joint: str
 
     def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
         backlash = scene.joints[self.joint]
         assert isinstance(backlash, Backlash)
+        # The law of the flanks has a force over a displacement at the radius, N/m.
         stiffness = value / jnp.asarray(backlash.radius) ** 2
         changed = set_value(
             scene, lambda s: s.joints[self.joint].law.stiffness.stiffness, stiffness
@@ -132,8 +134,8 @@ class FlankStiffness:
 
 
 class MovedRobot:
-    """A robot by which joints' positions become states of bodies. It equals all that move alike, so
-    that fits of several logs, and those from the result of another fit, share compiled programs."""
+    """A robot that computes states of bodies from joint positions. Robots of equal kinematics are
+    equal, so that fits of several logs, and from results of other fits, share compiled programs."""
 
     def __init__(self, robot: Robot):
         self.robot, self._kinematics = robot, kinematics(robot)
@@ -155,7 +157,7 @@ class AbstractStart(AbstractGroupedChange):
 
     @abc.abstractmethod
     def set_in(self, numbers: "StartNumbers", scene: Scene, value: Scalar) -> None:
-        """Set what a value changes in the positions and speeds."""
+        """Set the positions or speeds in `numbers` that the value of this change determines."""
 
     @staticmethod
     @override
@@ -171,7 +173,8 @@ class AbstractStart(AbstractGroupedChange):
 
 
 class StartNumbers(NamedTuple):
-    """Positions and speeds of joints at the start, by name, that differ from those of `state`."""
+    """Positions `q`, rad or m, and speeds `qd` of joints at the start, by name, that replace those
+    of `state`."""
 
     state: State
     q: dict[str, Scalar]
@@ -185,11 +188,11 @@ class StartNumbers(NamedTuple):
 )
 @dataclass(frozen=True, eq=False)
 class StartOfJoint(AbstractStart):
-    """Function that gives a joint a position, or a speed, at the start.
+    """Function that gives a joint a position or, if `of_speed`, a speed at the start.
 
-    `follower` is the other side of its drive train, if the log lacks that: it starts where it
-    carries the `load`, N m or N, which takes up play and compliance. The load is an array, and so
-    an argument of compiled programs, because it differs between logs.
+    `follower` is the other side of the joint's drive train, if the log lacks this side. It starts
+    where play and compliance are taken up by the `load`, N m or N. The load is an array, and so an
+    argument of compiled programs, because it differs between logs.
     """
 
     joint: str
@@ -209,7 +212,8 @@ class StartOfJoint(AbstractStart):
 @dataclass(frozen=True)
 class StartInPlay(AbstractStart):
     """Function that gives the side of a drive train that is not logged, `follower`, its place in
-    the play at the start, from -1, at the lower end, to 1."""
+    the play of `backlash` around the logged side `joint` at the start, from -1, at the lower end,
+    to 1."""
 
     joint: str
     follower: str
@@ -226,8 +230,9 @@ class StartInPlay(AbstractStart):
 
 @dataclass(frozen=True)
 class GearLoss:
-    """Function that sets the loss of a gear: the load of its friction over the torque or force that
-    presses it, with a `radius`, m, if that is the force of flanks."""
+    """Function that sets the loss of a gear: the load of its `friction` over the torque that the
+    gear transmits. If flanks press on the friction by a force, `radius`, m, converts the force to
+    this torque; otherwise it is 1."""
 
     friction: str
     radius: float
@@ -238,9 +243,10 @@ class GearLoss:
 
 
 def wind_up(scene: Scene, follower: str, leader: str, load: Scalar) -> Scalar:
-    """Return by how much the follower is ahead of the leader, the other side of its drive train,
-    under the load, N m, with which the motor holds the link; zero, in the middle of the play,
-    without load."""
+    """Return by how much, rad, the follower is ahead of the leader, the other side of its drive
+    train, under the load, N m, with which the motor holds the link. Without load it is zero: the
+    follower is in the middle of the play."""
+    # Under a positive load the motor is ahead of the link.
     joint, sign = (follower, -1.0) if motor_name(follower) == leader else (leader, 1.0)
     backlash = scene.joints.get(backlash_name(joint))
     if isinstance(backlash, Backlash):
@@ -288,8 +294,11 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
     driven = _driven(robot, log, driven_by, positions)
     parameters: dict[tuple[str, str], Parameter] = {}
     for joint, kinds in find.items():
-        pairs = {kind: pair[0 if is_hinge(robot, joint) else 1] for kind, pair in KINDS.items()}
-        units = {kind: unit for kind, unit in pairs.items() if unit is not None}
+        hinge = is_hinge(robot, joint)
+        of_joint = {
+            k: of_hinge if hinge else of_slider for k, (of_hinge, of_slider) in KINDS.items()
+        }
+        units = {kind: unit for kind, unit in of_joint.items() if unit is not None}
         for kind, start in (kinds if isinstance(kinds, Mapping) else dict.fromkeys(kinds)).items():
             expected, remedy = f"one of {', '.join(units)}", nearest(kind, units, "leave it out")
             require(kind in units, f"find[{joint!r}]", kind, expected, remedy)
@@ -309,19 +318,20 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
             expected, remedy = "positive in the robot, or given", f'pass {{"{kind}": start}}'
             require(number is None or number > 0.0, where, number, expected, remedy)
             parameters[joint, kind] = parameter
-    # A spline has a knot before the log, so that its second knot is the first time of the log. A
-    # joint that is driven by its position follows the log from the start on.
+    # A spline has a knot before the log, so that its second knot, with index 1, is the first time
+    # of the log. A joint that is driven by its position follows the log from the start on.
     following = {motor_of(robot, joint) for joint, mode in driven_by.items() if mode == "angle"}
     q = {name: float(spline.values[1]) for name, spline in positions.items()}
     at_rest = {n for n in log.angles if n not in following and _begins_at_rest(log.angles[n])}
     qd = {n: 0.0 if n in at_rest else float(spline.rates[1]) for n, spline in positions.items()}
     for name in log.angles:
-        # A link turns with its logged motor, as a motor does with its link.
+        # A motor turns with its link; likewise, a link that is not logged turns with its motor.
         link = _other_side(robot, log, name)
         if link in robot.joints:
             q[link], qd[link] = q[name], qd[name]
     for name in log.angles:
-        # The start of another is known as accurately as a single sample, so that it is a parameter.
+        # The start of any other joint is known only as accurately as a single sample, so that it is
+        # a parameter.
         if name not in following:
             parameters |= _of_start(robot, log, name, q, qd)
     subjects = {f"{joint} {kind}": (joint, kind) for joint, kind in parameters}
@@ -348,9 +358,10 @@ def _require_joints(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy
 def _of_start(
     robot: Robot, log: RobotLog, name: str, q: Mapping[str, float], qd: Mapping[str, float]
 ) -> dict[tuple[str, str], Parameter]:
-    """Return the parameters of the start of a joint, by joint and kind: its position, its speed
-    unless it is at rest, and the place in the play of the other side of its drive train, unless
-    that is logged or pressed to a flank."""
+    """Return the parameters of the start of the logged joint `name`, by joint and kind: its
+    position, its speed unless it is at rest, and the place in the play of the other side of its
+    drive train, unless that side is logged or pressed to a flank. `q` and `qd` are positions and
+    speeds of joints at the start."""
     samples, unit = log.angles[name], "rad" if is_hinge(robot, name) else "m"
     noise = UNKNOWN_NOISE if samples.noise is None else samples.noise
     follower, moved = _other_side(robot, log, name), MovedRobot(robot)
@@ -400,6 +411,7 @@ def _load_at_start(
     its sign is not `CERTAIN`. `name` is the logged side of the drive train."""
     joint = name if name in robot.drives else follower
     angles = {n: value for n, value in q.items() if n in robot.joints}
+    # The load at the logged position, and at those that are wrong by `CERTAIN` times the noise.
     loads = [
         float(robot.torques({**angles, joint: q[name] + error})[joint])
         for error in (0.0, -CERTAIN * noise, CERTAIN * noise)
@@ -418,6 +430,7 @@ def _smoothed(robot: Robot, joint: str, samples: Logged) -> Spline:
         # A natural spline has no acceleration at its ends, where the joint may have one.
         spline, knots = CubicSpline(samples.times, values), samples.times
     else:
+        # With s, the sum of the squared residuals over the noise is that of noise alone.
         weights = np.full(len(values), 1.0 / samples.noise)
         spline = UnivariateSpline(samples.times, values, weights, k=3, s=len(values))
         knots = spline.get_knots()
@@ -477,13 +490,15 @@ RESISTANCES = "friction", "damping", "link friction"
 def _guess(
     log: RobotLog, positions: Mapping[str, Spline], motor: str, joint: str, kind: str
 ) -> float | None:
-    """Return the start of a friction or damping that the robot lacks; ``None`` without torques."""
+    """Return the value from which the fit of a friction or damping that the robot lacks starts, in
+    the SI unit of the `kind`; ``None`` without logged torques of the joint."""
     if joint not in log.torques:
         return None
     torque = SHARE * float(np.abs(log.torques[joint].values).max())
     moving = positions.get(motor, positions.get(joint))
     if kind != "damping" or moving is None:
         return torque
+    # A damping with this torque at the largest speed.
     return torque / max(float(np.abs(moving.rates).max()), 1e-12)
 
 
@@ -499,9 +514,9 @@ def _friction_name(robot: Robot, joint: str, kind: str) -> str:
 def _with_friction(
     robot: Robot, joint: str, kind: str, start: float | None, guess: float | None, unit: str
 ) -> tuple[Robot, Parameter]:
-    """Return the parameter of a joint's friction or damping, and the robot, with this friction or
-    damping, also if its file gives none. The start is `start`, or else the robot's number or, if
-    that is zero or missing, `guess`."""
+    """Return the robot and the parameter of a joint's friction or damping. If the robot lacks this
+    friction or damping, it is added. The start is `start` or, if that is ``None``, the robot's
+    number or, if that is zero or missing, `guess`."""
     name, damper = _friction_name(robot, joint, kind), _damper(robot, joint)
     damper = damper if kind == "damping" else None
     number = "viscosity" if kind == "damping" else "load"
@@ -521,6 +536,7 @@ def _with_friction(
     parameter = Parameter(path, Log(), value=size, unit=unit)
     if is_known:
         return robot, parameter
+    # A friction always has a load, so that it is the viscosity that is missing.
     if isinstance(present, JointFriction):
         joints = {**robot.scene.joints, name: replace(present, viscosity=size)}
         return replace(robot, scene=replace(robot.scene, joints=joints)), parameter
@@ -552,6 +568,7 @@ def _parameter(robot: Robot, joint: str, kind: str, start: float | None, unit: s
         remedy = f"robot.with_drive({joint!r}, cj.Drive(stiffness=..., loss=0.1, ...)) adds it"
         require(loses, argument, kind, "of a joint whose drive has a loss", remedy)
         assert isinstance(friction, JointFriction)
+        # Flanks press with a force, N, a rigid gear with a torque: see `GearLoss`.
         radius = float(backlash.radius) if isinstance(backlash, Backlash) else 1.0
         start = float(as_number(friction.load_ratio)) / radius if start is None else start
         return Parameter.change(GearLoss(name, radius), start, scale, unit)
@@ -571,7 +588,8 @@ def _parameter(robot: Robot, joint: str, kind: str, start: float | None, unit: s
 
 
 def _of_gear(robot: Robot, joint: str, kind: str, start: float | None) -> Parameter:
-    """Return the parameter of the play or compliance of a hinge."""
+    """Return the parameter "play", "stiffness" or "restitution" of the gear of a hinge, which has
+    an elastic compliance or a backlash."""
     scene, argument = robot.scene, f"find[{joint!r}]"
     compliance, name = f"{joint} {COMPLIANCE}", backlash_name(joint)
     if kind == "stiffness" and compliance in scene.forces:
@@ -597,8 +615,8 @@ def _of_gear(robot: Robot, joint: str, kind: str, start: float | None) -> Parame
 def _measured(
     robot: Robot, log: RobotLog, driven_by: DrivenBy, following: Collection[str]
 ) -> Measurements:
-    """Return the samples of what a run predicts: positions that are not `following` the log, and
-    torques that make joints follow it."""
+    """Return the samples of what a run predicts: positions of joints that are not `following` the
+    log, torques by which joints follow their logged positions, and torques of motors and servos."""
     series: dict[str, Series] = {}
 
     def compare(name: str, channel: Quantity, samples: Logged, unit: str) -> None:

@@ -36,9 +36,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 LEAST_RUNS = 10
-"""Smallest number of runs for each coefficient of the regression. Intervals from so few contain the
-true derivative as often as stated, but half of them are wider than 3.5 times the root mean square
-error; with 40 runs for each coefficient, than 2.4 times this error."""
+"""Smallest number of runs for each coefficient of the regression. Intervals from so few runs
+contain the true derivative as often as stated, but half of them are wider than 3.5 times the root
+mean square error of the estimate; with 40 runs for each coefficient, than 2.4 times this error."""
 MOST_POWER = 4.0
 """Largest exponent k with which a run's squared residual is divided by (1 - leverage)^k."""
 
@@ -145,7 +145,7 @@ def statistics_derivatives(
 
 
 def _coefficients(parameters: int) -> int:
-    """Number of coefficients of the regression."""
+    """Return the number of coefficients of the regression for a number of `parameters`."""
     return 1 + 3 * parameters + parameters * (parameters - 1) // 2
 
 
@@ -173,8 +173,8 @@ def _points(uncertain: Mapping[str, Uncertain], draws: int, seed: int) -> np.nda
 
 
 class Estimate(NamedTuple):
-    """Derivatives of an output's mean by the nominal standardised coordinates, their standard
-    errors and the degrees of freedom of these errors."""
+    """Derivatives of an output's mean by the nominal standardised coordinates, the standard errors
+    of the derivatives, and the degrees of freedom of these errors."""
 
     derivatives: Float[np.ndarray, " p"]
     errors: Float[np.ndarray, " p"]
@@ -187,36 +187,39 @@ def estimate(
     draws: int,
     normal: np.ndarray,
 ) -> Estimate:
-    """Return the derivatives of an output's mean from its `values` at the points of `_points`, by
-    regression for parameters whose distribution is `normal`, by pairs of runs for uniform ones."""
-    count = points.shape[1]
-    derivatives, errors, freedom = np.zeros((3, count))
+    """Return the derivatives of an output's mean from its `values` at the points of `_points`: by
+    regression where `normal`, (p,), is true, by pairs of runs for parameters with a uniform
+    distribution."""
+    p = points.shape[1]
+    derivatives, errors, freedom = np.zeros((3, p))
     usable = np.isfinite(values[:draws])
-    needed, successful = LEAST_RUNS * _coefficients(count), int(usable.sum())
+    needed, successful = LEAST_RUNS * _coefficients(p), int(usable.sum())
     expected = f"so many that {needed} runs succeed ({successful} did)"
     require(successful >= needed, "draws", draws, expected, "run more, or find the failure")
     slopes, slope_errors = _regression(points[:draws][usable], values[:draws][usable], normal)
     derivatives[normal], errors[normal] = slopes[normal], slope_errors[normal]
-    freedom[normal] = successful - _coefficients(count)
+    freedom[normal] = successful - _coefficients(p)
     # Each uniform parameter has as many runs as there are independent draws, in pairs.
     blocks = values[draws:].reshape(-1, draws // 2, 2)
     for k, pairs in zip(np.flatnonzero(~normal), blocks, strict=True):
         # The ends of the distribution are at 1 and -1, a distance of 2.
-        halves = 0.5 * (pairs[:, 0] - pairs[:, 1])
-        halves = halves[np.isfinite(halves)]
-        require(len(halves) > 1, "draws", len(halves), "2 pairs of runs or more", "run more")
-        derivatives[k], errors[k] = halves.mean(), halves.std(ddof=1) / np.sqrt(len(halves))
-        freedom[k] = len(halves) - 1
+        quotients = 0.5 * (pairs[:, 0] - pairs[:, 1])
+        quotients = quotients[np.isfinite(quotients)]
+        count = len(quotients)
+        require(count > 1, "draws", count, "2 pairs of runs or more", "run more")
+        derivatives[k], errors[k] = quotients.mean(), quotients.std(ddof=1) / np.sqrt(count)
+        freedom[k] = count - 1
     return Estimate(derivatives, errors, freedom)
 
 
 def _regression(z: np.ndarray, y: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients of the p standardised coordinates z (runs, p) in a regression of y (runs,), and
-    their standard errors.
+    """Coefficients of the p standardised coordinates z (runs, p) in a regression of the output y
+    (runs,), and their standard errors, (p,) each.
 
-    The regressors are polynomials up to degree 3, those of Hermite for normal and of Legendre for
-    uniform parameters, and products of two parameters. They are orthogonal under the distribution
-    of z, so that the expectation of the coefficient of z does not depend on the other regressors.
+    The regressors are polynomials of one coordinate up to degree 3, those of Hermite for normal and
+    of Legendre for uniform distributions, and products of two coordinates. They are orthogonal
+    under the distribution of z, so that the expectation of the coefficient of z does not depend on
+    the other regressors.
     """
     p = z.shape[1]
     square = np.where(normal, z**2 - 1.0, 1.5 * z**2 - 0.5)

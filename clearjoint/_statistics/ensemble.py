@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 PARTS = ("velocity", "spin")
 """Fields of a body's initial state that are disturbed; positions are not."""
 RANK_TOLERANCE = 1e-8
-"""Share of the constraints' Jacobian's largest singular value up to which others count as zero."""
+"""Singular values of the constraints' Jacobian count as zero up to this share of the largest."""
 NEGLIGIBLE = 1e-9
 """Components of a disturbance below this share of its size are rounding errors and are set to zero,
 so that velocities which the constraints fix get no axis."""
@@ -44,8 +44,9 @@ so that velocities which the constraints fix get no axis."""
 def directions(scene: Scene, draws: int, seed: int) -> Float[np.ndarray, "draws v"]:
     """Return a random direction in the space of all velocities for each draw of an ensemble.
 
-    The v columns are the components of velocity and spin of each body, all standard normal. The
-    first rows don't depend on the number of draws, so that a stored ensemble can be extended.
+    The v columns are the components x, y, z of velocity and of spin of one body after the other,
+    all standard normal. The first rows don't depend on the number of draws, so that a stored
+    ensemble can be extended.
     """
     return np.random.default_rng(seed).standard_normal((draws, 6 * len(scene.bodies)))
 
@@ -59,11 +60,12 @@ def disturbed_velocities(
     start_time: float,
 ) -> Float[np.ndarray, "n v"]:
     """Return the velocity (m/s, global) and spin (rad/s, body axes) of each body at n disturbed
-    starts, in columns in the order of `bodies`, from which that of `scene` may differ.
+    starts. Columns are in the order of `bodies`, which need not be that of `scene`.
 
-    To those of `state` are added the parts of the random directions `along` that the constraints
-    permit, scaled so that the root mean square of the added speeds over starts and bodies is
-    expected to be `size`, m/s. A spin counts by the speed at its body's radius of gyration.
+    A disturbance is the part of a row of `along`, a random direction, that the constraints permit.
+    It is added to the velocities of `state`, scaled so that the root mean square of the added
+    speeds over starts and bodies is expected to be `size`, m/s. A spin counts by the speed at its
+    body's radius of gyration.
     """
     radii = radii_of_gyration(scene)
     lengths = np.concatenate([[1.0] * 3 + [radii[name]] * 3 for name in bodies])
@@ -113,12 +115,15 @@ def disturbed_axes(
     block = len(along) if shared else draws
     velocities, nominal = np.empty_like(along), np.empty_like(along)
     bodies = tuple(scene.bodies)
-    for first in range(0, len(along), block):
-        rows = slice(first, first + block)
-        values = {} if shared else {name: axis.values[first] for name, axis in axes.items()}
-        at = with_values(scene, state, axes, values)
-        velocities[rows] = disturbed_velocities(bodies, *at, size, along[rows], start_time)
-        nominal[rows] = velocities_of(bodies, at[1])
+    # All lanes of a block have the same Jacobian.
+    for begin in range(0, len(along), block):
+        rows = slice(begin, begin + block)
+        values = {} if shared else {name: axis.values[begin] for name, axis in axes.items()}
+        of_block, start = with_values(scene, state, axes, values)
+        velocities[rows] = disturbed_velocities(
+            bodies, of_block, start, size, along[rows], start_time
+        )
+        nominal[rows] = velocities_of(bodies, start)
     # Components that no disturbance changes, such as all those out of a planar mechanism's plane,
     # need no axis.
     disturbed = dict(axes)
@@ -137,7 +142,7 @@ def _component(state: State, body: str, part: str, k: int) -> float:
 
 
 def velocities_of(bodies: Sequence[str], state: State) -> Float[np.ndarray, " v"]:
-    """Return velocity (m/s, global) and spin (rad/s, body axes) of each of the `bodies`."""
+    """Return velocity (m/s, global) and spin (rad/s, body axes) of the `bodies`, in their order."""
     states = [state.bodies[name] for name in bodies]
     return np.concatenate([[*body.velocity, *body.spin] for body in states]).astype(float)
 
@@ -317,8 +322,8 @@ def _statistics(
     """Return the statistics over the draws at each combination of axis values.
 
     The lanes of `results`, of a zipped sweep, are in C order along `shape`: the number of values of
-    each axis, then the number of draws. `labels` are the coordinates along the axes, `levels` those
-    of the quantiles, and `quantities` the names of outputs at sample times.
+    each axis, then the number of draws. `labels` are the coordinates along the axes, `levels` are
+    the levels of the quantiles, and `quantities` the names of outputs at sample times.
     """
     import xarray as xr
 
@@ -353,10 +358,9 @@ def _statistics(
 def _quantile_errors(
     runs: Float[np.ndarray, "... draws"], levels: Float[np.ndarray, " q"]
 ) -> Float[np.ndarray, "... q"]:
-    """Standard errors of the quantiles of `runs`, where NaN stands for a failed run; NaN where
-    fewer than two runs succeeded, and for a level p nearer to 0 or 1 than sqrt(p (1 - p)/n), for n
-    runs.
-    """
+    """Standard errors of the quantiles of `runs` over the draws, where NaN stands for a failed run.
+    A standard error is NaN if fewer than two runs succeeded, and for a level p nearer to 0 or 1
+    than sqrt(p (1 - p)/n), for n successful runs."""
     # The share of n draws below the true quantile has a binomial distribution with the standard
     # deviation sqrt(p (1 - p)/n). Half the distance between the quantiles at the levels one
     # deviation below and above is therefore the standard error of a quantile.
@@ -382,8 +386,8 @@ def _lyapunov_exponent(
     along: Float[np.ndarray, "draws v"],
     progress: bool,
 ) -> tuple[float, float]:
-    """The largest Lyapunov exponent, 1/s, averaged over starts that are disturbed by `size`, m/s,
-    in the directions `along`, and its standard error.
+    """Return the largest Lyapunov exponent, 1/s, averaged over starts that are disturbed by `size`,
+    m/s, in the directions `along`, and the standard error of this average.
 
     The exponent of a start is the growth rate of the tangent in the second half of the run; in the
     first half the tangent turns to the direction of fastest growth. Runs that fail are left out. If
@@ -397,7 +401,9 @@ def _lyapunov_exponent(
     rates = []
     for k in range(len(along)):
         # The initial state of this draw, with its disturbed velocities.
-        start = with_values(scene, state, axes, {name: a.values[k] for name, a in axes.items()})[1]
+        _, start = with_values(
+            scene, state, axes, {name: axis.values[k] for name, axis in axes.items()}
+        )
         run = sensitivities(
             scene, start, end_time, tangent, points, times, TANGENT_SETTINGS, **options
         )

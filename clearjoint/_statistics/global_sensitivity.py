@@ -108,20 +108,21 @@ def sobol_indices(
 
 
 def _groups(p: int, draws: int, seed: int) -> np.ndarray:
-    """Points of all runs in the unit cube, in groups of p + 2.
+    """Points of all runs in the unit cube, (draws (p + 2), p), in groups of p + 2.
 
     A group has two independent points A and B, and for each parameter the point A with this
     parameter's coordinate from B. Groups come one after the other, so that a larger `draws` appends
-    to the runs of a stored sweep. The points of group i come from the Sobol sequence i modulo
-    `RANDOMISATIONS` of as many that are independently scrambled.
+    to the runs of a stored sweep. Of `RANDOMISATIONS` independently scrambled Sobol sequences (at
+    most `draws`), the points of group i come from sequence i modulo their number.
     """
     randomisations = min(RANDOMISATIONS, draws)
     seeds = np.random.SeedSequence(seed).generate_state(randomisations)
     each = [unit_cube(2 * p, draws // randomisations, "sobol", int(s)) for s in seeds]
-    first, second = np.split(np.stack(each, axis=1).reshape(draws, 2 * p), 2, axis=1)
-    groups = np.repeat(first[:, None], p + 2, axis=1)
-    groups[:, 1] = second
-    groups[:, 2 + np.arange(p), np.arange(p)] = second
+    # Stacked along axis 1, so that the sequences alternate from group to group. A row has A and B.
+    points_a, points_b = np.split(np.stack(each, axis=1).reshape(draws, 2 * p), 2, axis=1)
+    groups = np.repeat(points_a[:, None], p + 2, axis=1)
+    groups[:, 1] = points_b
+    groups[:, 2 + np.arange(p), np.arange(p)] = points_b
     return groups.reshape(-1, p)
 
 
@@ -150,7 +151,7 @@ def _indices(groups: np.ndarray, confidence: float) -> dict[str, np.ndarray]:
     sums = np.array([[term[randomisation == k].sum() for term in terms] for k in randomisations])
 
     def both_orders(row: np.ndarray) -> np.ndarray:
-        """Return the indices (2, p) from a sum of such rows."""
+        """Return first-order and total indices, (2, p), from a sum of rows of `sums`."""
         number, mean, square = row[0], row[1] / row[0], row[2] / row[0]
         variance = square - mean**2
         # An output that does not vary has the indices zero, as in SciPy.
@@ -164,5 +165,6 @@ def _indices(groups: np.ndarray, confidence: float) -> dict[str, np.ndarray]:
     error = np.sqrt(freedom * without_one.var(axis=0))
     half = stdtrit(freedom, 0.5 * (1.0 + confidence)) * error
     parts = {"": value, "_low": value - half, "_high": value + half}
-    pairs = [*enumerate(ORDERS)]
-    return {f"{order}{end}": both[k] for k, order in pairs for end, both in parts.items()}
+    return {
+        f"{order}{end}": both[k] for k, order in enumerate(ORDERS) for end, both in parts.items()
+    }

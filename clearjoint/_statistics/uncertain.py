@@ -90,7 +90,8 @@ class Uncertain:
         return self.deviation is not None
 
     def centre_and_size(self, scene: Scene, state: State) -> tuple[float, float]:
-        """Middle of the distribution, and standard deviation or half width, in the coordinate."""
+        """Return the middle of the distribution, and its standard deviation or half width, both in
+        the coordinate."""
         if self.between is None:
             size = self.deviation if self.half_width is None else self.half_width
             assert size is not None
@@ -124,7 +125,7 @@ def check_confidence(confidence: float) -> None:
 
 
 def unit_cube(dimensions: int, draws: int, method: str, seed: int) -> Float[np.ndarray, "n d"]:
-    """Return points in the unit cube; raise and warn as `design`."""
+    """Return the points of a `design` in the unit cube; raise and warn as `design`."""
     from scipy.stats import qmc
 
     require(method in METHODS, "method", method, f"one of {METHODS}", "choose one of them")

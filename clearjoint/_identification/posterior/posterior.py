@@ -37,16 +37,16 @@ def modes(points: Points, chi_squared: Float[np.ndarray, " n"]) -> Int[np.ndarra
     """Return for each point the number of its mode, from 0 for that with the most points.
 
     A mode is a group of points around one minimum of chi squared. Points are taken from the lowest
-    chi squared upwards. A point without neighbours in a group begins a new group; any other joins
-    that of its neighbours' groups with the lowest minimum. The other groups are united with this
-    one if chi squared rises by less than 3.84 from their minimum to the point (F. Chazal et al.,
-    *Persistence-based clustering in Riemannian manifolds*, 2013). At the end, a group with less
-    than 1 % of the points is united with the nearest larger one. A minimum with fewer points than a
-    point has neighbours may not be found.
+    chi squared upwards. A point without neighbours in a group begins a new group. Any other point
+    joins, of the groups of its neighbours, the one with the lowest minimum; each of the other
+    groups is united with this one if chi squared rises by less than 3.84 from the minimum of the
+    other group to the point (F. Chazal et al., *Persistence-based clustering in Riemannian
+    manifolds*, 2013). At the end, a group with less than 1 % of the points is united with the
+    nearest larger one. A minimum with fewer points than a point has neighbours may not be found.
     """
     # Resampling has made copies of points, which would take the places of neighbours.
-    distinct, first, copies = np.unique(points, axis=0, return_index=True, return_inverse=True)
-    values, number = chi_squared[first], len(distinct)
+    distinct, kept, copies = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    values, number = chi_squared[kept], len(distinct)
     # Along principal axes, modes far apart would count as near: their distance is most of the
     # points' deviation along the axis from one to the other.
     deviations = distinct.std(axis=0)
@@ -185,9 +185,9 @@ def drawn_posterior(
     most_runs: float = math.inf,
     on_step: Callable[[float, int], None] = lambda time, runs: None,
 ) -> Posterior:
-    """Return the posterior distribution of parameters, as `number` points. `on_step` is called
-    after each step with the time up to which the record is in the likelihood, s, and the number of
-    runs so far.
+    """Return the posterior distribution of parameters, as `number` points, for a prior in a box of
+    coordinates, which is uniform if `log_prior` is ``None``. `on_step` is called after each step
+    with the time up to which the record is in the likelihood, s, and the number of runs so far.
 
     **Raises:** `ImpossiblePointsError`, `TooManyRunsError`.
     """
@@ -199,9 +199,9 @@ def drawn_posterior(
             raise TooManyRunsError(f"more than {most_runs:g} runs")
         # A missed sample has the residual `UNREACHED`; from it on, the point is impossible.
         sums = compared.chi_squared(points, count)
-        # Differences of sums have rounding errors, which the factor allows for.
-        grown = np.diff(sums, axis=1, prepend=0.0) >= 0.5 * UNREACHED**2
-        missed = np.maximum.accumulate(grown, axis=1)
+        # Differences of sums have rounding errors, which the factor 0.5 allows for.
+        misses_here = np.diff(sums, axis=1, prepend=0.0) >= 0.5 * UNREACHED**2
+        missed = np.maximum.accumulate(misses_here, axis=1)
         runs += len(points)
         failed += int(missed[:, -1].sum())
         return np.where(missed, np.inf, sums)

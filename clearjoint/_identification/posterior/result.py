@@ -22,9 +22,11 @@ EDGE, EDGE_SHARE = 0.01, 0.02
 """Distance from an end of the box, over its width, up to which a point is at the end; share of the
 points at one end above which the report warns, twice that of a uniform distribution."""
 EVEN = 0.1
-"""Difference from the cumulative uniform distribution below which points fill the box evenly."""
+"""Largest difference of the points' cumulative distribution from the uniform one below which they
+count as filling the box evenly."""
 FEWEST_EFFECTIVE = 150.0
-"""Effective number of runs below which the report warns, unless it is half the number of points."""
+"""Effective number of runs below which the report warns, unless it is at least half the number of
+points."""
 
 
 @dataclass(frozen=True)
@@ -164,8 +166,8 @@ class Posterior(AbstractTabular):
 
         ArviZ must be installed (``pip install 'clearjoint[arviz]'``). The group `posterior` has the
         values of the parameters, the attributes of the dataset from `to_xarray` and the `weights`
-        of the modes; `log_likelihood` that of the whole record, by the name "record"; and
-        `sample_stats` the entries of `modes` as `mode`.
+        of the modes. The group `log_likelihood` has the log-likelihood of the whole record, by the
+        name "record", and `sample_stats` the entries of `modes`, by the name "mode".
         """
         import arviz
 

@@ -27,14 +27,14 @@ from ..points import Point, Points, chi_squared_over, filled, last_where
 KEPT = 0.5
 """Smallest effective number of points after a step along the record, over the number of points."""
 AHEAD = 1.5
-"""Number of sample times over which points are run, over the number in the likelihood. The further
-times serve the next steps."""
+"""Ratio of the number of sample times over which points are run to the number of those in the
+likelihood. The further times serve the next steps."""
 ACCEPTED, SWEEPS = 1.5, 10
 """Mean number of accepted moves of a point after which a step ends, and largest number of moves
 tried for each point in a step."""
 PRIOR_POINTS, PRIOR_NUMBER = 2**12, 2**10
 """Number of points of the box that show where the prior is zero, and whether it is uniform;
-smallest number of points drawn from another prior. None of them takes a run."""
+smallest number of points drawn from a prior that is not uniform. None of the points takes a run."""
 CLOUD, SHARE = 100, 5
 """The cloud has `CLOUD` points, or the number of points to draw divided by `SHARE` if that is more,
 but no more points than are to be drawn."""
@@ -45,11 +45,11 @@ There are at most `ROUNDS` rounds. Draws outside the box take no run."""
 WIDER = 2.0
 """Factor on the standard deviations of the distributions from which importance sampling draws."""
 RIDGE = 1e-10
-"""Variance that is added along each coordinate, over the cloud's variance along it, so that the
-covariance of a flat cloud is not singular."""
+"""Multiple of the cloud's variance along each coordinate that is added to this variance, so that
+the covariance of a flat cloud is not singular."""
 NARROWEST = 1e-4
 """Share of the cloud's covariance that is added to the covariance of the points near each point,
-which is singular if they are nearly equal. It is 1 % of the cloud's standard deviations."""
+which is singular if these are nearly equal: 1 % of the cloud's standard deviations."""
 WIDE, OVERALL = 1.5, 0.1
 """Standard deviations of the wide distribution of `Mixture.around`, over those of the cloud, and
 weight of this distribution."""
@@ -154,9 +154,10 @@ def from_prior(target: Target, number: int, generator: Generator) -> tuple[Point
     """Return points of the prior, the logarithm of the prior's integral over the box, and the
     standard error of this logarithm.
 
-    Points of a uniform prior fill the box evenly. Any other prior is drawn from by `drawn_from`, as
-    the likelihood of a record of one sample. Points that fill the box can't be weighted by the
-    prior instead: if it is much narrower than the box, one of them has all the weight.
+    Points of a uniform prior fill the box evenly. Points of any other prior are drawn by
+    `drawn_from`, with the prior as the likelihood of a record of one sample. Points that fill the
+    box can't be weighted by the prior instead: if it is much narrower than the box, a single point
+    has all the weight.
     """
     box = filled(target.low, target.high, PRIOR_POINTS, generator)
     logarithms = target.log_prior(box)
@@ -191,11 +192,11 @@ def drawn_from(
     prior, and then by importance sampling.
 
     The cloud at the end of the record is small, and its points have moved little. Importance
-    sampling therefore draws from wide normal distributions around it, and each further round from
-    those around the weighted points of the round before, until the effective number of runs is at
-    least `number`. Only the last round enters the result. The mean of its weights is an almost
-    unbiased estimate of the integral of prior times likelihood: the mixture is fixed before the
-    round, whose runs only decide whether another round follows.
+    sampling therefore draws from wide normal distributions around the points of the cloud, and each
+    further round from those around the weighted points of the round before, until the effective
+    number of runs is at least `number`. Only the last round enters the result. The mean of its
+    weights is an almost unbiased estimate of the integral of prior times likelihood: the mixture is
+    fixed before the round, whose runs only decide whether another round follows.
     """
     points, weights, steps = along_record(target, points, generator, on_step)
     mixture, runs = Mixture.around(points, weights, WIDER), FIRST * number
@@ -258,7 +259,7 @@ def along_record(
 
 
 def evaluated(target: Target, points: Points, ahead: int) -> Cloud:
-    """Return points, all in the box, with their chi squared over the first `ahead` times."""
+    """Return the cloud of `points`, all in the box, run over the first `ahead` sample times."""
     return Cloud(points, target.curves(points, ahead), target.log_prior(points))
 
 
@@ -398,11 +399,11 @@ class Mixture:
         # Enough points for a covariance, and so few that they follow a curved region.
         near = min(max(fewest_for_covariance(p), round(2.0 * math.sqrt(count))), count)
         mean = weights @ points
-        whole = (weights[:, None] * (points - mean)).T @ (points - mean)
+        of_cloud = (weights[:, None] * (points - mean)).T @ (points - mean)
         # Where all points have the same coordinate its variance is zero; 1e-300 replaces it.
-        whole += RIDGE * np.diag(np.maximum(np.diag(whole), 1e-300))
+        of_cloud += RIDGE * np.diag(np.maximum(np.diag(of_cloud), 1e-300))
         # Scaled coordinates have unit covariance, so that all count equally in distances.
-        scaled = np.linalg.solve(np.linalg.cholesky(whole), points.T).T
+        scaled = np.linalg.solve(np.linalg.cholesky(of_cloud), points.T).T
         order = np.argpartition(((scaled[:, None] - scaled) ** 2).sum(axis=2), near - 1, axis=1)
         close = order[:, :near]
         # A point and all points near it may have weight zero, such as those of failed runs. The
@@ -410,10 +411,10 @@ class Mixture:
         shares = weights[close] + 1e-12 / count
         shares = shares / shares.sum(axis=1, keepdims=True)
         offsets = points[close] - (shares[..., None] * points[close]).sum(axis=1, keepdims=True)
-        covariances = np.einsum("nk,nki,nkj->nij", shares, offsets, offsets) + NARROWEST * whole
+        covariances = np.einsum("nk,nki,nkj->nij", shares, offsets, offsets) + NARROWEST * of_cloud
         # The wide distribution reaches parts of the region from which all points have been lost.
         centres = np.concatenate([points, mean[None]])
-        roots = np.linalg.cholesky(np.concatenate([covariances, WIDE**2 * whole[None]]))
+        roots = np.linalg.cholesky(np.concatenate([covariances, WIDE**2 * of_cloud[None]]))
         return Mixture(centres, wider * roots, np.append((1.0 - OVERALL) * weights, OVERALL))
 
     def drawn(self, number: int, generator: Generator) -> Float[np.ndarray, "m p"]:

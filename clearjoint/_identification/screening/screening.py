@@ -28,10 +28,10 @@ quantile of the chi squared distribution with p degrees of freedom at this level
 LOOSER = 1000.0
 """Tolerance of the integration in screening runs, which only rank points, relative to the fit's."""
 STILL_FITTING = 4
-"""The next round runs over the part of the record that so many of the present points fit."""
+"""The next round runs over the part of the record that this number of the present points fit."""
 FIRST = 4
-"""Number of points in the first round, which fills the whole box, over that of new points in other
-rounds."""
+"""Ratio of the number of points in the first round, which fills the whole box, to the number of new
+points in each other round."""
 FIRST_SHARE = 1 / 8
 """Share of the record over which the first round runs: most points of the box fit only an early
 part. If this share is too short, the runs are repeated over more of the record."""
@@ -97,9 +97,10 @@ class Screened:
     """Result of one pass of a `Screening`, for p parameters.
 
     - `points`: (keep, p) points kept last, the best first.
-    - `chi_squared`: (keep,) theirs, from the averaged residuals up to the last of `times`.
+    - `chi_squared`: (keep,) of these points, from the averaged residuals up to the last of `times`.
     - `starts`: (finish, p) the points from which to search.
     - `times`: end of the part of the record that each round used, s.
+    - `runs`: number of runs in all rounds.
     - `complete`: whether the last round reached the end of the record.
 
     >>> data = cj.Measurements({"x": cj.Series(x, times, 0.1 * np.cos(10.0 * times), noise=1e-4)})
@@ -120,9 +121,9 @@ class Screened:
 def screen(
     screening: Screening, lanes: Comparison, centre: Point, number: int, progress: bool
 ) -> Screened:
-    """Make one pass of a `Screening`: find starts of a fit by runs without derivatives, `lanes`, in
-    the box around the guess `centre`. Each `number` of a pass, from 0, gives other random numbers;
-    `progress` tells whether to show a bar."""
+    """Make one pass of a `Screening`: find starts of a fit in the box around the guess `centre`, by
+    runs without derivatives, which `lanes` makes. The `number` of the pass, from 0, determines its
+    random numbers; `progress` tells whether to show a progress bar."""
     from scipy.special import chdtri
 
     spread = half_widths(screening.spread, tuple(lanes.parameters))
@@ -171,8 +172,9 @@ def search_screened(
     """Screen and search from the starts found, pass by pass, until noise explains the smallest chi
     squared.
 
-    `search_from` searches from a start with derivatives, and must store its result: only those of
-    the screenings are returned. An error of it, such as a `KeyboardInterrupt`, ends the passes.
+    `search_from` searches from a start with derivatives. It must store the search, because only the
+    results of the screenings are returned. If it raises an error, such as a `KeyboardInterrupt`,
+    the error ends the passes.
     """
     degrees_of_freedom = lanes.data.count - len(centre)
     searches: list[Search] = []
