@@ -28,7 +28,7 @@ def _counted(lower: Lowering, begin: Symbol, end: Symbol, visit: Callable[[Symbo
 
 
 def _sum(lower: Lowering, first: Symbol, begin: Symbol, end: Symbol, term: Term) -> Symbol:
-    """Return `first` plus the terms at the indices from `begin` to `end` - 1."""
+    """Return `first` plus the results of `term` for the indices from `begin` to `end` - 1."""
     ops = lower.ops
 
     def add(k: Value, totals: list[Value]) -> list[Value]:
@@ -43,7 +43,7 @@ def _read(lower: Lowering, memory: InMemory, index: Symbol) -> Symbol:
 
 
 def _known(lower: Lowering, table: InMemory, index: Symbol) -> Symbol:
-    """Return an integer from a table, which is the same in all lanes if the index is."""
+    """Return the integer with an index in a table. It is the same in all lanes, as the index is."""
     number = _read(lower, table, index)
     lower.ops.mark_uniform(number.value)
     return number
@@ -67,14 +67,15 @@ def large_product(lower: Lowering, equation: Equation, *factors: Array) -> list[
         rows = indices.reshape(count, -1, length)
         starts.append(rows[:, :, 0])
         steps.append(lower.table(rows[0, 0] - rows[0, 0, 0]))
-    # For each element of the result, the first elements of both rows.
+    # For each element of the result, with the axes (batch, other axes of the first factor, other
+    # axes of the second), the indices of the first elements of both rows.
     pairs = np.broadcast_arrays(starts[0][:, :, None], starts[1][:, None, :])
-    firsts = [lower.table(numbers) for numbers in pairs]
+    tables_of_starts = [lower.table(numbers) for numbers in pairs]
     result = lower.new_array(tuple(out.shape), kind_of(out))
     zero = Symbol(lower.ops, lower.ops.constant(result.kind, 0))
 
     def visit(n: Symbol) -> None:
-        begins = [_known(lower, first, n) for first in firsts]
+        begins = [_known(lower, table, n) for table in tables_of_starts]
 
         def term(k: Symbol) -> Symbol:
             # `preferred_element_type` may be wider than the arguments, which are converted first.
@@ -132,8 +133,8 @@ def _cholesky(lower: Lowering, equation: Equation, matrix: Array) -> list[Array]
 def _triangular_solve(
     lower: Lowering, equation: Equation, matrix: Array, right: Array
 ) -> list[Array]:
-    """Return the solution X of A X = B, or X A = B, for triangular matrices A, by substitution (see
-    `jax.lax.linalg.triangular_solve`)."""
+    """Return the solution X of A X = B, or X A = B, by substitution, for triangular matrices A,
+    `matrix`, and B, `right` (see `jax.lax.linalg.triangular_solve`)."""
     parameters, ops = equation.params, lower.ops
     shapes = [tuple(aval_of(atom).shape) for atom in equation.invars]
     pairs = zip((matrix, right), shapes, strict=True)

@@ -198,8 +198,7 @@ def lanes_of(scene: Scene, state: State, axes: Mapping[str, Axis], values: Value
 def _columns_by_setters(
     scene: Scene, base: list[PyTree], changes: Mapping[str, Change], values: Values
 ) -> Columns:
-    """Return the columns without a loop over lanes, for axes that only set numbers. `base` has the
-    leaves of the scene and of the state, as the user passed them."""
+    """Return the columns without a loop over lanes, for axes that only set numbers in `base`."""
     columns: Columns = {}
     scene_leaves = len(jax.tree.leaves(scene))
     for name, setter in changes.items():
@@ -218,9 +217,8 @@ def _columns_by_setters(
 def _columns_by_functions(
     scene: Scene, state: State, changes: Mapping[str, Change], values: Values, bad: dict[int, str]
 ) -> Columns:
-    """Return the columns by calling the axes' functions for every lane. A lane gets the unchanged
-    leaves and an entry in `bad` if a function raises a `ValueError`, or changes more than numbers.
-    """
+    """Return the columns by calling the axes' functions for every lane. A lane keeps its leaves and
+    gets an entry in `bad` if a function raises a `ValueError`, or changes more than numbers."""
     base, structure = jax.tree.flatten((scene, state))
     rows: list[list[PyTree]] = []
     for lane in range(len(next(iter(values.values())))):

@@ -177,8 +177,7 @@ class _Writer:
 
 
 def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[tqdm]:
-    """Return a progress bar of the `lanes` of a sweep, `done` of which are in the store already; if
-    `show` is true and any are, print how many."""
+    """Return a progress bar of a number of lanes, and print how many are stored already, `done`."""
     if show and done:
         rest = f"{lanes - done} are computed" if done < lanes else "none is computed"
         print(f"{done} of {lanes} lanes are in the store; {rest}", file=sys.stderr, flush=True)

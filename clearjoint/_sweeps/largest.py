@@ -405,8 +405,7 @@ class _Search:
     plain: Callable[[np.ndarray], LaneMargins] | None = None
 
     def run(self, low: float, high: float, unit: str) -> LargestFeasible:
-        """Search between the coordinates `low`, which must satisfy the limits, and `high`; `unit`:
-        that of the parameter's values."""
+        """Search between the coordinates `low`, which must satisfy the limits, and `high`."""
         known = self.margins(np.linspace(low, high, self.lanes))
         self._require_smallest(known)
         # The first sweep is coarse: just below its first violation another one may lie between two
@@ -455,8 +454,7 @@ class _Search:
 
     def _refined(self, known: LaneMargins, below: bool = False) -> LaneMargins:
         """Sweep from the last value before the first violation to the violation. With `below`, the
-        sweep begins lower by `CLOSE` times the distance of these two, but not below the smallest
-        value."""
+        start is lower by `CLOSE` times the distance of these two, or at the smallest value."""
         first = first_violation(known.margins)
         last, violation = known.coordinates[first - 1 : first + 1]
         start = max(known.coordinates[0], last - CLOSE * (violation - last)) if below else last

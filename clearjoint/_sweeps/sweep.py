@@ -99,8 +99,7 @@ def variables_of(
 
 
 Along = tuple[tuple[str, ...], tuple[int, ...]]
-"""Names and sizes of the dimensions, such as that of sample times, that precede the dimensions of a
-variable's own values."""
+"""Names and sizes of dimensions, such as sample times, before those of a variable's own values."""
 
 
 def _variables_of_output(
@@ -187,7 +186,7 @@ def notes_for_readers(
 
 
 def _constant_numbers(tree: PyTree, varied: PyTree[bool], name: str) -> dict[str, str]:
-    """Return the numbers of a scene or state that all lanes share, as texts by names that start with
+    """Return the numbers of a PyTree that all lanes share, as texts by paths that begin with
     `name`. `varied` tells for each leaf of the PyTree whether it differs between lanes."""
     varies = {key: any(jax.tree.leaves(flags)) for key, (flags, _) in parameters(varied).items()}
     # netCDF allows no quotes in names: bodies['rod'].mass becomes bodies.rod.mass.

@@ -139,8 +139,7 @@ class Chunks:
 
 
 _confirmed_programs: set[tuple[tuple[str, str], ...]] = set()
-"""Digests that this process has compared with those of its own programs, and found equal: they are
-kept because tracing the programs takes long."""
+"""Digests that were equal to those of this process's programs; tracing the programs takes long."""
 
 
 def concatenated(parts: Sequence[tuple[np.ndarray, LaneArrays]]) -> tuple[np.ndarray, LaneArrays]:

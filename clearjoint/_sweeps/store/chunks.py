@@ -4,7 +4,6 @@ A file ends with a checksum of its content and of its path in the store, which r
 file, or one that was moved to the place of another. Files have Zarr's format, but are encoded,
 written and read here, because Zarr hands each file to several threads: under the load of a sweep,
 that took 4 ms a file, and a chunk has a file for each variable.
-
 The argument `path` of functions is the folder of the group that has the array.
 """
 

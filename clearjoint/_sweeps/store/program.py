@@ -66,9 +66,8 @@ class Fingerprints(NamedTuple):
 
 def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTree) -> Fingerprints:
     """Return the digests and shapes of the entries of the dictionary that a function returns for
-    some arguments. The digests depend on structure, shapes and types of the arguments, but not on
-    their numbers. Raise a `ValueError` if the function calls a Python function that JAX doesn't
-    trace."""
+    arguments: digests depend on structure, shapes and types of these, but not on their numbers.
+    Raise a `ValueError` if the function calls a Python function that JAX doesn't trace."""
     program, shapes, _ = program_of(function, *arguments)
     named = jax.tree_util.tree_flatten_with_path(arguments)[0]
     inputs = [
@@ -261,8 +260,7 @@ class _Traced:
         return begin_lane(plan, self.scene(numbers), state, time, request)
 
     def step(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
-        """Return, by the key `RUN`, the lane after one step, and the outcome of a run that ends
-        before this step."""
+        """Return the lane after one step, and the outcome of a run that ends before this step."""
         plan, scene = self.run_plan, self.scene(numbers)
         after = step_lane(plan, scene, lane, _request(end_time, end_time))
         return {RUN: (after, outcome(plan, scene, lane, end_time))}
@@ -325,9 +323,8 @@ def _request(end_time: Scalar, first_step: Scalar) -> LaneRequest:
 
 
 def identity_of(digests: Mapping[str, str], lanes: Lanes, tasks: Task) -> Identity:
-    """Return the identity of a sweep, from the digests of its `programs`. A lane is identified by
-    its scene, initial state, end time and length of the first step, or by its error message if it
-    is in `lanes.bad`."""
+    """Return the identity of a sweep, from `digests` of its `programs`. Of a lane, these identify:
+    scene, initial state, end time and first step's length, or the error message in `lanes.bad`."""
     scenes = jax.tree.leaves(lanes.expanded(lanes.scene, lanes.scenes))
     states = jax.tree.leaves(lanes.states)
     arrays = [leaf for leaf in scenes if eqx.is_array(leaf)]
