@@ -226,8 +226,8 @@ def _logarithm_of(x: Symbol) -> tuple[Symbol, Symbol]:
 
 
 def _exponential_of(x: Symbol, x_low: Symbol | float) -> tuple[Symbol, Symbol, Symbol]:
-    """Return r, p and an integer that ends in the bits of n: exp(x + x_low) = 2**n (1 + r + p).
-    n is nearest to x/log(2), r is x + x_low - n log(2) rounded, and p = exp(r) - 1 - r, plus the
+    """Return r, p and an integer that ends in the bits of n: exp(x + x_low) = 2**n (1 + r + p),
+    with n nearest to x/log(2), r the rounded x + x_low - n log(2), and p = exp(r) - 1 - r plus the
     rounding error of r."""
     # `shifted` has n in its last bits, and `minus` is -n as a float.
     shifted = x * (1.0 / math.log(2.0)) + _ROUNDING

@@ -151,7 +151,7 @@ def _polynomial(x: Symbol, *coefficients: Symbol) -> Symbol:
 
 
 def _remainder(a: Symbol, b: Symbol) -> Symbol:
-    """Return the remainder of a / b rounded towards zero; for integers, `a` if b is 0."""
+    """Return the remainder a - n b, with n = a/b rounded towards zero; of integers by 0, `a`."""
     if a.letter == "f":
         return a.emit("fmod", b)
     return _whole_division("remainder_whole", a, b, a, a.like(0))

@@ -106,6 +106,7 @@ def _dynamic_slice(
     shape = tuple(aval_of(equation.invars[0]).shape)
     sizes = tuple(equation.params["slice_sizes"])
     first, offsets = _block_of_slice(lower, shape, sizes, starts)
+    # At an index that is known while the program is built, the elements are known values.
     number = lower.ops.number(first)
     if number is not None:
         return [lower.take(array, (offsets + int(number)).reshape(sizes))]
@@ -302,7 +303,7 @@ def _scatter(
 
 
 def _combination(lower: Lowering, equation: Equation, name: str) -> Callable[[Value, Value], Value]:
-    """Return the function, see `_scatter`, of an element and an update that gives a new element."""
+    """Return the function of an element and an update that gives the new element (`_scatter`)."""
     if name:
         return lower.operation(name, aval_of(equation.invars[0]))
     # "scatter" has a jaxpr that returns the update or, for `x.at[k].apply`, a function of the

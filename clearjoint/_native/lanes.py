@@ -146,8 +146,8 @@ class LaneLoop(AbstractLaneLoop):
             following = (Symbol(ops, scalar(carries[0])) + 1).value
             return [following, *lowering.inline(steps, [*fixed, *carries[1:]])]
 
-        first: list[Array] = [ops.constant("i", 0), *arguments[start_of_state:]]
-        count, *after = loop(lowering, first, holds, iterate, uniform=True)
+        first_carries: list[Array] = [ops.constant("i", 0), *arguments[start_of_state:]]
+        count, *after = loop(lowering, first_carries, holds, iterate, uniform=True)
 
         # The next call goes on with these states. Arrays that the loop has updated in place are in
         # their cells already.

@@ -405,15 +405,15 @@ class _Writer:
             return add(f"{_INSTRUCTIONS[name]} {self._typed(a)}, {self._value(b)}")
         if name in _INTRINSICS:
             return self._intrinsic(_INTRINSICS[name], form, map(self._value, arguments))
-        first, words = self._typed(arguments[0]), [self._value(value) for value in arguments]
+        operand, words = self._typed(arguments[0]), [self._value(value) for value in arguments]
         if name == "fneg":
-            return add(f"fneg {first}")
+            return add(f"fneg {operand}")
         if name == "not":
-            return add(f"xor {first}, {_constant(form, -1)}")
+            return add(f"xor {operand}, {_constant(form, -1)}")
         if name == "select":
             return add(f"select {', '.join(map(self._typed, arguments))}")
         if name in _CONVERSIONS:
-            return add(f"{_CONVERSIONS[name]} {first} to {form}")
+            return add(f"{_CONVERSIONS[name]} {operand} to {form}")
         if name == "float_to_int":
             # Saturating: numbers out of range become the nearest integer, and NaN zero, whereas
             # the result of LLVM's plain instruction is undefined for them.

@@ -154,7 +154,7 @@ def count_equations(jaxpr: core.Jaxpr) -> int:
 @dataclass
 class RepeatedCall:
     """Several equations that call the same jaxpr. For each argument, `shared` tells whether it is
-    the same in all calls. `function`, that of the jaxpr, is ``None`` until a call is lowered."""
+    the same in all calls. `function` computes the jaxpr; ``None`` until a call is lowered."""
 
     shared: list[bool]
     function: "Function | None" = None
@@ -291,7 +291,7 @@ class Lowering:
         return Region.of(aval, self.ops.allocate(aval.size))
 
     def argument(self, region: Region) -> Array:
-        """Return the array that the caller of the program writes to a region; it is owned."""
+        """Return the array that a caller writes to a region, and that the program may overwrite."""
         return self.in_usual_form(InMemory(region.start, region.shape, kind_of(region), owned=True))
 
     def constant(self, array: ArrayLike) -> Array:
@@ -458,7 +458,8 @@ class Lowering:
 
         **Arguments:** `rule`: adds the operations for one element of each argument, with a result
         of the given kind; `arguments`: arrays of the given shape, and scalars; `by_vectors`:
-        whether `rule` also takes vectors, so that several elements are computed at once.
+        whether `rule` also takes vectors, so that a program with tangents computes several elements
+        at once.
         """
         ops = self.ops
         out = self.new_array(shape, kind)
@@ -510,7 +511,7 @@ class Lowering:
         return results
 
     def _element(self, jaxpr: core.Jaxpr, *values: Value) -> Value:
-        """Return the result of a jaxpr for one element, or vector of elements, of each argument."""
+        """Add a jaxpr for one element, or one vector, of each argument, and return its result."""
         arrays: dict[Atom, Array] = dict(zip(jaxpr.invars, values, strict=True))
         are_vectors = any(self.ops.kinds[value].endswith("p") for value in values)
         for equation in jaxpr.eqns:

@@ -528,7 +528,7 @@ class Operations:
         return self._widths.get(function, self.width)
 
     def called(self, function: int, arguments: list[Value]) -> list[Value]:
-        """Return the results of a pure function, whose equal calls are, like operations, joined."""
+        """Return the results of a pure function. Equal calls are added once, as any operation."""
         _, results = self.signatures[function]
         number = self.constant("i", function)
         all_results = self.emit("evaluate", "results", number, *arguments)
@@ -539,7 +539,7 @@ class Operations:
 
     def once(self, key: tuple, add: Callable[[], Value]) -> Value:
         """Return the value of the entries that `add` adds. None are added again if the current
-        block, or a block that contains this, has added entries with the same `key`."""
+        block, or a block around it, has added entries with the same `key`."""
         value = self._known.get(key)
         if value is None:
             value = self._known[key] = add()

@@ -202,10 +202,10 @@ def _reduce_memory(
     before, along, after = map(math.prod, (shape_before, array.shape[first_axis:end], shape_after))
     ops, out = lower.ops, lower.new_array((*shape_before, *shape_after), array.kind)
 
-    # Each term is an index and its stride.
-    def index(*terms: tuple[Value, int], first: int = 0) -> Value:
+    # Each term is an index along an axis and the stride of the axis.
+    def index(*terms: tuple[Value, int], offset: int = 0) -> Value:
         numbers, strides = zip(*terms, strict=True)
-        return flat_index(lower, [Symbol(ops, k) for k in numbers], strides, first).value
+        return flat_index(lower, [Symbol(ops, k) for k in numbers], strides, offset).value
 
     def element(i: Value, k: Value) -> None:
         target = index((i, after), (k, 1))
@@ -213,7 +213,7 @@ def _reduce_memory(
         # In the order of the elements, with the result so far in memory. It begins as the first
         # element, so that j = 0 stands for the second one, which is `after` places further on.
         def add(j: Value) -> None:
-            place = index((i, along * after), (j, after), (k, 1), first=after)
+            place = index((i, along * after), (j, after), (k, 1), offset=after)
             total = ops.load(array.kind, out.start, target)
             value = ops.load(array.kind, array.start, place)
             ops.store(combine(total, value), out.start, target)
@@ -299,7 +299,8 @@ def _arg_extreme(lower: Lowering, equation: Equation, array: Array, compare: str
 
 
 def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Array) -> list[Array]:
-    (left, right), (left_batch, right_batch) = equation.params["dimension_numbers"]
+    # The axes along which products are summed, and those that number independent products.
+    (left_axes, right_axes), (left_batch, right_batch) = equation.params["dimension_numbers"]
     if not all(aval_of(atom).size for atom in equation.invars):
         raise UnsupportedPrimitiveError("dot_general of no elements")
     if isinstance(first, InMemory) or isinstance(second, InMemory):
@@ -319,7 +320,8 @@ def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Arra
 
     # Each element of the result is the inner product of a row of one array and a row of the other.
     add, multiply = (lower.operation(name, out) for name in ("add", "mul"))
-    left_rows, right_rows = rows(first, 0, left_batch, left), rows(second, 1, right_batch, right)
+    left_rows = rows(first, 0, left_batch, left_axes)
+    right_rows = rows(second, 1, right_batch, right_axes)
     totals = [
         reduce(add, [multiply(x, y) for x, y in zip(a, b, strict=True)])
         for lefts, rights in zip(left_rows, right_rows, strict=True)

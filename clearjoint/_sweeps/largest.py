@@ -324,7 +324,7 @@ def lane_margins(
     # The margins, and both ends of their intervals, are each the smallest of all outputs.
     margins, low, high = np.min(np.array([*of_outputs.values()]), axis=0)
     # For the message about a limit that is violated from the first value on.
-    at_start = {name: float(margins[0]) for name, (margins, _, _) in of_outputs.items()}
+    at_start = {name: float(each[0]) for name, (each, _, _) in of_outputs.items()}
     # A NaN is a violation too, but is not less than other margins.
     smallest = min(
         at_start, key=lambda name: -np.inf if np.isnan(at_start[name]) else at_start[name]
@@ -424,7 +424,7 @@ class _Search:
         """Sweep until the interval of the first violation is as narrow as the tolerance."""
         computed = 0
         # A sweep adds no value if there are no floats between the last value and the violation. The
-        # interval before the k-th value has the width k - 1.
+        # interval that ends with the value of index k has the index k - 1.
         while (
             first_violation(known.margins) < len(known.margins)
             and len(known.coordinates) > computed
@@ -441,22 +441,22 @@ class _Search:
         # values without plain runs. So that the loop ends, values are added at most `INSPECTIONS`
         # times.
         checked, rounds = np.empty(0), 0
-        first = first_violation(known.margins)
-        while known.coordinates[first - 1] not in checked:
-            last = known.coordinates[max(first - self.lanes, 0) : first]
-            known = known.lowered_by(self.plain(last))
-            checked = np.append(checked, last)
+        violation = first_violation(known.margins)
+        while known.coordinates[violation - 1] not in checked:
+            just_below = known.coordinates[max(violation - self.lanes, 0) : violation]
+            known = known.lowered_by(self.plain(just_below))
+            checked = np.append(checked, just_below)
             self._require_smallest(known)
             if (rounds := rounds + 1) <= INSPECTIONS:
                 known = self._narrowed(known)
-            first = first_violation(known.margins)
+            violation = first_violation(known.margins)
         return known
 
     def _refined(self, known: LaneMargins, below: bool = False) -> LaneMargins:
         """Sweep from the last value before the first violation to the violation. With `below`, the
-        start is lower by `CLOSE` times the distance of these two, or at the smallest value."""
-        first = first_violation(known.margins)
-        last, violation = known.coordinates[first - 1 : first + 1]
+        start is `CLOSE` times their distance lower, but not below the smallest value."""
+        index = first_violation(known.margins)
+        last, violation = known.coordinates[index - 1 : index + 1]
         start = max(known.coordinates[0], last - CLOSE * (violation - last)) if below else last
         return known.with_others(self.margins(np.linspace(start, violation, self.lanes)))
 
@@ -482,8 +482,8 @@ class _Search:
         return known
 
     def _result(self, known: LaneMargins, unit: str) -> LargestFeasible:
-        first, values = first_violation(known.margins), self._values(known)
-        met, value = first < len(values), values[first - 1]
+        violation, values = first_violation(known.margins), self._values(known)
+        met, value = violation < len(values), values[violation - 1]
         last_pass = int(np.flatnonzero(known.margins >= 0.0)[-1])
         return LargestFeasible(
             value=value,
@@ -491,8 +491,8 @@ class _Search:
             interval=self._interval(known) if met else (value, value),
             met=met,
             monotone=known.falls(self.tolerance),
-            alternating=(values[first], values[last_pass]) if last_pass > first else None,
-            spacing=float(self._widths(known)[:first].max()),
+            alternating=(values[violation], values[last_pass]) if last_pass > violation else None,
+            spacing=float(self._widths(known)[:violation].max()),
             values=np.array(values),
             margins=np.nan_to_num(known.margins, nan=-np.inf, posinf=np.inf, neginf=-np.inf),
         )

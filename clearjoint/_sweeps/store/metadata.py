@@ -242,7 +242,7 @@ def _write(path: Path, contents: Contents) -> None:
     order_name = f"sweep_order_{digest(order.tobytes())}"
     # The digests of the runs themselves have an empty name.
     digests = {name: f"sweep_lanes_{name}" if name else "sweep_lanes" for name in identity.lanes}
-    described = {
+    store_attributes = {
         "sweep_axes": [axis.name for axis in layout.axes],
         "sweep_shape": list(layout.shape),
         "sweep_zipped": layout.zipped,
@@ -255,7 +255,7 @@ def _write(path: Path, contents: Contents) -> None:
         ADDED: sorted(added),
         _FORMAT: _VERSION,
     }
-    attributes = {**layout.settings, **layout.notes, **described}
+    attributes = {**layout.settings, **layout.notes, **store_attributes}
     group = zarr.create_group(path, zarr_format=3, attributes=attributes)
     # Labels along the lanes: values of the axes, digests of the lanes, and the order.
     columns = layout.values()

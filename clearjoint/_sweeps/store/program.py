@@ -233,7 +233,7 @@ class _Traced:
     """Parts of a lane's computation as functions that JAX can trace.
 
     The argument `numbers` of these functions has the numbers of the folded scene, and `structure`
-    is this scene without them. `row` is the snapshot of the motion at one time, the end of a step,
+    is this scene without them. `row` is the snapshot of the motion at one time (end of a step),
     and `inside` a snapshot that stands for the motion inside of the step.
     """
 
@@ -323,8 +323,8 @@ def _request(end_time: Scalar, first_step: Scalar) -> LaneRequest:
 
 
 def identity_of(digests: Mapping[str, str], lanes: Lanes, tasks: Task) -> Identity:
-    """Return the identity of a sweep, from `digests` of its `programs`. Of a lane, these identify:
-    scene, initial state, end time and first step's length, or the error message in `lanes.bad`."""
+    """Return the identity of a sweep, with `digests` of its programs. A lane is identified by its
+    scene, initial state, end time and first step's length, or its error message in `lanes.bad`."""
     scenes = jax.tree.leaves(lanes.expanded(lanes.scene, lanes.scenes))
     states = jax.tree.leaves(lanes.states)
     arrays = [leaf for leaf in scenes if eqx.is_array(leaf)]
@@ -340,10 +340,10 @@ def row_digests(columns: Iterable[ArrayLike]) -> Int[np.ndarray, " n"]:
     arrays = [np.asarray(column) for column in columns]
     count = len(arrays[0])
     digests = np.empty(count, np.int64)
-    for first in range(0, count, _BLOCK):
-        block = slice(first, min(first + _BLOCK, count))
+    for start in range(0, count, _BLOCK):
+        block = slice(start, min(start + _BLOCK, count))
         # The bytes of a lane's rows stand one after the other in a row of `table`.
-        rows = [np.ascontiguousarray(a[block]).reshape(block.stop - first, -1) for a in arrays]
+        rows = [np.ascontiguousarray(a[block]).reshape(block.stop - start, -1) for a in arrays]
         table = np.concatenate([row.view(np.uint8) for row in rows], axis=1)
         digests[block] = [number(row.tobytes()) for row in table]
     return digests

@@ -42,8 +42,8 @@ def differences(stored: Contents, wanted: Contents, matches: np.ndarray) -> list
     the store; none if they can. `matches` has the result of `matching_lanes` for the stored rows.
 
     Variables and labels that only the wanted sweep has are no reason, because the store can be
-    extended by them. Different notes (see `Layout`) are no reason either, but if there are reasons,
-    which they may explain, they are listed after these.
+    extended by them. Different notes (see `Layout`) are no reason either, but are listed after the
+    reasons, if there are any, because notes may explain these.
     """
     parts, wanted_parts = _parts(stored.layout), _parts(wanted.layout)
     lines = [
