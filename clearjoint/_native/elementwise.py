@@ -29,8 +29,8 @@ FLOAT_OPERATIONS = {
     **{name: f"f{name}" for name in ("add", "sub", "mul", "div", "neg")},
     "add_any": "fadd",
 }
-"""Operations of single floats to which the rules of these primitives lead. Most equations of a
-program are among them, and are added in half of the time without the rule and its `Symbol`s."""
+"""By the name of a primitive, the operation that its rule adds for single floats. Most equations of
+a program have such an operation, which is added in half of the time without the rule's `Symbol`s."""
 IDENTITIES = ("copy", "stop_gradient", "optimization_barrier")
 """Primitives whose results are their arguments."""
 

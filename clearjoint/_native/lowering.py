@@ -33,7 +33,7 @@ LARGEST_UNROLLED = 48
 """Largest number of elements of an array whose elements are separate values. A larger array is
 processed by loops, which saves code and time of compilation."""
 LONGEST_PACKED = 16
-"""Largest number of tangents in one vector, which takes two of the processor's, of 512 bits."""
+"""Largest number of tangents in one vector, which takes two of the processor's 512-bit vectors."""
 LONGEST_CHOICE = 24
 """Largest number of equations of a branch that is computed even if its result is not needed: a
 jump around a longer one costs less."""

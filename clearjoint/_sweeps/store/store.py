@@ -200,7 +200,7 @@ class SweepStore:
         same lanes along other axes gets the axes of the requested sweep, unless it is read only.
 
         **Raises:** `ValueError` if there is something other than an intact store of this version at
-        the path, or that of another sweep, with the `differences`; `OSError` if the store can't be
+        the path, or another sweep's store, with the `differences`; `OSError` if the store can't be
         created or extended, for example without permission.
         """
         path = Path(path)
