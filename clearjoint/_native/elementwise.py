@@ -30,7 +30,7 @@ FLOAT_OPERATIONS = {
     "add_any": "fadd",
 }
 """By the name of a primitive, the operation that its rule adds for single floats. Most equations of
-a program have such an operation, which is added in half of the time without the rule's `Symbol`s."""
+a program have such an operation. Without the rule's `Symbol`s, it is added in half of the time."""
 IDENTITIES = ("copy", "stop_gradient", "optimization_barrier")
 """Primitives whose results are their arguments."""
 
