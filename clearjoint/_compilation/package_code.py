@@ -73,6 +73,7 @@ def _is_as_before(names: _Namespace, before: _Namespace) -> bool:
     method may override an inherited one, except for names that begin with two underscores, of which
     Python adds some.
     """
+    # The namespace of a module is a dictionary, that of a class a view of one.
     added = () if isinstance(names, dict) else names.keys() - before.keys()
     return all(names.get(name) is value for name, value in before.items()) and all(
         name.startswith("__") for name in added
@@ -80,8 +81,8 @@ def _is_as_before(names: _Namespace, before: _Namespace) -> bool:
 
 
 def _files() -> dict[str, tuple[int, ...]]:
-    """Return size, times of change and inode of each source file, of which one changes if the file
-    is written or replaced. They are compared much faster than the files."""
+    """Return size, times of change and inode of each source file by path. If a file is written or
+    replaced, one of these numbers changes, and they are compared much faster than the files."""
     paths = (
         os.path.join(folder, name)
         for folder, _, names in os.walk(_FOLDER)

@@ -92,7 +92,7 @@ def _nested(value: object) -> object:
 def _named(value: object) -> object:
     """Return module and qualified name of a function or class of a known package.
 
-    **Raises:** `NotPlainError` if that name refers neither to it nor to a wrapper of it.
+    **Raises:** `NotPlainError` if that name refers neither to `value` nor to a wrapper of `value`.
     """
     module, name = str(getattr(value, "__module__", None)), getattr(value, "__qualname__", "")
     member = sys.modules.get(module) if module.split(".")[0] in _KNOWN else None

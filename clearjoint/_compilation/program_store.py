@@ -49,9 +49,10 @@ def cache_in_use() -> Path | None:
 
 
 def prepare_folder(folder: Path) -> str | None:
-    """Make a folder that only its owner may enter, unless it exists.
+    """Make a folder that only its owner may enter, unless it exists, and check that it can be used.
 
-    **Returns:** ``None``, or a message why the folder cannot be used, with the remedy.
+    **Returns:** ``None`` if the folder can be used, or a message why not, with the remedy: it
+    cannot be made, or other users may write to it or exchange it.
 
     **Raises:** `ValueError` if the path is that of a file, or leads through a file.
     """
@@ -91,8 +92,8 @@ def is_private(folder: Path) -> bool:
 
 
 def _exposed(folder: Path) -> Path | None:
-    """Return the folder, or the first one above it, to which other users may write; ``None`` if
-    they may write to none."""
+    """Return the folder, or the first one above it, to which others than the user of this process
+    and the administrator may write; ``None`` if there is no such folder."""
     if not hasattr(os, "getuid"):
         return None
     if not _is_ours(folder.stat()):
@@ -108,7 +109,7 @@ def _exposed(folder: Path) -> Path | None:
 
 
 def _is_ours(status: os.stat_result) -> bool:
-    """Return whether only the user of this process and the administrator may write."""
+    """Return whether only this user and the administrator may write to what has this status."""
     return status.st_uid in (0, os.getuid()) and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
@@ -141,8 +142,8 @@ def _read_private(path: Path) -> bytes | None:
 
 
 class ProgramStore:
-    """Folder with a file for each compiled program, at most `most_bytes` in all. A file has a
-    checksum and the compressed content."""
+    """Folder with a file for each compiled program, at most `most_bytes` bytes in all. A file has a
+    checksum of the key and the content, and the compressed content."""
 
     def __init__(self, folder: Path, most_bytes: int = MOST_BYTES):
         self._folder, self._most_bytes = folder, most_bytes
@@ -151,11 +152,11 @@ class ProgramStore:
         """Return the content that was written under a key; ``None`` if there is none, if it is
         damaged, or if other users may write to it."""
         path = self._path(key)
-        whole = content = b""
+        stored = content = b""
         with system_errors_suppressed(), suppress(zlib.error):
-            whole = _read_private(path) or b""
-            content = zlib.decompress(whole[LONG:])
-        if whole[:LONG] != _checksum(key, content):
+            stored = _read_private(path) or b""
+            content = zlib.decompress(stored[LONG:])
+        if stored[:LONG] != _checksum(key, content):
             return None
         with system_errors_suppressed():
             # Set the time of the last use, which is not possible in a read-only folder.
@@ -172,12 +173,12 @@ class ProgramStore:
         if not is_private(self._folder):
             return
         # Level 1 is the fastest one: a program is written once, while its user waits.
-        whole = _checksum(key, content) + zlib.compress(content, 1)
+        stored = _checksum(key, content) + zlib.compress(content, 1)
         # The file is renamed only when it is complete, so that others never read a part of it.
         handle, name = tempfile.mkstemp(dir=self._folder)
         try:
             with os.fdopen(handle, "wb") as file:
-                file.write(whole)
+                file.write(stored)
             os.replace(name, self._path(key))
         except BaseException:
             Path(name).unlink(missing_ok=True)

@@ -75,7 +75,7 @@ ELEMENTWISE = "elementwise_function"
 
 def elementwise(function: Callable[..., Result], *arguments: PyTree) -> Result:
     """Evaluate a function that works element by element on arrays of one shape, and scalars. For
-    many elements, native code then has one loop, instead of one for each operation."""
+    many elements, native code then has one loop, instead of a loop for each operation."""
 
     def elementwise_function(*arguments: PyTree) -> Result:
         return function(*arguments)
@@ -97,9 +97,9 @@ leaves."""
 class _Program:
     """What is known of a program that JAX is tracing.
 
-    - `shared`: functions that `traced_for_a_kind` has traced for it, or for an earlier program of
-      the same call.
-    - `tangents`: number of parameters by which its variables are differentiated; 0 for none.
+    - `shared`: functions that `traced_for_a_kind` has traced for this program, or for an earlier
+      program of the same call.
+    - `tangents`: number of parameters by which the program differentiates variables; 0 for none.
     """
 
     shared: SharedFunctions
@@ -185,8 +185,8 @@ _shared_by_call: ContextVar[SharedFunctions | None] = ContextVar("call", default
 
 @contextmanager
 def one_call(shared: SharedFunctions | None = None) -> Iterator[None]:
-    """Context of a call of the package that makes several programs. They share the functions that
-    `traced_for_a_kind` traces: to trace them again took a tenth of the time to the first answer for
+    """Context of a call of the package that makes several programs, which share the functions that
+    `traced_for_a_kind` traces: tracing these again took a tenth of the time to the first answer for
     a humanoid with servos. Later calls trace anew, because a global variable that a function reads
     may have changed. Calls that belong together pass the same dictionary `shared`, empty at first.
     """
@@ -209,7 +209,7 @@ def divided(leaves: Sequence[PyTree]) -> tuple[list[PyTree], list[PyTree]]:
 
 
 def joined(leaves: Sequence[PyTree], arrays: Iterable[PyTree]) -> list[PyTree]:
-    """Replace each `ARRAY` by the next array."""
+    """Return the leaves with each `ARRAY` among them replaced by the next of the arrays."""
     remaining = iter(arrays)
     return [next(remaining) if leaf is ARRAY else leaf for leaf in leaves]
 
@@ -272,9 +272,9 @@ def shared_by_many(calls: int, function: Callable[..., Result], *arguments: PyTr
 
 
 def kind_of_leaf(leaf: PyTree) -> tuple[PyTree, ...]:
-    """Return what a program depends on. For an array these are `ARRAY`, shape, dtype, and whether
-    the type is weak (of a Python number, which takes that of the other operand); else type and
-    leaf."""
+    """Return that on which a program depends. For an array these are `ARRAY`, shape, dtype, and
+    whether the type is weak (of a Python number, which takes the type of the other operand); for
+    any other leaf, its type and the leaf itself, a float by its digits."""
     # The attributes of a tracer itself take ten times as long as those of its `aval`.
     array: PyTree = leaf.aval if isinstance(leaf, Tracer) else leaf
     if array is not leaf or _is_array(leaf):
@@ -288,7 +288,7 @@ class Traced(NamedTuple):
 
     - `jaxpr`: the operations of the function.
     - `shapes`: its result, with shapes and dtypes in place of numbers.
-    - `tangents`: number of parameters by which it differentiates; 0 for none.
+    - `tangents`: number of parameters by which the function differentiates; 0 for none.
     """
 
     jaxpr: ClosedJaxpr
@@ -355,7 +355,8 @@ def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Argument
 
 @contextmanager
 def program_is_made_inside() -> Iterator[None]:
-    """Context that ends this thread's time in `seconds_of_compiling`, unless it began before."""
+    """Context at whose end this thread's time in `seconds_of_compiling` ends, unless the time began
+    before the context."""
     thread = threading.get_ident()
     is_inner = thread in _began
     before = _began.setdefault(thread, None)
@@ -453,8 +454,8 @@ class HostFirst(Generic[Arguments, Result]):
         return self._compiled.programs()
 
     def _results(self, call: Callable[[], Result], is_new: bool) -> list[Result]:
-        """Return a list with the result of `call`, empty if NumPy cannot compute it. `is_new`:
-        whether this is the first attempt for arguments of this structure."""
+        """Return a list with the result of `call`; the list is empty if NumPy cannot compute the
+        result. `is_new`: whether this is the first attempt for arguments of this structure."""
         results: list[Result] = []
         with np.errstate(all="ignore"):
             try:

@@ -2,8 +2,8 @@
 
 A program calls a function for each element of a kind, such as the contacts of thirty joints. Up to
 `CALLS_AT_ONCE` calls that do not depend on each other become one call of a function of vectors,
-which have an element for each call. Its operations are those of the original function, so that the
-results have the same bits. For three contacts with the parameters p, q and r::
+which have an element for each call. The operations of this function are those of the original one,
+so that the results have the same bits. For three contacts with the parameters p, q and r::
 
     a = evaluate f(p)           v = build(p, q, r)
     b = evaluate f(q)           w = evaluate f_of_vectors(v)
@@ -24,8 +24,8 @@ results apart costs time. The number is a guess: scenes have functions for four 
 
 
 def join_alike_calls(program: Operations, fixed: Iterable[int] = ()) -> None:
-    """Join the calls in all blocks of a program. Values in the cells `fixed` are not moved to other
-    cells, since the caller of the program writes or reads them."""
+    """Join the calls in all blocks of a program. Values in the cells with the indices `fixed` are
+    not moved to other cells, since the caller of the program writes or reads them."""
     _Joining(program, set(fixed)).join_all()
 
 
@@ -115,8 +115,8 @@ class _Joining:
                 if level_of_calls != level:
                     continue
                 for group in _groups(alike):
-                    *arguments, call = self._call_of_vectors(program.of_vectors[function], group)
-                    new += [*arguments, call]
+                    *vectors, call = self._call_of_vectors(program.of_vectors[function], group)
+                    new += [*vectors, call]
                     places |= {single.out: (call, place) for place, single in enumerate(group)}
             for operation in by_level[level]:
                 if operation.name == "result" and operation.arguments[0] in places:
@@ -142,14 +142,15 @@ class _Joining:
         yield Operation(program.new("results"), "evaluate", tuple(arguments))
 
     def _next_to_each_other(self, values: tuple[Value, ...]) -> int | None:
-        """Move the cells from which values are read next to each other, so that one load reads all
-        of them, and return the first one; ``None`` if any value is not read from a cell that can be
-        moved. Values that are come from outside of a function, as do parameters of elements."""
+        """Move the cells from which `values` are read next to each other, so that one load reads
+        all of them, and return the first cell. If any value is not read from a cell that can be
+        moved, move none and return ``None``. Cells that can be moved hold values from outside of
+        the function that reads them, such as parameters of elements."""
         program = self._program
         if len(values) < CALLS_AT_ONCE or not all(value in self._loads for value in values):
             return None
         cells = [self._loads[value].number for value in values]
-        # A cell that has moved already, is used twice or belongs to an array cannot move. One to
+        # A cell that has moved already, is used twice or belongs to an array cannot move. A cell to
         # which the function writes stays, because a write may stand between the first read and the
         # call: the next call of a function overwrites the results of the one before.
         free = set(cells) - self._fixed - self._written - self._moved.keys()
@@ -160,8 +161,9 @@ class _Joining:
         return start
 
     def _element_for(self, result: Operation, call: Operation, place: int) -> Iterator[Operation]:
-        """Yield the operations that replace `result`, an operation that reads one value of a call:
-        they take the element `place` of a vector that the joined `call` returns."""
+        """Yield the operations that replace `result`, an operation that reads one value of a single
+        call. They take the element with the index `place`, which stands for the single call, of a
+        vector that the joined `call` returns."""
         program, number = self._program, result.arguments[2]
         assert result.out is not None and call.out is not None
         vector = self._vectors.get((call.out, number))

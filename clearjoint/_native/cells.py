@@ -77,7 +77,7 @@ class Cells:
     the bits of these read as a float64. All PyTrees have the structure, shapes, dtypes and static
     leaves of `example`.
 
-    - `size`: number of cells of a PyTree.
+    - `size`: number of cells of a PyTree, and of numbers in a row.
     """
 
     def __init__(self, example: PyTree):

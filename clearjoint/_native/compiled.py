@@ -63,8 +63,8 @@ class Native(Generic[Arguments, Result]):
         return self._result(arguments, self.native.run, lambda result: result)
 
     def in_parts(self, *arguments: PyTree) -> tuple[FlatArguments, ...]:
-        """Return each part of a result that is a tuple, flattened as an argument of another call.
-        In native code, no PyTree is made of a part that is only passed on."""
+        """Return the parts of the result, a tuple, flattened as arguments of other calls. In native
+        code, no PyTree is made of a part that is only passed on."""
         return self._result(
             arguments,
             self.native.run_in_parts,
@@ -79,6 +79,7 @@ class Native(Generic[Arguments, Result]):
     ) -> T:
         if not is_tracing() and is_native():
             flat = FlatArguments.of(arguments)
+            # A program that could not be made is not tried again.
             if not flat.traced and self._refused.recent(flat.key) is None:
                 try:
                     return by_native(flat)
@@ -107,11 +108,11 @@ def over_rows(function: Callable[..., Result], count: ArrayLike, *rows: PyTree) 
     """
     if not is_native():
         return jax.vmap(function)(*rows)
-    call, first = traced_once(function), jax.tree.map(lambda leaf: leaf[0], rows)
+    call, first_rows = traced_once(function), jax.tree.map(lambda leaf: leaf[0], rows)
     length = len(jax.tree.leaves(rows)[0])
     arrays = jax.tree.map(
         lambda of_row: jnp.zeros((length, *of_row.shape), of_row.dtype),
-        jax.eval_shape(call, *first),
+        jax.eval_shape(call, *first_rows),
     )
 
     def add(k: jax.Array, arrays: Result) -> Result:

@@ -97,7 +97,7 @@ def _moved(new: Sequence[Array], old: Sequence[Array]) -> list[tuple[InMemory, I
 def _if_any(
     lower: Lowering, condition: Value, branch: ClosedJaxpr, arguments: Sequence[Array], jumps: bool
 ) -> list[Array]:
-    """Add a branch for the lanes in which its condition holds; in the others, its results are not
+    """Add a branch for the lanes in which its condition holds; in other lanes, its results are not
     used. `jumps`: whether the branch is skipped if its condition holds in no lane."""
     # Without a jump, the branch is executed in all lanes. It must not overwrite its arguments,
     # which the other branch still needs.
@@ -118,7 +118,8 @@ def _if_any(
 
 
 class _DifferentArraysError(Exception):
-    """Raised if two branches give different arrays in memory, and the first one's is not owned."""
+    """Raised if two branches return different arrays in memory in the place of one result, and the
+    array of the branch that was added first is not owned."""
 
 
 def _branch(
@@ -161,7 +162,7 @@ def _branch(
 
 
 def apart(lower: Lowering, arrays: list[Array]) -> list[Array]:
-    """Return arrays of the same numbers, copied where two of them have cells in common."""
+    """Return the arrays, with a copy of each one that has cells in common with another."""
     in_memory = [array for array in arrays if isinstance(array, InMemory)]
     return [
         # Each array in memory overlaps with itself.
@@ -199,8 +200,8 @@ def loop(
     iterate: Callable[[list[Array]], list[Array]],
     uniform: bool = False,
 ) -> list[Array]:
-    """Add a loop to the program, and return its carries (arrays) after the last iteration. They
-    begin as `first`. Arrays in memory stay in their cells.
+    """Add a loop to the program, and return its carries (arrays) after the last iteration. Before
+    the first iteration, the carries are `first`. Arrays in memory stay in their cells.
 
     **Arguments:** `holds`: adds the condition for a further iteration, as a function of the
     carries; `iterate`: adds the loop's body for carries, and returns the next ones; `uniform`:
@@ -286,16 +287,16 @@ def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]
     def iterate(carries: list[Array]) -> list[Array]:
         k = scalar(carries[0])
         row = ops.emit("sub", "i", end, k) if parameters["reverse"] else k
-        items = []
+        rows = []
         for memory in inputs:
             offsets = np.arange(math.prod(memory.shape[1:]))
             first_element = first_of_row(memory, row)
-            items.append(read_block(lower, memory, first_element, offsets, memory.shape[1:]))
+            rows.append(read_block(lower, memory, first_element, offsets, memory.shape[1:]))
             if lower.is_known(memory):
                 # Numbers of a table are the same in all lanes too.
-                for value in lower.values(items[-1]):
+                for value in lower.values(rows[-1]):
                     ops.mark_uniform(value)
-        results = lower.inline(closed, [*consts, *carries[1:], *items])
+        results = lower.inline(closed, [*consts, *carries[1:], *rows])
         for memory, array in zip(outputs, results[carried:], strict=True):
             lower.write(array, memory.start, first_of_row(memory, row))
         return [(Symbol(ops, k) + 1).value, *results[:carried]]

@@ -97,9 +97,9 @@ def _product(a: Symbol, b: Symbol | float) -> tuple[Symbol, Symbol]:
 def _sum(a: Symbol, b: Symbol) -> tuple[Symbol, Symbol]:
     """Return the exact sum a + b as the sum of its rounded value and the rounding error (Knuth)."""
     high = a + b
-    moved = high - a
-    low = a - (high - moved)
-    return high, low + (b - moved)
+    b_in_high = high - a
+    low = a - (high - b_in_high)
+    return high, low + (b - b_in_high)
 
 
 def _bits(a: Symbol) -> Symbol:
@@ -112,6 +112,7 @@ def _of_bits(bits: Symbol) -> Symbol:
 
 def _scaled(a: Symbol, n: Symbol) -> Symbol:
     """Return a 2**n; both a and the result must be normal. Only the last 12 bits of n count."""
+    # The exponent of a double begins at bit 52.
     return _of_bits(_bits(a) + n.emit("shift_left", 52))
 
 
@@ -124,7 +125,8 @@ def _has_bit(a: Symbol, bit: int) -> Symbol:
 
 
 def _sine_and_cosine(angle: Symbol) -> tuple[Symbol, Symbol, Symbol]:
-    """Return sine and cosine of angle - n pi/2, and an integer with the last bits of n."""
+    """Return sine and cosine of angle - n pi/2, with n nearest to angle / (pi/2), and an integer
+    that ends in the bits of n."""
     # `shifted` has n in its last bits, and `minus` is -n as a float.
     shifted = _fma(angle, 2.0 / math.pi, _ROUNDING)
     minus = -(shifted - _ROUNDING)
@@ -133,8 +135,8 @@ def _sine_and_cosine(angle: Symbol) -> tuple[Symbol, Symbol, Symbol]:
     # is computed too (Knuth) and becomes part of the tail.
     first, second = _fma(minus, _HALF_PI[0], angle), minus * _HALF_PI[1]
     x = first + second
-    moved = x - first
-    tail = (first - (x - moved)) + (second - moved)
+    second_in_x = x - first
+    tail = (first - (x - second_in_x)) + (second - second_in_x)
     tail = tail + _fma(minus, _HALF_PI[1], -second)
     tail = _fma(minus, _HALF_PI[2], tail)
     # fdlibm's polynomials on [-pi/4, pi/4], with the tail to first order:
@@ -155,8 +157,8 @@ def _sine_and_cosine(angle: Symbol) -> tuple[Symbol, Symbol, Symbol]:
 
 
 def _with_library(name: str, fits: Symbol, usual: Symbol, *arguments: Symbol) -> Symbol:
-    """Return `usual` where `fits` holds, else the result of the C function `name`, which a program
-    calls only if `fits` is false in some lane."""
+    """Return `usual` where `fits` holds, else the result of the C function `name` of the arguments,
+    which a program calls only if `fits` is false in some lane."""
     ops, beyond = usual.ops, ~fits
     first, *others = arguments
 
@@ -216,16 +218,17 @@ def _logarithm_of(x: Symbol) -> tuple[Symbol, Symbol]:
     twice, twice_low = s + s, s_low + s_low
     high = twice + cubic
     low = (((twice - high) + cubic) + cubic_low) + twice_low
-    # log x = k log(2) + log m. The first product is exact.
-    first = k_float * _LN_2[0]
-    result = first + high
+    # log x = k log(2) + log m. The product of k and the high part of log(2) is exact.
+    k_log_2 = k_float * _LN_2[0]
+    result = k_log_2 + high
     low = _fma(k_float, _LN_2[1], low)
-    return result, ((first - result) + high) + low
+    return result, ((k_log_2 - result) + high) + low
 
 
 def _exponential_of(x: Symbol, x_low: Symbol | float) -> tuple[Symbol, Symbol, Symbol]:
     """Return r, p and an integer that ends in the bits of n: exp(x + x_low) = 2**n (1 + r + p),
-    with n nearest to x/log(2), r the rounded x + x_low - n log(2), and p a small remainder."""
+    with n nearest to x/log(2), r the rounded x + x_low - n log(2), and p = exp(r) - 1 - r plus the
+    rounding error of r."""
     # `shifted` has n in its last bits, and `minus` is -n as a float.
     shifted = x * (1.0 / math.log(2.0)) + _ROUNDING
     minus = -(shifted - _ROUNDING)
@@ -274,9 +277,9 @@ def _tanh(x: Symbol) -> Symbol:
     divisor, rest = _sum(x.like(2.0), high)
     # The remainder of the division corrects the quotient.
     q = high / divisor
-    left = _fma(-q, divisor, high) + low
-    left = _fma(-q, rest + low, left)
-    return (q + left / divisor).emit("copysign", x)
+    remainder = _fma(-q, divisor, high) + low
+    remainder = _fma(-q, rest + low, remainder)
+    return (q + remainder / divisor).emit("copysign", x)
 
 
 def _logarithm(x: Symbol) -> Symbol:
@@ -312,29 +315,30 @@ def _arc_tangent(y: Symbol, x: Symbol) -> Symbol:
     across, along = y.emit("abs"), x.emit("abs")
     steep = across.compare("gt", along)
     small, large = steep.select(along, across), steep.select(across, along)
-    # The angle of (large, small) is that of (divisor, remainder), or from pi/8 on pi/4 more than
-    # it; both as sums of two doubles.
+    # The angle of the point (large, small), at most pi/4, is arctan(top / divisor) with top = small
+    # and divisor = large. Above pi/8 it is pi/4 + arctan(top / divisor), with top = small - large
+    # and divisor = large + small. Both are sums of two doubles, and so is the quotient, q + q_low.
     zero = y.like(0.0)
     above = small.compare("gt", large * _TANGENT_OF_EIGHTH)
-    remainder, remainder_low = _sum(small, above.select(-large, zero))
+    top, top_low = _sum(small, above.select(-large, zero))
     divisor, divisor_low = _sum(large, above.select(small, zero))
-    q = remainder / divisor
-    left = _fma(-q, divisor_low, _fma(-q, divisor, remainder) + remainder_low)
-    q_low = left / divisor
+    q = top / divisor
+    remainder = _fma(-q, divisor_low, _fma(-q, divisor, top) + top_low)
+    q_low = remainder / divisor
     # arctan(q + q_low) = q - q z P(z) + q_low (1 - z + ...), where z = q^2.
     z = q * q
     low = _fma(q_low, y.like(1.0) - z, -(q * (z * _polynomial(z, _ARC_TANGENT))))
-    # The result is a multiple of pi/4 plus or minus that: from 0, pi/4 or, for a steep direction,
-    # pi/2 downwards, and to the left from pi downwards.
+    # The size of the result is a multiple of pi/4, `quarters`, plus or minus this arctangent. A
+    # steep direction is measured from pi/2 downwards, and one to the left from pi downwards.
     left_side = x.compare("lt", 0.0)
     quarters = above.select(y.like(1.0), zero)
     quarters = steep.select(y.like(2.0) - quarters, quarters)
     quarters = left_side.select(y.like(4.0) - quarters, quarters)
     downwards = steep ^ left_side
-    q, low = downwards.select(-q, q), downwards.select(-low, low)
-    whole, whole_low = _product(quarters, _QUARTER_PI[0])
-    high, rest = _sum(whole, q)
-    usual = high + (rest + (low + _fma(quarters, _QUARTER_PI[1], whole_low)))
+    signed_q, signed_low = downwards.select(-q, q), downwards.select(-low, low)
+    multiple, multiple_low = _product(quarters, _QUARTER_PI[0])
+    high, rest = _sum(multiple, signed_q)
+    usual = high + (rest + (signed_low + _fma(quarters, _QUARTER_PI[1], multiple_low)))
     fits = large.compare("le", LARGEST_QUOTIENT) & (
         small.compare("ge", LEAST_QUOTIENT)
         | (small.compare("eq", 0.0) & large.compare("ge", LEAST_QUOTIENT))

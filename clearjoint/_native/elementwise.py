@@ -29,8 +29,8 @@ FLOAT_OPERATIONS = {
     **{name: f"f{name}" for name in ("add", "sub", "mul", "div", "neg")},
     "add_any": "fadd",
 }
-"""Operations of single floats to which the rules of these primitives lead. Most equations of a
-program are among them, and are added in half of the time without the rule and its `Symbol`s."""
+"""By the name of a primitive, the operation that its rule adds for single floats. Most equations of
+a program have such an operation. Without the rule's `Symbol`s, it is added in half of the time."""
 IDENTITIES = ("copy", "stop_gradient", "optimization_barrier")
 """Primitives whose results are their arguments."""
 
@@ -104,15 +104,15 @@ def _multiply(a: Symbol, b: Symbol, dtype: DTypeLike | None = None) -> Symbol:
 
 
 def _divide(a: Symbol, b: Symbol) -> Symbol:
-    """Return the quotient. That of integers is rounded towards zero; by 0 it is -1, as in XLA."""
+    """Return a / b; for integers, rounded towards zero, and -1 if b is 0, as in XLA."""
     return a / b if a.letter == "f" else _whole_division("divide_whole", a, b, a.like(-1), -a)
 
 
 def _whole_division(
     name: str, a: Symbol, b: Symbol, by_zero: Symbol, by_minus_one: Symbol
 ) -> Symbol:
-    """Return the quotient or remainder of integers, with the given results for division by 0 and
-    -1: LLVM leaves division by 0, and of the least integer by -1, undefined."""
+    """Return the quotient or remainder of integers, with the given results if b is 0 or -1: LLVM
+    leaves division by 0, and division of the least integer by -1, undefined."""
     # For these divisors the operation divides by one, and its result is not used.
     is_zero, is_minus_one = b.compare("eq", 0), b.compare("eq", -1)
     quotient = a.emit(name, (is_zero | is_minus_one).select(b.like(1), b))
@@ -143,7 +143,7 @@ def _clamp(low: Symbol, a: Symbol, high: Symbol) -> Symbol:
 
 
 def _polynomial(x: Symbol, *coefficients: Symbol) -> Symbol:
-    """Return a polynomial by Horner's rule, constant first."""
+    """Return a polynomial of x by Horner's rule, from its coefficients, the constant first."""
     total = coefficients[-1]
     for coefficient in coefficients[-2::-1]:
         total = total * x + coefficient
@@ -151,14 +151,14 @@ def _polynomial(x: Symbol, *coefficients: Symbol) -> Symbol:
 
 
 def _remainder(a: Symbol, b: Symbol) -> Symbol:
-    """Return the remainder of the quotient rounded towards zero; that of integers by 0 is `a`."""
+    """Return the remainder a - n b, with n = a/b rounded towards zero; of integers by 0, `a`."""
     if a.letter == "f":
         return a.emit("fmod", b)
     return _whole_division("remainder_whole", a, b, a, a.like(0))
 
 
 def _select(index: Symbol, *cases: Symbol) -> Symbol:
-    """Return the case with an index, a bool or an integer; out of range, the nearest case."""
+    """Return the case with the given index, a bool or an integer clamped to the range of cases."""
     if index.letter == "b":
         return index.select(cases[1], cases[0])
     result = cases[-1]
@@ -168,8 +168,9 @@ def _select(index: Symbol, *cases: Symbol) -> Symbol:
 
 
 def convert(a: Symbol, letter: str) -> Symbol:
-    """Convert a value to the kind with the given letter. A float loses its fraction, or becomes the
-    nearest integer of the range, and NaN zero. An int64 keeps its lower 32 bits as an int32."""
+    """Convert a value to the kind with the given letter. As an integer, a float loses its fraction,
+    a float beyond the integers' range becomes the nearest integer, and NaN zero. An int64 keeps its
+    lower 32 bits as an int32."""
     old = a.letter
     if old == letter:
         return a

@@ -51,11 +51,11 @@ _COMPILES = threading.RLock()
 class NativeProgram:
     """A closed jaxpr as machine code, to be called with arrays.
 
-    - `inputs`: cells of memory for each argument; ``None`` for one that the program does not use.
+    - `inputs`: cells of memory for each argument; ``None`` if the program doesn't use the argument.
     - `outputs`: cells of memory for each result.
 
     **Arguments:** `tangents`: number of tangents, 0 for none. Arrays whose only axis has this
-    length are computed as vectors of the processor.
+    length are computed as vectors of the processor. `stopwatch`: has the times of earlier stages.
 
     **Raises:** `UnsupportedPrimitiveError`, also for an unsupported dtype such as float32.
     """
@@ -164,8 +164,9 @@ def _indices(cells: Iterable[slice]) -> np.ndarray:
 def _joined_cells(
     regions: Sequence[Region | None], sizes: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return, for arrays of some sizes that are joined to one, the cells of their regions and the
-    indices of the elements that belong there, without those of arrays that have no region."""
+    """Return where the elements of arrays of the given sizes, joined to one array, have their place
+    in memory: cells, and the index in the joined array of the element for each cell. Arrays without
+    a region (``None``) have no place."""
     pairs = zip(regions, np.cumsum(sizes).tolist(), strict=True)
     used = [(r.cells, slice(end - r.size, end)) for r, end in pairs if r is not None]
     return _indices(cells for cells, _ in used), _indices(elements for _, elements in used)
@@ -197,7 +198,8 @@ class BoundFunction:
             for k, region in enumerate(program.inputs)
             if region is not None and k not in varied and region.size > LARGEST_UNROLLED
         ]
-        # Cells of the varied arguments that the program uses: in a row, and in memory.
+        # Of the numbers of the varied arguments that the program uses: their cells in memory, and
+        # their indices in a row.
         self._target, self._source = _joined_cells(
             [program.inputs[k] for k in varied], [np.size(flat.arrays[k]) for k in varied]
         )
@@ -279,7 +281,7 @@ class FlatArguments:
 
     - `make`: returns the arguments themselves.
     - `arrays`: the arrays of NumPy and JAX among the leaves.
-    - `traced`: whether JAX traces any of them.
+    - `traced`: whether JAX traces any of the arrays.
     - `key`: equal for arguments that need the same program: structure, shapes and types of the
       arrays, and all other leaves with their types.
     - `parts`: one object for each argument; empty in a part.
@@ -313,13 +315,13 @@ class FlatArguments:
 
     @cached_property
     def arguments(self) -> tuple[PyTree, ...]:
-        """The arguments themselves, made when they are first needed: a program takes only their
-        arrays, also if they are results of another program."""
+        """The arguments themselves, made when they are first needed: a program takes only the
+        arguments' arrays, also if the arguments are results of another program."""
         return self.make()
 
     @property
     def tree(self) -> PyTree:
-        """The argument of a part."""
+        """The single argument itself, if this is a part."""
         (tree,) = self.arguments
         return tree
 
@@ -329,14 +331,14 @@ class FlatArguments:
 
     @property
     def tree_structure(self) -> PyTree:
-        """The structure of the argument of a part, other than a `ConstantFolded`."""
+        """The structure of the single argument, if this is a part that is no `ConstantFolded`."""
         assert isinstance(self.key, _Key)
         return self.key.parts[0]
 
     @cached_property
     def floats(self) -> np.ndarray:
-        """The numbers of all arrays of floats with fewer than `LARGE` elements, joined. For a scene
-        this is done once for all programs of a run."""
+        """The numbers of all arrays of floats with fewer than `LARGE` elements, as one array. For a
+        scene they are joined once for all programs of a run."""
         if self.parts:
             return np.concatenate([part.floats for part in self.parts])
         layout = self._layout
@@ -357,8 +359,8 @@ class FlatArguments:
         return b"".join([self.floats.tobytes(), *others])
 
     def changes(self, earlier: "FlatArguments") -> tuple[bool, ...] | None:
-        """Return for each leaf of a part whether it differs from that of an earlier part with the
-        same key; ``None`` if there are leaves other than small arrays of floats."""
+        """Return for each leaf of a part whether its numbers differ from those in `earlier`, a part
+        with the same key; ``None`` if there are leaves other than small arrays of floats."""
         if not self.all_floats or self._layout.others:
             return None
         ends = np.cumsum([array.size for array in self.arrays])  # pyright: ignore
@@ -492,8 +494,7 @@ class NativeFunction:
         return result(program(flat.arrays, flat.floats))
 
     def run_in_parts(self, flat: FlatArguments) -> tuple[FlatArguments, ...]:
-        """Return each part of a result that is a tuple, flattened as an argument of another
-        call."""
+        """Return the parts of the result, a tuple, flattened as arguments of other calls."""
         program, result = self.program(flat)
         return result.in_parts(program(flat.arrays, flat.floats))
 
@@ -586,8 +587,9 @@ class Result:
         return jax.tree.unflatten(self._structure, joined(self._leaves, arrays))
 
     def in_parts(self, arrays: Sequence[np.ndarray]) -> tuple[FlatArguments, ...]:
-        """Return the parts of a result that is a tuple. Their PyTrees are made only when needed:
-        for thirty joints, making and flattening them was a third of the time of a call."""
+        """Return the parts of a result that is a tuple, as flattened arguments. Their PyTrees are
+        made only when needed: for thirty joints, making and flattening PyTrees was a third of the
+        time of a call."""
         remaining = iter(arrays)
         return tuple(part._flattened(remaining) for part in self._parts)
 

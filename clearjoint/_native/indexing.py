@@ -33,7 +33,8 @@ def _strides(shape: Sequence[int]) -> list[int]:
 
 
 def _offsets(sizes: Sequence[int], strides: Sequence[int]) -> np.ndarray:
-    """Return the offsets of the elements of a block from its first one, in row-major order."""
+    """Return the offsets of a block's elements from its first element, in row-major order. `sizes`
+    are those of the block, and `strides` those of the array along the same axes."""
     indices = np.indices(tuple(sizes)).reshape(len(sizes), math.prod(sizes))
     return np.array(strides, int) @ indices
 
@@ -41,8 +42,8 @@ def _offsets(sizes: Sequence[int], strides: Sequence[int]) -> np.ndarray:
 def _moved_inside(
     lower: Lowering, starts: Sequence[Value], lengths: Sequence[int], sizes: Sequence[int]
 ) -> tuple[list[Symbol], Symbol]:
-    """Return the starts of a block along some axes, moved so that it lies inside of the array, and
-    whether it did so before. `lengths` and `sizes` are those of the array and of the block."""
+    """Return the starts of a block along some axes, moved so that the block lies inside of the
+    array, and whether it did so before. `lengths` are those of the array, `sizes` of the block."""
     inside: list[Symbol] = []
     fits = Symbol(lower.ops, lower.ops.constant("b", True))
     for start, length, size in zip(starts, lengths, sizes, strict=True):
@@ -56,6 +57,7 @@ def _moved_inside(
 def flat_index(
     lower: Lowering, indices: Sequence[Symbol], strides: Sequence[int], first: int = 0
 ) -> Symbol:
+    """Return `first` plus the sum of the indices times their strides."""
     total = Symbol(lower.ops, lower.ops.constant("i", first))
     for index, stride in zip(indices, strides, strict=True):
         total += index * stride
@@ -65,7 +67,8 @@ def flat_index(
 def read_block(
     lower: Lowering, memory: InMemory, first: Value, offsets: np.ndarray, shape: tuple[int, ...]
 ) -> Array:
-    """Return a block that lies wholly inside of the array `memory`, in the given shape."""
+    """Return a block that lies wholly inside of the array `memory`, in the given shape. `first` is
+    the index of the block's first element, and `offsets` are those of its elements from there."""
     ops = lower.ops
     if offsets.size <= LARGEST_UNROLLED:
         return lower.array(_elements(lower, memory, first, offsets), shape)
@@ -89,7 +92,8 @@ def _elements(lower: Lowering, memory: InMemory, first: Value, offsets: np.ndarr
 def _block_of_slice(
     lower: Lowering, shape: tuple[int, ...], sizes: tuple[int, ...], starts: Sequence[Array]
 ) -> tuple[Value, np.ndarray]:
-    """Return the first element and the offsets of a slice, as a block that is moved inside."""
+    """Return a slice of the given sizes, moved inside of the array of the given shape, as a block:
+    the index of its first element, and the offsets of its elements from there."""
     values = [lower.values(start)[0] for start in starts]
     inside, _ = _moved_inside(lower, values, shape, sizes)
     strides = _strides(shape)
@@ -102,6 +106,7 @@ def _dynamic_slice(
     shape = tuple(aval_of(equation.invars[0]).shape)
     sizes = tuple(equation.params["slice_sizes"])
     first, offsets = _block_of_slice(lower, shape, sizes, starts)
+    # At an index that is known while the program is built, the elements are known values.
     number = lower.ops.number(first)
     if number is not None:
         return [lower.take(array, (offsets + int(number)).reshape(sizes))]
@@ -185,16 +190,17 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
     read = _block_reader(lower, memory, shape, offsets)
 
     def visit(k: Value) -> None:
-        row, first = (Symbol(ops, k) * size for size in (depth, offsets.size))
+        # Where the k-th row of indices begins, and the number of the k-th block's first element.
+        row, first_element = (Symbol(ops, k) * size for size in (depth, offsets.size))
         starts = [ops.load(table.kind, table.start + j, row.value) for j in range(depth)]
         if lower.is_known(table):
             for start in starts:
                 ops.mark_uniform(start)
         for j, value in enumerate(block_at(starts, read)):
             if places is None:
-                ops.store(value, result.start + j, first.value)
+                ops.store(value, result.start + j, first_element.value)
             else:
-                place = ops.load(places.kind, places.start + j, first.value)
+                place = ops.load(places.kind, places.start + j, first_element.value)
                 ops.mark_uniform(place)
                 ops.store(value, result.start, place)
 
@@ -297,7 +303,7 @@ def _scatter(
 
 
 def _combination(lower: Lowering, equation: Equation, name: str) -> Callable[[Value, Value], Value]:
-    """Return the function of an element and an update whose result replaces the element."""
+    """Return the function of an element and an update that gives the new element (`_scatter`)."""
     if name:
         return lower.operation(name, aval_of(equation.invars[0]))
     # "scatter" has a jaxpr that returns the update or, for `x.at[k].apply`, a function of the

@@ -63,13 +63,13 @@ class AbstractLaneLoop(abc.ABC):
         """
 
     def write_lane(self, columns: Memory, lane: int, own: np.ndarray, state: np.ndarray) -> None:
-        """Put a lane into a column, from the rows (see `Cells`) of its data and its state."""
+        """Put a lane into the column `lane`, from the rows (see `Cells`) of its data and state."""
         columns.floats[self.own_cells, lane] = own
         columns.floats[self.state_cells, lane] = state
         columns.integers[self.occupied, lane] = 1
 
     def leave(self, columns: Memory, lane: int) -> None:
-        """Mark a column as not occupied."""
+        """Mark the column `lane` as not occupied."""
         columns.integers[self.occupied, lane] = 0
 
     def status_of(self, columns: Memory) -> dict[str, np.ndarray]:
@@ -87,7 +87,7 @@ class LaneLoop(AbstractLaneLoop):
     **Arguments:**
 
     - `step`: function of `shared`, `own` and `state` that returns the state after a step.
-    - `status`: function of the same that returns scalars by name, among them "moves".
+    - `status`: function of the same three that returns scalars by name, among them "moves".
     - `shared`: data of all lanes.
     - `own`, `state`: constant data and state of one lane. Of the arrays in `shared`, `own` and
       `state`, only shapes and dtypes are used; all other leaves become part of the program.
@@ -116,11 +116,14 @@ class LaneLoop(AbstractLaneLoop):
         ops = lowering.ops
         regions = [lowering.region(aval_of(v)) for v in steps.jaxpr.invars]
         arguments = [lowering.argument(region) for region in regions]
-        # `ends` divides the regions and arguments into those of `shared`, `own` and `state`.
-        ends = np.cumsum([0, *(len(jax.tree.leaves(tree)) for tree in arrays)]).tolist()
-        parts = [regions[a:b] for a, b in zip(ends, ends[1:], strict=False)]
+        counts = [len(jax.tree.leaves(tree)) for tree in arrays]
+        ends = np.cumsum([0, *counts]).tolist()
+        shared_regions, own_regions, state_regions = (
+            regions[begin:end] for begin, end in zip(ends, ends[1:], strict=False)
+        )
+        start_of_state = ends[2]
         # Each step reads `shared` and `own`, so no step may overwrite them.
-        fixed = [borrowed(array) for array in arguments[: ends[2]]]
+        fixed = [borrowed(array) for array in arguments[:start_of_state]]
 
         # Two further cells tell the loop which columns are occupied, and when it must return.
         self.occupied, self._limit = ops.allocate(1), ops.allocate(1)
@@ -143,21 +146,22 @@ class LaneLoop(AbstractLaneLoop):
             following = (Symbol(ops, scalar(carries[0])) + 1).value
             return [following, *lowering.inline(steps, [*fixed, *carries[1:]])]
 
-        first: list[Array] = [ops.constant("i", 0), *arguments[ends[2] :]]
-        count, *after = loop(lowering, first, holds, iterate, uniform=True)
+        first_carries: list[Array] = [ops.constant("i", 0), *arguments[start_of_state:]]
+        count, *after = loop(lowering, first_carries, holds, iterate, uniform=True)
 
         # The next call goes on with these states. Arrays that the loop has updated in place are in
         # their cells already.
-        for array, region in zip(after, parts[2], strict=True):
+        for array, region in zip(after, state_regions, strict=True):
             if not (isinstance(array, InMemory) and array.start == region.start):
                 lowering.write(array, region.start)
         outputs = zip(names, status_values(after), checks.jaxpr.outvars, strict=True)
         self.status = {name: lowering.stored(array, aval_of(v)) for name, array, v in outputs}
         stopwatch.end("lowering")
         self.code = Code(lowering, stopwatch, scalar(count))
-        self._shared = parts[0]
+        self._shared = shared_regions
         self.own_cells, self.state_cells = (
-            slice(part[0].start, part[-1].cells.stop) if part else slice(0, 0) for part in parts[1:]
+            slice(part[0].start, part[-1].cells.stop) if part else slice(0, 0)
+            for part in (own_regions, state_regions)
         )
 
     @override
@@ -204,7 +208,7 @@ def _traced(
     static: tuple[PyTree, PyTree, PyTree],
 ) -> tuple[list[str], core.ClosedJaxpr, core.ClosedJaxpr]:
     """Return the names of the scalars of `status`, and the jaxprs of `step` and `status` as
-    functions of the leaves of `arrays`."""
+    functions of `arrays`, those of `shared`, `own` and `state`. `static` has the other leaves."""
     names: list[str] = []
 
     def arrays_after(*trees: PyTree) -> list[PyTree]:

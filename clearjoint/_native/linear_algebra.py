@@ -28,7 +28,7 @@ def _counted(lower: Lowering, begin: Symbol, end: Symbol, visit: Callable[[Symbo
 
 
 def _sum(lower: Lowering, first: Symbol, begin: Symbol, end: Symbol, term: Term) -> Symbol:
-    """Return `first` plus the terms at the indices from `begin` to `end` - 1."""
+    """Return `first` plus the results of `term` for the indices from `begin` to `end` - 1."""
     ops = lower.ops
 
     def add(k: Value, totals: list[Value]) -> list[Value]:
@@ -43,7 +43,7 @@ def _read(lower: Lowering, memory: InMemory, index: Symbol) -> Symbol:
 
 
 def _known(lower: Lowering, table: InMemory, index: Symbol) -> Symbol:
-    """Return an integer from a table, which is the same in all lanes if the index is."""
+    """Return the integer with an index in a table. It is the same in all lanes, as the index is."""
     number = _read(lower, table, index)
     lower.ops.mark_uniform(number.value)
     return number
@@ -67,14 +67,15 @@ def large_product(lower: Lowering, equation: Equation, *factors: Array) -> list[
         rows = indices.reshape(count, -1, length)
         starts.append(rows[:, :, 0])
         steps.append(lower.table(rows[0, 0] - rows[0, 0, 0]))
-    # For each element of the result, the first elements of both rows.
+    # For each element of the result, with the axes (batch, other axes of the first factor, other
+    # axes of the second), the indices of the first elements of both rows.
     pairs = np.broadcast_arrays(starts[0][:, :, None], starts[1][:, None, :])
-    firsts = [lower.table(numbers) for numbers in pairs]
+    tables_of_starts = [lower.table(numbers) for numbers in pairs]
     result = lower.new_array(tuple(out.shape), kind_of(out))
     zero = Symbol(lower.ops, lower.ops.constant(result.kind, 0))
 
     def visit(n: Symbol) -> None:
-        begins = [_known(lower, first, n) for first in firsts]
+        begins = [_known(lower, table, n) for table in tables_of_starts]
 
         def term(k: Symbol) -> Symbol:
             # `preferred_element_type` may be wider than the arguments, which are converted first.
@@ -82,8 +83,8 @@ def large_product(lower: Lowering, equation: Equation, *factors: Array) -> list[
                 convert(_read(lower, memory, begin + _known(lower, step, k)), result.kind)
                 for memory, begin, step in zip(memories, begins, steps, strict=True)
             )
-            first, second = values
-            return first * second
+            a, b = values
+            return a * b
 
         total = _sum(lower, zero, _index(lower, 0), _index(lower, steps[0].size), term)
         lower.ops.store(total.value, result.start, n.value)
@@ -132,29 +133,29 @@ def _cholesky(lower: Lowering, equation: Equation, matrix: Array) -> list[Array]
 def _triangular_solve(
     lower: Lowering, equation: Equation, matrix: Array, right: Array
 ) -> list[Array]:
-    """Return the solution X of A X = B, or X A = B, for triangular matrices A, by substitution (see
-    `jax.lax.linalg.triangular_solve`)."""
+    """Return the solution X of A X = B, or X A = B, by substitution, for triangular matrices A,
+    `matrix`, and B, `right` (see `jax.lax.linalg.triangular_solve`)."""
     parameters, ops = equation.params, lower.ops
     shapes = [tuple(aval_of(atom).shape) for atom in equation.invars]
     pairs = zip((matrix, right), shapes, strict=True)
     a, b = (lower.in_memory(array, shape) for array, shape in pairs)
-    x, n, left = lower.copied(b), shapes[0][-1], parameters["left_side"]
+    x, n, on_left = lower.copied(b), shapes[0][-1], parameters["left_side"]
     # X A = B is A^T X^T = B^T, so that A is transposed once more if it stands on the right. There
     # are `columns` systems of n equations for each matrix. Successive unknowns of a system are
     # `step` cells from each other, and the first unknowns of successive systems `apart`.
-    transposed = parameters["transpose_a"] == left
+    transposed = parameters["transpose_a"] == on_left
     forward = parameters["lower"] != transposed
-    columns = shapes[1][-1] if left else shapes[1][-2]
-    step, apart = (columns, 1) if left else (1, n)
+    columns = shapes[1][-1] if on_left else shapes[1][-2]
+    step, apart = (columns, 1) if on_left else (1, n)
     zero, count = _index(lower, 0), _index(lower, n)
 
     def solve(number: Symbol) -> None:
         # Systems are counted matrix by matrix: `block` is the number of the matrix, `column` that
-        # of the right side. `top` and `first` are the indices of the first number of the matrix in
-        # `a`, and of the first unknown in `x`.
+        # of the right side. `top` is the index of the matrix's first number in `a`, and
+        # `first_unknown` the index of the system's first unknown in `x`.
         column = number.emit("remainder_whole", columns)
         block = (number - column).emit("divide_whole", columns)
-        top, first = block * (n * n), block * (n * columns) + column * apart
+        top, first_unknown = block * (n * n), block * (n * columns) + column * apart
 
         def coefficient(i: Symbol, k: Symbol) -> Symbol:
             return _read(lower, a, top + (k * n + i if transposed else i * n + k))
@@ -164,12 +165,12 @@ def _triangular_solve(
             # the last. `solved` is the range of those that are known already.
             i = turn if forward else count - 1 - turn
             solved = (zero, i) if forward else (i + 1, count)
-            place = first + i * step
+            place = first_unknown + i * step
             rest = _sum(
                 lower,
                 _read(lower, x, place),
                 *solved,
-                lambda k: -(coefficient(i, k) * _read(lower, x, first + k * step)),
+                lambda k: -(coefficient(i, k) * _read(lower, x, first_unknown + k * step)),
             )
             if not parameters["unit_diagonal"]:
                 rest = rest / coefficient(i, i)

@@ -140,12 +140,13 @@ class _Writer:
             self._begin(number, returned)
             self._write(block)
             if results:
-                together = "undef"
+                # A function returns several results as one structure.
+                structure = "undef"
                 for k, value in enumerate(results):
-                    together = self._add(
-                        f"insertvalue {returned} {together}, {self._typed(value)}, {k}"
+                    structure = self._add(
+                        f"insertvalue {returned} {structure}, {self._typed(value)}, {k}"
                     )
-                self._lines.append(f"ret {returned} {together}")
+                self._lines.append(f"ret {returned} {structure}")
             elif not is_program:
                 self._lines.append("ret void")
             elif result is None:
@@ -180,7 +181,8 @@ class _Writer:
     # Which operations are needed, and which products are fused.
 
     def _results(self, function: int) -> list[Value]:
-        """Return the results of a pure function that any call needs; ``[]`` for other functions."""
+        """Return the results of a pure function that any call needs; ``[]`` for other functions,
+        which return nothing."""
         needed = sorted(self._needed_results.get(function, ()))
         return [self._program.signatures[function][1][k] for k in needed]
 
@@ -191,7 +193,7 @@ class _Writer:
         return any(effects)
 
     def _mark_entry(self, entry: Entry) -> bool:
-        """Count the uses of values in an entry if it is needed, and add it to `_live`. Later
+        """Count the uses of values in an entry if the entry is needed, and add it to `_live`. Later
         entries must have been marked before.
 
         The result is whether the entry has an effect other than its values: an operation without a
@@ -231,9 +233,9 @@ class _Writer:
         return not isinstance(entry, Operation) or entry.out is None
 
     def _fuse(self, block: Block) -> None:
-        """Find products whose only use is in a sum or difference of the same block: in an inner
-        block, a loop would compute the product in each iteration. If both terms of a sum are such
-        products, only the first one is fused with the sum."""
+        """Find products whose only use is in a sum or difference of the same block. A product that
+        is used in an inner block is not fused: a loop would compute it in each iteration. If both
+        terms of a sum are such products, only the first one is fused with the sum."""
         # Products that have been passed on the way and are not fused yet, with their factors.
         candidates: dict[Value, tuple[Value, ...]] = {}
         for entry in block:
@@ -367,14 +369,14 @@ class _Writer:
         return ordered
 
     def _needed(self, entry: Operation) -> tuple[Value, ...]:
-        """Return the values that an operation uses, with its factors for each fused product."""
+        """Return the values that an operation uses, with a fused product's factors in its place."""
         if self._products.keys().isdisjoint(entry.arguments):
             return entry.arguments
         groups = (self._products.get(value, (value,)) for value in entry.arguments)
         return tuple(value for group in groups for value in group)
 
     def _written(self, entry: Operation) -> Word | None:
-        """Write an operation and return its result, meaningless if it has none."""
+        """Write an operation and return its result; ``None`` if it has none."""
         name, arguments, add = entry.name, entry.arguments, self._add
         if name == "load":
             return self._load(entry)
@@ -389,10 +391,11 @@ class _Writer:
             passed = ", ".join(["ptr %memory", *map(self._typed, values)])
             return add(f"call {self._returned[function]} @f{function}({passed})")
         if name == "result":
-            together, *place = arguments
+            structure, *place = arguments
             number, k = (int(self._program.constants[value]) for value in place)
+            # The structure has only those results that any call needs.
             index = sorted(self._needed_results[number]).index(k)
-            return add(f"extractvalue {self._returned[number]} {self._value(together)}, {index}")
+            return add(f"extractvalue {self._returned[number]} {self._value(structure)}, {index}")
         assert entry.out is not None
         form = self._type_of(entry.out)
         if entry.out in self._fused:
@@ -402,15 +405,15 @@ class _Writer:
             return add(f"{_INSTRUCTIONS[name]} {self._typed(a)}, {self._value(b)}")
         if name in _INTRINSICS:
             return self._intrinsic(_INTRINSICS[name], form, map(self._value, arguments))
-        first, words = self._typed(arguments[0]), [self._value(value) for value in arguments]
+        operand, words = self._typed(arguments[0]), [self._value(value) for value in arguments]
         if name == "fneg":
-            return add(f"fneg {first}")
+            return add(f"fneg {operand}")
         if name == "not":
-            return add(f"xor {first}, {_constant(form, -1)}")
+            return add(f"xor {operand}, {_constant(form, -1)}")
         if name == "select":
             return add(f"select {', '.join(map(self._typed, arguments))}")
         if name in _CONVERSIONS:
-            return add(f"{_CONVERSIONS[name]} {first} to {form}")
+            return add(f"{_CONVERSIONS[name]} {operand} to {form}")
         if name == "float_to_int":
             # Saturating: numbers out of range become the nearest integer, and NaN zero, whereas
             # the result of LLVM's plain instruction is undefined for them.
@@ -496,8 +499,8 @@ class _Writer:
         return self._call(f"llvm.vector.reduce.or.{_mangled(form)}", "i1", [(form, word)])
 
     def _pointer(self, start: int, index: Value | None, lane: int = 0) -> Word:
-        """Return the address of a lane's number in the cell `start`, plus `index` if given. For
-        lane 0 it is that of the whole cell."""
+        """Return the address of a lane's number in the cell `start`, or `start` + `index`. The
+        address for lane 0 is that of the whole cell."""
         offset: Word = str(start * self._width + lane)
         if index is not None:
             word = self._value(index)
@@ -515,7 +518,7 @@ class _Writer:
         return self._type(("f" if kind[0] == "f" else "i") + kind[1:])
 
     def _load(self, entry: Operation) -> Word:
-        """Read a cell, or if lanes may have different indices, one for each lane."""
+        """Read a cell or, if lanes may have different indices, a cell for each lane."""
         assert entry.out is not None
         kind, index = self._program.kinds[entry.out], next(iter(entry.arguments), None)
         cell = self._form_in_memory(kind)
@@ -537,8 +540,8 @@ class _Writer:
         return content
 
     def _store(self, entry: Operation) -> None:
-        """Write a cell, or if lanes may have different indices, one for each lane."""
-        value, index = (*entry.arguments, None)[:2]  # without an index, the only cell
+        """Write a cell or, if lanes may have different indices, a cell for each lane."""
+        value, index = (*entry.arguments, None)[:2]  # `None` if the operation has no index
         assert value is not None
         kind, content = self._program.kinds[value], self._value(value)
         cell = self._form_in_memory(kind)
@@ -556,7 +559,8 @@ class _Writer:
             self._lines.append(f"store {element} {word}, ptr {pointer}, align 8")
 
     def _write_branch(self, entry: Branch) -> None:
-        """Write a jump to the block `yes` if any element of the condition holds, else to `no`."""
+        """Write the blocks `yes` and `no`, and the jump to `yes` if the condition holds in any of
+        its elements, else to `no`."""
         yes, no, end = self._label(), self._label(), self._label()
         condition = self._holds_in_any(entry.condition)
         self._lines.append(f"br i1 {condition}, label %{yes}, label %{no}")
@@ -616,7 +620,7 @@ def _constant(form: Form, number: Number) -> Word:
 
 
 def _mangled(form: Form) -> str:
-    """Return the type as in names of intrinsics, such as "v4f64" in "llvm.sqrt.v4f64"."""
+    """Return a type as names of intrinsics have it, such as "v4f64" in "llvm.sqrt.v4f64"."""
     base, count = _parts(form)
     name = "f64" if base == "double" else base
     return f"v{count}{name}" if count else name

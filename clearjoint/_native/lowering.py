@@ -33,7 +33,7 @@ LARGEST_UNROLLED = 48
 """Largest number of elements of an array whose elements are separate values. A larger array is
 processed by loops, which saves code and time of compilation."""
 LONGEST_PACKED = 16
-"""Largest number of tangents in one vector, which takes two of the processor's, of 512 bits."""
+"""Largest number of tangents in one vector, which takes two of the processor's 512-bit vectors."""
 LONGEST_CHOICE = 24
 """Largest number of equations of a branch that is computed even if its result is not needed: a
 jump around a longer one costs less."""
@@ -154,7 +154,7 @@ def count_equations(jaxpr: core.Jaxpr) -> int:
 @dataclass
 class RepeatedCall:
     """Several equations that call the same jaxpr. For each argument, `shared` tells whether it is
-    the same in all calls. `function` is ``None`` until the first call is lowered."""
+    the same in all calls. `function` computes the jaxpr; ``None`` until a call is lowered."""
 
     shared: list[bool]
     function: "Function | None" = None
@@ -221,7 +221,7 @@ def _are_equal(atoms: Sequence[Atom]) -> bool:
 
 
 def _parameter_of(equation: Equation) -> object:
-    """Return the parameter of an elementwise primitive on which its result depends, if any."""
+    """Return an elementwise primitive's parameter that affects the result; ``None`` without one."""
     name = equation.primitive.name
     return equation.params.get(PARAMETERS[name]) if name in PARAMETERS else None
 
@@ -238,10 +238,10 @@ def _float_operation(equation: Equation) -> str | None:
 class Survey:
     """Properties of a jaxpr, found once, although it may be inlined at hundreds of places.
 
-    - `operations`: for each equation, its name in `FLOAT_OPERATIONS` if it is one of single floats.
-    - `last_reads`: for each variable, the index of the last equation that reads it, which may
-      overwrite it.
-    - `has_repeated_calls`: whether it has `repeated_calls`.
+    - `operations`: for each equation, the operation of `FLOAT_OPERATIONS`, or ``None``.
+    - `last_reads`: for each variable, the index of the last equation that reads the variable, and
+      may overwrite it; the number of equations for a result of the jaxpr.
+    - `has_repeated_calls`: whether the jaxpr has `repeated_calls`.
     """
 
     operations: list[str | None]
@@ -287,11 +287,11 @@ class Lowering:
     # Forms of arrays.
 
     def region(self, aval: ShapedArray) -> Region:
-        """Reserve the cells of an array."""
+        """Reserve cells for an array and return them as a region."""
         return Region.of(aval, self.ops.allocate(aval.size))
 
     def argument(self, region: Region) -> Array:
-        """Return the array that the program finds in a region, and may overwrite."""
+        """Return the array that a caller writes to a region, and that the program may overwrite."""
         return self.in_usual_form(InMemory(region.start, region.shape, kind_of(region), owned=True))
 
     def constant(self, array: ArrayLike) -> Array:
@@ -349,16 +349,16 @@ class Lowering:
         return self.ops.pack(values * (self.ops.tangents if len(values) == 1 else 1))
 
     def in_usual_form(self, memory: InMemory) -> Array:
-        """Return the array itself, or its values if it is short enough to be unrolled."""
+        """Return the array, or its values if it has at most `LARGEST_UNROLLED` elements."""
         return memory if memory.size > LARGEST_UNROLLED else self.read(memory)
 
     def read(self, memory: InMemory) -> Array:
-        """Load each element of an array, which must be short enough to be unrolled."""
+        """Load each element of an array, which must have at most `LARGEST_UNROLLED`."""
         return self.array(self.values(memory), memory.shape)
 
     def write(self, array: Array, start: int, index: Value | None = None) -> None:
-        """Write an array to the cells from `start`, or `start` + `index`, on. The array's own
-        cells, if it is in memory, must not overlap with these: it is copied element by element."""
+        """Write an array to the cells from `start`, or `start` + `index`, on. Cells of an array in
+        memory must not overlap with these, since it is copied element by element."""
         ops = self.ops
         if not isinstance(array, InMemory):
             for k, value in enumerate(self.values(array)):
@@ -393,8 +393,8 @@ class Lowering:
         return copy
 
     def flatten(self, arrays: Sequence[Array]) -> list[Value]:
-        """Return the values of arrays in one list, as branches, loops and functions exchange them.
-        A vector of tangents is one value; arrays in memory have none."""
+        """Return the values of arrays in one list, the form in which branches, loops and functions
+        exchange them. A vector of tangents is one value; arrays in memory have no values."""
         flat: list[Value] = []
         for array in arrays:
             if isinstance(array, Packed):
@@ -404,7 +404,8 @@ class Lowering:
         return flat
 
     def unflatten(self, values: Sequence[Value], like: Sequence[Array]) -> list[Array]:
-        """Return arrays of the forms of `like` with other values. Those in memory are unchanged."""
+        """Return the arrays `like` with the given values, in the order of `flatten`, in place of
+        theirs; arrays in memory are returned unchanged."""
         remaining = iter(values)
         arrays: list[Array] = []
         for array in like:
@@ -420,7 +421,7 @@ class Lowering:
         return arrays
 
     def take(self, array: Array, indices: np.ndarray) -> Array:
-        """Return the elements of an array at row-major `indices`, in the shape of these. If the
+        """Return the elements of an array at row-major `indices`, in the shape of `indices`. If the
         array is in memory, the result may share its cells."""
         shape, flat, ops = indices.shape, indices.ravel(), self.ops
         if isinstance(array, InMemory) and is_contiguous(flat):
@@ -455,9 +456,10 @@ class Lowering:
     ) -> InMemory:
         """Add a loop over the elements of arrays, and return the array of its results.
 
-        **Arguments:** `rule`: adds the operations for one element of each argument; `arguments`:
-        arrays of the given shape, and scalars; `by_vectors`: whether `rule` also takes vectors, so
-        that a program with tangents computes several elements at once.
+        **Arguments:** `rule`: adds the operations for one element of each argument, with a result
+        of the given kind; `arguments`: arrays of the given shape, and scalars; `by_vectors`:
+        whether `rule` also takes vectors, so that a program with tangents computes several elements
+        at once.
         """
         ops = self.ops
         out = self.new_array(shape, kind)
@@ -487,7 +489,8 @@ class Lowering:
         return out
 
     def _by_one_loop(self, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
-        """Add a loop for each result of a jaxpr of `elementwise`, or of a derivative of one."""
+        """Add a loop for each result of a jaxpr that `elementwise` has made, or of a derivative of
+        such a jaxpr. If its equations do not allow this, add each equation on its own."""
         results: list[Array] = []
         for out in closed.jaxpr.outvars:
             # The derivatives of a linear function do not need its values, which have another shape.
@@ -508,7 +511,7 @@ class Lowering:
         return results
 
     def _element(self, jaxpr: core.Jaxpr, *values: Value) -> Value:
-        """Add the equations of a jaxpr for one element, or one vector, of each argument."""
+        """Add a jaxpr for one element, or one vector, of each argument, and return its result."""
         arrays: dict[Atom, Array] = dict(zip(jaxpr.invars, values, strict=True))
         are_vectors = any(self.ops.kinds[value].endswith("p") for value in values)
         for equation in jaxpr.eqns:
@@ -628,7 +631,7 @@ class Lowering:
     def _call(
         self, repeated: RepeatedCall, closed: core.ClosedJaxpr, arguments: list[Array]
     ) -> list[Array]:
-        """Add a call of the function for a jaxpr, and at the first call the function itself.
+        """Add a call of the function for the jaxpr `closed`, and with the first call the function.
 
         Functions keep programs short, since LLVM's time for a block grows faster than its length:
         each Runge-Kutta stage computes the rates by the same large jaxpr.
@@ -683,8 +686,8 @@ class Lowering:
 
     def _call_shared(self, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
         """Add a call of the function for a jaxpr that many places share, and at the first call the
-        function itself. Unlike that of `_call`, it uses no values from outside but its arguments
-        and constants, so that it can be called from any block."""
+        function itself. Unlike the function of `_call`, this one uses no values from outside but
+        its arguments and constants, so that it can be called from any block."""
         ops = self.ops
         if any(isinstance(array, InMemory) for array in arguments):
             return self.inline(closed, arguments)
@@ -704,8 +707,8 @@ class Lowering:
     def _shared_function(
         self, add: Callable[[list[Array]], list[Array]], like: list[Array], kinds: list[str]
     ) -> PureFunction:
-        """Add a function that can be called from any block. `add` adds its operations, and returns
-        its results, for arguments of the forms of `like`, whose values have the given kinds."""
+        """Add a function that can be called from any block. `add` adds the function's operations,
+        and returns its results, for arguments like `like`, whose values have the given kinds."""
 
         def build(
             results: list[Array], computed: list[Value], parameters: list[Value]

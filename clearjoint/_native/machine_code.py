@@ -93,7 +93,7 @@ class Stopwatch:
         self._last = time.thread_time()
 
     def end(self, stage: str) -> None:
-        """Record the time since the last call, or since the start, as that of a stage."""
+        """Record the time since the last call of `end`, or since the start, as that of `stage`."""
         now = time.thread_time()
         self.seconds[stage] = now - self._last
         self._last = now
@@ -106,9 +106,10 @@ class Code:
     when it is first run. It is compiled quickly, and optimised once it has run for long, unless
     the optimised code is on disk.
 
-    - `seconds`: processor time, s, of each stage.
+    - `seconds`: processor time, s, of each stage of making the code, by name.
 
-    **Arguments:** `result`: value of the program, an int64, that `run` returns for the first lane.
+    **Arguments:** `result`: value of the program, an int64, that `run` returns for the first lane;
+    `stopwatch`: has the times of earlier stages.
 
     **Raises:** `UnsupportedPrimitiveError` if LLVM rejects the program.
     """
@@ -151,7 +152,7 @@ class Code:
         return memory
 
     def run(self, memory: Memory) -> int:
-        """Execute the program, and return the number of `result`, or 0 without one."""
+        """Execute the program, and return the number of its value `result`, or 0 without one."""
         engine, function = self._loaded  # The engine owns the code; it must live during the call.
         began = time.perf_counter()
         number = function(memory.address)
@@ -290,7 +291,7 @@ def load_or_make(
 
 
 def load(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> object:
-    """Load the program that `load_or_make` has saved; ``None`` if none can be read."""
+    """Load the program that `load_or_make` has saved; ``None`` if no saved one can be read."""
     return _read_program(_place(function, arguments))
 
 

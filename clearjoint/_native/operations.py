@@ -147,8 +147,8 @@ class Operations:
       in `functions`.
     - `without_memory`: indices of the pure functions that, with all that they call, neither read
       nor write memory, so that calls may be joined or moved.
-    - `of_vectors`: by the index of a pure function, that of the function that computes several of
-      its calls at once (see `.alike_calls`).
+    - `of_vectors`: by the index of a pure function, the index of the function that computes several
+      of its calls at once (see `.alike_calls`).
     - `tangents`: number of tangents, 0 for none.
     - `padded_tangents`: number of elements of a vector of tangents, and of its cells: `tangents`
       rounded up to a power of two, as the processor's vectors. The last tangent fills it up.
@@ -194,7 +194,7 @@ class Operations:
         self._mask: Value | None = None
 
     def new(self, kind: str, depth: int | None = None) -> Value:
-        """Return a new value inside of `depth` functions, by default all that are being built."""
+        """Return a new value in `depth` nested functions, by default all that are being built."""
         depth = len(self._outside) if depth is None else depth
         self.kinds.append(kind)
         value = len(self.kinds) - 1
@@ -229,7 +229,7 @@ class Operations:
         self._uniform.add(value)
 
     def emit(self, name: str, kind: str, *arguments: Value) -> Value:
-        """Return the result of the pure operation `name`, which is added if necessary."""
+        """Return the result, of the given kind, of a pure operation, which is added if needed."""
         simpler = self._simplified(name, kind, arguments)
         if simpler is not None:
             return simpler
@@ -240,7 +240,8 @@ class Operations:
             block, scope, depth = self.block, -1, len(self._outside)
             if depth:
                 # In a function, an operation on values from outside is moved outside, so that all
-                # calls share its result.
+                # calls share its result. The block inside of `depth` functions is the one around
+                # the next function.
                 depth = max(self._depths.get(value, 0) for value in arguments)
                 if depth < len(self._outside):
                     block, scope = self._outside[depth]
@@ -317,7 +318,7 @@ class Operations:
         return None
 
     def repeated_number(self, value: Value) -> Number | None:
-        """Return the known number of a value, or of all elements of a vector."""
+        """Return the known number of a value, or of all elements of a vector, else ``None``."""
         # A vector with equal elements is made from one value by the operation "splat".
         element = self._operand_of("splat", value)
         return self.constants.get(value if element is None else element)
@@ -333,8 +334,8 @@ class Operations:
         )
 
     def _operand_of(self, name: str, value: Value) -> Value | None:
-        """Return the first argument of the operation `name` if this computed a value, else
-        ``None``."""
+        """Return the first argument of the operation that computed `value`, if it is an operation
+        `name`, else ``None``."""
         definition, arguments = self._definitions.get(value, ("", ()))
         return arguments[0] if definition == name else None
 
@@ -364,8 +365,8 @@ class Operations:
 
     @contextmanager
     def inside(self, block: Block) -> Iterator[Block]:
-        """Add entries to `block` within the context. Their values are not reused after it, because
-        the program may not have executed the block."""
+        """Add entries to `block` within the context. The entries' values are not reused after the
+        context, because the program may not have executed the block."""
         outer, self.block = self.block, block
         self._scopes.append([])
         try:
@@ -388,16 +389,16 @@ class Operations:
         return range(self._starts[after - 1], end)
 
     def load(self, kind: str, start: int, index: Value | None = None) -> Value:
-        """Add the read of the cell `start`, or `start` + `index`. A vector is read from there
-        on."""
+        """Add the read of the cell `start`, or `start` + `index`, or of a vector in the cells from
+        there on, and return the value."""
         cell, arguments = self._address(start, index)
         out = self.new(kind)
         self.block.append(Operation(out, "load", arguments, cell))
         return out
 
     def store(self, value: Value, start: int, index: Value | None = None) -> None:
-        """Add the write of a value to the cell `start`, or `start` + `index`. Within `masked`, only
-        lanes in which its condition holds write."""
+        """Add the write of a value to the cell `start`, or `start` + `index`. Within the context
+        `masked`, only lanes in which the context's condition holds write."""
         if self._mask is not None:
             kind = self.kinds[value]
             value = self.emit("select", kind, self._mask, value, self.load(kind, start, index))
@@ -432,8 +433,9 @@ class Operations:
     def function(self, build: Callable[[], None]) -> int:
         """Add a function that the current block, and blocks inside it, can call; return its index.
 
-        Values from outside that the function uses are written to memory in the current block, and
-        the function reads them there. It writes in all lanes, even inside a `masked` context.
+        `build` adds the entries of the function. Values from outside that the function uses are
+        written to memory in the current block, and the function reads them there. It writes in all
+        lanes, even inside a `masked` context.
         """
         inner, depth = [], len(self._outside)
         self._outside.append((self.block, len(self._scopes) - 1))
@@ -454,12 +456,12 @@ class Operations:
     def pure_function(
         self, kinds: list[str], build: Callable[[list[Value]], list[Value]], width: int = 0
     ) -> int:
-        """Add a function that takes and returns values, and return its index. `called` calls it.
+        """Add a function that takes and returns values, and return its index, for `called`.
 
-        **Arguments:** `kinds`: kinds of its arguments; `build`: adds the entries of the function
-        for given arguments, and returns the results. Of the values from outside, it may use only
-        constants. What it writes to memory must not be read outside. `width`: number of elements of
-        its values, by default the number of lanes.
+        **Arguments:** `kinds`: kinds of the function's arguments; `build`: adds the entries of the
+        function for given arguments, and returns the results; `width`: number of elements of the
+        function's values, by default the number of lanes. Of the values from outside, the function
+        may use only constants. What it writes to memory must not be read outside.
         """
         # Nothing from outside is reused in the function, and nothing is moved out of it.
         outside, scopes, known = self._outside, self._scopes, self._known
@@ -487,7 +489,7 @@ class Operations:
         """Add a function to `of_vectors` that computes `calls_at_once` calls of a pure function
         together; `kinds` and `build` as in `pure_function`.
 
-        There is none in a program of several lanes, nor if the function uses memory or vectors of
+        None is added in a program of several lanes, nor if the function uses memory or vectors of
         tangents. If this shows only after building, the new function remains without calls.
         """
         if (
@@ -526,18 +528,18 @@ class Operations:
         return self._widths.get(function, self.width)
 
     def called(self, function: int, arguments: list[Value]) -> list[Value]:
-        """Return the results of a pure function, whose call is an operation like any other."""
+        """Return the results of a pure function. Equal calls are added once, as any operation."""
         _, results = self.signatures[function]
         number = self.constant("i", function)
-        together = self.emit("evaluate", "results", number, *arguments)
+        all_results = self.emit("evaluate", "results", number, *arguments)
         return [
-            self.emit("result", self.kinds[value], together, number, self.constant("i", k))
+            self.emit("result", self.kinds[value], all_results, number, self.constant("i", k))
             for k, value in enumerate(results)
         ]
 
     def once(self, key: tuple, add: Callable[[], Value]) -> Value:
-        """Return the value of the entries that `add` adds. They are not added again if this block,
-        or one that contains it, has added them with the same `key`."""
+        """Return the value of the entries that `add` adds. None are added again if the current
+        block, or a block around it, has added entries with the same `key`."""
         value = self._known.get(key)
         if value is None:
             value = self._known[key] = add()
@@ -584,9 +586,9 @@ class Operations:
         holds: Callable[[list[Value]], Value],
         body: Callable[[list[Value]], list[Value]],
     ) -> list[Value]:
-        """Add a loop and return its carries after the last iteration, which begin as `first`.
-        `holds` adds the condition for a further iteration, as a function of the carries, and `body`
-        the loop's body, which returns the next carries."""
+        """Add a loop, whose carries begin as `first`, and return its carries after the last
+        iteration. As functions of the carries, `holds` adds the condition for a further iteration,
+        and `body` adds the loop's body and returns the next carries."""
         # The condition is computed in its own block, which is executed once more than the body.
         carries = [self.new(self.kinds[value]) for value in first]
         head, inner = [], []
@@ -604,8 +606,8 @@ class Operations:
         first: list[Value],
         visit: Callable[[Value, list[Value]], list[Value]],
     ) -> list[Value]:
-        """Add a loop over the indices from `begin` to `end` - 1, and return its last carries, as in
-        `loop`. `visit` adds the body for an index and carries, and returns the next carries."""
+        """Add a loop over the indices from `begin` to `end` - 1, with carries as in `loop`. `visit`
+        adds the body for an index and carries, and returns the next carries."""
 
         def holds(carries: list[Value]) -> Value:
             # All lanes have the same index, so they can read and write a cell at once.
@@ -657,8 +659,8 @@ class Symbol:
         return Symbol(self.ops, constant)
 
     def emit(self, name: str, *others: "Symbol | Number", letter: str = "") -> "Symbol":
-        """Add an operation whose result has a kind with this `letter`, by default the value's
-        own."""
+        """Return the result of the operation `name` of this value and `others`. Its kind has the
+        given `letter`, by default that of this value."""
         kind = letter + self.kind[1:] if letter else self.kind
         values = [(x if isinstance(x, Symbol) else self.like(x)).value for x in others]
         return Symbol(self.ops, self.ops.emit(name, kind, self.value, *values))

@@ -3,7 +3,7 @@
 LLVM allocates registers for all values of a function together, and searches lists of its
 instructions, so that its time grows with the square of the length: for a chain of 100 joints, it
 was 39 s. Values pass from one piece to another through memory, where most of them would be anyway,
-because the processor has registers for few.
+because the processor has registers for few of them.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence, Set
@@ -15,7 +15,7 @@ FEWEST = 40_000
 """Number of operations from which on a program is divided. With 24 000, for a chain of 30 joints
 with backlash, the exchange of values costs as much time of compilation as division saves."""
 LONGEST = 1500
-"""Largest number of operations between branches and loops that are not divided."""
+"""Largest number of operations in a row, without branches and loops, that are not divided."""
 LENGTH = 250
 """Number of operations of a piece."""
 
@@ -29,11 +29,11 @@ class _Pieces:
 class Division:
     """Divides the long sequences of operations of a function into pieces.
 
-    - `pieces`: operations of each piece, by its `number` in operations "call".
+    - `pieces`: operations of each piece, by the `number` that operations "call" have for it.
 
     **Arguments:** `ordered`: returns operations in the order in which they shall be executed;
     `needed`: returns the values that an operation uses; `first`: number of the first piece;
-    `written`: cells to which the function and those that it calls may write.
+    `written`: cells to which the function, and the functions that it calls, may write.
     """
 
     def __init__(
@@ -56,7 +56,8 @@ class Division:
         self._unchanged: dict[Value, int] = {}
 
     def divide(self, block: Block, results: Iterable[Value] = ()) -> None:
-        """Replace long sequences in a block by calls. The values `results` are used after it."""
+        """Replace long sequences in a block by calls of pieces. The values `results` are used after
+        the block."""
         self._cut(block)
         if not self.pieces:
             return
@@ -117,8 +118,8 @@ class Division:
                 self._unchanged[out] = cell
 
     def _with_exchange(self, number: int, piece: list[Operation]) -> Iterator[Operation]:
-        """Yield the operations of a piece, with a read of each value from outside right before its
-        first use, and writes of the values that others use."""
+        """Yield the operations of a piece, with a read of each value from outside right before the
+        value's first use, and a write of each value that operations outside of the piece use."""
         loaded = set[Value]()
         for operation in piece:
             for value in self._needed(operation):
@@ -134,8 +135,9 @@ class Division:
                 yield Operation(None, "store", (operation.out,), self._cells[operation.out])
 
     def _call(self, block: Block) -> None:
-        """Replace each `_Pieces` in a block by calls, after writes of the values that the pieces
-        use and before reads of the values that undivided operations use of theirs."""
+        """Replace each `_Pieces` in a block by calls of its pieces. Before the calls, values from
+        outside that pieces use are written; after the calls, values that pieces have computed for
+        undivided operations are read."""
         new: Block = []
         for entry in block:
             if not isinstance(entry, _Pieces):
@@ -168,7 +170,8 @@ def cells_of(program: Operations, value: Value, start: int) -> range:
 
 
 def cells_written(program: Operations, block: Block, by_functions: Sequence[Set[int]]) -> set[int]:
-    """Return the cells to which a block may write, from those for each function that it calls."""
+    """Return the cells to which a block may write. `by_functions` has, for each function that the
+    block may call, the cells to which the function may write."""
     cells = set[int]()
     for entry in block:
         for inner in entry.blocks:
@@ -188,8 +191,8 @@ def cells_written(program: Operations, block: Block, by_functions: Sequence[Set[
 
 
 def _parts(operations: list[Operation]) -> Iterator[list[Operation]]:
-    """Yield parts of about `LENGTH` operations. The results of a call "evaluate" are read right
-    after it, since only single values can pass to another part through memory."""
+    """Yield parts of about `LENGTH` operations. The results of a call "evaluate" are moved right
+    after the call, since only single values can pass to another part through memory."""
     results: dict[Value, list[Operation]] = {}
     for operation in operations:
         if operation.name == "result":

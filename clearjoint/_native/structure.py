@@ -36,8 +36,8 @@ Rearrange = Callable[[np.ndarray, dict], Sequence[np.ndarray]]
 """Function of the row-major indices of an array's elements, in its shape, and an equation's
 parameters. It returns the indices in the shapes and places of the equation's results."""
 Join = Callable[[list[np.ndarray], dict], np.ndarray]
-"""As `Rearrange`, but of a list of several arrays, whose elements are numbered one array after the
-other, to a single result."""
+"""As `Rearrange`, but a function of a list of several arrays, whose elements are numbered one array
+after the other, that returns the indices for a single result."""
 Combine = Callable[[Value, Value], Value]
 
 
@@ -104,13 +104,13 @@ def _joined(lower: Lowering, equation: Equation, *arrays: Array, join: Join) -> 
     # For each element, its place in the result.
     places = np.argsort(indices, axis=None)
     for start, aval, array in zip(starts, avals, arrays, strict=False):
-        own = places[start : start + aval.size]
-        if is_contiguous(own):
-            lower.write(array, memory.start + int(own[0]))
+        places_of_array = places[start : start + aval.size]
+        if is_contiguous(places_of_array):
+            lower.write(array, memory.start + int(places_of_array[0]))
         elif isinstance(array, InMemory):
-            _copied_to(lower, array, memory, own)
+            _copied_to(lower, array, memory, places_of_array)
         else:
-            for place, value in zip(own.tolist(), lower.values(array), strict=True):
+            for place, value in zip(places_of_array.tolist(), lower.values(array), strict=True):
                 lower.ops.store(value, memory.start + place)
     return [memory]
 
@@ -127,12 +127,13 @@ def _copied_to(lower: Lowering, array: InMemory, target: InMemory, places: np.nd
 
 
 def _pad(lower: Lowering, equation: Equation, array: Array, padding: Array) -> list[Array]:
-    """Return the array with the scalar `padding` before, after and between its elements. A negative
-    number of them before or after removes elements."""
+    """Return the array with copies of the scalar `padding` before, after and between its elements
+    (see `jax.lax.pad`). A negative number of copies before or after removes elements."""
     aval, out = aval_of(equation.invars[0]), aval_of(equation.outvars[0])
     # For each place of the result, whether it has an element of the array, and which one.
     inside, indices = np.ones(out.shape, bool), np.zeros(out.shape, int)
     rows = zip(equation.params["padding_config"], np.indices(out.shape), aval.shape, strict=True)
+    # Along an axis, an element of the array has every (between + 1)-th place from `low` on.
     for (low, _, between), place, length in rows:
         index, rest = np.divmod(place - low, between + 1)
         inside &= (rest == 0) & (index >= 0) & (index < length)
@@ -155,8 +156,8 @@ def _iota(lower: Lowering, equation: Equation) -> list[Array]:
 
 
 def _empty(lower: Lowering, equation: Equation) -> list[Array]:
-    """Return zeros for an array that is written before it is read, as in the transpose of a
-    loop."""
+    """Return zeros for an array whose content does not matter, since it is written before it is
+    read, as in the transpose of a loop."""
     aval = aval_of(equation.outvars[0])
     return [lower.constant(np.zeros(aval.shape, aval.dtype))]
 
@@ -194,16 +195,17 @@ def _reduce(lower: Lowering, equation: Equation, array: Array, name: str) -> lis
 def _reduce_memory(
     lower: Lowering, array: InMemory, axes: tuple[int, ...], combine: Combine
 ) -> InMemory:
-    """Return an array in memory that combines the elements of another along adjacent axes."""
+    """Return an array in memory with the elements of `array` combined along adjacent axes."""
     # The array counts as one of shape (before, along, after), the result as one of (before, after).
-    first, end = axes[0], axes[-1] + 1
-    shape_before, shape_after = array.shape[:first], array.shape[end:]
-    before, along, after = map(math.prod, (shape_before, array.shape[first:end], shape_after))
+    first_axis, end = axes[0], axes[-1] + 1
+    shape_before, shape_after = array.shape[:first_axis], array.shape[end:]
+    before, along, after = map(math.prod, (shape_before, array.shape[first_axis:end], shape_after))
     ops, out = lower.ops, lower.new_array((*shape_before, *shape_after), array.kind)
 
-    def index(*terms: tuple[Value, int], first: int = 0) -> Value:
+    # Each term is an index along an axis and the stride of the axis.
+    def index(*terms: tuple[Value, int], offset: int = 0) -> Value:
         numbers, strides = zip(*terms, strict=True)
-        return flat_index(lower, [Symbol(ops, k) for k in numbers], strides, first).value
+        return flat_index(lower, [Symbol(ops, k) for k in numbers], strides, offset).value
 
     def element(i: Value, k: Value) -> None:
         target = index((i, after), (k, 1))
@@ -211,7 +213,7 @@ def _reduce_memory(
         # In the order of the elements, with the result so far in memory. It begins as the first
         # element, so that j = 0 stands for the second one, which is `after` places further on.
         def add(j: Value) -> None:
-            place = index((i, along * after), (j, after), (k, 1), first=after)
+            place = index((i, along * after), (j, after), (k, 1), offset=after)
             total = ops.load(array.kind, out.start, target)
             value = ops.load(array.kind, array.start, place)
             ops.store(combine(total, value), out.start, target)
@@ -235,11 +237,11 @@ def _cumulate_memory(
     lower: Lowering, array: InMemory, combine: Combine, out: InMemory | None = None
 ) -> Value:
     """Add a loop that combines all elements of an array in memory, in their order, and return the
-    total. The results after each element are written to `out`, if given."""
+    total. The result after each element is written to `out`, if given."""
     ops = lower.ops
-    first = ops.load(array.kind, array.start)
+    first_element = ops.load(array.kind, array.start)
     if out is not None:
-        ops.store(first, out.start)
+        ops.store(first_element, out.start)
 
     def add(k: Value, totals: list[Value]) -> list[Value]:
         total = combine(totals[0], ops.load(array.kind, array.start, k))
@@ -249,7 +251,7 @@ def _cumulate_memory(
 
     # The loop begins with the second element.
     second, end = ops.constant("i", 1), ops.constant("i", array.size)
-    return ops.counted(second, end, [first], add)[0]
+    return ops.counted(second, end, [first_element], add)[0]
 
 
 def _cumulate(lower: Lowering, equation: Equation, array: Array, name: str) -> list[Array]:
@@ -275,8 +277,8 @@ def _cumulate(lower: Lowering, equation: Equation, array: Array, name: str) -> l
 
 
 def _arg_extreme(lower: Lowering, equation: Equation, array: Array, compare: str) -> list[Array]:
-    """Return the index of the largest ("gt") or smallest ("lt") element along an axis: the first of
-    equal ones, or the first NaN if there are any."""
+    """Return the indices of the largest ("gt") or smallest ("lt") elements along an axis: the first
+    of equal ones, or the first NaN if there is any."""
     aval, (axis,) = _nonempty(equation), equation.params["axes"]
     out, ops = aval_of(equation.outvars[0]), lower.ops
     if isinstance(array, InMemory):
@@ -297,7 +299,8 @@ def _arg_extreme(lower: Lowering, equation: Equation, array: Array, compare: str
 
 
 def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Array) -> list[Array]:
-    (left, right), (left_batch, right_batch) = equation.params["dimension_numbers"]
+    # The axes along which products are summed, and those that number independent products.
+    (left_axes, right_axes), (left_batch, right_batch) = equation.params["dimension_numbers"]
     if not all(aval_of(atom).size for atom in equation.invars):
         raise UnsupportedPrimitiveError("dot_general of no elements")
     if isinstance(first, InMemory) or isinstance(second, InMemory):
@@ -305,8 +308,8 @@ def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Arra
     out = aval_of(equation.outvars[0])
 
     def rows(array: Array, number: int, batch: Sequence[int], along: Sequence[int]) -> list:
-        """Return the elements of argument `number` in nested lists, with the axes (`batch`, others,
-        `along`), of which each stands for a group of the array's axes."""
+        """Return the elements of `array`, argument `number`, in nested lists with three axes. Each
+        stands for a group of the array's axes: `batch`, the others, and `along`, the summed."""
         shape = aval_of(equation.invars[number]).shape
         # `preferred_element_type` may be wider than the arguments, which are converted first.
         elements = (Symbol(lower.ops, value) for value in lower.values(array))
@@ -317,7 +320,8 @@ def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Arra
 
     # Each element of the result is the inner product of a row of one array and a row of the other.
     add, multiply = (lower.operation(name, out) for name in ("add", "mul"))
-    left_rows, right_rows = rows(first, 0, left_batch, left), rows(second, 1, right_batch, right)
+    left_rows = rows(first, 0, left_batch, left_axes)
+    right_rows = rows(second, 1, right_batch, right_axes)
     totals = [
         reduce(add, [multiply(x, y) for x, y in zip(a, b, strict=True)])
         for lefts, rights in zip(left_rows, right_rows, strict=True)

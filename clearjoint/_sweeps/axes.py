@@ -95,10 +95,10 @@ class Axis:
 
     def setter(self, scene: Scene, state: State) -> Change:
         """Return the function ``change(scene, state, value)`` that returns the pair (scene, state)
-        with a value, for scenes and states of the same structure.
+        with a value of this axis, for scenes and states of the same structure.
 
-        **Raises:** `ValueError` for a path that selects no number or a whole array, and for an
-        error of sensors, which only fits can use.
+        **Raises:** `ValueError` for a path that selects no number or a whole array, and for an axis
+        of a parameter of a sensor's error, which only fits can use.
         """
         return self.variation.setter(scene, state, self.values[0])
 
@@ -112,13 +112,14 @@ class Lanes:
     """The scenes and initial states of all lanes of a sweep.
 
     - `scene`, `state`: as the user passed them.
-    - `varied`: PyTree like `scene`; whether any lane has other numbers in each leaf.
+    - `varied`: PyTree like `scene`, of bools: whether the leaf has other numbers than that of
+      `scene` in any lane.
     - `scenes`: PyTree like `scene`; a leaf is an array (lanes, ...) if it is `varied`, else
       ``None``.
     - `states`: PyTree like `state`; every leaf is an array (lanes, ...).
     - `bad`: error messages by number of the lane, for lanes that don't run because of their values.
-      Lanes with invalid values have the numbers of `scene` and `state` here; lanes with nearly
-      redundant constraints have their own.
+      In `scenes` and `states`, lanes with invalid values have the numbers of `scene` and `state`,
+      while lanes with nearly redundant constraints have their own numbers.
     """
 
     scene: Scene
@@ -129,15 +130,15 @@ class Lanes:
     bad: dict[int, str]
 
     def contact_joints(self) -> dict[str, AbstractContactJoint]:
-        """Joints with contacts, whose numbers are those in all lanes, (lanes, ...), so that one
-        call of a method computes all lanes."""
+        """Return the joints with contacts by name. Each number of a joint is an array of its values
+        in all lanes, (lanes, ...), so that one call of a method computes all lanes."""
         joints = self.scene.contact_joints()
         varied = {name: self.scenes.joints[name] for name in joints}
         return unpack(self.expanded(joints, varied), leading=1)
 
     def expanded(self, tree: PyTree, varied: PyTree) -> PyTree:
-        """Return `tree`, a part of `scene`, with its numbers in all lanes, (lanes, ...); `varied`
-        is the same part of `scenes`."""
+        """Return `tree`, a part of `scene`, with the numbers of all lanes, (lanes, ...), in its
+        leaves. `varied` is the same part of `scenes`."""
         count = len(jax.tree.leaves(self.states)[0])
         numbers, others = eqx.partition(tree, eqx.is_array_like)
         same = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (count, *np.shape(leaf))), numbers)
@@ -197,7 +198,7 @@ def lanes_of(scene: Scene, state: State, axes: Mapping[str, Axis], values: Value
 def _columns_by_setters(
     scene: Scene, base: list[PyTree], changes: Mapping[str, Change], values: Values
 ) -> Columns:
-    """Columns without a loop over lanes, for axes that only set numbers."""
+    """Return the columns without a loop over lanes, for axes that only set numbers in `base`."""
     columns: Columns = {}
     scene_leaves = len(jax.tree.leaves(scene))
     for name, setter in changes.items():
@@ -216,8 +217,8 @@ def _columns_by_setters(
 def _columns_by_functions(
     scene: Scene, state: State, changes: Mapping[str, Change], values: Values, bad: dict[int, str]
 ) -> Columns:
-    """Columns by calling the axes' functions for every lane. A lane gets the unchanged leaves and
-    an entry in `bad` if a function raises a `ValueError`, or changes more than numbers."""
+    """Return the columns by calling the axes' functions for every lane. A lane keeps its leaves and
+    gets an entry in `bad` if a function raises a `ValueError`, or changes more than numbers."""
     base, structure = jax.tree.flatten((scene, state))
     rows: list[list[PyTree]] = []
     for lane in range(len(next(iter(values.values())))):
@@ -255,9 +256,9 @@ def _columns_by_functions(
 def variable_leaves(lanes: Lanes, axes: Mapping[str, Axis]) -> PyTree[bool]:
     """Return a PyTree like the scene: whether an axis can change each leaf.
 
-    In contrast to `Lanes.varied`, that includes leaves that are equal in all present lanes. They
-    must be arguments of the programs, not constants, so that further values of an axis don't change
-    the digests by which a store recognises its sweep.
+    In contrast to `Lanes.varied`, this includes leaves that are equal in all present lanes. These
+    leaves must be arguments of the programs, not constants, so that further values of an axis don't
+    change the digests by which a store recognises its sweep.
     """
     scene, state = lanes.scene, lanes.state
     for axis in axes.values():

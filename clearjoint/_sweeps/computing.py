@@ -24,7 +24,7 @@ Tracer = Callable[[], Mapping[str, str]]
 """Function that returns digests, by name, of the programs that the calling process would run."""
 Store = SweepMemory | SweepStore
 LanesOfChunks = Mapping[int, Sequence[int]]
-"""Numbers of lanes by number of their chunk."""
+"""The lanes of each chunk, as their numbers, by the index of the chunk."""
 _LOG = logging.getLogger(__name__)
 LONG_START = 20.0
 """Time without a result, s, after which a warning is logged if no progress bar is shown."""
@@ -117,9 +117,11 @@ class _Writer:
     """Collects the results of lanes that have ended, and writes them to the store.
 
     Complete chunks are written at once. So are the lanes of incomplete chunks, as long as writing
-    them takes at most the share `WRITE_SHARE` of the time. Lanes that end while others are written
-    are added in the next call of `add`; `Batch.run` begins no further lanes if writing lasts long.
-    `missing` are the lanes to compute.
+    them takes at most the share `WRITE_SHARE` of the sweep's time. Lanes that end while others are
+    written are added in the next call of `add`; `Batch.run` begins no further lanes if writing
+    lasts long.
+
+    **Arguments:** `missing`: the lanes to compute; `bar`: advances by the lanes that are written.
     """
 
     def __init__(self, missing: LanesOfChunks, store: Store, bar: tqdm):
@@ -131,7 +133,7 @@ class _Writer:
         self._write_seconds = 0.0
 
     def add(self, lanes: np.ndarray, results: LaneArrays) -> None:
-        """Add lanes that have ended, by number, with their results; `write_if_due`."""
+        """Add the numbers, (n,), and results of n lanes that have ended; call `write_if_due`."""
         chunks = np.array([self._chunk_of[lane] for lane in lanes.tolist()])
         for chunk in np.unique(chunks).tolist():
             rows = chunks == chunk
@@ -140,7 +142,8 @@ class _Writer:
         self.write_if_due()
 
     def write_if_due(self) -> None:
-        """Write complete chunks and, unless that would take too long, incomplete ones."""
+        """Write complete chunks and, unless that would exceed `WRITE_SHARE`, incomplete ones."""
+        # The time that the last write of incomplete chunks took is an estimate for the next one.
         since = time.monotonic() - self._last_write
         if since * WRITE_SHARE >= self._write_seconds:
             self.write_all()
@@ -149,6 +152,7 @@ class _Writer:
 
     def write_all(self) -> None:
         self._write([chunk for chunk in self._waiting if self._is_complete(chunk)])
+        # Only writing incomplete chunks is timed: complete chunks are written at once in any case.
         start = time.monotonic()
         self._write(list(self._waiting))
         self._last_write = time.monotonic()
@@ -173,7 +177,7 @@ class _Writer:
 
 
 def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[tqdm]:
-    """Return a progress bar of the lanes in the store; print how many are there already, `done`."""
+    """Return a progress bar of a number of lanes, and print how many are stored already, `done`."""
     if show and done:
         rest = f"{lanes - done} are computed" if done < lanes else "none is computed"
         print(f"{done} of {lanes} lanes are in the store; {rest}", file=sys.stderr, flush=True)

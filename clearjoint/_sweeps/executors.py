@@ -72,11 +72,11 @@ def _with_fields(
 
 
 ChunkFunction = Callable[[int], LaneArrays]
-"""Function of the number of a chunk that returns the results of its lanes."""
+"""Function of the index of a chunk that returns the results of the chunk's lanes."""
 RETRIES = 3
 """Number of times that Dask repeats a chunk that raises an error."""
 TICK = 1.0
-"""Time between two calls of `on_start`, s."""
+"""Time between two calls of the argument `on_start` of `run_chunks`, s."""
 QUEUED = 2
 """Number of chunks submitted for each worker, so that it can begin the next one at once."""
 
@@ -88,8 +88,8 @@ class AbstractSubmitter(Protocol):
 
 
 class ChunkError(RuntimeError):
-    """Error of chunks of a sweep, numbered `chunks`, that an executor could not compute; its cause
-    is the first error.
+    """Error of chunks of a sweep that an executor could not compute. `chunks` are their indices;
+    the error's cause is the first error.
 
     >>> error = cj.ChunkError("chunk 3 failed", chunks=(3,))
     >>> error.chunks
@@ -173,7 +173,7 @@ class _Pool:
         self._call = task if in_process else partial(_call, _payload(task))
 
     def room(self) -> int:
-        """Return how many submitted chunks may be unfinished at present."""
+        """Return how many submitted chunks may be unfinished at present: `QUEUED` a worker."""
         if self._threads is not None:  # of Dask; the number of workers of a cluster may change
             workers = sum(self._threads().values())
         else:
@@ -191,7 +191,7 @@ class _Pool:
 
 
 def _payload(task: ChunkFunction) -> bytes:
-    """Return the runtime settings of this process and the encoded function as bytes."""
+    """Return the runtime settings of this process and the pickled function, as bytes."""
     file = io.BytesIO()
     _Pickler(file).dump(task)
     # Encoded separately, because a worker adopts the settings before it decodes the function.
@@ -215,7 +215,7 @@ def _end_with_parent() -> None:
     """Let this process end when its parent process dies: a parent that is killed can't stop its
     workers, which would wait forever."""
     parent = multiprocessing.parent_process()
-    if parent is None:
+    if parent is None:  # not started by `multiprocessing`, for example a worker of a Dask cluster
         return
 
     def watch() -> None:

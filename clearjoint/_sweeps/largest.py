@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 QUANTITY = "quantity"
 """Name of a quantity that the user passes without a name."""
 CLOSE = 2.0
-"""Distance, in spacings of the first sweep, by which the second one begins below the last value
-before the first violation."""
+"""The second sweep begins below the last value before the first violation, at a distance of this
+many spacings of the first sweep."""
 INSPECTIONS = 12
 """Maximum number of sweeps that search for violations between computed values, which limits the
 number of runs where the margin is a rough function of the parameter."""
@@ -77,9 +77,9 @@ class LargestFeasible:
       `spacing` may have been missed.
     - `alternating`: the first value that violates a limit, and the largest computed value above it
       that satisfies all limits; ``None`` if there is none.
-    - `spacing`: largest distance between neighbouring values up to the first violation, over the
-      larger of their magnitudes or, in a range that contains zero, over `tolerance` times the range
-      if that is larger.
+    - `spacing`: largest relative distance between neighbouring values up to the first violation:
+      their difference over the larger of their magnitudes. In a range that contains zero, the
+      divisor is at least `tolerance` times the range.
     - `values`, `margins`: (n,) all computed values, in `unit`, and their margins. A margin is +inf
       for a peak of zero or less, and -inf for a peak that is NaN or infinite, as that of a failed
       run.
@@ -241,15 +241,16 @@ class LaneMargins:
     peak: str = ""
 
     def with_others(self, others: "LaneMargins") -> "LaneMargins":
-        """Return these margins merged with those at other coordinates; of two at the same
-        coordinate, that of this object is kept."""
+        """Return these margins merged with `others`, in the order of rising coordinates; at a
+        coordinate that both have, the margin of this object is kept."""
         both = [np.concatenate(pair) for pair in zip(self._rows, others._rows, strict=True)]
+        # `np.unique` gives the first place of each coordinate, and those of this object come first.
         first_places = np.unique(both[0], return_index=True)[1]
         return LaneMargins(*(row[first_places] for row in both), peak=self.peak)
 
     def lowered_by(self, others: "LaneMargins") -> "LaneMargins":
-        """Return these margins, with the smaller of two, or NaN, where `others` has a margin
-        too."""
+        """Return these margins, replaced at the coordinates of `others`, all of which this object
+        has too, by the smaller of both margins, or by NaN if one of them is NaN."""
         at = np.searchsorted(self.coordinates, others.coordinates)
         rows = [row.copy() for row in self._rows]
         for row, other in zip(rows, others._rows, strict=True):
@@ -301,7 +302,11 @@ def lane_margins(
     quantile: float,
     coordinates: Float[np.ndarray, " n"],
 ) -> LaneMargins:
-    """Compute the margins at n values of a parameter, each with all draws, by one sweep `run`."""
+    """Compute the margins at n values of a parameter, each with all draws, by one sweep.
+
+    `run` is `sweep` with all arguments but the axes and outputs. Outputs and limits have the same
+    names. `coordinates` are the values on the parameter's scale.
+    """
     values = np.array([float(parameter.scale.value(u)) for u in coordinates])
     count = len(next(iter(draws.values())).values) if draws else 1
     # A lane for each pair of a value and a draw; the lanes of a value follow each other.
@@ -310,27 +315,30 @@ def lane_margins(
         axes[name] = Axis(axis.variation, np.tile(axis.values, len(values)))
     results = run(axes=axes, outputs=outputs, zipped=True)
     successful = results["result"].values == SUCCESSFUL
-    rows = {}
+    # By output: the margins and the lower and upper ends of their intervals, (n,) each.
+    of_outputs = {}
     for name, limit in limits.items():
         # A failed run counts as a violation.
         peaks = np.where(successful, results[name].values, np.inf).reshape(len(values), count)
-        rows[name] = limit_margins(peaks, limit, quantile)
+        of_outputs[name] = limit_margins(peaks, limit, quantile)
     # The margins, and both ends of their intervals, are each the smallest of all outputs.
-    margins, low, high = np.min(np.array([*rows.values()]), axis=0)
+    margins, low, high = np.min(np.array([*of_outputs.values()]), axis=0)
     # For the message about a limit that is violated from the first value on.
-    firsts = {name: float(row[0][0]) for name, row in rows.items()}
+    at_start = {name: float(each[0]) for name, (each, _, _) in of_outputs.items()}
     # A NaN is a violation too, but is not less than other margins.
-    smallest = min(firsts, key=lambda name: -np.inf if np.isnan(firsts[name]) else firsts[name])
-    first = firsts[smallest]
+    smallest = min(
+        at_start, key=lambda name: -np.inf if np.isnan(at_start[name]) else at_start[name]
+    )
+    margin = at_start[smallest]
     peak = "the run with this value fails"
-    if np.isnan(first):
+    if np.isnan(margin):
         peak = f"`{smallest}` has no peak with this value, but NaN"
-    elif np.isfinite(first) or successful[:count].all():
+    elif np.isfinite(margin) or successful[:count].all():
         # The margin is -inf if a run has failed, but also if successful runs have an infinite peak.
         # The empty name is that of a reduction's main result, which is limited.
         unit, limit = outputs[smallest].units().get("", "1"), limits[smallest]
         peak = (
-            f"`{smallest}` reaches {limit * np.exp(-first):.6g} {unit} with this value, and its "
+            f"`{smallest}` reaches {limit * np.exp(-margin):.6g} {unit} with this value, and its "
             f"limit is {limit:.6g} {unit}"
         )
     return LaneMargins(coordinates, margins, low, high, peak)
@@ -339,14 +347,14 @@ def lane_margins(
 def limit_margins(
     peaks: Float[np.ndarray, "n draws"], limit: float, quantile: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return margins log(limit / quantile of the peaks over the draws), and the lower and upper
-    ends of their 95 % intervals.
+    """Return the margins log(limit / quantile of the peaks over the draws) at n values, and the
+    lower and upper ends of their 95 % confidence intervals, (n,) each.
 
-    The quantile is an order statistic: the smallest peak that the given share of the draws does not
-    exceed. Its confidence interval is between two other order statistics and holds for any
-    distribution (W. Conover, *Practical nonparametric statistics*, section 3.2). The lower end of
-    the margin's interval is -inf if there are too few draws for it. Both ends equal the margin for
-    a single draw, and for the quantile 1.
+    The quantile of the peaks is an order statistic: the smallest peak that the share `quantile` of
+    the draws does not exceed. The ends of its confidence interval are two other order statistics;
+    the interval holds for any distribution (W. Conover, *Practical nonparametric statistics*,
+    section 3.2). The lower end of the margin's interval is -inf if the draws are too few to give
+    one. Both ends equal the margin for a single draw, and for the quantile 1.
     """
     from scipy.stats import binom
 
@@ -382,11 +390,12 @@ def as_reduction(quantity: Quantity | AbstractReduction, after: float | None) ->
 class _Search:
     """Search for the first violation by sweeps of `lanes` values each.
 
-    - `margins`: runs a sweep at rising coordinates of `parameter`.
+    - `margins`: runs a sweep at rising coordinates, the values of `parameter` on its scale.
     - `plain`: like `margins`, with the default settings of `simulate`, with which the limits must
       hold too; ``None`` if the user has given settings.
 
-    The argument `known` of methods has the margins of all computed values.
+    The argument `known` of methods has the margins of all values computed so far. Methods that
+    sweep return it with the new margins.
     """
 
     margins: Callable[[np.ndarray], LaneMargins]
@@ -414,7 +423,8 @@ class _Search:
     def _narrowed(self, known: LaneMargins) -> LaneMargins:
         """Sweep until the interval of the first violation is as narrow as the tolerance."""
         computed = 0
-        # A sweep adds no value if there are no floats between the last value and the violation.
+        # A sweep adds no value if there are no floats between the last value and the violation. The
+        # interval that ends with the value of index k has the index k - 1.
         while (
             first_violation(known.margins) < len(known.margins)
             and len(known.coordinates) > computed
@@ -431,22 +441,22 @@ class _Search:
         # values without plain runs. So that the loop ends, values are added at most `INSPECTIONS`
         # times.
         checked, rounds = np.empty(0), 0
-        first = first_violation(known.margins)
-        while known.coordinates[first - 1] not in checked:
-            last = known.coordinates[max(first - self.lanes, 0) : first]
-            known = known.lowered_by(self.plain(last))
-            checked = np.append(checked, last)
+        violation = first_violation(known.margins)
+        while known.coordinates[violation - 1] not in checked:
+            just_below = known.coordinates[max(violation - self.lanes, 0) : violation]
+            known = known.lowered_by(self.plain(just_below))
+            checked = np.append(checked, just_below)
             self._require_smallest(known)
             if (rounds := rounds + 1) <= INSPECTIONS:
                 known = self._narrowed(known)
-            first = first_violation(known.margins)
+            violation = first_violation(known.margins)
         return known
 
     def _refined(self, known: LaneMargins, below: bool = False) -> LaneMargins:
-        """Sweep from the last value before the first violation to the violation; with `below`, from
-        `CLOSE` times their distance lower on, but not below the smallest value."""
-        first = first_violation(known.margins)
-        last, violation = known.coordinates[first - 1 : first + 1]
+        """Sweep from the last value before the first violation to the violation. With `below`, the
+        start is `CLOSE` times their distance lower, but not below the smallest value."""
+        index = first_violation(known.margins)
+        last, violation = known.coordinates[index - 1 : index + 1]
         start = max(known.coordinates[0], last - CLOSE * (violation - last)) if below else last
         return known.with_others(self.margins(np.linspace(start, violation, self.lanes)))
 
@@ -459,22 +469,21 @@ class _Search:
             if known.falls(self.tolerance) or not doubtful.any():
                 break
             # The tolerance is one of values; doubtful intervals are divided evenly in coordinates.
-            in_coordinates = np.where(doubtful, np.diff(known.coordinates), 0.0)
+            widths = np.where(doubtful, np.diff(known.coordinates), 0.0)
             parts = np.ones(len(doubtful), int)
             for _ in range(self.lanes):  # Each lane divides the interval with the widest parts.
-                parts[np.argmax(in_coordinates / parts)] += 1
-            rows = [
+                parts[np.argmax(widths / parts)] += 1
+            # The new coordinates inside each interval; none in an interval of one part.
+            inside = [
                 start + width * np.arange(1, count) / count
-                for start, width, count in zip(
-                    known.coordinates, in_coordinates, parts, strict=False
-                )
+                for start, width, count in zip(known.coordinates, widths, parts, strict=False)
             ]
-            known = known.with_others(self.margins(np.concatenate(rows)))
+            known = known.with_others(self.margins(np.concatenate(inside)))
         return known
 
     def _result(self, known: LaneMargins, unit: str) -> LargestFeasible:
-        first, values = first_violation(known.margins), self._values(known)
-        met, value = first < len(values), values[first - 1]
+        violation, values = first_violation(known.margins), self._values(known)
+        met, value = violation < len(values), values[violation - 1]
         last_pass = int(np.flatnonzero(known.margins >= 0.0)[-1])
         return LargestFeasible(
             value=value,
@@ -482,22 +491,23 @@ class _Search:
             interval=self._interval(known) if met else (value, value),
             met=met,
             monotone=known.falls(self.tolerance),
-            alternating=(values[first], values[last_pass]) if last_pass > first else None,
-            spacing=float(self._widths(known)[:first].max()),
+            alternating=(values[violation], values[last_pass]) if last_pass > violation else None,
+            spacing=float(self._widths(known)[:violation].max()),
             values=np.array(values),
             margins=np.nan_to_num(known.margins, nan=-np.inf, posinf=np.inf, neginf=-np.inf),
         )
 
     def _interval(self, known: LaneMargins) -> tuple[float, float]:
-        """Return two values between which the first violation begins: the last before a confidence
-        interval of the margins reaches below zero, or else the smallest value; and the first with
-        all of the interval below zero, or else the largest value."""
+        """Return two values between which the first violation begins, by the confidence intervals
+        of the margins: the value before the first one whose interval reaches below zero, or else
+        the smallest value; and the first value whose whole interval is below zero, or else the
+        largest value."""
         possible, certain = first_violation(known.low), first_violation(known.high)
         values = self._values(known)
         return values[max(possible - 1, 0)], values[min(certain, len(values) - 1)]
 
     def _widths(self, known: LaneMargins) -> Float[np.ndarray, " m"]:
-        """Relative distances of neighbouring values, see `LargestFeasible.spacing`."""
+        """Return the relative distances of neighbouring values, see `LargestFeasible.spacing`."""
         values = np.array(self._values(known))
         low, high = values[0], values[-1]
         # The distance from zero to its neighbour is as large as the neighbour, however small.
@@ -506,7 +516,7 @@ class _Search:
         return np.abs(np.diff(values)) / sizes
 
     def _values(self, known: LaneMargins) -> list[float]:
-        """The value at each coordinate, without the rounding errors of scales."""
+        """Return the parameter's value at each coordinate, without the rounding error of scales."""
         return [as_shown(float(self.parameter.scale.value(u))) for u in known.coordinates]
 
 

@@ -24,7 +24,7 @@ LANE = "lane"
 RESULT = "result"
 """Name of the variable with the lanes' result codes."""
 NOT_OUTPUTS = (RESULT, "time_reached", "attempts", "accepted")
-"""Names of the variables with a number of each lane that is not an output."""
+"""Names of the variables that a sweep has besides outputs and states: one number for each lane."""
 BY_LANE = "by_lane"
 """Folder of a store with the results by lane; variables and axes can't have this name."""
 PENDING = -1
@@ -42,15 +42,15 @@ class Coordinate(NamedTuple):
 
     @property
     def attributes(self) -> dict[str, str]:
-        """Attributes of a dataset, by the CF conventions: the unit, but none for texts."""
+        """Attributes in a dataset, by the CF conventions: the unit; none if labels are texts."""
         return {} if self.values.dtype.kind == "U" else {"units": self.unit}
 
 
 class Variable(NamedTuple):
     """A result of every lane, such as a peak force or a table of impacts.
 
-    `dims` and `shape` are those after the dimension of lanes. `attrs` are further attributes, such
-    as the `flag_values` and `flag_meanings` of a code.
+    `dims` and `shape` are names and sizes of the dimensions after that of the lanes. `attrs` are
+    further attributes, such as the `flag_values` and `flag_meanings` of a code.
     """
 
     dims: tuple[str, ...] = ()
@@ -67,12 +67,12 @@ class Variable(NamedTuple):
         return fills.get(np.dtype(self.dtype).kind, np.nan)
 
     def pending(self, lanes: int) -> np.ndarray:
-        """Return the entries for a number of pending lanes."""
+        """Return an array of the entries of n pending lanes, where n is `lanes`."""
         return np.full((lanes, *self.shape), self.fill, self.dtype)
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """Attributes of a dataset, by the CF conventions; an unknown unit is left out."""
+        """Attributes in a dataset, by the CF conventions; an unknown unit is left out."""
         units = {"units": self.unit} if self.unit else {}
         return {**units, "long_name": self.description, **self.attrs}
 
@@ -81,7 +81,7 @@ class Variable(NamedTuple):
 class Layout:
     """The shape, the labels and the settings of a sweep's results.
 
-    - `axes`: the swept values; `zipped`: whether the i-th lane has the i-th value of each.
+    - `axes`: the swept values; `zipped`: whether the i-th lane has the i-th value of each axis.
     - `chunk`: number of lanes in a chunk.
     - `variables`: results by name, with the result code as "result" among them.
     - `coordinates`: labels along dimensions of variables.
@@ -141,7 +141,7 @@ class Layout:
         return slice(chunk * self.chunk, min((chunk + 1) * self.chunk, self.lanes))
 
     def values(self) -> dict[str, np.ndarray]:
-        """Return the value of each axis in every lane."""
+        """Return the value in every lane, (lanes,), of each axis by name."""
         columns = [axis.values for axis in self.axes]
         if not self.zipped:
             columns = [grid.ravel() for grid in np.meshgrid(*columns, indexing="ij")]
@@ -173,7 +173,7 @@ def dataset(layout: Layout, arrays: Mapping[str, np.ndarray]) -> "xr.Dataset":
 
 
 def _with_array(coordinate: Coordinate) -> Coordinate:
-    """A coordinate whose values are an array: of numbers, of truth values, or else of texts."""
+    """Return the coordinate with its values as an array: of numbers, of bools, or else of texts."""
     values = np.asarray(coordinate.values)
     if values.dtype.kind in "biuf":
         return coordinate._replace(values=values)
@@ -181,8 +181,8 @@ def _with_array(coordinate: Coordinate) -> Coordinate:
 
 
 def _netcdf_named(attributes: Mapping[str, str]) -> dict[str, str]:
-    """Attributes by names that netCDF allows: with "_" in place of slashes and apostrophes, without
-    spaces at the end, and with a number after a name that is already taken."""
+    """Return attributes under names that netCDF allows: with "_" in place of slashes and
+    apostrophes, without spaces at the end, and with a number after a name that is taken already."""
     named: dict[str, str] = {}
     for name, text in attributes.items():
         allowed = unique = name.translate({ord(c): "_" for c in "/'"}).rstrip()
@@ -205,8 +205,8 @@ class PartOfStates(eqx.Module):
 
 
 def sampled_channels(requested: Requested, scene: Scene) -> dict[str, Quantity]:
-    """Return the quantities that each lane samples: the parts of the states, and the quantities
-    among the outputs, whose names begin with "/", as keys of `variable_name`."""
+    """Return the quantities that each lane samples, by the `key` of `variable_name`: the parts of
+    the states, and the quantities among the outputs, with a "/" before the name of the output."""
     bodies = tuple(scene.bodies)
     channels = {f"/{name}": quantity for name, quantity in requested.quantities.items()}
     if requested.save.states:
@@ -215,8 +215,8 @@ def sampled_channels(requested: Requested, scene: Scene) -> dict[str, Quantity]:
 
 
 def variable_name(output: str, key: str) -> str:
-    """Return the name of a result of an output: "output_key"; "output" for an empty key; "name" for
-    a key "/name". Names of outputs contain no slash."""
+    """Return the name of the variable with one result, named `key`, of an output: "output_key";
+    "output" for an empty key; "name" for a key "/name". Names of outputs contain no slash."""
     if key.startswith("/"):
         return key[1:]
     return f"{output}_{key}" if key else output

@@ -99,7 +99,7 @@ def variables_of(
 
 
 Along = tuple[tuple[str, ...], tuple[int, ...]]
-"""Names and sizes of dimensions that precede those of a variable's own values."""
+"""Names and sizes of dimensions, such as sample times, before those of a variable's own values."""
 
 
 def _variables_of_output(
@@ -146,8 +146,8 @@ def _states(
 
 
 def identifying_settings(settings: Settings, start_time: float) -> dict[str, str]:
-    """Return, as texts by name, the settings that a store compares, because results depend on them;
-    it recognises others, such as the solver, by the digests of the traced programs."""
+    """Return, as texts by name, the settings that a store compares, because results depend on them.
+    A store recognises other settings, such as the solver, by the digests of the traced programs."""
     names = ("rtol", "atol", "landing_tolerance", "ledger", "max_steps")
     values = {name: getattr(settings, name) for name in names}
     program = "native" if is_native() else f"XLA, {jax.default_backend()}"
@@ -186,7 +186,8 @@ def notes_for_readers(
 
 
 def _constant_numbers(tree: PyTree, varied: PyTree[bool], name: str) -> dict[str, str]:
-    """Numbers of a scene or state that all lanes share, as texts by name."""
+    """Return the numbers of a PyTree that all lanes share, as texts by paths that begin with
+    `name`. `varied` tells for each leaf of the PyTree whether it differs between lanes."""
     varies = {key: any(jax.tree.leaves(flags)) for key, (flags, _) in parameters(varied).items()}
     # netCDF allows no quotes in names: bodies['rod'].mass becomes bodies.rod.mass.
     return {
@@ -198,10 +199,10 @@ def _constant_numbers(tree: PyTree, varied: PyTree[bool], name: str) -> dict[str
 
 PASS_TABLE = 'pass outputs={"hits": cj.ImpactTable(20)}, which keeps the first 20 of each contact'
 _PROCESS = os.getpid()
-"""Number of the process that has imported this module; a forked process has another one."""
+"""Identifier of the process that has imported this module; a forked process has another one."""
 CHUNK = 256
-"""Default number of lanes in a chunk, for which a store has a file for each result, and an executor
-has one task."""
+"""Default number of lanes in a chunk. For each chunk, a store has a file for each result, and an
+executor has one task."""
 EndTime = float | Callable[[Scene], float]
 """Time of the end of a lane, s, or a function of its scene that returns it."""
 
@@ -356,10 +357,10 @@ def sweep(
 def checked_starts(
     lanes: Lanes, start_time: float, coordinates: AbstractCoordinates
 ) -> tuple[Lanes, bool]:
-    """Return the lanes, and whether the constraints of any lane are redundant at its start.
+    """Return the lanes after checks, and whether any lane's constraints are redundant at its start.
 
     Lanes whose constraints are nearly redundant, so that their rank is uncertain, are added to
-    `Lanes.bad`. Those whose initial state violates the constraints are left as they are: their runs
+    `Lanes.bad`. Lanes whose initial state violates the constraints are left as they are: their runs
     end at once, with the result code of `not_assembled`.
     """
     require_freedom(lanes.scene, lanes.of(0)[1], coordinates)
@@ -416,7 +417,7 @@ def _common_values(
 def _lane_tasks(
     lanes: Lanes, end_time: EndTime, start_time: float, settings: Settings, save: Saving
 ) -> Task:
-    """Return the data of all lanes, after checks of their ends and their times to save at."""
+    """Return the data of all lanes, after checks of their end times and their times to save at."""
     count = len(jax.tree.leaves(lanes.states)[0])
     # Scenes of single lanes are slow to make: only the user's functions of a scene need them.
     is_by_scene = callable(end_time) or callable(save.times)

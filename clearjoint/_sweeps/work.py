@@ -90,8 +90,8 @@ class Work:
         return rows
 
     def _recorded(self, ended: Ended) -> dict[str, LaneArrays]:
-        """Return the recorded rows of each output, by key of the column, with their number as
-        "count". Those of impact tables have a dimension of contacts after that of the lanes."""
+        """Return the columns of recorded rows of each output, by key, with the number of rows as
+        "count". Columns of impact tables have a dimension of contacts after that of the lanes."""
         logs = {name: {**rows, "count": counts} for name, (rows, counts) in ended.logs.items()}
         # A log has the rows of one section, of the saved states, or of one contact of an impact
         # table. The logs of a table's contacts are stacked to one table.
@@ -105,7 +105,7 @@ class Work:
 class Chunks:
     """Function that computes a chunk of a sweep, in this process or in a worker process.
 
-    - `lanes`: numbers of the lanes to run, by number of the chunk.
+    - `lanes`: numbers of the lanes to run, by the index of their chunk.
     - `trace`: returns the digests of the programs that the calling process would run; they must be
       those of `work`. ``None`` for no check.
     """
@@ -130,7 +130,8 @@ class Chunks:
             _confirmed_programs.add(expected)
         parts: list[tuple[np.ndarray, LaneArrays]] = []
         self.work.run(self.lanes[chunk], lambda *part: parts.append(part))
-        # Lanes end in any order; here their results are sorted into the order of the chunk.
+        # Lanes end in any order. Here their results are sorted into the order of `lanes[chunk]`, by
+        # a search for each of its numbers among those of the ended lanes in rising order.
         lanes, results = concatenated(parts)
         rising = np.argsort(lanes)
         order = rising[np.searchsorted(lanes[rising], self.lanes[chunk])]
@@ -138,11 +139,11 @@ class Chunks:
 
 
 _confirmed_programs: set[tuple[tuple[str, str], ...]] = set()
-"""Digests that this process has found to be those of its programs; tracing these takes long."""
+"""Digests that were equal to those of this process's programs; tracing the programs takes long."""
 
 
 def concatenated(parts: Sequence[tuple[np.ndarray, LaneArrays]]) -> tuple[np.ndarray, LaneArrays]:
-    """Join pairs of the numbers of lanes and their results."""
+    """Join pairs of the numbers, (n,), and results, (n, ...), of n lanes to one such pair."""
     lanes, results = zip(*parts, strict=True)
     joined = {name: np.concatenate([part[name] for part in results]) for name in results[0]}
     return np.concatenate(lanes), joined

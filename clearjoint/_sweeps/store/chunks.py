@@ -1,9 +1,10 @@
 """Files of a store's Zarr arrays, one for each chunk of lanes and each array.
 
-A file ends with a checksum of its content and of its path in the store, by which a damaged file, or
-one that was moved to the place of another, is detected. Files have Zarr's format, but are encoded,
+A file ends with a checksum of its content and of its path in the store, which reveals a damaged
+file, or one that was moved to the place of another. Files have Zarr's format, but are encoded,
 written and read here, because Zarr hands each file to several threads: under the load of a sweep,
 that took 4 ms a file, and a chunk has a file for each variable.
+The argument `path` of functions is the folder of the group that has the array.
 """
 
 import os
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from zarr.abc.codec import BytesBytesCodec
 
 MISSING, DAMAGED = "missing", "damaged"
-"""Faults of the file of a chunk. A file is damaged if its checksum does not agree."""
+"""Faults of the file of a chunk. A file is damaged if its checksum is not that of its content."""
 _LOCK = ".lock"
 """Name of the file by which processes lock a folder."""
 
@@ -62,7 +63,7 @@ def chunk_file(path: Path, array: "zarr.Array", chunk: int) -> Path:
 
 
 def _key(array: "zarr.Array", chunk: int) -> str:
-    """Path of a chunk's file in the folder of the group."""
+    """Return the path of a chunk's file, relative to the folder of the group."""
     indices = (chunk,) + (0,) * (array.ndim - 1)
     return f"{array.path}/{array.metadata.encode_chunk_key(indices)}"
 
@@ -83,7 +84,7 @@ def make_folder(folder: Path) -> None:
 
 
 def _codec(array: "zarr.Array") -> "Codec | None":
-    """Encoder of an array of texts; ``None`` for an array of numbers."""
+    """Return the encoder of an array of texts; ``None`` for numbers, whose bytes are stored."""
     from numcodecs.vlen import VLenUTF8
 
     return None if array.dtype.kind in "biuf" else VLenUTF8()
@@ -94,8 +95,8 @@ def _dtype(array: "zarr.Array") -> np.dtype:
 
 
 def write_chunk(path: Path, array: "zarr.Array", chunk: int, values: np.ndarray) -> Path:
-    """Write one chunk of an array, so that a reader finds either the earlier file or the new one,
-    also after an `OSError`, as on a full disk."""
+    """Write the rows `values` of one chunk of an array, and return the path of the file. A reader
+    finds either the earlier file or the new one, also after an `OSError`, as on a full disk."""
     from numcodecs.zstd import Zstd
 
     file, codec = chunk_file(path, array, chunk), _codec(array)
@@ -123,11 +124,11 @@ def read_chunk(path: Path, array: "zarr.Array", chunk: int) -> np.ndarray | str:
 
     file, codec = chunk_file(path, array, chunk), _codec(array)
     try:
-        whole = file.read_bytes()
+        stored = file.read_bytes()
     except FileNotFoundError:
         return MISSING
-    content = whole[:-DIGITS]
-    if whole[-DIGITS:] != digest(_key(array, chunk), content).encode():
+    content, checksum = stored[:-DIGITS], stored[-DIGITS:]
+    if checksum != digest(_key(array, chunk), content).encode():
         return DAMAGED
     decoded = bytes(Zstd().decode(content))
     entries = codec.decode(decoded) if codec else np.frombuffer(decoded, _dtype(array))
@@ -142,8 +143,8 @@ def write(path: Path, array: "zarr.Array", values: np.ndarray) -> None:
 
 
 def read(path: Path, array: "zarr.Array") -> tuple[np.ndarray, dict[int, str]]:
-    """Return the values of an array, and the faults of its files by chunk, whose values are the
-    fill value."""
+    """Return the values of an array, and the faults of its files by the index of the chunk. The
+    values in chunks with a fault are the fill value."""
     values, faults = np.full(array.shape, array.fill_value, _dtype(array)), {}
     for chunk, first in enumerate(range(0, array.shape[0], array.chunks[0])):
         rows = read_chunk(path, array, chunk)

@@ -49,7 +49,7 @@ def unfinished(path: Path) -> Iterator[Path]:
 
 
 _REMOVALS, _REMOVAL_PERIOD = 10, 0.05
-"""Number of times that an incomplete store is removed after an error, and time in between, s."""
+"""Number of attempts to remove an incomplete store after an error, and time after each, s."""
 
 
 def move(file: Path, to: Path) -> None:
@@ -97,9 +97,9 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
 
 
 def _move_all(new: Path, path: Path) -> None:
-    """Move the files of the group at `new` to the folder `path`, except those that it has already:
-    result codes after all other arrays, and at last the file `ROOT`, which lists the arrays, so
-    that until then the group reads as before."""
+    """Move the files of the group at `new` to the folder `path`, except those that the folder has
+    already with the same content. Result codes are moved after all other arrays, and the file
+    `ROOT`, which lists the arrays, last, so that until then readers find the arrays of before."""
     files = [file.relative_to(new) for file in new.rglob("*") if file.is_file()]
     for file in sorted(files, key=lambda file: (file == Path(ROOT), file.parts[0] == RESULT)):
         if not _same(new / file, path / file):
@@ -131,8 +131,8 @@ killed process."""
 
 
 class Contents(NamedTuple):
-    """Contents of a store without the results. `order` has the number of the lane in each row, and
-    `added` the names of the variables that were added after the store was made."""
+    """Contents of a store without the results. `order`, (lanes,), has the number of the lane in
+    each row; `added` has the names of the variables that were added after the store was made."""
 
     layout: Layout
     identity: Identity
@@ -174,29 +174,32 @@ def contents_of(path: Path) -> Contents:
     """Read the contents of the store at a path; errors are those of `open_sweep`."""
     # Attributes are settings and notes of the sweep, and the store's own, which begin with `_OWN`.
     group, attrs = _opened(path)
-    own = {name: attrs.pop(name) for name in list(attrs) if name.startswith(_OWN)}
-    notes = {name: attrs.pop(name) for name in own["sweep_notes"]}
+    stored = {name: attrs.pop(name) for name in list(attrs) if name.startswith(_OWN)}
+    notes = {name: attrs.pop(name) for name in stored["sweep_notes"]}
+    settings = attrs
     path = path / BY_LANE
     # `order` is the lane in each row, and `row_of` its inverse, the row of each lane.
-    order = _values(path, group, own["sweep_order"])
+    order = _values(path, group, stored["sweep_order"])
     row_of = np.argsort(order)
-    names, further, digests = (own[_OWN + part] for part in ("axes", "coordinates", "digests"))
-    axes, zipped = [], own["sweep_zipped"]
+    names, further, digests = (stored[_OWN + part] for part in ("axes", "coordinates", "digests"))
+    axes, zipped = [], stored["sweep_zipped"]
     for dim, name in enumerate(names):
         axis = _labels(path, group, name)
         values = axis.values[row_of]
         if not zipped:
-            # The store has the axis's value in every lane; `Layout` needs each value once.
-            shape = own["sweep_shape"]
+            # The store has the axis's value in every lane; `Layout` needs each value once: those of
+            # the lanes that have the first values of all other axes.
+            shape = stored["sweep_shape"]
             values = np.moveaxis(values.reshape(shape), dim, -1).reshape(-1, shape[dim])[0]
         axes.append(axis._replace(values=values))
     # All arrays that are not labels are variables.
-    labels = {*names, *further, *digests.values(), own["sweep_order"]}
+    labels = {*names, *further, *digests.values(), stored["sweep_order"]}
     variables = {name: _variable(array) for name, array in group.arrays() if name not in labels}
-    chunk, coordinates = own["sweep_chunk"], tuple(_labels(path, group, n) for n in further)
-    layout = Layout(tuple(axes), chunk, variables, coordinates, attrs, zipped, notes)
+    chunk, coordinates = stored["sweep_chunk"], tuple(_labels(path, group, n) for n in further)
+    layout = Layout(tuple(axes), chunk, variables, coordinates, settings, zipped, notes)
     lanes = {name: _values(path, group, array)[row_of] for name, array in digests.items()}
-    return Contents(layout, Identity(own["sweep_programs"], lanes), order, frozenset(own[ADDED]))
+    identity = Identity(stored["sweep_programs"], lanes)
+    return Contents(layout, identity, order, frozenset(stored[ADDED]))
 
 
 def _opened(path: Path) -> "tuple[zarr.Group, dict[str, Any]]":
@@ -239,7 +242,7 @@ def _write(path: Path, contents: Contents) -> None:
     order_name = f"sweep_order_{digest(order.tobytes())}"
     # The digests of the runs themselves have an empty name.
     digests = {name: f"sweep_lanes_{name}" if name else "sweep_lanes" for name in identity.lanes}
-    own = {
+    store_attributes = {
         "sweep_axes": [axis.name for axis in layout.axes],
         "sweep_shape": list(layout.shape),
         "sweep_zipped": layout.zipped,
@@ -252,7 +255,7 @@ def _write(path: Path, contents: Contents) -> None:
         ADDED: sorted(added),
         _FORMAT: _VERSION,
     }
-    attributes = {**layout.settings, **layout.notes, **own}
+    attributes = {**layout.settings, **layout.notes, **store_attributes}
     group = zarr.create_group(path, zarr_format=3, attributes=attributes)
     # Labels along the lanes: values of the axes, digests of the lanes, and the order.
     columns = layout.values()
@@ -292,7 +295,7 @@ def _write(path: Path, contents: Contents) -> None:
 def _write_label(
     path: Path, group: "zarr.Group", coordinate: Coordinate, dim: str, chunk: int
 ) -> None:
-    """Write an array of labels along a dimension, in chunks of the given length."""
+    """Write an array of labels along the dimension `dim`, in chunks of the length `chunk`."""
     values = coordinate.values
     attributes: dict[str, Any] = dict(coordinate.attributes)
     array = group.create_array(

@@ -57,17 +57,17 @@ _WITHOUT_RESULT = {"debug_callback", "debug_print"}
 
 
 class Fingerprints(NamedTuple):
-    """By key, the digest of each entry of the dictionary that a function returns, and its shape:
-    the entry with `jax.ShapeDtypeStruct` in place of its arrays."""
+    """Digests and shapes of the entries of the dictionary that a function returns, by key. The
+    shape of an entry is the entry with `jax.ShapeDtypeStruct` in place of its arrays."""
 
     digests: dict[str, str]
     shapes: dict[str, PyTree]
 
 
 def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTree) -> Fingerprints:
-    """Return the digests and shapes of the entries of the dictionary that a function returns. They
-    depend on structure, shapes and types of the arguments, but not on their numbers. Raise a
-    `ValueError` if the function calls a Python function that JAX doesn't trace."""
+    """Return the digests and shapes of the entries of the dictionary that a function returns for
+    arguments: digests depend on structure, shapes and types of these, but not on their numbers.
+    Raise a `ValueError` if the function calls a Python function that JAX doesn't trace."""
     program, shapes, _ = program_of(function, *arguments)
     named = jax.tree_util.tree_flatten_with_path(arguments)[0]
     inputs = [
@@ -179,7 +179,7 @@ def _shape(atom: Var | Literal) -> ShapedArray:
 
 
 RUN = ""
-"""Key of the run itself, where other keys are names of variables or outputs."""
+"""Key of the run itself, in dictionaries whose other keys are names of variables or outputs."""
 _BLOCK = 4096
 """Number of lanes whose numbers `row_digests` copies at a time, to limit its use of memory."""
 Channels = dict[str, dict[str, Quantity]]
@@ -202,8 +202,8 @@ def programs(
     plan: Plan, folded_scene: ConstantFolded, state: State, start_time: float, channels: Channels
 ) -> dict[str, str]:
     """Return digests of the program of the run, by the key `RUN`, and of the programs that compute
-    the variables of the outputs, by name of the variable: as each has its own, an output can be
-    added to a store without making the stored lanes invalid."""
+    the variables of the outputs, by name of the variable. As each variable has a digest of its own,
+    an output can be added to a store without making the stored lanes invalid."""
     numbers, structure = eqx.partition(folded_scene, eqx.is_array_like)
     traced, time = _Traced(plan, channels, structure), jnp.asarray(start_time, dtype=float)
     # The run itself is traced without outputs, so that its digest does not depend on them. A run
@@ -230,8 +230,12 @@ def programs(
 
 @dataclass(frozen=True)
 class _Traced:
-    """Parts of a lane's computation as functions that JAX can trace. Their argument `numbers` are
-    those of the scene, and `structure` is the scene without them."""
+    """Parts of a lane's computation as functions that JAX can trace.
+
+    The argument `numbers` of these functions has the numbers of the folded scene, and `structure`
+    is this scene without them. `row` is the snapshot of the motion at one time (end of a step),
+    and `inside` a snapshot that stands for the motion inside of the step.
+    """
 
     plan: Plan
     channels: Channels
@@ -251,18 +255,19 @@ class _Traced:
     def begin(
         self, plan: Plan, numbers: PyTree, state: State, time: Scalar, length: Scalar
     ) -> Lane:
-        """The lane before its first step, of the given length."""
+        """Return the lane before its first step, whose `length`, s, is that of the whole run."""
         request = _request(time + length, length)
         return begin_lane(plan, self.scene(numbers), state, time, request)
 
     def step(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
-        """The lane after one step, and the outcome of a run that ends before this step."""
+        """Return the lane after one step, and the outcome of a run that ends before this step."""
         plan, scene = self.run_plan, self.scene(numbers)
         after = step_lane(plan, scene, lane, _request(end_time, end_time))
         return {RUN: (after, outcome(plan, scene, lane, end_time))}
 
     def impact_tables(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
-        """The impacts recorded after one step, by variable of the impact tables."""
+        """Return the impacts recorded after one step, by variable of the impact tables. All of a
+        table's variables have the same entry, the whole record."""
         # A row is still wanted in each log, so that the code that records an impact is traced.
         request = replace(_request(end_time, end_time), wanted=dict.fromkeys(lane.buffers(), 1))
         after = step_lane(self.impacts_plan, self.scene(numbers), lane, request)
@@ -273,7 +278,7 @@ class _Traced:
         }
 
     def instant(self, numbers: PyTree, row: Snapshot, inside: Snapshot) -> Instant:
-        """The instant of the snapshot `row`."""
+        """Return the instant of the snapshot `row`."""
         # A quantity may evaluate the dense output at a fraction of the step: here that is the
         # fraction times the snapshot `inside`, so that it appears in the program.
         system = self.plan.scheme.system(self.scene(numbers))
@@ -284,7 +289,7 @@ class _Traced:
         return row.instant(system, at)
 
     def tallies(self, numbers: PyTree, row: Snapshot) -> dict[str, PyTree]:
-        """What the reductions have accumulated at the start of the run, by name."""
+        """Return what the reductions have accumulated at the start of the run, by name."""
         now = self.instant(numbers, row, row)
         starts = {name: reduction.start(now) for name, reduction in self.plan.reductions.items()}
         return jax.tree.map(jnp.asarray, starts)
@@ -292,7 +297,8 @@ class _Traced:
     def outputs(
         self, numbers: PyTree, row: Snapshot, inside: Snapshot, tallies: dict[str, PyTree]
     ) -> dict[str, PyTree]:
-        """All values that are computed at the end of a step, by variable."""
+        """Return all values that are computed at the end of a step, by variable. `tallies` has what
+        the reductions have accumulated before."""
         now, computed = self.instant(numbers, row, inside), {}
         for name, reduction in self.plan.reductions.items():
             start, tally = reduction.start(now), tallies[name]
@@ -312,13 +318,13 @@ class _Traced:
 
 
 def _request(end_time: Scalar, first_step: Scalar) -> LaneRequest:
-    """A request without times to save at and without rows to record."""
+    """Return a request without times to save at and without rows to record."""
     return LaneRequest(end_time, first_step, jnp.full(WINDOW, jnp.inf), {})
 
 
 def identity_of(digests: Mapping[str, str], lanes: Lanes, tasks: Task) -> Identity:
-    """Return the identity of a sweep. A lane is identified by its scene, initial state, end time
-    and length of the first step, or by its error message if it is in `lanes.bad`."""
+    """Return the identity of a sweep, with `digests` of its programs. A lane is identified by its
+    scene, initial state, end time and first step's length, or its error message in `lanes.bad`."""
     scenes = jax.tree.leaves(lanes.expanded(lanes.scene, lanes.scenes))
     states = jax.tree.leaves(lanes.states)
     arrays = [leaf for leaf in scenes if eqx.is_array(leaf)]
@@ -330,14 +336,14 @@ def identity_of(digests: Mapping[str, str], lanes: Lanes, tasks: Task) -> Identi
 
 
 def row_digests(columns: Iterable[ArrayLike]) -> Int[np.ndarray, " n"]:
-    """Return a digest of each lane, from its rows in several arrays (n, ...)."""
+    """Return a digest of each lane, from its rows in `columns`, which are arrays (n, ...)."""
     arrays = [np.asarray(column) for column in columns]
     count = len(arrays[0])
     digests = np.empty(count, np.int64)
-    for first in range(0, count, _BLOCK):
-        block = slice(first, min(first + _BLOCK, count))
+    for start in range(0, count, _BLOCK):
+        block = slice(start, min(start + _BLOCK, count))
         # The bytes of a lane's rows stand one after the other in a row of `table`.
-        rows = [np.ascontiguousarray(a[block]).reshape(block.stop - first, -1) for a in arrays]
+        rows = [np.ascontiguousarray(a[block]).reshape(block.stop - start, -1) for a in arrays]
         table = np.concatenate([row.view(np.uint8) for row in rows], axis=1)
         digests[block] = [number(row.tobytes()) for row in table]
     return digests

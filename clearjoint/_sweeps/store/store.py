@@ -1,9 +1,9 @@
 """Results of a sweep in a Zarr store (format 3) on disk, chunk by chunk.
 
 Each variable is an array whose chunks are those of the sweep. The result codes of a chunk are
-written last: without them its lanes are pending, whatever else a killed process has written, and so
-are those of a chunk with a damaged, missing or exchanged file. Two processes that write to the same
-store wait for each other if the system can lock files.
+written last: without them the chunk's lanes are pending, whatever else a killed process has
+written. The lanes of a chunk with a damaged, missing or exchanged file are pending, too. Two
+processes that write to the same store wait for each other if the system can lock files.
 
 A store can be extended by lanes and by variables. It recognises lanes by the numbers from which
 they start, and variables by the programs that compute them. It has the axes of the sweep that
@@ -39,11 +39,11 @@ of lanes in a chunk, or an array of labels."""
 
 def differences(stored: Contents, wanted: Contents, matches: np.ndarray) -> list[str]:
     """Return a line of text for each reason why the results of the wanted sweep can't be added to
-    the store; none if they can. `matches` are the `matching_lanes`.
+    the store; none if they can. `matches` has the result of `matching_lanes` for the stored rows.
 
     Variables and labels that only the wanted sweep has are no reason, because the store can be
-    extended by them. Different notes (see `Layout`) are no reason either, but are listed after
-    reasons, which they may explain.
+    extended by them. Different notes (see `Layout`) are no reason either, but are listed after the
+    reasons, if there are any, because notes may explain these.
     """
     parts, wanted_parts = _parts(stored.layout), _parts(wanted.layout)
     lines = [
@@ -67,7 +67,7 @@ def _settings(layout: Layout) -> dict[str, Part]:
 
 
 def _parts(layout: Layout) -> dict[str, Part]:
-    """Units, labels and variables, by the names that messages show."""
+    """Return the parts of a layout that are units, labels and variables, by names for messages."""
     parts: dict[str, Part] = {f"unit of axis {axis.name}": axis.unit for axis in layout.axes}
     parts |= {f"coordinate {c.name}": c.values for c in layout.coordinates}
     parts |= {f"unit of coordinate {c.name}": c.unit for c in layout.coordinates}
@@ -149,7 +149,7 @@ def _save_times(stored: Contents, wanted: Contents, matches: np.ndarray) -> Iter
 
 
 Parts = Mapping[int, tuple[Sequence[int], LaneArrays]]
-"""By number of the chunk, the numbers of n of its lanes, in any order, and their results,
+"""By the index of the chunk, the numbers of n of its lanes, in any order, and their results,
 (n, ...) for every variable."""
 _NAMED = 5
 """Number of damaged files that a warning names."""
@@ -200,7 +200,7 @@ class SweepStore:
         same lanes along other axes gets the axes of the requested sweep, unless it is read only.
 
         **Raises:** `ValueError` if there is something other than an intact store of this version at
-        the path, or that of another sweep, with the `differences`; `OSError` if the store can't be
+        the path, or another sweep's store, with the `differences`; `OSError` if the store can't be
         created or extended, for example without permission.
         """
         path = Path(path)
@@ -225,9 +225,9 @@ class SweepStore:
         return cls(path, extended)
 
     def missing(self) -> dict[int, list[int]]:
-        """Return the numbers of the lanes whose results are missing or damaged, by number of their
-        chunk; warn of damaged files. Raise a `PermissionError` if there are such lanes and the
-        store can't be written to."""
+        """Return the numbers of the lanes whose results are missing or damaged, by the index of
+        their chunk; warn of damaged files. Raise a `PermissionError` if there are such lanes and
+        the store can't be written to."""
         group = chunks.opened_group(self._folder)
         codes = _arrays(self.path, group, self._contents)[RESULT]
         missing = _missing(codes, self._contents.order, self.layout.chunk)
@@ -238,7 +238,8 @@ class SweepStore:
 
     def write(self, parts: Parts) -> None:
         """Write results of some lanes of one or more chunks to disk, so that they are done even if
-        the process is killed afterwards; also write the grid if that was long enough ago."""
+        the process is killed afterwards. Also write the grid, unless it was last written less than
+        `GRID_PERIOD` ago, or writing it would exceed `GRID_SHARE`."""
         with chunks.locked(self._folder):
             # Another process may have extended the store since it was opened.
             group = chunks.opened_group(self._folder)
@@ -250,14 +251,15 @@ class SweepStore:
                 # the chunk counts as pending for sweeps with the variable.
                 for chunk in parts:
                     chunk_file(self._folder, opened(group, name), chunk).unlink(missing_ok=True)
-            whole = {chunk: self._whole(arrays, chunk, *part) for chunk, part in parts.items()}
+            # A file has all rows of a chunk, so lanes that are stored already are written again.
+            complete = {chunk: self._whole(arrays, chunk, *part) for chunk, part in parts.items()}
             # The result codes mark the lanes as done: they are written last, when the other
             # variables are safely on disk.
             others = [name for name in arrays if name != RESULT]
             for names in (others, [RESULT]):
                 _flush_all(
                     chunks.write_chunk(self._folder, arrays[name], chunk, results[name])
-                    for chunk, results in whole.items()
+                    for chunk, results in complete.items()
                     for name in names
                 )
         self._write_grid_if_due()
@@ -269,30 +271,30 @@ class SweepStore:
         lanes: Sequence[int],
         results: LaneArrays,
     ) -> LaneArrays:
-        """Return all rows of a chunk: the given results and, in the other rows, the stored ones, or
-        pending ones if a file of the chunk is missing or damaged."""
+        """Return all rows of a chunk, by variable: the given results of `lanes` and, in the other
+        rows, the stored results, or pending ones if a file of the chunk is missing or damaged."""
         # The last chunk may have fewer rows than the others.
-        first, size = chunk * self.layout.chunk, self.layout.chunk
-        count = min(size, arrays[RESULT].shape[0] - first)
-        rows = self._row_of[list(lanes)] - first
-        whole = {name: variable.pending(count) for name, variable in self.layout.variables.items()}
+        first_row, size = chunk * self.layout.chunk, self.layout.chunk
+        count = min(size, arrays[RESULT].shape[0] - first_row)
+        given_rows = self._row_of[list(lanes)] - first_row
+        rows = {name: variable.pending(count) for name, variable in self.layout.variables.items()}
         if len(lanes) < count:
             stored = {
                 name: chunks.read_chunk(self._folder, arrays[name], chunk) for name in results
             }
             if not any(isinstance(part, str) for part in stored.values()):
-                whole = {name: np.array(part) for name, part in stored.items()}
+                rows = {name: np.array(part) for name, part in stored.items()}
         # If all stored rows are pending, perhaps because a file is damaged or missing, old result
         # codes are removed first: if this process were killed before it has written all arrays,
         # they would mark rows as done whose other values are missing.
-        if len(lanes) < count and (whole[RESULT] == PENDING).all():
+        if len(lanes) < count and (rows[RESULT] == PENDING).all():
             chunk_file(self._folder, arrays[RESULT], chunk).unlink(missing_ok=True)
         for name, values in results.items():
-            whole[name][rows] = values
-        return whole
+            rows[name][given_rows] = values
+        return rows
 
     def write_grid(self) -> None:
-        """Write what has changed of the grid, if the store can be written to."""
+        """Write the files of the grid whose content has changed, if the store can be written to."""
         # A store that can't be written to serves only sweeps whose lanes are all done: `missing`
         # raises an error for other sweeps.
         if not os.access(self.path, os.W_OK):
@@ -416,8 +418,8 @@ def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np
 
 
 def _flush_all(paths: Iterable[Path]) -> None:
-    """Wait until files are safely on disk. `paths` writes each one when it yields the path; all are
-    written before the first is flushed."""
+    """Wait until files are safely on disk. The iterator `paths` writes each file when it yields the
+    file's path; all files are written before the first is flushed."""
     written = list(paths)
     # A file system finishes the flushes of several threads together.
     with ThreadPoolExecutor(_FLUSHED_TOGETHER) as threads:
