@@ -161,7 +161,7 @@ def listed(names: Iterable[str]) -> str:
 
 Document: TypeAlias = dict[str, object]
 Units: TypeAlias = Mapping[Keys, str]
-"""Units of all values in a file, by the keys that lead to them; "1" for values without unit."""
+"""Unit of each value in a file, by the keys that lead to the value; "1" for none."""
 SUFFIXES = ".toml", ".json"
 SCHEMA = "$schema"
 DEEPEST = 32
