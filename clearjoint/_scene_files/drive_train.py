@@ -63,8 +63,7 @@ class Drive:
     - `loss`: further dry friction of the rotor, divided by the torque between rotor and link: 0.1
       for a gear that loses a tenth of this torque. A slider can have a loss only with play.
     - `link_friction`: dry friction of the link, N m, beside that of the file.
-    - `law`: law of both dry frictions, with speeds in rad/s. With the default law, rotor and link
-      stick at rest.
+    - `law`: law of both dry frictions, with speeds in rad/s; the default law includes sticking.
 
     >>> geared = cj.Drive(armature=2e-5, ratio=100.0, play="0.5 deg", stiffness=800.0, friction=0.3)
     >>> geared.play

@@ -84,8 +84,7 @@ def mujoco_package(location: FileLocation) -> ModuleType:
 
 
 def _compiled(path: Path) -> Model:
-    """Return MuJoCo's model of a file; without shapes if files of shapes are missing, but the
-    inertias of all bodies are given."""
+    """Return MuJoCo's model, without shapes if their files are missing but inertias are given."""
     location = FileLocation(str(path))
     mujoco = mujoco_package(location)
     try:
@@ -223,8 +222,7 @@ def _mimic(model: Model, follower: int, leader: int, coefficients: np.ndarray) -
 
 
 def _actuators(model: Model) -> tuple[dict[str, robots.Actuator], list[str]]:
-    """Return the actuators that an `Actuator` can describe, by name, and the names of all other
-    actuators."""
+    """Return the actuators that `robots.Actuator` can describe, by name, and the others' names."""
     actuators: dict[str, robots.Actuator] = {}
     others: list[str] = []
     for k in range(model.nu):

@@ -63,8 +63,7 @@ friction, which would creep."""
 QUICK = "0.0001 1"
 """`solref` of equality constraints and of dry friction; MuJoCo takes at least two time steps, s."""
 LARGEST_PENETRATION = 0.1
-"""Penetration, as a fraction of the play, at which the spring of a limit stores the law's energy.
-"""
+"""Penetration, as a fraction of the play, at which a limit's spring stores the law's energy."""
 STEPS_A_PERIOD, LONGEST_STEP = 20.0, 2e-3
 """Default number of time steps in the shortest period of a flank or spring; longest step, s."""
 PARALLEL, IN_PLACE = 1e-9, 1e-6
@@ -78,23 +77,20 @@ LEAST_INERTIA = 2e-15
 LARGEST_DEGREE = 4
 """Largest degree of a polynomial that couples joints of MJCF files."""
 LEVER = 0.1
-"""Distance, m, between the two points on its axis by which a hinge that closes a loop is written.
-"""
+"""Distance, m, between the two points on its axis by which a closing hinge is written."""
 TURN = 2.0 * math.pi
 FREE, BALL, HINGE, SLIDE = "free", "ball", "hinge", "slide"
 Control: TypeAlias = Callable[[jax.Array], jax.Array]
 
 
 class FileJoint(NamedTuple):
-    """A joint or fixed tendon of the file, which stands for a joint of the scene or on which an
-    element of the scene acts.
+    """A joint or fixed tendon of the file, the XML `element`, which stands for a joint of the scene
+    or on which an element of the scene acts.
 
-    - `element`: the XML element of the joint or tendon.
-    - `axis`: (3,) of the scene's joint or element, in global axes, in the pose of the file.
-    - `position`: of the file's joint or tendon in this pose, rad or m.
-    - `sign`: 1 if the position of the scene's joint or element grows with `position`, else -1.
-    - `start`: position of the scene's joint in this pose, in joint coordinates; ``None`` for a
-      free joint and a tendon.
+    `sign` is 1 if the position of the scene's joint or element grows with the position in the file,
+    else -1. In the pose of the file, `axis` is that of the scene's joint or element, (3,) in global
+    axes; `position` is that of the file's joint or tendon, rad or m; and `start` is that of the
+    scene's joint in joint coordinates, ``None`` for a tendon or a free joint.
     """
 
     element: Element
@@ -117,9 +113,8 @@ class NoCounterpartError(Exception):
 
 
 class Flanks(NamedTuple):
-    """A limit of a joint or tendon, by the `name` of the scene's element: play, rad or m,
-    stiffness, N m/rad or N/m, and damping, N m s/rad or N s/m, as a function of the inertia at the
-    joint, kg m^2 or kg."""
+    """A limit of a joint or tendon: `play`, rad or m; `stiffness`, N m/rad or N/m; and `damping`,
+    N m s/rad or N s/m, as a function of the inertia at the joint, kg m^2 or kg."""
 
     name: str
     play: float
@@ -189,9 +184,9 @@ class MjcfWriter:
         return variables_of(self._branches.values(), jax.tree.map(np.asarray, state))
 
     def motion(self, state: State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Return positions (..., p) and speeds (..., s) of each of the file's joints, by name, for
-        a state of the scene, or for states at N times, (N, p) and (N, s). Hinges and sliders have
-        p = s = 1, balls p = 4 and s = 3, and free joints 7 and 6, as in MuJoCo."""
+        """Return positions and speeds of the file's joints, by name, for a state of the scene or,
+        with a first axis (N,), for N states: 7 and 6 numbers of a free joint, 4 and 3 of a ball,
+        and one of other joints, as in MuJoCo."""
         numbers = {}
         for body, variable in self._variables(state).items():
             if (joint := self.joints.get(body)) is None:
@@ -281,14 +276,9 @@ class MjcfWriter:
 
     def _between(self, name: str, kind: str, element: PyTree, axis: Vector | None) -> FileJoint:
         """Return the joint or tendon whose position is that of an element's second body relative to
-        the element's first body.
-
-        **Arguments:** `name`: of a new tendon. `kind`: of the joints between the bodies, `HINGE` or
-        `SLIDE`. `axis`: (3,) in the first body's axes; by default that of the first joint between
-        the bodies.
-
-        **Raises:** `NoCounterpartError` if a joint between the bodies has another kind or axis.
-        """
+        the first, about or along an `axis`, (3,) in the first body's axes, by default that of the
+        first joint between them. Raise a `NoCounterpartError` unless all joints between the bodies
+        are of the `kind`, `HINGE` or `SLIDE`, and have this axis. `name`: of a new tendon."""
         first, second = element.pair()
         # How the element's position changes with that of a body's joint: by 1 if the joint carries
         # only the second body, by -1 if only the first, and not at all if both or none.
@@ -387,9 +377,9 @@ class MjcfWriter:
         self._resist(on, float(force.stiffness), float(twist), damping=float(force.damping))
 
     def bushing(self, name: str, force: Bushing, on: FileJoint) -> None:
-        """Add the spring and damper of a slider, whose motion strains a bushing along the slider's
-        axis. The bushing's principal axes may be oblique to this axis."""
+        """Add the spring and damper of a bushing to a slider, whose motion strains the bushing."""
         first, second = (self._motions[body] for body in force.pair())
+        # The bushing's own axes may be oblique to that of the slider.
         axes = _array(rotation_matrix(composed(self._turns[force.first], force.orientation_first)))
         along, stiffnesses = on.axis @ axes, _array(force.stiffness)
         stiffness = float(along**2 @ stiffnesses)
@@ -444,9 +434,8 @@ class MjcfWriter:
     def _sites(
         self, name: str, pair: PyTree, first: PyTree, second: PyTree, turn: PyTree = trees.UPRIGHT
     ) -> list[str]:
-        """Add a site in each of the two bodies of an element, the `pair`: at the points `first` and
-        `second`, (3,) m in body axes. Return the sites' names. `turn`: orientation of the first
-        site in its body, by default parallel to the body's axes, as the second site always is."""
+        """Add sites at the points `first` and `second`, (3,) m in body axes, of the two bodies of
+        the `pair`, the first with the orientation `turn` in its body; return the sites' names."""
         ends = ((pair.first, "first", first, turn), (pair.second, "second", second, trees.UPRIGHT))
         for body, end, point, orientation in ends:
             _child(self._bodies[body], "site", name=f"{name} {end}", pos=point, quat=orientation)
@@ -456,8 +445,7 @@ class MjcfWriter:
         self._actuate(name, on, lambda t: jnp.asarray(functions_of_time.value_at(force.torque, t)))
 
     def motor(self, name: str, force: Motor, on: FileJoint) -> None:
-        """Add a position servo, whose control is the target plus the target's rate times damping /
-        gain; without gain, the rate times the damping."""
+        """Add a servo, whose control is the target plus the target's rate times damping / gain."""
         gain, damping = float(force.proportional), float(force.derivative)
 
         def control(t: jax.Array) -> jax.Array:
@@ -502,9 +490,8 @@ class MjcfWriter:
         self._equate(name, [follower, leader], follower.sign * shifted)
 
     def _equate(self, name: str, ends: list[FileJoint], coefficients: np.ndarray) -> None:
-        """Make the displacement of the first of two `ends` from the pose of the file a polynomial
-        of the displacement of the second, or of a single end a constant. `coefficients`: with the
-        constant first."""
+        """Make the displacement of the first of two `ends` from the pose of the file a polynomial,
+        constant first, of the displacement of the second; that of a single end a constant."""
         tags = {end.element.tag for end in ends}
         if len(tags) > 1 or len(coefficients) > LARGEST_DEGREE + 1:
             raise NoCounterpartError
@@ -549,8 +536,7 @@ class MjcfWriter:
             _child(self._section("actuator"), "general", **options)
 
     def start(self, model: Model, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """Return `qpos`, (nq,), and `qvel`, (nv,), of MuJoCo's model of this file, for a state of
-        the scene."""
+        """Return `qpos`, (nq,), and `qvel`, (nv,), of MuJoCo's model, for a state of the scene."""
         positions, speeds = model.qpos0.copy(), np.zeros(model.nv)
         for name, (position, speed) in self.motion(state).items():
             joint = model.joint(name)
@@ -561,8 +547,7 @@ class MjcfWriter:
     def finish(
         self, location: FileLocation, start: State, timestep: float | None, integrator: str
     ) -> str:
-        """Return the file's text, with stiffness and damping of the flanks, and with the state
-        `start` as keyframe. `timestep`: s, by default as in `save_mjcf`."""
+        """Return the file's text, with stiffness and damping of the flanks and keyframe `start`."""
         mujoco = mujoco_package(location)
         try:
             model = mujoco.MjModel.from_xml_string(tostring(self.root, encoding="unicode"))

@@ -41,8 +41,7 @@ NOTHING: Mapping[str, PyTree] = MappingProxyType({})
 TURN = 2.0 * math.pi
 REST_OF_A_JOINT = JointState(0.0, (0.0,))
 FOLLOWS = 1e-6
-"""Largest difference between a follower's given position, rad or m, and the position that follows
-from its leader; also of speeds, rad/s or m/s, and accelerations, rad/s^2 or m/s^2."""
+"""Largest difference between a follower's given and derived position, rad or m, or speed."""
 
 
 class HasStates(Protocol):
@@ -56,8 +55,7 @@ class HasStates(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A robot from a file: its scene, and what connects states of the scene with positions of
-    joints.
+    """A robot from a file: its scene, and how the scene's states follow from joint positions.
 
     Positions are those of the file: angles, rad, of hinges, and distances, m, of sliders. They keep
     this meaning if numbers of the scene, such as lengths, are changed.
@@ -318,8 +316,7 @@ class Robot:
         return {name: by_joint[name] for name in dict.fromkeys((*self.joints, *by_joint))}
 
     def _motors(self) -> dict[str, str]:
-        """Return the names of the motors, such as "elbow motor", by joint, for those drives whose
-        rotor is a body and does not turn with the link."""
+        """Return the motors that turn apart from the link, such as "elbow motor", by joint."""
         names = {
             branch.joint for branch in self._branches if isinstance(branch, trees.JointedBranch)
         }
@@ -421,8 +418,7 @@ class Robot:
 
 def variables_of(branches: Iterable[trees.TreeBranch], state: State) -> dict[str, PyTree]:
     """Return the `JointState` of each body on a joint, and the `BodyState` of each free body, by
-    the body's name. Their scalars are arrays (N,) if `state` has the states at N times.
-    `branches`: parents first."""
+    the body's name, with arrays (N,) for states at N times. `branches`: parents first."""
     poses, variables = {GROUND: (trees.UPRIGHT, GROUND_MOTION)}, {}
     for branch in branches:
         body = _in_scalars(state.bodies[branch.body])
@@ -432,8 +428,7 @@ def variables_of(branches: Iterable[trees.TreeBranch], state: State) -> dict[str
 
 
 def kinematics(robot: Robot) -> Hashable:
-    """Return a key that is equal for robots whose bodies have the same motion if their joints have
-    the same positions and speeds."""
+    """Return a key that is equal for robots whose bodies move alike if their joints move alike."""
     limits, mimics = frozenset(robot.limits.items()), frozenset(robot._mimics.items())
     return robot.joints, tuple(robot._branches), limits, mimics, frozenset(robot.drives)
 

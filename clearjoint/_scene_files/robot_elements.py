@@ -50,8 +50,7 @@ IDEAL = {
     robots.BALL: (SphericalJoint, 0),
     robots.FIXED: (FixedJoint, 0),
 }
-"""Class of the ideal joint, and how many of the arguments of this class are the joint's axis, by
-the joint's type in the file."""
+"""Class of the ideal joint, and how many of its arguments are the axis, by type in the file."""
 TYPES = *IDEAL, robots.FLOATING
 BACKLASH = "backlash"
 """Key of a backlash's angle, rad, in the user's arguments; the class `Backlash` calls it `play`."""
@@ -77,10 +76,7 @@ before they slip, they deflect elastically by 1e-4 rad or m."""
 class Elements:
     """The joints and forces of a robot's scene, by name.
 
-    - `tree`: the links and joints of the file.
-    - `ideal`: ideal joint of each of the file's joints, except of floating ones and of those
-      between two links of one body.
-    - `joints`, `forces`: elements of the scene, as far as they have been added.
+    - `ideal`: ideal joints of the file's joints, except those that are floating or within a body.
     - `mimics`: the `Mimic` of each joint that follows another, leaders before their followers.
     - `omitted`: contents of the file that the scene lacks, as in `Content`.
     """
@@ -333,8 +329,7 @@ def _add_resistances(elements: Elements, friction: FrictionLaw | None) -> None:
 def friction_of(
     joint: HingeOrSlider, law: FrictionLaw, load: PyTree, **options: PyTree
 ) -> JointFriction:
-    """Return the friction of a hinge, with `load` in N m, or of a slider, with `load` in N;
-    `options`: further arguments of `JointFriction`."""
+    """Return the friction of a hinge, with `load` in N m, or of a slider, with `load` in N."""
     ends = joint.first, joint.second
     if isinstance(joint, RevoluteJoint):
         return JointFriction(*ends, law, load, joint.axis_first, 1.0, **options)

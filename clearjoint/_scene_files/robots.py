@@ -107,7 +107,6 @@ class RobotJoint(NamedTuple):
     - `kind`: type in the file, such as `FIXED`. `parent`, `child`: names of its links.
     - `pose`: (4, 4) homogeneous matrix, m, from the child's to the parent's frame at zero.
     - `axis`: (3,) in the child's axes, any length.
-    - `limits`, `mimic`: ``None`` for none.
     - `point`: (3,) m, of the joint in the child's frame, the origin by default.
     - `friction`: N m or N, dry. `damping`: N m s/rad or N s/m. `stiffness`: N m/rad or N/m, of a
       spring that is relaxed at `rest`, rad or m. `armature`: kg m^2 or kg, zero for none.
@@ -197,7 +196,6 @@ class Options:
 class Carrier:
     """Links that form one body, or belong to the ground; see the docstring of this module.
 
-    - `body`: name of the body, or "ground". `links`: names of the links.
     - `pose`: (4, 4) m, from the frame of the first link to that of the root at zero.
     - `centre`: (3,) m, the body's centre of mass in the frame of the first link.
     """
@@ -211,7 +209,6 @@ class Carrier:
 class LinkTree:
     """A tree of links.
 
-    - `links`, `joints`: of the file, by name.
     - `root`: name of the only link that is no joint's child.
     - `carriers`: the carrier of each link, by the link's name.
     - `poses`: (4, 4) m, from the frame of each link to that of its carrier's first link.
@@ -422,8 +419,7 @@ def _require_possible(
 
 
 def warn_of_omitted(file: object, omitted: Mapping[str, list[str]]) -> None:
-    """Warn of contents that are not carried over from or to a `file`, or robot; `omitted`: as in
-    `Content`."""
+    """Warn of contents that are not carried over from or to a file; `omitted`: as in `Content`."""
     parts = [f"{title} of {', '.join(names)}" for title, names in omitted.items() if names]
     parts += sorted(title for title, names in omitted.items() if not names)
     if parts:

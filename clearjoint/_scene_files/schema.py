@@ -40,11 +40,9 @@ def scene_properties(catalogue: "Catalogue") -> Schema:
 
 @dataclass(frozen=True)
 class Catalogue:
-    """Makes the schema of a file that may name the user-defined `classes`.
-
-    `definitions` has the schemas to which others refer: that of numbers under `ROWS`, and those of
-    makers by their names in files. The schema of a maker is added when it is first referred to.
-    """
+    """Makes the schema of a file that may name the user-defined `classes`. `definitions`: schemas
+    to which others refer, of makers by their names in files, and of numbers under `ROWS`. The
+    schema of a maker is added when it is first needed."""
 
     classes: Classes
     definitions: Schema = field(
@@ -86,8 +84,7 @@ class Catalogue:
         return _any_of(ways)
 
     def _references(self, families: tuple[type, ...]) -> list[Schema]:
-        """Return references to the definitions of all makers of objects whose classes derive from
-        the `families`; add the definitions that are still missing."""
+        """Return references to the definitions of the makers of `families`; add those missing."""
         # A user-defined class has two names; the last one, with its module, names its definition.
         names: dict[Maker, list[str]] = {}
         for name, make in makers(families, self.classes).items():
