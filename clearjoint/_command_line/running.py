@@ -61,8 +61,8 @@ class Negative(AbstractQuantity):
 
 
 def run(study: Study, folder: Path) -> CommandResult:
-    """Run a study's scene, and write tables, figures and a page; after a failure or Ctrl-C, of the
-    results so far."""
+    """Run a study's scene, and write tables, figures and a page. After a failure or Ctrl-C, they
+    show the results so far."""
     settings = study.settings("run")
     extremes = extremes_of(study.parts.run, settings)
     times = study.parts.run.saved_times(study.end())
@@ -104,8 +104,8 @@ def run(study: Study, folder: Path) -> CommandResult:
 
 
 def divided(times: np.ndarray, parts: int) -> np.ndarray:
-    """Divide each interval between times into `parts` equal ones; every `parts`-th of the returned
-    times is exactly a given one."""
+    """Return times, s, that divide each interval between the given `times` into `parts` equal
+    intervals; every `parts`-th of the returned times is exactly one of the given times."""
     fractions = np.arange(parts * (len(times) - 1) + 1) / parts
     return np.interp(fractions, np.arange(len(times)), times)
 

@@ -87,8 +87,8 @@ def arrow() -> Mesh:
 
 
 def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
-    """Return a helical spring about z with straight ends, from z = 0 to z = 1. Stretched to
-    `length`, its wire of radius `wire` is round."""
+    """Return a helical spring about z with straight ends, from z = 0 to z = 1. If the mesh is
+    stretched to `length` along z, the wire is round, with the radius `wire`."""
     # The middle of the wire: a helix of 14 points in each turn, between straight ends that have 12
     # per cent of the length each.
     inside = np.linspace(0.0, 1.0, 14 * turns + 1)
@@ -306,7 +306,8 @@ def between(
 
 
 def corners(parts: Sequence[DrawnPart], instants: Sequence[int]) -> Float[np.ndarray, "N 3"]:
-    """Return the corners, m, of boxes around each part in some frames."""
+    """Return the corners, m in global axes, of a box around each part in each of the frames
+    `instants`; the box has the part's own axes."""
     result = []
     for part in parts:
         ends = part.mesh.vertices.min(axis=0), part.mesh.vertices.max(axis=0)
