@@ -317,7 +317,7 @@ def _compute(
     out: Path | None,
     **options: str | None,
 ) -> None:
-    """Call the `function` of a `command`, print its result in one line, and exit with its exit
+    """Call the `function` of a `command`, print the line of its result, and exit with the result's
     code. `options` replace entries of the section of the study that has the command's name."""
     from .folders import PAGE
 

@@ -99,8 +99,8 @@ UNITS = {
 
 
 class Train(NamedTuple):
-    """What a drive adds to a robot's scene: the driven `joint`, with the armature if the rotor
-    turns with the link; `elements` by name; and the body of the `rotor`, else ``None``."""
+    """What a drive adds to a robot's scene: the driven `joint`; `elements` by name; and the body of
+    the `rotor`, ``None`` if the rotor turns with the link, as an armature of `joint`."""
 
     joint: HingeOrSlider
     elements: dict[str, Element]

@@ -192,8 +192,8 @@ class MjcfWriter:
             if (joint := self.joints.get(body)) is None:
                 continue
             if joint.kind == FREE:
-                parts = variable.position, variable.orientation, variable.velocity, variable.spin
-                parts = parts[:2], parts[2:]
+                place = variable.position, variable.orientation
+                parts = place, (variable.velocity, variable.spin)
             elif joint.kind == BALL:
                 parts = composed(conjugate(joint.start), variable.position), variable.speeds
             else:
@@ -287,28 +287,30 @@ class MjcfWriter:
             while body != GROUND:
                 sides[body] += side
                 body = self._branches[body].parent
-        # Bodies that are fixed to their parents have no joint.
-        passed = [b for b in self._branches if sides.get(b) and b in self.joints]
-        if not passed or any(self.joints[body].kind != kind for body in passed):
+        # The bodies whose joints are between `first` and `second`. Bodies that are fixed to their
+        # parents have no joint.
+        between = [b for b in self._branches if sides.get(b) and b in self.joints]
+        if not between or any(self.joints[body].kind != kind for body in between):
             raise NoCounterpartError
-        common = self.joints[passed[0]].axis
+        common_axis = self.joints[between[0]].axis
         if axis is not None:
-            common = _array(self._motions[first].direction(unit(axis)))
-        cosines = [float(self.joints[body].axis @ common) for body in passed]
+            common_axis = _array(self._motions[first].direction(unit(axis)))
+        cosines = [float(self.joints[body].axis @ common_axis) for body in between]
         if min(map(abs, cosines)) < 1.0 - PARALLEL:
             raise NoCounterpartError
-        signs = [sides[b] * float(np.sign(c)) for b, c in zip(passed, cosines, strict=True)]
-        if len(passed) == 1:
-            return self.joints[passed[0]]._replace(sign=signs[0], axis=common)
+        # A joint with the opposite axis counts with the opposite sign.
+        signs = [sides[b] * float(np.sign(c)) for b, c in zip(between, cosines, strict=True)]
+        if len(between) == 1:
+            return self.joints[between[0]]._replace(sign=signs[0], axis=common_axis)
         # Elements with opposite signs share a tendon, in which the first joint has the sign 1.
-        key = tuple((body, signs[0] * sign) for body, sign in zip(passed, signs, strict=True))
+        key = tuple((body, signs[0] * sign) for body, sign in zip(between, signs, strict=True))
         if key not in self._tendons:
             tendon = _child(self._section("tendon"), "fixed", name=name)
             for body, sign in key:
                 _child(tendon, "joint", joint=self.joints[body].name, coef=sign)
             position = sum(sign * self.joints[body].position for body, sign in key)
-            self._tendons[key] = FileJoint(tendon, common, position)
-        return self._tendons[key]._replace(sign=signs[0], axis=common)
+            self._tendons[key] = FileJoint(tendon, common_axis, position)
+        return self._tendons[key]._replace(sign=signs[0], axis=common_axis)
 
     def backlash(self, name: str, joint: Backlash, on: FileJoint) -> None:
         offset = joint.centred_rows(self._motions)["angle"].value
@@ -381,6 +383,8 @@ class MjcfWriter:
         first, second = (self._motions[body] for body in force.pair())
         # The bushing's own axes may be oblique to that of the slider.
         axes = _array(rotation_matrix(composed(self._turns[force.first], force.orientation_first)))
+        # Components of the slider's axis along the bushing's axes: a displacement of 1 m along the
+        # slider strains each spring of the bushing by its component, m, and the energies add up.
         along, stiffnesses = on.axis @ axes, _array(force.stiffness)
         stiffness = float(along**2 @ stiffnesses)
         damping = float(along**2 @ _array(force.damping))
@@ -395,6 +399,7 @@ class MjcfWriter:
         kind, lever = (SLIDE, 1.0) if joint.radius is None else (HINGE, float(joint.radius))
         on = self._between(name, kind, joint, joint.axis)
         law, load = joint.friction, float(joint.load)
+        # MuJoCo's dry friction does not depend on the speed: that at 1 m/s or rad/s is taken.
         sliding = -float(law.force(load, Vector(1.0, 0.0, 0.0)).x)
         if getattr(law, "breakaway", 0.0) > getattr(law, "kinetic", math.inf):
             self.omitted["friction at rest above that in sliding"].append(name)
@@ -529,6 +534,7 @@ class MjcfWriter:
             if math.isfinite(limits.velocity):
                 self.omitted["limits of velocities"].append(name)
         for name, actuator in robot.actuators.items():
+            # With play or compliance, the actuator acts on the motor, not on the link.
             joint = robot._motors().get(actuator.joint, actuator.joint)
             numbers = {"gear": actuator.gear, "gainprm": actuator.gain, "biasprm": actuator.bias}
             numbers |= _finite({"ctrlrange": actuator.control, "forcerange": actuator.force})

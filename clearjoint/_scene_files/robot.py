@@ -239,6 +239,7 @@ class Robot:
         **Raises:** `ValueError` as `state`.
         """
         new = self._by_joint("q", q, False), self._by_joint("qd", qd, True)
+        # Without the old numbers of followers: `state` derives them from those of the leaders.
         positions, speeds = (
             {n: value for n, value in part.items() if n not in self._mimics}
             | {n: _number(value) for n, value in changed.items()}
@@ -396,7 +397,7 @@ class Robot:
         states = motion if isinstance(motion, State) else motion.states
         variables = variables_of(self._branches, states)
         positions, speeds = {}, {}
-        joints = {motor: name for name, motor in self._motors().items()}  # of each motor
+        joints = {motor: name for name, motor in self._motors().items()}  # the joint of each motor
         for branch in self._branches:
             variable = variables[branch.body]
             if isinstance(branch, trees.FreeBranch) or not variable.speeds:
@@ -498,7 +499,8 @@ def _inertial_loads(
     rates: Mapping[str, JointNumbers],
 ) -> Loads:
     """Return the loads that joints and drives exert on each body in a motion with given `rates` of
-    the joints' speeds, rad/s^2 or m/s^2 (recursive Newton-Euler algorithm, first pass)."""
+    the joints' speeds, rad/s^2 or m/s^2 (recursive Newton-Euler algorithm, first pass).
+    `branches`, parents first, and `variables`: see `variables_of`."""
     # Linear acceleration in global axes, angular acceleration in body axes.
     accelerations = {GROUND: (ZERO, ZERO)}
     for branch in branches:

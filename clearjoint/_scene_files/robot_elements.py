@@ -278,8 +278,8 @@ def _add_loops(elements: Elements, loops: tuple[robots.LoopJoint, ...]) -> None:
         if loop.kind == robots.BALL:
             joint: Joint = SphericalJoint(*ends)
         else:
-            # Rotations from the frames to the two bodies' axes. As the frames coincide, the second
-            # body's axes are turned to those of the first by the first one and the inverse second.
+            # Rotations from the loop joint's frames to the axes of the two bodies. As the frames
+            # coincide, turns[0] @ turns[1].T leads from the second body's axes to the first's.
             pairs = zip((first, second), frames, strict=True)
             turns = [
                 robots.rounded(carrier.pose[:3, :3] @ frame[:3, :3]) for carrier, frame in pairs

@@ -153,7 +153,7 @@ class Actuator:
     - `gear`: ratio of the actuator's motion to the joint's.
     - `gain`, `bias`: coefficients of f, (3,) for the bias.
     - `control`: smallest and largest u.
-    - `force`: smallest and largest f, N m or N at a gear of 1.
+    - `force`: smallest and largest f.
 
     >>> servo = cj.results.Actuator("elbow", gain=50.0, bias=(0.0, -50.0, -2.0))
     >>> servo.gear
@@ -231,6 +231,8 @@ class LinkTree:
             carrier, pose = self.carriers[joint.parent], self.poses[joint.parent] @ joint.pose
             inertial = self.links[name].inertial
             has_mass = inertial is not None and inertial.mass > 0.0
+            # A fixed link is part of its parent's body. Else its joint begins a new body, but a
+            # fixed link without mass can't be one.
             if joint.kind == FIXED and (options.merge_fixed or not has_mass):
                 carrier.links.append(name)
             else:

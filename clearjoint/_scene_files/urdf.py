@@ -94,7 +94,7 @@ def _numbers(
     element: Element | None, name: str, default: str | None, count: int, location: FileLocation
 ) -> np.ndarray:
     """Return the numbers, (count,), of the attribute `name` of an element, or of the text `default`
-    if there is no such attribute or no element; ``None`` if the attribute must exist."""
+    if there is no such attribute or no element. With the `default` ``None``, it must exist."""
     text = default if element is None else element.get(name, default)
     if element is not None:
         location = location.at(element.tag, name)

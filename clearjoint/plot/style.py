@@ -98,8 +98,8 @@ def legend_above(
     handlelength: float | None = None,
     height: float = 1.0,
 ) -> None:
-    """Add a legend without a frame above the axes, for the `handles`, by default all labelled
-    curves. `height`: of its lower edge, in heights of the axes."""
+    """Add a legend in `columns` columns without a frame above the axes, for the `handles`, by
+    default all labelled curves. `height`: of the legend's lower edge, in heights of the axes."""
     if not any(child.get_label() == ROOM for child in axes.child_axes):
         # Titles are placed above child axes. Empty ones, as large as the legend, keep the title
         # from the legend.

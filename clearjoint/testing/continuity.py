@@ -46,7 +46,7 @@ def jumps(
     left: Float[jax.Array, " N"],
     right: Float[jax.Array, " N"],
 ) -> Jumps:
-    """Return the largest jump of a function in each of N intervals.
+    """Return the largest jump of a function in each of N intervals, from `left` to `right`.
 
     Each interval is divided into pieces. Each piece is bisected until its ends are practically
     adjacent floats; the half with the larger change of the function is kept. A jump that is smaller
