@@ -249,9 +249,8 @@ def _parsed_json(text: str) -> object:
 
 
 def format_document(document: Document, suffix: str, units: Units, schema: str | None) -> str:
-    """Return the text of a file, whose format has the given `suffix`, with the tables `document`,
-    with the `units` as comments in TOML, and with a reference to the JSON Schema file `schema`, if
-    any."""
+    """Return the text of a file of the format `suffix` with the tables `document`, with the `units`
+    as comments in TOML, and with a reference to the JSON Schema file `schema`, if any."""
     if suffix == ".json":
         content = document if schema is None else {SCHEMA: schema, **document}
         return json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
