@@ -71,7 +71,7 @@ PARALLEL, IN_PLACE = 1e-9, 1e-6
 HARD = {"solref": QUICK, "solimp": STIFF}
 """Attributes of equality constraints."""
 CRITICAL = 1.0 - 1e-9
-"""Largest damping ratio of a limit, with the restitution 0.14."""
+"""Largest damping ratio of a limit, at which the restitution is 0.14."""
 LEAST_INERTIA = 2e-15
 """Least mass, kg, and moment of inertia, kg m^2, of a body that MuJoCo accepts."""
 LARGEST_DEGREE = 4

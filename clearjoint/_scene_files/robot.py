@@ -638,11 +638,11 @@ def load_robot(
       URDF.
     - `stops`: a dictionary of arguments for each joint whose limits are stops, by the joint's
       name: of hinges the `torsional_stiffness` and `restitution`, or the `law` and `radius`, of a
-      `Backlash`; of sliders the `law` of a `PinInSlot`. It is added with a name such as "elbow
-      stop". Other limits have no effect on the motion (`Robot.limits` has them).
-    - `friction`: law of dry friction in the joints, as for `JointFriction`: it gives the ratio of
-      the friction to the dry friction in the file, and its speeds are in rad/s or m/s. ``None``
-      leaves dry friction out.
+      `Backlash`; of sliders the `law` of a `PinInSlot`. This element is added with a name such as
+      "elbow stop". Other limits have no effect on the motion (`Robot.limits` has them).
+    - `friction`: law of dry friction in the joints, as for `JointFriction`. The law gives the ratio
+      of the friction to the dry friction in the file, at speeds in rad/s or m/s. ``None`` leaves
+      dry friction out.
     - `merge_fixed`: False makes fixed links with mass bodies of their own, held by a `FixedJoint`,
       whose reaction can then be observed. Merged links make runs faster.
     - `free_root`: True makes the root a free body, as for a robot that walks or a single object.
@@ -650,7 +650,7 @@ def load_robot(
       body can have them, as MuJoCo's compiler does with `balanceinertia`.
     - `bound_mass`, `bound_inertia`: least mass, kg, and least principal moment of inertia, kg m^2,
       of a body, as for MuJoCo's compiler. Smaller ones are increased. Links without mass between
-      hinges and sliders, as between several joints of a body in MJCF, need none (see `Body`).
+      hinges and sliders, as between several joints of a body in MJCF, need no mass (see `Body`).
 
     **Raises:** `ValueError`, with the file and the element, for a file of more than 50 MB or that
     can't be read, a robot that a scene can't represent, and invalid `play` or `stops`. `OSError`
