@@ -149,7 +149,8 @@ PLACEHOLDERS = {
     "four_bar": ("crank pin", "coupler", "200 ms", "0.2 ms", "20 ms", "209.43951 ms"),
     "slider_crank": ("slider pin", "slider", "24 ms", "0.02 ms", "12 ms", "12 ms"),
 }
-"""Joint, body, end, time between saved states, end of the transient, and duration of a cycle."""
+"""Texts in place of ``$joint`` and so on, by mechanism: joint, body, end of the run, time between
+saved states, end of the transient, and duration of a cycle."""
 
 
 def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:

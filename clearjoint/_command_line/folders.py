@@ -45,7 +45,8 @@ Summary = Mapping[str, str | int | float]
 
 
 def write_summary(folder: Path, kind: str, study: AbstractStudy, results: Summary) -> None:
-    """Write the results of the command `kind`, and the time, s, since the study's file was read."""
+    """Write the summary of a computation: the command, `kind`; title and file of the study; the
+    `results`; and the time, s, since the study's file was read."""
     seconds = round(time.perf_counter() - study.started, 2)
     head = {"kind": kind, "title": study.title, "file": str(study.path)}
     text = json.dumps({**head, **results, "seconds": seconds}, indent=2, ensure_ascii=False)
@@ -66,15 +67,15 @@ def read_summary(folder: Path) -> dict[str, str | int | float]:
 
 
 def write_scene(folder: Path, scene: Scene, state: State, name: str = SCENE) -> None:
-    """Write a scene file, unless the state can't be saved, as one with NaN."""
+    """Write a scene file; write none if the state can't be saved, such as a state with NaN."""
     with suppress(ValueError):
         save(scene, state, folder / name)
 
 
 def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = ()) -> None:
-    """Remove the results of an earlier computation that a new page would also show: figures, and
-    tables and files whose names match the patterns. From a folder without a summary, and thus
-    without results, nothing is removed."""
+    """Remove results of an earlier computation, which a new page would also show: all figures, and
+    the tables and files whose names match one of the patterns `tables` or `files`. From a folder
+    without a summary, and thus without results, nothing is removed."""
     if (folder / SUMMARY).is_file():
         both = [f"{table}.{suffix}" for table in tables for suffix in ("nc", "csv")]
         for pattern in (f"{FIGURES}/*.png", *both, *files):

@@ -317,8 +317,8 @@ def _compute(
     out: Path | None,
     **options: str | None,
 ) -> None:
-    """Compute a command by `function`, print its result, and exit with its code. `options` replace
-    entries of the study's section of this name."""
+    """Call the `function` of a `command`, print the line of its result, and exit with the result's
+    code. `options` replace entries of the section of the study that has the command's name."""
     from .folders import PAGE
 
     folder = out or Path("results") / file.stem / command

@@ -39,8 +39,9 @@ class RobotFitParts:
       starts. `driven_by`: see `clearjoint.fit_robot`; a servo is the table of a `Servo` or `Motor`,
       by default with the bodies and axis of the joint's motor.
     - `angles`, `torques`, `goals`: columns of the log by joint: "name [unit]", or tables of a
-      `LogColumn`; `time`: column of the times. `header`: whether the first row has the names;
-      without, columns have numbers. `missing`, `largest_gap`: see `clearjoint.RobotLog.read`.
+      `LogColumn`; `time`: column of the times. `header`: whether the first row of the log has the
+      columns' names; if not, columns are named by their numbers. `missing`, `largest_gap`: see
+      `clearjoint.RobotLog.read`.
     - `start`, `end`: part of the log that is used, s.
     - `drives`: drive trains by joint, see `clearjoint.Drive`; `play`: see `clearjoint.load_robot`.
     - `grow`, `max_iterations`: see `clearjoint.identify`.

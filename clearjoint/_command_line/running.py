@@ -61,16 +61,18 @@ class Negative(AbstractQuantity):
 
 
 def run(study: Study, folder: Path) -> CommandResult:
-    """Run a study's scene, and write tables, figures and a page; after a failure or Ctrl-C, of the
-    results so far."""
+    """Run a study's scene, and write tables, figures and a page; after a failure or Ctrl-C, these
+    have the results so far."""
     settings = study.settings("run")
     extremes = extremes_of(study.parts.run, settings)
     times = study.parts.run.saved_times(study.end())
-    # Each interval between saved states is divided for the figures.
+    # For the figures, each interval between saved states is divided: rounded up, into so many parts
+    # that there are at least `DRAWN`.
     parts = -(-DRAWN // (len(times) - 1))
     solution, code = _simulated(study, settings, extremes, divided(times, parts))
     path = solution.saved
     if path is not None:
+        # Every `parts`-th time is one at which the study saves a state.
         saved = jax.tree.map(lambda rows: rows[::parts], path)
         solution = replace(solution, saved=saved, saved_count=len(saved))
     # Imported here, because it takes long and `clearjoint check` does not need it.
@@ -104,8 +106,8 @@ def run(study: Study, folder: Path) -> CommandResult:
 
 
 def divided(times: np.ndarray, parts: int) -> np.ndarray:
-    """Divide each interval between times into `parts` equal ones; every `parts`-th of the returned
-    times is exactly a given one."""
+    """Return times, s, that divide each interval between the given `times` into `parts` equal
+    intervals; every `parts`-th of the returned times is exactly one of the given times."""
     fractions = np.arange(parts * (len(times) - 1) + 1) / parts
     return np.interp(fractions, np.arange(len(times)), times)
 

@@ -127,10 +127,10 @@ class AxisPart:
 class SweepPart:
     """The section [sweep]: runs with different numbers of the scene, and outputs of each.
 
-    - `outputs`: quantities are evaluated at the times of `save_every` in [run], whose Poincaré
-      sections are computed too. `end`, `preset`, `settings`: by default those of [run].
+    - `outputs`: quantities are evaluated at the times at which [run] saves states. The Poincaré
+      sections of [run] are computed too. `end`, `preset`, `settings`: by default those of [run].
     - `zipped`: whether lane k has the k-th value of every axis, in place of all combinations.
-    - `chunk`: lanes that are stored together; by default a sixteenth of all lanes, at most 256.
+    - `chunk`: number of lanes that are stored together; by default a sixteenth of all, at most 256.
     """
 
     axes: Mapping[str, AxisPart]
@@ -367,9 +367,9 @@ class Study(AbstractStudy):
     started: float = field(default_factory=time.perf_counter)
 
     def settings(self, section: str) -> Settings:
-        """Return the settings of a section: its preset, changed by the entries of its `settings`. A
-        section [sweep] without either has those of [run]. The energy ledger is on if an output
-        needs it."""
+        """Return the settings of the section `section`, such as "run": the preset, changed by the
+        entries of `settings`. A section [sweep] with neither preset nor settings has the settings
+        of [run]. The energy ledger is on if an output of the section needs it."""
         part = getattr(self.parts, section)
         outputs = getattr(part, "outputs", {}).values()
         needs_ledger = any(getattr(output, "needs_ledger", False) for output in outputs)
@@ -396,7 +396,8 @@ class Study(AbstractStudy):
         return float(end)
 
     def check_elements(self, named: Mapping[str, Output], *keys: str) -> None:
-        """Check that the scene has the elements of the outputs at `keys` of the file."""
+        """Check that the scene has the elements that outputs name. `named`: the outputs by name,
+        the table at `keys` of the file."""
         for name, entry in named.items():
             with self.location.at(*keys, name).in_errors():
                 if isinstance(entry, AbstractQuantity | RECORDED):

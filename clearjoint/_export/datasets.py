@@ -109,7 +109,8 @@ def labelled_dataset(
 
 
 def estimate_labels(units: Mapping[str, str]) -> dict[str, Labelled]:
-    """Return labels for the dimensions "parameter" and "bound" (of intervals), and the units."""
+    """Return the coordinates of a table of estimates: names of parameters, their `units`, given by
+    name, and "low" and "high" for the bounds of intervals."""
     along = ("parameter",)
     return {
         "parameter": Labelled(along, texts([*units])),
@@ -119,7 +120,7 @@ def estimate_labels(units: Mapping[str, str]) -> dict[str, Labelled]:
 
 
 def texts(labels: ArrayLike) -> np.ndarray:
-    """Return labels as an array of texts; of none, `np.asarray` would make floats."""
+    """Return labels as an array of texts, also if there are none: `np.asarray([])` has floats."""
     return np.array(np.asarray(labels).tolist(), dtype=str)
 
 

@@ -196,7 +196,8 @@ def _all_finite(array: np.ndarray | jax.Array) -> bool:
 
 
 def require_positive(argument: str, value: ArrayLike, remedy: str, *, zero: bool = False) -> None:
-    """Raise a ``ValueError`` unless a value is one finite number, positive or, if `zero`, zero.
+    """Raise a ``ValueError`` unless a value is one finite number that is positive, or zero if the
+    flag `zero` allows it.
 
     >>> extend.require_positive("radius", 1.0, "give it in m")  # else raises
     """

@@ -30,9 +30,9 @@ def with_leaves(
 
 
 def ordered_like(tree: PyTree, other: PyTree) -> PyTree:
-    """Give the dictionaries by name in `other`, a scene, a state or a tuple of these, the order
-    that they have in `tree`, and return it. Elements keep the order of their dictionaries, which
-    can't matter."""
+    """Order the dictionaries by name in `other`, a scene, a state or a tuple of these, as they are
+    ordered in `tree`, and return `other`. Dictionaries inside of joints, forces and other elements
+    keep their order, which can't matter."""
     if type(other) is tuple:
         return tuple(ordered_like(*pair) for pair in zip(tree, other, strict=True))
     for name, part in vars(other).items() if isinstance(other, eqx.Module) else ():

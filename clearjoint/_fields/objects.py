@@ -284,8 +284,8 @@ def array_leaves(
     leaves: list[PyTree],
     structure: jax.tree_util.PyTreeDef,  # pyright: ignore
 ) -> list[PyTree]:
-    """Return the leaves of `with_arrays` for those of its argument; the same list if no leaf is to
-    be converted."""
+    """Do as `with_arrays` with the `leaves` of a tree and its `structure`, and return the new
+    leaves; the same list if no leaf is to be converted."""
     # Usually few leaves are left to convert. Types are compared here, without a call, because a
     # scene of thirty joints has a thousand leaves.
     others = [

@@ -77,8 +77,8 @@ def makers(families: tuple[type, ...], classes: Classes) -> dict[str, Maker]:
     name.
 
     Classes derive from one of the `families`; if there are none, all classes are returned.
-    User-defined `classes` have two names, "Class" and "module:Class"; the former may be that of a
-    class of this package, which then has priority.
+    User-defined `classes` have two names, "Class" and "module:Class". If a class of this package
+    is also called "Class", this name means the class of the package.
     """
     # An iterator is no collection: it could be read only once. A class may be one, such as an enum.
     is_collection = isinstance(classes, Collection) and not isinstance(classes, type)
@@ -116,7 +116,7 @@ def family_names(families: tuple[type, ...]) -> str:
 def find_maker(
     name: object, families: tuple[type, ...], classes: Classes, location: FileLocation
 ) -> Maker:
-    """Return the maker that a file names.
+    """Return the maker that a file names at `location`, one of those that `makers` returns.
 
     A script saves its own class as "__main__:Class". Such a name means a class "Class" of this
     package or else of `classes`, whatever its module.

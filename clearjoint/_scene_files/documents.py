@@ -161,7 +161,7 @@ def listed(names: Iterable[str]) -> str:
 
 Document: TypeAlias = dict[str, object]
 Units: TypeAlias = Mapping[Keys, str]
-"""Units of all values in a file, by the keys that lead to them; "1" for values without unit."""
+"""Unit of each value in a file, by the keys that lead to the value; "1" for none."""
 SUFFIXES = ".toml", ".json"
 SCHEMA = "$schema"
 DEEPEST = 32
@@ -249,8 +249,8 @@ def _parsed_json(text: str) -> object:
 
 
 def format_document(document: Document, suffix: str, units: Units, schema: str | None) -> str:
-    """Return the text of a file with the given tables, with the `units` as comments in TOML, and
-    with a reference to the JSON Schema file `schema`, if any."""
+    """Return the text of a file of the format `suffix` with the tables `document`, with the `units`
+    as comments in TOML, and with a reference to the JSON Schema file `schema`, if any."""
     if suffix == ".json":
         content = document if schema is None else {SCHEMA: schema, **document}
         return json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False) + "\n"

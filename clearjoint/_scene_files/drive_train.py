@@ -61,9 +61,9 @@ class Drive:
     - `friction`, `viscosity`: dry friction, N m, and viscous friction, N m s/rad, between the rotor
       and the joint's first body.
     - `loss`: further dry friction of the rotor, divided by the torque between rotor and link: 0.1
-      for a gear that loses a tenth of it. Of a slider only with play.
+      for a gear that loses a tenth of this torque. A slider can have a loss only with play.
     - `link_friction`: dry friction of the link, N m, beside that of the file.
-    - `law`: law of both dry frictions, with speeds in rad/s; by default they stick.
+    - `law`: law of both dry frictions, with speeds in rad/s; the default law includes sticking.
 
     >>> geared = cj.Drive(armature=2e-5, ratio=100.0, play="0.5 deg", stiffness=800.0, friction=0.3)
     >>> geared.play
@@ -99,8 +99,8 @@ UNITS = {
 
 
 class Train(NamedTuple):
-    """What a drive adds to a robot's scene: the driven `joint` with its armature, `elements` by
-    name, and the body of a `rotor` that does not turn with the link."""
+    """What a drive adds to a robot's scene: the driven `joint`; `elements` by name; and the body of
+    the `rotor`, ``None`` if the rotor turns with the link, as an armature of `joint`."""
 
     joint: HingeOrSlider
     elements: dict[str, Element]
@@ -130,7 +130,8 @@ def train_of(name: str, joint: HingeOrSlider, drive: Drive) -> Train:
         if {"friction", "viscosity", "loss"} & numbers.keys():
             load, viscosity, loss = numbers.get("friction", 0.0), numbers.get("viscosity"), {}
             if "loss" in numbers:
-                # The force of a flank of a hinge acts on its radius.
+                # The loss is a fraction of a torque. But the flanks of a hinge with play report
+                # their force, which acts at this radius; springs and sliders need no factor.
                 radius = DEFAULT_RADIUS if "play" in numbers and not is_slider else 1.0
                 pressed_by = f"{name} {BACKLASH if 'play' in numbers else COMPLIANCE}"
                 loss = {"pressed_by": pressed_by, "load_ratio": numbers["loss"] * radius}
@@ -140,7 +141,7 @@ def train_of(name: str, joint: HingeOrSlider, drive: Drive) -> Train:
             named[f"{name} link friction"] = friction_of(link, drive.law, numbers["link_friction"])
         return named
 
-    if not is_elastic:
+    if not is_elastic:  # the rotor turns with the link: it is an armature, not a body
         driven = replace(joint, armature=armature)
         return Train(driven, {**frictions(driven, driven)})
     # A body must have mass, but the rotor's belongs to the file's link, and its rotation about the
@@ -205,7 +206,8 @@ def _require_together(
 
 
 def _flanks(between: HingeOrSlider, numbers: Mapping[str, PyTree]) -> AbstractContactJoint:
-    """Return the play between rotor and link; `between`: the ideal joint of these two bodies."""
+    """Return the play between rotor and link. `between`: the ideal joint of these two bodies;
+    `numbers`: those of the `Drive`, in SI units, without those that are ``None``."""
     # Stiffness and damping of a couple are those of a force times the square of the radius.
     square = DEFAULT_RADIUS**2 if isinstance(between, RevoluteJoint) else 1.0
     stiffness, damping = numbers["stiffness"] / square, numbers.get("damping")

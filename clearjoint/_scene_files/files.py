@@ -50,8 +50,9 @@ class Writer:
     user_classes: set[type] = field(default_factory=set)
 
     def table(self, instance: PyTree, location: FileLocation) -> dict[str, object]:
-        """Return the arguments with which the constructor makes an object again, without those
-        whose value and default are ``None`` or empty, and those with a default but no field."""
+        """Return the arguments with which the constructor makes an object again. Left out are
+        arguments whose value and default are ``None`` or empty, or that have a default but no
+        field. `location`: of the object's table in the file."""
         kind = type(instance)
         if not is_of_package(kind):
             self.user_classes.add(kind)
@@ -243,8 +244,8 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
 
 
 def first_difference(first: object, second: object, location: FileLocation) -> FileLocation | None:
-    """Return where two objects first differ, ``None`` if they are equal: floats and arrays bit by
-    bit, arrays also in shape and dtype."""
+    """Return where two objects at `location` first differ, ``None`` if they are equal: floats and
+    arrays bit by bit, arrays also in shape and dtype."""
     # An array of NumPy may equal one of JAX, and dictionaries of different types may be equal. All
     # other objects differ if their types do.
     are_arrays = isinstance(first, ARRAYS) and isinstance(second, ARRAYS)

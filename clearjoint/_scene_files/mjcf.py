@@ -1,7 +1,7 @@
 """Read MJCF files with MuJoCo, which resolves their defaults, frames, inertias and references.
 
-A body of MJCF becomes a link, which is fixed to its parent if it has no joint. If it has several
-joints, links without mass between them make a chain.
+A body of MJCF becomes a link, which is fixed to its parent if it has no joint. Several joints of a
+body become a chain of joints, with links without mass between them.
 """
 
 import math
@@ -40,7 +40,7 @@ def read_mjcf(path: Path) -> robots.Content:
     names = [model.body(k).name or f"body {k}" for k in range(model.nbody)]
     links = [robots.RobotLink(name, _inertial(model, k)) for k, name in enumerate(names)]
     joints: list[robots.RobotJoint] = []
-    for k in range(1, model.nbody):
+    for k in range(1, model.nbody):  # without the world, body 0, which is the root link
         parent, pose = names[model.body_parentid[k]], np.eye(4)
         pose[:3, :3] = _rotation(model.body_quat[k])
         pose[:3, 3] = model.body_pos[k]
@@ -48,6 +48,8 @@ def read_mjcf(path: Path) -> robots.Content:
         if not count:
             name, x_axis = f"{names[k]} {robots.FIXED}", np.array([1.0, 0.0, 0.0])
             joints.append(robots.RobotJoint(name, robots.FIXED, parent, names[k], pose, x_axis))
+        # The first of several joints has the body's pose, and moves a link without mass, on which
+        # the next joint is; the last joint moves the body itself.
         for j in range(first, first + count):
             is_last = j == first + count - 1
             child = names[k] if is_last else f"{names[k]} after {_joint_name(model, j)}"
@@ -67,8 +69,8 @@ def read_mjcf(path: Path) -> robots.Content:
     omitted = {title: elements for title, elements in of_elements.items() if elements}
     omitted |= {title: [] for title, number in IGNORED.items() if getattr(model, number)}
     omitted |= {"fluid": []} if model.opt.density or model.opt.viscosity else {}
-    is_off = model.opt.disableflags & mujoco_package(location).mjtDisableBit.mjDSBL_GRAVITY
-    gravity = (0.0, 0.0, 0.0) if is_off else tuple(model.opt.gravity.tolist())
+    has_no_gravity = model.opt.disableflags & mujoco_package(location).mjtDisableBit.mjDSBL_GRAVITY
+    gravity = (0.0, 0.0, 0.0) if has_no_gravity else tuple(model.opt.gravity.tolist())
     return robots.Content(links, joints, omitted, loops, actuators, gravity)
 
 
@@ -82,7 +84,7 @@ def mujoco_package(location: FileLocation) -> ModuleType:
 
 
 def _compiled(path: Path) -> Model:
-    """Return MuJoCo's model; without shapes if files are missing but all inertias are given."""
+    """Return MuJoCo's model, without shapes if their files are missing but inertias are given."""
     location = FileLocation(str(path))
     mujoco = mujoco_package(location)
     try:
@@ -90,6 +92,8 @@ def _compiled(path: Path) -> Model:
         try:
             return spec.compile()
         except ValueError:
+            # MuJoCo computes an inertia that isn't given from the body's shapes, which must then
+            # not be left out. A file of a mesh, for example, may be missing.
             bodies = [body for body in spec.bodies if body.name != "world" and len(body.geoms)]
             if not all(body.explicitinertial for body in bodies):
                 raise
@@ -121,7 +125,8 @@ def _joint_name(model: Model, joint: int) -> str:
 
 
 def _joint(model: Model, j: int, parent: str, child: str, pose: np.ndarray) -> robots.RobotJoint:
-    """Return the joint with number j; `pose`, (4, 4), is that of the child in the parent link."""
+    """Return the joint with number `j` in the model, from the link `parent` to the link `child`.
+    `pose`: (4, 4) m, of the child in the parent's frame while the joint is at MuJoCo's `qpos0`."""
     name, kind = _joint_name(model, j), KINDS[model.jnt_type[j]]
     axis, point = model.jnt_axis[j].copy(), model.jnt_pos[j].copy()
     if kind in (robots.FLOATING, robots.BALL):
@@ -154,7 +159,8 @@ def _range(ends: np.ndarray, is_limited: bool) -> tuple[float, float]:
 
 
 def _motion(kind: str, axis: np.ndarray, point: np.ndarray, position: float) -> np.ndarray:
-    """Return the pose (4, 4) of a body at a joint's `position`, in the body's axes at zero."""
+    """Return the pose, (4, 4) m, of a body at a joint's `position`, rad or m, in the frame that the
+    body has at zero; the joint's `axis` and `point`, (3,) each, are in this frame too."""
     from scipy.spatial.transform import Rotation
 
     pose = np.eye(4)
@@ -170,15 +176,16 @@ def _equalities(
     model: Model, names: list[str]
 ) -> tuple[tuple[robots.LoopJoint, ...], dict[str, robots.Mimic], list[str]]:
     """Return the constraints that close loops, the `Mimic` of each following joint by name, and the
-    names of all other constraints."""
+    names of all other constraints. `names`: of the bodies, in the order of the model."""
     loops: list[robots.LoopJoint] = []
     followers: dict[str, robots.Mimic] = {}
     others: list[str] = []
     for k in range(model.neq):
         name, kind, data = model.eq(k).name or f"equality {k}", model.eq_type[k], model.eq_data[k]
-        ids = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+        ids = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])  # of two joints, bodies or sites
         if kind == COUPLE and model.eq_active0[k]:
             follower = _joint_name(model, ids[0])
+            # A joint can follow one leader only: a second coupling is among the `others`.
             if follower not in followers:
                 followers[follower] = _mimic(model, *ids, data[:5])
                 continue
@@ -204,7 +211,8 @@ def _equalities(
 
 
 def _mimic(model: Model, follower: int, leader: int, coefficients: np.ndarray) -> robots.Mimic:
-    """Return how a joint follows: in MJCF, q - ref is a polynomial of the leader's q - ref."""
+    """Return how the joint number `follower` follows the joint number `leader`, negative for none.
+    In MJCF, q - ref is a polynomial of the leader's q - ref, with the constant first."""
     start = model.qpos0[model.jnt_qposadr[follower]]
     if leader < 0:
         return robots.Mimic(None, (float(start + coefficients[0]),))
@@ -214,12 +222,13 @@ def _mimic(model: Model, follower: int, leader: int, coefficients: np.ndarray) -
 
 
 def _actuators(model: Model) -> tuple[dict[str, robots.Actuator], list[str]]:
-    """Return the actuators of joints by name, and the names of all others."""
+    """Return the actuators that `robots.Actuator` can describe, by name, and the others' names."""
     actuators: dict[str, robots.Actuator] = {}
     others: list[str] = []
     for k in range(model.nu):
         name, (target, _) = model.actuator(k).name or f"actuator {k}", model.actuator_trnid[k]
-        # On a slider or hinge, with a fixed gain, an affine bias or none, and no activation state.
+        # An `Actuator` acts on a slider or hinge, with a fixed gain, an affine bias (type 1) or
+        # none (type 0), and no activation state.
         is_of_joint = model.actuator_trntype[k] in (0, 1) and model.jnt_type[target] >= 2
         is_affine = model.actuator_gaintype[k] == 0 and model.actuator_biastype[k] in (0, 1)
         if not (is_of_joint and is_affine and model.actuator_dyntype[k] == 0):

@@ -63,34 +63,34 @@ friction, which would creep."""
 QUICK = "0.0001 1"
 """`solref` of equality constraints and of dry friction; MuJoCo takes at least two time steps, s."""
 LARGEST_PENETRATION = 0.1
-"""Penetration, as a fraction of the play, at which the spring of a limit stores the law's energy.
-"""
+"""Penetration, as a fraction of the play, at which a limit's spring stores the law's energy."""
 STEPS_A_PERIOD, LONGEST_STEP = 20.0, 2e-3
-"""Default time steps in the shortest period of a flank or spring, and the longest step, s."""
+"""Default number of time steps in the shortest period of a flank or spring; longest step, s."""
 PARALLEL, IN_PLACE = 1e-9, 1e-6
 """Largest deviation of the cosine of parallel axes from one, and of bodies from their joints, m."""
 HARD = {"solref": QUICK, "solimp": STIFF}
 """Attributes of equality constraints."""
 CRITICAL = 1.0 - 1e-9
-"""Largest damping ratio of a limit, with the restitution 0.14."""
+"""Largest damping ratio of a limit, at which the restitution is 0.14."""
 LEAST_INERTIA = 2e-15
 """Least mass, kg, and moment of inertia, kg m^2, of a body that MuJoCo accepts."""
 LARGEST_DEGREE = 4
 """Largest degree of a polynomial that couples joints of MJCF files."""
 LEVER = 0.1
-"""Distance, m, of the two points on the axis of a hinge that closes a loop."""
+"""Distance, m, between the two points on its axis by which a closing hinge is written."""
 TURN = 2.0 * math.pi
 FREE, BALL, HINGE, SLIDE = "free", "ball", "hinge", "slide"
 Control: TypeAlias = Callable[[jax.Array], jax.Array]
 
 
 class FileJoint(NamedTuple):
-    """A joint or fixed tendon of the file, which stands for a joint of the scene or on which an
-    element of the scene acts.
+    """A joint or fixed tendon of the file, the XML `element`, which stands for a joint of the scene
+    or on which an element of the scene acts.
 
-    `sign` is 1 if the position of this joint or element grows with that of the file's, else -1. In
-    the pose of the file, `axis` is its axis, (3,) in global axes; `position` that of the file's
-    joint, rad or m; and `start` its own, in joint coordinates.
+    `sign` is 1 if the position of the scene's joint or element grows with the position in the file,
+    else -1. In the pose of the file, `axis` is that of the scene's joint or element, (3,) in global
+    axes; `position` is that of the file's joint or tendon, rad or m; and `start` is that of the
+    scene's joint in joint coordinates, ``None`` for a tendon or a free joint.
     """
 
     element: Element
@@ -113,7 +113,8 @@ class NoCounterpartError(Exception):
 
 
 class Flanks(NamedTuple):
-    """A limit of a joint: play, rad or m, stiffness, and damping as a function of the inertia."""
+    """A limit of a joint or tendon: `play`, rad or m; `stiffness`, N m/rad or N/m; and `damping`,
+    N m s/rad or N s/m, as a function of the inertia at the joint, kg m^2 or kg."""
 
     name: str
     play: float
@@ -122,7 +123,7 @@ class Flanks(NamedTuple):
 
 
 def _child(parent: Element, tag: str, **attributes: PyTree) -> Element:
-    """Add an element; attributes that are ``None`` are left out."""
+    """Add an XML element and return it; attributes that are ``None`` are left out."""
     return SubElement(parent, tag, {k: _text(v) for k, v in attributes.items() if v is not None})
 
 
@@ -138,11 +139,12 @@ def _array(vector: PyTree) -> np.ndarray:
 
 
 class MjcfWriter:
-    """The file of a scene, whose bodies are in a `pose`.
+    """The file of a scene, whose bodies are in a `pose`; `places`: those of the bodies in the tree
+    of joints, parents first.
 
-    - `joints`: the file's joints by the body that they carry.
+    - `joints`: the file's joints by the body that each of them carries.
     - `controls`: for each actuator that is a force of the scene, its control as a function of time.
-    - `omitted`: names of elements of the scene that have no counterpart, by title.
+    - `omitted`: names of elements of the scene that have no counterpart, by title in messages.
     """
 
     def __init__(self, scene: Scene, places: Iterable[trees.Place], pose: State):
@@ -162,7 +164,7 @@ class MjcfWriter:
         for body, variable in self._variables(pose).items():
             self._add_body(body, variable)
         in_tree = {b.joint for b in self._branches.values() if isinstance(b, trees.JointedBranch)}
-        # In the order of the scene: JAX has sorted the dictionaries of the other.
+        # In the order of the scene: JAX has sorted the names in the dictionaries of `_scene`.
         elements = self._scene.joints | self._scene.forces
         for name in (*scene.joints, *scene.forces):
             if name not in in_tree:
@@ -182,21 +184,24 @@ class MjcfWriter:
         return variables_of(self._branches.values(), jax.tree.map(np.asarray, state))
 
     def motion(self, state: State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Return positions and speeds (..., n) of the file's joints, by name, for states of the
-        scene."""
+        """Return positions and speeds of the file's joints, by name, for a state of the scene or,
+        with a first axis (N,), for N states: 7 and 6 numbers of a free joint, 4 and 3 of a ball,
+        and one of other joints, as in MuJoCo."""
         numbers = {}
         for body, variable in self._variables(state).items():
             if (joint := self.joints.get(body)) is None:
                 continue
             if joint.kind == FREE:
-                parts = variable.position, variable.orientation, variable.velocity, variable.spin
-                parts = parts[:2], parts[2:]
+                place = variable.position, variable.orientation
+                parts = place, (variable.velocity, variable.spin)
             elif joint.kind == BALL:
                 parts = composed(conjugate(joint.start), variable.position), variable.speeds
             else:
                 (speed,) = variable.speeds
                 position = joint.position + joint.sign * (variable.position - joint.start)
                 if joint.kind == HINGE:
+                    # The scene knows angles up to whole turns. The file's are near the middle of
+                    # the hinge's range, or else near the angle in the pose of the file.
                     middle = np.mean(_range(joint.element) or joint.position)
                     position = position - TURN * np.round((position - middle) / TURN)
                     position = np.unwrap(position) if np.ndim(position) else position
@@ -231,6 +236,7 @@ class MjcfWriter:
             least = 0.0 if joint.element.get("armature") is None else LEAST_INERTIA
         inertia = _array(body.inertia)
         if inertia.ndim == 2:
+            # MuJoCo's order: xx, yy, zz, xy, xz, yz.
             moments = {"fullinertia": (np.diag(inertia), inertia[0, 1:], inertia[1, 2])}
         else:
             moments = {"diaginertia": np.maximum(inertia, least)}
@@ -270,37 +276,41 @@ class MjcfWriter:
 
     def _between(self, name: str, kind: str, element: PyTree, axis: Vector | None) -> FileJoint:
         """Return the joint or tendon whose position is that of an element's second body relative to
-        its first, about or along an `axis` of the first, by default that of the first joint between
-        them. All joints between the bodies must have this axis. `name`: of a new tendon."""
+        the first, about or along an `axis`, (3,) in the first body's axes, by default that of the
+        first joint between them. Raise a `NoCounterpartError` unless all joints between the bodies
+        are of the `kind`, `HINGE` or `SLIDE`, and have this axis. `name`: of a new tendon."""
         first, second = element.pair()
-        # The position changes with the motion of a body's joint: 1 for those that carry the second
-        # body, -1 for those that carry the first, and not at all for those that carry both.
+        # How the element's position changes with that of a body's joint: by 1 if the joint carries
+        # only the second body, by -1 if only the first, and not at all if both or none.
         sides: dict[str, float] = defaultdict(float)
         for body, side in ((first, -1.0), (second, 1.0)):
             while body != GROUND:
                 sides[body] += side
                 body = self._branches[body].parent
-        # Bodies that are fixed to their parents have no joint.
-        passed = [b for b in self._branches if sides.get(b) and b in self.joints]
-        if not passed or any(self.joints[body].kind != kind for body in passed):
+        # The bodies whose joints are between `first` and `second`. Bodies that are fixed to their
+        # parents have no joint.
+        between = [b for b in self._branches if sides.get(b) and b in self.joints]
+        if not between or any(self.joints[body].kind != kind for body in between):
             raise NoCounterpartError
-        common = self.joints[passed[0]].axis
+        common_axis = self.joints[between[0]].axis
         if axis is not None:
-            common = _array(self._motions[first].direction(unit(axis)))
-        cosines = [float(self.joints[body].axis @ common) for body in passed]
+            common_axis = _array(self._motions[first].direction(unit(axis)))
+        cosines = [float(self.joints[body].axis @ common_axis) for body in between]
         if min(map(abs, cosines)) < 1.0 - PARALLEL:
             raise NoCounterpartError
-        signs = [sides[b] * float(np.sign(c)) for b, c in zip(passed, cosines, strict=True)]
-        if len(passed) == 1:
-            return self.joints[passed[0]]._replace(sign=signs[0], axis=common)
-        key = tuple((body, signs[0] * sign) for body, sign in zip(passed, signs, strict=True))
+        # A joint with the opposite axis counts with the opposite sign.
+        signs = [sides[b] * float(np.sign(c)) for b, c in zip(between, cosines, strict=True)]
+        if len(between) == 1:
+            return self.joints[between[0]]._replace(sign=signs[0], axis=common_axis)
+        # Elements with opposite signs share a tendon, in which the first joint has the sign 1.
+        key = tuple((body, signs[0] * sign) for body, sign in zip(between, signs, strict=True))
         if key not in self._tendons:
             tendon = _child(self._section("tendon"), "fixed", name=name)
             for body, sign in key:
                 _child(tendon, "joint", joint=self.joints[body].name, coef=sign)
             position = sum(sign * self.joints[body].position for body, sign in key)
-            self._tendons[key] = FileJoint(tendon, common, position)
-        return self._tendons[key]._replace(sign=signs[0], axis=common)
+            self._tendons[key] = FileJoint(tendon, common_axis, position)
+        return self._tendons[key]._replace(sign=signs[0], axis=common_axis)
 
     def backlash(self, name: str, joint: Backlash, on: FileJoint) -> None:
         offset = joint.centred_rows(self._motions)["angle"].value
@@ -326,12 +336,14 @@ class MjcfWriter:
     ) -> None:
         """Limit a joint or tendon by the two flanks of a play, whose contact has the given law.
 
-        **Arguments:** `offset`: displacement from the middle of the play in the written pose, rad
+        **Arguments:** `name`: of the scene's element. `on`: the joint or tendon. `offset`:
+        displacement of the scene's element from the middle of the play in the pose of the file, rad
         or m; `play`: rad or m; `lever`: the law's penetration over the displacement, m/rad or 1.
         """
         offset, play, lever = float(offset), float(play), float(lever)
         if (other := self._flanks.get(on.element)) is not None:
-            # Of two, such as a play and the stops of the joint, the narrower one acts.
+            # A joint of MuJoCo has one range. Of two limits, such as a play and the stops of the
+            # joint, only the narrower one is ever reached.
             self.omitted["wider limits"].append(name if other.play < play else other.name)
             if other.play < play:
                 return
@@ -340,10 +352,10 @@ class MjcfWriter:
         # MuJoCo's limits are linear springs. The spring stores the same energy as the law at
         # `depth`; for a nonlinear law, the stiffness from half the depth differs.
         depth = LARGEST_PENETRATION * play * lever
-        stiffness, half = (
+        stiffness, stiffness_from_half = (
             2.0 * float(law.stored_energy(Gap(x, 0.0))) / x**2 for x in (depth, 0.5 * depth)
         )
-        if abs(stiffness - half) > 1e-9 * stiffness:
+        if abs(stiffness - stiffness_from_half) > 1e-9 * stiffness:
             self.omitted["nonlinear stiffness"].append(name)
 
         # A function, since MuJoCo computes the inertia at the joint from the complete file. Except
@@ -367,9 +379,12 @@ class MjcfWriter:
         self._resist(on, float(force.stiffness), float(twist), damping=float(force.damping))
 
     def bushing(self, name: str, force: Bushing, on: FileJoint) -> None:
-        """Add the spring and damper of a slider, whose motion strains a bushing along its axis."""
+        """Add the spring and damper of a bushing to a slider, whose motion strains the bushing."""
         first, second = (self._motions[body] for body in force.pair())
+        # The bushing's own axes may be oblique to that of the slider.
         axes = _array(rotation_matrix(composed(self._turns[force.first], force.orientation_first)))
+        # Components of the slider's axis along the bushing's axes: a displacement of 1 m along the
+        # slider strains each spring of the bushing by its component, m, and the energies add up.
         along, stiffnesses = on.axis @ axes, _array(force.stiffness)
         stiffness = float(along**2 @ stiffnesses)
         damping = float(along**2 @ _array(force.damping))
@@ -384,6 +399,7 @@ class MjcfWriter:
         kind, lever = (SLIDE, 1.0) if joint.radius is None else (HINGE, float(joint.radius))
         on = self._between(name, kind, joint, joint.axis)
         law, load = joint.friction, float(joint.load)
+        # MuJoCo's dry friction does not depend on the speed: that at 1 m/s or rad/s is taken.
         sliding = -float(law.force(load, Vector(1.0, 0.0, 0.0)).x)
         if getattr(law, "breakaway", 0.0) > getattr(law, "kinetic", math.inf):
             self.omitted["friction at rest above that in sliding"].append(name)
@@ -397,16 +413,18 @@ class MjcfWriter:
     def _resist(
         self, on: FileJoint, stiffness: float = 0.0, stretch: float = 0.0, **others: float
     ) -> None:
-        """Add a spring, which is stretched by `stretch` in the pose; increase the attributes
-        `others`."""
+        """Add a spring to a joint or tendon, with a `stiffness`, N m/rad or N/m, and stretched by
+        `stretch`, rad or m, in the pose of the file; add the numbers `others` to the attributes of
+        the same names, such as `damping`."""
         # A tendon has two rest lengths, between which its spring is slack. Here they are equal.
         rest, count = ("springref", 1) if on.element.tag == "joint" else ("springlength", 2)
-        before = float(on.element.get("stiffness", 0.0))
+        earlier = float(on.element.get("stiffness", 0.0))
         if stiffness:
-            # With an earlier spring, the forces add up: the common rest position is a mean.
+            # The forces of this and an earlier spring add up: the common rest position is the mean
+            # of both rest positions, weighted by stiffness.
             moment = stiffness * (on.position - on.sign * stretch)
-            moment += before * float(on.element.get(rest, "0").split()[0])
-            on.element.set(rest, _text(np.full(count, moment / (before + stiffness))))
+            moment += earlier * float(on.element.get(rest, "0").split()[0])
+            on.element.set(rest, _text(np.full(count, moment / (earlier + stiffness))))
         for key, value in {"stiffness": stiffness, **others}.items():
             if value:
                 on.element.set(key, _text(float(on.element.get(key, 0.0)) + value))
@@ -421,7 +439,8 @@ class MjcfWriter:
     def _sites(
         self, name: str, pair: PyTree, first: PyTree, second: PyTree, turn: PyTree = trees.UPRIGHT
     ) -> list[str]:
-        """Add points of two bodies, the first with the orientation `turn`; return their names."""
+        """Add sites at the points `first` and `second`, (3,) m in body axes, of the two bodies of
+        the `pair`, the first with the orientation `turn` in its body; return the sites' names."""
         ends = ((pair.first, "first", first, turn), (pair.second, "second", second, trees.UPRIGHT))
         for body, end, point, orientation in ends:
             _child(self._bodies[body], "site", name=f"{name} {end}", pos=point, quat=orientation)
@@ -431,7 +450,7 @@ class MjcfWriter:
         self._actuate(name, on, lambda t: jnp.asarray(functions_of_time.value_at(force.torque, t)))
 
     def motor(self, name: str, force: Motor, on: FileJoint) -> None:
-        """Add a position servo, whose control is the target plus its rate times damping / gain."""
+        """Add a servo, whose control is the target plus the target's rate times damping / gain."""
         gain, damping = float(force.proportional), float(force.derivative)
 
         def control(t: jax.Array) -> jax.Array:
@@ -467,7 +486,8 @@ class MjcfWriter:
             position = float(end.position(self._motions).value)
             ends.append((self._between(name, kind, end, axis), position))
         (follower, y), (leader, x) = ends
-        # MuJoCo's polynomial is that of the displacements from the pose of the file.
+        # In the scene, the follower's position y is a polynomial of the leader's position x. In
+        # MuJoCo, the follower's displacement from the pose of the file is one of the leader's.
         polynomial = np.polynomial.Polynomial(np.asarray(function.coefficients))
         shifted = (polynomial(np.polynomial.Polynomial([x, leader.sign])) - y).trim().coef
         if isinstance(joint.follower, RevoluteJoint):
@@ -475,7 +495,8 @@ class MjcfWriter:
         self._equate(name, [follower, leader], follower.sign * shifted)
 
     def _equate(self, name: str, ends: list[FileJoint], coefficients: np.ndarray) -> None:
-        """Make the displacement of the first end from the pose a polynomial of the second's."""
+        """Make the displacement of the first of two `ends` from the pose of the file a polynomial,
+        constant first, of the displacement of the second; that of a single end a constant."""
         tags = {end.element.tag for end in ends}
         if len(tags) > 1 or len(coefficients) > LARGEST_DEGREE + 1:
             raise NoCounterpartError
@@ -503,14 +524,17 @@ class MjcfWriter:
             if name not in joints:
                 self.omitted["limits"].append(name)
                 continue
-            ends, before = (limits.lower, limits.upper), _range(joints[name])
-            ranges = {"actuatorfrcrange": (-limits.effort, limits.effort), "range": before or ends}
+            # A range that flanks or stops of the scene have set stays, since it is not wider.
+            ends, of_flanks = (limits.lower, limits.upper), _range(joints[name])
+            efforts = -limits.effort, limits.effort
+            ranges = {"actuatorfrcrange": efforts, "range": of_flanks or ends}
             joints[name].attrib |= {key: _text(pair) for key, pair in _finite(ranges).items()}
-            if before and np.isfinite(ends).all() and not np.allclose(ends, before):
+            if of_flanks and np.isfinite(ends).all() and not np.allclose(ends, of_flanks):
                 self.omitted["wider limits"].append(name)
             if math.isfinite(limits.velocity):
                 self.omitted["limits of velocities"].append(name)
         for name, actuator in robot.actuators.items():
+            # With play or compliance, the actuator acts on the motor, not on the link.
             joint = robot._motors().get(actuator.joint, actuator.joint)
             numbers = {"gear": actuator.gear, "gainprm": actuator.gain, "biasprm": actuator.bias}
             numbers |= _finite({"ctrlrange": actuator.control, "forcerange": actuator.force})
@@ -518,7 +542,7 @@ class MjcfWriter:
             _child(self._section("actuator"), "general", **options)
 
     def start(self, model: Model, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """Return `qpos` and `qvel` of MuJoCo's model of this file, for a state of the scene."""
+        """Return `qpos`, (nq,), and `qvel`, (nv,), of MuJoCo's model, for a state of the scene."""
         positions, speeds = model.qpos0.copy(), np.zeros(model.nv)
         for name, (position, speed) in self.motion(state).items():
             joint = model.joint(name)
@@ -529,7 +553,7 @@ class MjcfWriter:
     def finish(
         self, location: FileLocation, start: State, timestep: float | None, integrator: str
     ) -> str:
-        """Return the file's text, with stiffness and damping of the flanks, and a keyframe."""
+        """Return the file's text, with stiffness and damping of the flanks and keyframe `start`."""
         mujoco = mujoco_package(location)
         try:
             model = mujoco.MjModel.from_xml_string(tostring(self.root, encoding="unicode"))
@@ -537,20 +561,22 @@ class MjcfWriter:
             reason = " ".join(str(error).split())
             location.refuse(reason, "a scene that MuJoCo compiles", "change the scene")
 
-        def weight(element: Element) -> float:  # MuJoCo's inverse inertia of a joint or tendon
+        def inverse_inertia(element: Element) -> float:  # by MuJoCo, at a joint or tendon
             name = element.attrib["name"]
             if element.tag == "joint":
                 return float(model.dof_invweight0[model.joint(name).dofadr[0]])
             return float(model.tendon_invweight0[model.tendon(name).id])
 
+        # Squares of the angular frequencies, rad/s, that time steps must resolve; the first one
+        # gives the longest step.
         squares = [(TURN / STEPS_A_PERIOD / LONGEST_STEP) ** 2]
         for element, flanks in self._flanks.items():
-            inverse = weight(element)
+            inverse = inverse_inertia(element)
             numbers = -flanks.stiffness * inverse, -flanks.damping(1.0 / inverse) * inverse
             element.attrib |= {"solreflimit": _text(numbers), "solimplimit": SOFT}
             squares.append(flanks.stiffness * inverse)
-        springs = [e for e in self.root.iter() if "stiffness" in e.attrib]
-        squares += [float(spring.attrib["stiffness"]) * weight(spring) for spring in springs]
+        for spring in (e for e in self.root.iter() if "stiffness" in e.attrib):
+            squares.append(float(spring.attrib["stiffness"]) * inverse_inertia(spring))
         step = timestep or TURN / STEPS_A_PERIOD / math.sqrt(max(squares))
         self._option.attrib |= {"integrator": integrator, "timestep": _text(step)}
         positions, speeds = self.start(model, start)
@@ -615,7 +641,8 @@ def _with_ideal_joints(scene: Scene) -> tuple[Scene, list[str]]:
 
 
 def _places(scene: Scene) -> list[trees.Place]:
-    """Return the trees of a scene, parents first, siblings in its order: JAX sorts names."""
+    """Return the places of a scene's bodies in trees of joints, parents first, and bodies of the
+    same depth in the order of the scene, since JAX sorts names."""
     places = trees.topology(unpack(scene)).places
     depths = {GROUND: 0}
     for body, place in places.items():
@@ -634,6 +661,7 @@ def mjcf_of(
     expected, remedy = "a Scene or a Robot", "pass that of `load_robot`"
     require(isinstance(scene, Scene | Robot), "scene", scene, expected, remedy)
     robot, mechanism = (scene, scene.scene) if isinstance(scene, Robot) else (None, scene)
+    # The file describes the bodies in `pose`; its keyframe is the state `start`.
     pose = state if robot is None else robot.state()
     remedy = "pass that in which the bodies of the file are"
     require(pose is not None, "state", state, "given for a scene", remedy)

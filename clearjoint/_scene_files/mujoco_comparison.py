@@ -28,14 +28,15 @@ FILE = "the MJCF file"
 
 @dataclass(frozen=True)
 class MujocoComparison:
-    """Motion in MuJoCo beside that of the scene, for n time steps of MuJoCo.
+    """Motion in MuJoCo beside that of the scene, for n lengths of MuJoCo's time step.
 
-    - `timesteps`: (n,) s.
+    - `timesteps`: (n,) s, of MuJoCo.
     - `times`: (N,) s, from zero, at which the runs are compared.
     - `positions`: of each hinge and slider in the run of the scene, (N,) rad or m, by name.
     - `in_mujoco`: of the same joints in MuJoCo, (n, N) rad or m, by name. If the motion diverges,
       because the step is too long for a flank, they are NaN or arbitrary from then on.
-    - `largest_difference`: of the two, (n,) rad or m, by name; infinite after divergence.
+    - `largest_difference`: between `positions` and `in_mujoco` over all times, (n,) rad or m, by
+      name of the joint; infinite after divergence.
 
     ``print(comparison)`` shows the largest differences as a table.
 
@@ -89,17 +90,17 @@ def compare_with_mujoco(
     print(cj.compare_with_mujoco(robot, state, end_time=0.2, timesteps=(1e-3, 1e-4, 1e-5)))
     ```
 
-    `save_mjcf` tells what the file has. Differences come from MuJoCo's time
-    step, whose error they show as it becomes smaller, and from what the file lacks. After some
-    tens of impacts, a motion with play is often chaotic: any two runs then differ.
+    `save_mjcf` tells what the file has. Differences come from the error of MuJoCo's time steps,
+    which decreases with their length, and from what the file lacks. After some tens of impacts, a
+    motion with play is often chaotic: any two runs then differ.
 
     **Arguments:**
 
     - `scene`: a `Scene`, or a `Robot`. The actuators of a robot's file do not act.
     - `state`: at the start.
     - `end_time`: s.
-    - `timesteps`: s, of MuJoCo, shortened to a fraction of the time between samples; by default
-      that of `save_mjcf`, a quarter and a sixteenth of it.
+    - `timesteps`: s, of MuJoCo, adjusted so that a whole number of them fits between two of the
+      compared times; by default that of the file, a quarter and a sixteenth of it.
     - `path`: of an MJCF file with the joints of the scene by name, such as one of `save_mjcf` that
       you have changed; by default the one that `save_mjcf` writes.
     - `integrator`: of MuJoCo, unless `path` is given.
@@ -148,7 +149,8 @@ def compare_with_mujoco(
 def _run(
     model: Model, writer: MjcfWriter, state: State, times: np.ndarray, steps: int, names: list[str]
 ) -> dict[str, np.ndarray]:
-    """Return positions (N,) of joints at `times`, with `steps` steps between two times."""
+    """Return the positions in MuJoCo of the joints `names` at `times`, (N,) rad or m by name, in a
+    run from the `state` with `steps` time steps between two times."""
     mujoco = mujoco_package(FileLocation(FILE))
     data, step = mujoco.MjData(model), times[1] / steps
     model.opt.timestep = step

@@ -63,7 +63,8 @@ class Reader:
             return as_number(value)
 
     def _item(self, content: object, expected: Expectation, location: FileLocation) -> object:
-        """Convert a value of a file to a Python value; an array to a number or nested tuples."""
+        """Convert the `content` of an entry of a file to a Python value; an array to a number or
+        nested tuples."""
         if isinstance(content, Mapping) and expected.by_name is not None:
             return self._table(content, expected, location)
         # Arguments that may also be numbers or objects are not limited to their options.
@@ -122,7 +123,7 @@ class Reader:
         self, make: Maker, content: Mapping, location: FileLocation, other_keys: Sequence[str] = ()
     ) -> PyTree:
         """Make an object by calling a class or static method with the entries of a table.
-        `other_keys`: those that the caller reads, for messages."""
+        `other_keys`: keys of the table that the caller reads, for messages about unknown keys."""
         signature = arguments(make)
         values = {}  # arguments as Python values
         for name, item in content.items():

@@ -34,13 +34,14 @@ from .robot_elements import FRICTION, Element, Elements, Joint, Play, scene_of
 from .urdf import LARGEST_FILE, read_urdf, root_tag
 
 Positions: TypeAlias = PyTree
-"""Numbers of joints by name, or an array (..., n) of those of all hinges and sliders."""
+"""Positions, speeds or accelerations of joints by name, or an array (..., n) of those of all n
+hinges and sliders, in the order of `Robot.joints`; ``None`` for no entries."""
 JointNumbers: TypeAlias = tuple[Scalar, ...]
 NOTHING: Mapping[str, PyTree] = MappingProxyType({})
 TURN = 2.0 * math.pi
 REST_OF_A_JOINT = JointState(0.0, (0.0,))
 FOLLOWS = 1e-6
-"""Largest difference, rad or m, between a follower's given position and that by its leader's."""
+"""Largest difference between a follower's given and derived position, rad or m, or speed."""
 
 
 class HasStates(Protocol):
@@ -54,7 +55,7 @@ class HasStates(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A robot from a file: its scene, and what connects it with positions of joints.
+    """A robot from a file: its scene, and how the scene's states follow from joint positions.
 
     Positions are those of the file: angles, rad, of hinges, and distances, m, of sliders. They keep
     this meaning if numbers of the scene, such as lengths, are changed.
@@ -62,7 +63,7 @@ class Robot:
     - `scene`: bodies, joints and forces.
     - `joints`: names of the hinges and sliders, in the order of the file.
     - `limits`: limits of those joints that have any, by name.
-    - `links`: where the frame of each link is, by name.
+    - `links`: body to which each link belongs, and frame of the link in this body, by name.
     - `actuators`: actuators of an MJCF file, by name.
     - `leaders`: for each joint that follows another (``mimic``), the name of that joint.
     - `drives`: the drive trains that `with_drive` has added, by name of the joint.
@@ -100,8 +101,8 @@ class Robot:
         or stiffness, the scene gets, for a joint "elbow":
 
         - the body "elbow rotor", with negligible mass and inertia, and the joint "elbow motor" by
-          which the joint's first body holds it and which has the armature. Its position is that of
-          the motor over the ratio; `angles` has it too.
+          which the first body of "elbow" holds the rotor, and which has the armature. The position
+          of "elbow motor" is the motor's angle over the ratio; `angles` has it too.
         - "elbow backlash", a `Backlash` (of sliders a `PinInSlot`), between rotor and link, or
           without play "elbow compliance", a `TorsionalSpring` (`Bushing`).
         - "elbow motor friction" and "elbow link friction", each a `JointFriction`.
@@ -206,10 +207,10 @@ class Robot:
           array (..., n) in the order of `joints`. Joints without an entry are at zero and at rest,
           or follow their leader. Entries may be arrays, for many states at a time. A ball joint has
           four Euler parameters from the child's to the parent's frame, scalar first, and as speeds
-          the spin, (3,), in the child's axes. A motor of `with_drive` has by default the position
-          of its joint, which is then in the middle of the play. If the entry of "elbow motor" is
-          that of "elbow" plus half the play, the link rests on the lower flank of the play; if it
-          is that of "elbow" minus half the play, on the upper flank.
+          the spin, (3,) rad/s, in the child's axes. A motor of `with_drive` has by default the
+          position of its joint: the link is then in the middle of the play. If the entry of "elbow
+          motor" is that of "elbow" plus half the play, the link rests on the lower flank of the
+          play; if it is that of "elbow" minus half the play, on the upper flank.
         - `free`: `body_state` of bodies that no joint holds, by name; by default at rest where the
           file puts them.
 
@@ -238,6 +239,7 @@ class Robot:
         **Raises:** `ValueError` as `state`.
         """
         new = self._by_joint("q", q, False), self._by_joint("qd", qd, True)
+        # Without the old numbers of followers: `state` derives them from those of the leaders.
         positions, speeds = (
             {n: value for n, value in part.items() if n not in self._mimics}
             | {n: _number(value) for n, value in changed.items()}
@@ -250,9 +252,9 @@ class Robot:
         """Return the positions of all joints by name, rad or m: the inverse of `state`.
 
         **Arguments:** `motion`: a state, or a solution with saved states, at N times. Angles of a
-        state are within half a revolution of the middle of the joint's limits, or of zero; those of
-        a solution continue over revolutions if there are more than two states for each of them. A
-        ball joint has its Euler parameters.
+        state are within half a revolution of the middle of the joint's limits or, without limits,
+        of zero; angles of a solution continue over revolutions if more than two states are saved
+        for each revolution. A ball joint has its Euler parameters, (4,) or (N, 4).
         """
         return self._coordinates(motion)[0]
 
@@ -266,10 +268,10 @@ class Robot:
         """Return the torques, N m, and forces, N, with which drives in all joints make a given
         motion.
 
-        They come from inverse dynamics, with gravity, and springs and dampers of the file, but
-        without dry friction, stops and joints that close loops. The torque of a joint that others
-        follow moves these too; theirs is zero. The torque of a joint with a drive moves the rotor
-        too, which turns with the joint. Free bodies are held at rest.
+        The torques come from inverse dynamics, with gravity, and springs and dampers of the file,
+        but without dry friction, stops and joints that close loops. The torque of a leader also
+        moves its followers, whose torques are zero. The torque of a joint with a drive also moves
+        the rotor, which turns with the joint. Free bodies are held at rest.
 
         **Arguments:** `q`, `qd`, `qdd`: positions, speeds and accelerations, as in `state`.
 
@@ -278,6 +280,8 @@ class Robot:
         variables, motions, _ = self._moved(q, qd, NOTHING)
         rates = self._by_joint("qdd", qdd, speeds=True)
         bodies = {b.joint: b.body for b in self._branches if isinstance(b, trees.JointedBranch)}
+        # Accelerations of followers, by the chain rule; leaders come before their followers. A
+        # follower without a leader stays at a constant position.
         slopes = {}
         for name, mimic in self._mimics.items():
             leader = variables[bodies[mimic.leader]] if mimic.leader else REST_OF_A_JOINT
@@ -292,35 +296,36 @@ class Robot:
             rates.setdefault(motor, rates.get(name, (0.0,)))
         loads = _inertial_loads(unpack(self.scene), self._branches, variables, motions, rates)
         torques = _carried(self._branches, variables, motions, loads)
+        # The inertial loads are those of bodies: armatures come in addition.
         for name, joint in self.scene.joints.items():
             if getattr(joint, "armature", None) is not None and name in torques:
-                (own,), (rate,) = torques[name], rates.get(name, (0.0,))
-                torques[name] = (own + joint.armature * rate,)
+                (of_bodies,), (rate,) = torques[name], rates.get(name, (0.0,))
+                torques[name] = (of_bodies + joint.armature * rate,)
         for name, motor in self._motors().items():
-            (own,), (others,) = torques[name], torques.pop(motor)
-            torques[name] = (own + others,)
+            (of_link,), (of_rotor,) = torques[name], torques.pop(motor)
+            torques[name] = (of_link + of_rotor,)
         # The leader does the work of its followers: by virtual work, their torques count times the
         # derivative of their positions by its position. Followers of followers come first.
         for name, mimic in reversed(self._mimics.items()):
             if mimic.leader is not None:
-                (own,), (others,) = torques[mimic.leader], torques[name]
-                torques[mimic.leader] = (own + slopes[name] * others,)
-            torques[name] = (0.0 * torques[name][0],)
+                (of_leader,), (of_follower,) = torques[mimic.leader], torques[name]
+                torques[mimic.leader] = (of_leader + slopes[name] * of_follower,)
+            torques[name] = (0.0 * torques[name][0],)  # zeros in the shape of the others
         return self._ordered({name: _number(parts) for name, parts in torques.items() if parts})
 
     def _ordered(self, by_joint: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         return {name: by_joint[name] for name in dict.fromkeys((*self.joints, *by_joint))}
 
     def _motors(self) -> dict[str, str]:
-        """Return the names of the motors that turn apart from their joints, by joint."""
+        """Return the motors that turn apart from the link, such as "elbow motor", by joint."""
         names = {
             branch.joint for branch in self._branches if isinstance(branch, trees.JointedBranch)
         }
         return {n: motor_name(n) for n in self.drives if motor_name(n) in names}
 
     def _by_joint(self, argument: str, values: Positions, speeds: bool) -> dict[str, JointNumbers]:
-        """Check the positions or, if `speeds`, the speeds of joints; return the numbers of each
-        joint."""
+        """Check positions or, if `speeds`, speeds or accelerations of joints, the user's
+        `argument`; return the numbers of each joint that has an entry, by name."""
         if values is None:
             return {}
         if not isinstance(values, Mapping):
@@ -351,6 +356,7 @@ class Robot:
         self, q: Positions, qd: Positions, free: Mapping[str, BodyState]
     ) -> tuple[dict[str, JointState | BodyState], dict[str, Motion], dict[str, EulerParameters]]:
         positions, speeds = self._by_joint("q", q, False), self._by_joint("qd", qd, True)
+        # Complete the numbers of followers, after those of their leaders, and of motors.
         for name, mimic in self._mimics.items():
             y, slope, _ = _polynomial(mimic, positions.get(mimic.leader or "", (0.0,))[0])
             rate = slope * speeds.get(mimic.leader or "", (0.0,))[0]
@@ -365,6 +371,7 @@ class Robot:
             remedy = nearest(body, of_free, "set the positions of its joints")
             expected = f"one of the free bodies, {', '.join(sorted(of_free)) or 'none'}"
             require(body in of_free, "free", body, expected, remedy)
+        # Motions in global axes, from each parent to its children.
         variables: dict[str, JointState | BodyState] = {}
         motions = {GROUND: GROUND_MOTION}
         orientations = {GROUND: trees.UPRIGHT}
@@ -390,13 +397,15 @@ class Robot:
         states = motion if isinstance(motion, State) else motion.states
         variables = variables_of(self._branches, states)
         positions, speeds = {}, {}
-        joints = {motor: name for name, motor in self._motors().items()}
+        joints = {motor: name for name, motor in self._motors().items()}  # the joint of each motor
         for branch in self._branches:
             variable = variables[branch.body]
             if isinstance(branch, trees.FreeBranch) or not variable.speeds:
                 continue
             value = _number(jax.tree.leaves(variable.position))
             if isinstance(branch.motion_subspace, Hinge):
+                # A state determines an angle up to whole turns. The one nearest to the middle of
+                # the limits is meant; a motor has the limits of its joint.
                 limits = self.limits.get(
                     joints.get(branch.joint, branch.joint), robots.JointLimits()
                 )
@@ -409,8 +418,8 @@ class Robot:
 
 
 def variables_of(branches: Iterable[trees.TreeBranch], state: State) -> dict[str, PyTree]:
-    """Return a `JointState` for each body on a joint, and a `BodyState` for each free one, by name;
-    numbers of states at N times are arrays (N,)."""
+    """Return the `JointState` of each body on a joint, and the `BodyState` of each free body, by
+    the body's name, with arrays (N,) for states at N times. `branches`: parents first."""
     poses, variables = {GROUND: (trees.UPRIGHT, GROUND_MOTION)}, {}
     for branch in branches:
         body = _in_scalars(state.bodies[branch.body])
@@ -420,7 +429,7 @@ def variables_of(branches: Iterable[trees.TreeBranch], state: State) -> dict[str
 
 
 def kinematics(robot: Robot) -> Hashable:
-    """Return a key that is equal for robots whose bodies move alike if their joints do."""
+    """Return a key that is equal for robots whose bodies move alike if their joints move alike."""
     limits, mimics = frozenset(robot.limits.items()), frozenset(robot._mimics.items())
     return robot.joints, tuple(robot._branches), limits, mimics, frozenset(robot.drives)
 
@@ -455,13 +464,14 @@ def _number(parts: Sequence[Scalar]) -> np.ndarray:
 
 
 def _polynomial(mimic: robots.Mimic, x: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-    """Return a follower's position, and its first two derivatives by that of its leader."""
-    value = slope = half = 0.0
+    """Return a follower's position, and its first two derivatives by `x`, the leader's position."""
+    # Horner's scheme for the polynomial, its derivative, and half its second derivative.
+    value = slope = half_curvature = 0.0
     for coefficient in reversed(mimic.coefficients):
-        half = half * x + slope
+        half_curvature = half_curvature * x + slope
         slope = slope * x + value
         value = value * x + coefficient
-    return value, slope, 2.0 * half
+    return value, slope, 2.0 * half_curvature
 
 
 def _require_following(
@@ -472,9 +482,9 @@ def _require_following(
     if isinstance(derived, jax.Array):
         return
     follows = bool((np.abs(numbers[name][0] - derived) <= FOLLOWS).all())
-    of = "constant" if mimic.leader is None else f"that which follows from joint {mimic.leader!r}"
+    what = "constant" if mimic.leader is None else f"that which follows from joint {mimic.leader!r}"
     remedy = "leave it out of the dictionary"
-    require(follows, f"{argument}[{name!r}]", numbers[name][0], f"{of}, {derived}", remedy)
+    require(follows, f"{argument}[{name!r}]", numbers[name][0], f"{what}, {derived}", remedy)
 
 
 Loads: TypeAlias = dict[str, tuple[Vector, Vector]]
@@ -489,7 +499,8 @@ def _inertial_loads(
     rates: Mapping[str, JointNumbers],
 ) -> Loads:
     """Return the loads that joints and drives exert on each body in a motion with given `rates` of
-    the joints' speeds (recursive Newton-Euler algorithm, first pass)."""
+    the joints' speeds, rad/s^2 or m/s^2 (recursive Newton-Euler algorithm, first pass).
+    `branches`, parents first, and `variables`: see `variables_of`."""
     # Linear acceleration in global axes, angular acceleration in body axes.
     accelerations = {GROUND: (ZERO, ZERO)}
     for branch in branches:
@@ -523,6 +534,7 @@ def _inertial_loads(
         spin = motions[name].spin
         moment = body.angular_momentum(angular) + spin.cross(body.angular_momentum(spin))
         loads[name] = (linear - gravity) * body.mass, motions[name].rotation @ moment
+    # Joints and drives exert what the forces of the scene don't.
     for element in scene.forces.values():
         for name, wrench in element.wrenches(motions, 0.0).items():
             if name != GROUND:
@@ -538,13 +550,16 @@ def _carried(
     motions: Mapping[str, Motion],
     loads: Loads,
 ) -> dict[str, JointNumbers]:
-    """Return the generalised forces of joints that balance the loads (second pass)."""
+    """Return the generalised forces of joints, N m or N, by which the bodies get the loads of
+    `_inertial_loads` (recursive Newton-Euler algorithm, second pass)."""
+    # Children before their parents: `loads` of a body includes those of the bodies that it carries.
     loads, forces = dict(loads), {}
     for branch in reversed(branches):
         if isinstance(branch, trees.FreeBranch):
             continue
         subspace, state = branch.motion_subspace, variables[branch.body]
         motion, (force, moment) = motions[branch.body], loads[branch.body]
+        # The moment about the joint's point on the parent, in the child's axes, as the columns are.
         arm = subspace.displacement(state.position) - subspace.point_child
         local_force, local_moment = motion.components(force), motion.components(moment)
         about_joint = local_moment + arm.cross(local_force)
@@ -623,11 +638,11 @@ def load_robot(
       URDF.
     - `stops`: a dictionary of arguments for each joint whose limits are stops, by the joint's
       name: of hinges the `torsional_stiffness` and `restitution`, or the `law` and `radius`, of a
-      `Backlash`; of sliders the `law` of a `PinInSlot`. It is added with a name such as "elbow
-      stop". Other limits have no effect on the motion (`Robot.limits` has them).
-    - `friction`: law of dry friction in the joints, as for `JointFriction`: it gives the ratio of
-      the friction to the dry friction in the file, and its speeds are in rad/s or m/s. ``None``
-      leaves dry friction out.
+      `Backlash`; of sliders the `law` of a `PinInSlot`. This element is added with a name such as
+      "elbow stop". Other limits have no effect on the motion (`Robot.limits` has them).
+    - `friction`: law of dry friction in the joints, as for `JointFriction`. The law gives the ratio
+      of the friction to the dry friction in the file, at speeds in rad/s or m/s. ``None`` leaves
+      dry friction out.
     - `merge_fixed`: False makes fixed links with mass bodies of their own, held by a `FixedJoint`,
       whose reaction can then be observed. Merged links make runs faster.
     - `free_root`: True makes the root a free body, as for a robot that walks or a single object.
@@ -635,7 +650,7 @@ def load_robot(
       body can have them, as MuJoCo's compiler does with `balanceinertia`.
     - `bound_mass`, `bound_inertia`: least mass, kg, and least principal moment of inertia, kg m^2,
       of a body, as for MuJoCo's compiler. Smaller ones are increased. Links without mass between
-      hinges and sliders, as between several joints of a body in MJCF, need none (see `Body`).
+      hinges and sliders, as between several joints of a body in MJCF, need no mass (see `Body`).
 
     **Raises:** `ValueError`, with the file and the element, for a file of more than 50 MB or that
     can't be read, a robot that a scene can't represent, and invalid `play` or `stops`. `OSError`

@@ -50,7 +50,7 @@ IDEAL = {
     robots.BALL: (SphericalJoint, 0),
     robots.FIXED: (FixedJoint, 0),
 }
-"""Class of the ideal joint, and number of its arguments that are the axis, by type in the file."""
+"""Class of the ideal joint, and how many of its arguments are the axis, by type in the file."""
 TYPES = *IDEAL, robots.FLOATING
 BACKLASH = "backlash"
 """Key of a backlash's angle, rad, in the user's arguments; the class `Backlash` calls it `play`."""
@@ -69,16 +69,16 @@ FAR = 1e3
 FRICTION = ElastoPlastic(
     breakaway=1.0, kinetic=1.0, stribeck_speed=0.1, elastic_deflection=0.7e-4, stiffness=1e4
 )
-"""Law of the dry friction of joints: they stick without drift at up to 0.7 of the friction, and
-deflect elastically by 1e-4 rad or m before they slip."""
+"""Law of the dry friction of joints: at up to 0.7 of the friction, joints stick without drift;
+before they slip, they deflect elastically by 1e-4 rad or m."""
 
 
 class Elements:
     """The joints and forces of a robot's scene, by name.
 
     - `ideal`: ideal joints of the file's joints, except those that are floating or within a body.
-    - `mimics`: of the joints that follow others, each after its leader.
-    - `omitted`: as in `Content`.
+    - `mimics`: the `Mimic` of each joint that follows another, leaders before their followers.
+    - `omitted`: contents of the file that the scene lacks, as in `Content`.
     """
 
     def __init__(self, tree: robots.LinkTree):
@@ -124,7 +124,8 @@ def scene_of(
     friction: FrictionLaw | None,
     gravity: TripleLike | None,
 ) -> tuple[Scene, State, Elements]:
-    """Return the scene of a robot, its state at rest with all joints at zero, and its elements."""
+    """Return the scene of a robot, its state at rest with all joints at zero, and its elements.
+    `play`, `stops`, `friction`, `gravity`: as in `load_robot`."""
     location = tree.location
     hinges = [joint.name for joint in tree.joints.values() if joint.kind in robots.HINGES]
     play = {
@@ -166,8 +167,8 @@ def scene_of(
 
 
 def ideal_joint(joint: robots.RobotJoint, tree: robots.LinkTree) -> AbstractConstraint | None:
-    """Return the joint without clearance; ``None`` for one of free bodies, and between links that
-    other joints of the file fix to each other. A carrier is the body of links so fixed."""
+    """Return the ideal joint of the scene for a joint of the file; ``None`` if its child is free,
+    or if both its links belong to one carrier, that is, to one body or the ground."""
     parent, child = tree.carriers[joint.parent], tree.carriers[joint.child]
     location = tree.location.at(joint.name)
     if joint.kind not in TYPES:
@@ -175,7 +176,8 @@ def ideal_joint(joint: robots.RobotJoint, tree: robots.LinkTree) -> AbstractCons
         location.refuse(joint.kind, kinds, "correct it, or fix the link and add the joint yourself")
     if parent is child or joint.kind == robots.FLOATING:
         return None
-    # The child link is the first of its carrier, so that the joint's point is in the axes of both.
+    # The child link is the first link of its carrier, so that its frame is the one from which
+    # `in_body` converts. The parent link may be another one: `poses` leads to the first.
     in_parent = robots.moved(tree.poses[joint.parent] @ joint.pose, joint.point)
     points = tree.in_body(parent, in_parent), tree.in_body(child, joint.point)
     # All bodies are parallel at zero, so that the axis has the same components in both.
@@ -276,6 +278,8 @@ def _add_loops(elements: Elements, loops: tuple[robots.LoopJoint, ...]) -> None:
         if loop.kind == robots.BALL:
             joint: Joint = SphericalJoint(*ends)
         else:
+            # Rotations from the loop joint's frames to the axes of the two bodies. As the frames
+            # coincide, turns[0] @ turns[1].T leads from the second body's axes to the first's.
             pairs = zip((first, second), frames, strict=True)
             turns = [
                 robots.rounded(carrier.pose[:3, :3] @ frame[:3, :3]) for carrier, frame in pairs
@@ -303,7 +307,7 @@ def _add_couplings(elements: Elements) -> None:
 
 
 def prescribed(joint: HingeOrSlider, position: FunctionOfTime) -> AbstractConstraint:
-    """Return the driver that makes the position of a joint a function of time."""
+    """Return the driver that makes the position of a joint, rad or m, a function of time."""
     if isinstance(joint, RevoluteJoint):
         return PrescribedAngle(joint.first, joint.second, joint.axis_first, position)
     ends = joint.first, joint.second, joint.point_first, joint.point_second
@@ -325,7 +329,7 @@ def _add_resistances(elements: Elements, friction: FrictionLaw | None) -> None:
 def friction_of(
     joint: HingeOrSlider, law: FrictionLaw, load: PyTree, **options: PyTree
 ) -> JointFriction:
-    """Return the friction of a hinge, with `load` in N m, or of a slider, N."""
+    """Return the friction of a hinge, with `load` in N m, or of a slider, with `load` in N."""
     ends = joint.first, joint.second
     if isinstance(joint, RevoluteJoint):
         return JointFriction(*ends, law, load, joint.axis_first, 1.0, **options)
@@ -335,11 +339,14 @@ def friction_of(
 def spring_of(
     joint: HingeOrSlider, stiffness: PyTree, damping: PyTree, rest: PyTree
 ) -> AbstractForce:
-    """Return the spring and damper of a hinge or slider, relaxed at the position `rest`."""
+    """Return the spring and damper of a hinge or slider, relaxed at the position `rest`, rad or m;
+    `stiffness` in N m/rad or N/m, `damping` in N m s/rad or N s/m."""
     ends = joint.first, joint.second
     if isinstance(joint, RevoluteJoint):
         return TorsionalSpring(*ends, joint.axis_first, stiffness, damping, rest)
     axis = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
+    # A bushing has a stiffness along each of its own axes. The first one is put along the slider's
+    # axis, and the others get no stiffness. Relaxed, its points coincide: at the position `rest`.
     across = [pack(vector) for vector in transverse_axes(Vector(*axis.tolist()))]
     along = robots.euler_parameters(np.column_stack([axis, *across]))
     return Bushing(
@@ -384,10 +391,12 @@ def _add_stops(elements: Elements, stops: Mapping[str, Play]) -> None:
 def ends_of_travel(
     joint: PrismaticJoint, room: PyTree, middle: PyTree, settings: Play
 ) -> PinInSlot:
-    """Return the two stops of a slider, `room`, m, apart, on both sides of the position `middle`,
-    m."""
+    """Return the two stops of a slider, at the positions `middle` - `room` / 2 and `middle` +
+    `room` / 2, m. `settings`: further arguments of the `PinInSlot`, such as its `law`."""
     axis = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
     normal, _ = transverse_axes(Vector(*axis.tolist()))
+    # The stops are the ends of the slot. Its walls beside the pin are never touched: they are much
+    # farther away than the ends.
     return PinInSlot(
         joint.first,
         joint.second,

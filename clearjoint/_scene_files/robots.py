@@ -35,11 +35,12 @@ FIXED = "fixed"
 ROUNDING = 0.5e-9
 """Relative rounding error that moments of inertia may have, less than `Body` allows."""
 NEGLIGIBLE = 1e-11
-"""Inertia of a body without inertia in the file, as a fraction of what it carries or of its joint's
-armature. Its acceleration in absolute coordinates, as in `observe`, is a difference of numbers that
-are larger by the inverse; `ConstraintEquations.corrected` corrects the rounding error."""
+"""Mass and inertia of a body that has none in the file, as a fraction of those of the bodies that
+it carries, or of its joint's armature. The acceleration of such a body in absolute coordinates, as
+in `observe`, is a difference of numbers that are larger by the inverse of this fraction;
+`ConstraintEquations.corrected` corrects the rounding error."""
 ZERO = 1e-14
-"""Fraction of the largest moment of inertia below which moments and products count as zero."""
+"""Moments and products of inertia below this fraction of the largest moment count as zero."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +80,8 @@ class LinkPose:
 
 
 class Inertial(NamedTuple):
-    """Mass of a link, kg, its centre (3,), m, in the link's frame, and the inertia tensor (3, 3),
-    kg m^2, about the centre in the link's axes; None if unknown."""
+    """Mass of a link, kg; its centre of mass, (3,) m in the link's frame; and the inertia tensor
+    (3, 3), kg m^2, about this centre in the link's axes, ``None`` if unknown."""
 
     mass: float
     centre: np.ndarray
@@ -93,8 +94,8 @@ class RobotLink(NamedTuple):
 
 
 class Mimic(NamedTuple):
-    """Position of a joint as a polynomial, `coefficients` with the constant first, of that of the
-    joint `leader`; a constant if `leader` is ``None``."""
+    """Position of a joint, rad or m, as a polynomial of the position of the joint `leader`, with
+    the constant first in `coefficients`; a constant if `leader` is ``None``."""
 
     leader: str | None
     coefficients: tuple[float, ...]
@@ -103,6 +104,7 @@ class Mimic(NamedTuple):
 class RobotJoint(NamedTuple):
     """A joint of the tree.
 
+    - `kind`: type in the file, such as `FIXED`. `parent`, `child`: names of its links.
     - `pose`: (4, 4) homogeneous matrix, m, from the child's to the parent's frame at zero.
     - `axis`: (3,) in the child's axes, any length.
     - `point`: (3,) m, of the joint in the child's frame, the origin by default.
@@ -127,8 +129,9 @@ class RobotJoint(NamedTuple):
 
 
 class LoopJoint(NamedTuple):
-    """A joint that closes a loop: `FIXED` makes a frame in each of two links coincide, `BALL` the
-    origins of these frames. The frames' poses in the links are (4, 4), m."""
+    """A joint that closes a loop between the links `first` and `second`. The `kind` `FIXED` makes a
+    frame in each of the two links coincide, `BALL` only the origins of these frames. `in_first`,
+    `in_second`: pose of each frame in its link, (4, 4) m."""
 
     name: str
     kind: str
@@ -142,14 +145,14 @@ class LoopJoint(NamedTuple):
 class Actuator:
     """An actuator of a robot's file, from which to make a `Motor` or `DriveTorque`.
 
-    Its moment (N m) or force (N) on the joint is gear * f, with
+    The actuator's moment (N m) or force (N) on the joint is gear * f, with
     f = gain * u + bias[0] + bias[1] * gear * q + bias[2] * gear * q'; u is the control, q the
     joint's position, q' its rate.
 
     - `joint`: name of the joint.
     - `gear`: ratio of the actuator's motion to the joint's.
-    - `gain`, `bias`: coefficients of the force, (3,) for the bias.
-    - `control`: smallest and largest control.
+    - `gain`, `bias`: coefficients of f, (3,) for the bias.
+    - `control`: smallest and largest u.
     - `force`: smallest and largest f.
 
     >>> servo = cj.results.Actuator("elbow", gain=50.0, bias=(0.0, -50.0, -2.0))
@@ -166,8 +169,9 @@ class Actuator:
 
 
 class Content(NamedTuple):
-    """Content of a robot's file. `omitted` has what a scene lacks, by title in messages: the names
-    of the links or joints that have it, none if the robot itself has it."""
+    """Content of a robot's file. `omitted`: for each kind of content that a scene lacks, by its
+    title in messages, the names of the links, joints or other elements that have such content;
+    an empty list for content of the robot as a whole. `gravity`: m/s^2."""
 
     links: list[RobotLink]
     joints: list[RobotJoint]
@@ -205,8 +209,8 @@ class Carrier:
 class LinkTree:
     """A tree of links.
 
-    - `root`: the only link that is no joint's child.
-    - `carriers`: the carrier of each link.
+    - `root`: name of the only link that is no joint's child.
+    - `carriers`: the carrier of each link, by the link's name.
     - `poses`: (4, 4) m, from the frame of each link to that of its carrier's first link.
     """
 
@@ -227,6 +231,8 @@ class LinkTree:
             carrier, pose = self.carriers[joint.parent], self.poses[joint.parent] @ joint.pose
             inertial = self.links[name].inertial
             has_mass = inertial is not None and inertial.mass > 0.0
+            # A fixed link is part of its parent's body. Else its joint begins a new body, but a
+            # fixed link without mass can't be one.
             if joint.kind == FIXED and (options.merge_fixed or not has_mass):
                 carrier.links.append(name)
             else:
@@ -270,7 +276,7 @@ class LinkTree:
         return [carrier for carrier in carriers.values() if carrier.body != GROUND]
 
     def carried(self, carrier: Carrier) -> list[Carrier]:
-        """Return the bodies that hang on a carrier's joints, directly or by others."""
+        """Return the carriers that a carrier's joints carry, directly or by way of others."""
         ends = [self.carriers[j.child] for j in self.joints.values() if j.parent in carrier.links]
         ends = [end for end in ends if end is not carrier]
         return ends + [further for end in ends for further in self.carried(end)]
@@ -281,8 +287,8 @@ class LinkTree:
         return {name: inertial for name, inertial in inertials.items() if inertial is not None}
 
     def _centre(self, carrier: Carrier) -> np.ndarray:
-        """Return a carrier's centre of mass, m, in the frame of its first link; without mass, that
-        of the first <inertial>, or else the origin."""
+        """Return a carrier's centre of mass, (3,) m, in the frame of its first link. Without mass,
+        it is the centre of the first link that has an `Inertial`, or else the origin."""
         inertials = self.massive(carrier)
         centres = [moved(self.poses[name], part.centre) for name, part in inertials.items()]
         masses = np.array([part.mass for part in inertials.values()])
@@ -299,8 +305,8 @@ class LinkTree:
         return LinkPose(carrier.body, point, euler_parameters(rotation))
 
     def in_body(self, carrier: Carrier, point: np.ndarray) -> tuple[float, float, float]:
-        """Convert a point, (3,) m, from the frame of the carrier's first link to its body's axes,
-        from the centre of mass."""
+        """Return a point's position relative to the centre of mass of the carrier's body, (3,) m in
+        body axes. `point`: (3,) m in the frame of the carrier's first link."""
         x, y, z = rounded(carrier.pose[:3, :3]) @ (point - carrier.centre)
         return float(x), float(y), float(z)
 
@@ -347,8 +353,9 @@ def bodies_of(tree: LinkTree, carriers: Iterable[Carrier]) -> dict[str, Body]:
 
 
 def _negligible(tree: LinkTree, carrier: Carrier) -> tuple[float, np.ndarray]:
-    """Return the mass and the inertia tensor of a massless body, such as one between two joints of
-    a body of MJCF: a small share of those of the bodies that it carries."""
+    """Return the mass, kg, and the inertia tensor, (3, 3) kg m^2, of a body that has no mass in the
+    file, such as one between two joints of a body of MJCF: a small fraction of the masses and
+    moments of inertia of the bodies that it carries."""
     (joint,) = [j for j in tree.joints.values() if j.child == carrier.links[0]] or [None]
     inertias = [(part, tree.massive(part)) for part in tree.carried(carrier)]
     masses = [part.mass for _, inertials in inertias for part in inertials.values()]
@@ -365,7 +372,8 @@ def _negligible(tree: LinkTree, carrier: Carrier) -> tuple[float, np.ndarray]:
 
 
 def _tensor(tree: LinkTree, carrier: Carrier, inertials: Mapping[str, Inertial]) -> np.ndarray:
-    """Return the inertia about the centre of mass, in the axes of the first link."""
+    """Return the inertia tensor of a carrier's body, (3, 3) kg m^2, about the body's centre of mass
+    in the axes of the first link. `inertials`: of the carrier's links, by name."""
     total = np.zeros((3, 3))
     for name, inertial in inertials.items():
         if inertial.tensor is None:
@@ -373,8 +381,9 @@ def _tensor(tree: LinkTree, carrier: Carrier, inertials: Mapping[str, Inertial])
             tree.location.at(name).refuse(None, "an <inertia>", remedy)
         rotation = tree.poses[name][:3, :3]
         x, y, z = moved(tree.poses[name], inertial.centre) - carrier.centre
-        across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        total += rotation @ inertial.tensor @ rotation.T + inertial.mass * across @ across.T
+        # Parallel-axis theorem, with the matrix of the cross product by the link's offset.
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        total += rotation @ inertial.tensor @ rotation.T + inertial.mass * cross @ cross.T
     return total
 
 
@@ -385,8 +394,8 @@ def _is_possible(tensor: np.ndarray) -> bool:
 
 
 def _balanced(inertial: Inertial) -> Inertial:
-    """Return the inertia as changed by MuJoCo's `balanceinertia`: if no rigid body can have its
-    principal moments, they are replaced by their mean; otherwise it is the same object."""
+    """Return the inertia as changed by MuJoCo's `balanceinertia`: if no rigid body can have the
+    principal moments, each is replaced by their mean; otherwise return the same object."""
     tensor = inertial.tensor
     if tensor is None or _is_possible(tensor):
         return inertial
@@ -396,7 +405,8 @@ def _balanced(inertial: Inertial) -> Inertial:
 def _require_possible(
     tensor: np.ndarray, carrier: Carrier, names: Collection[str], location: FileLocation
 ) -> None:
-    """Refuse an inertia that no body can have, with a message that names the links and options."""
+    """Refuse the inertia `tensor`, (3, 3) kg m^2, of a carrier if no body can have it. `names`: of
+    the links that have inertia, for the message."""
     moments = np.linalg.eigvalsh(tensor)
     at = location.at(carrier.links[0])
     links = f" of links {', '.join(names)} together" if len(names) > 1 else ""
@@ -411,7 +421,7 @@ def _require_possible(
 
 
 def warn_of_omitted(file: object, omitted: Mapping[str, list[str]]) -> None:
-    """Warn of what is not carried over, as in `Content.omitted`."""
+    """Warn of contents that are not carried over from or to a file; `omitted`: as in `Content`."""
     parts = [f"{title} of {', '.join(names)}" for title, names in omitted.items() if names]
     parts += sorted(title for title, names in omitted.items() if not names)
     if parts:
@@ -430,7 +440,8 @@ def moved(pose: np.ndarray, point: np.ndarray) -> np.ndarray:
 
 
 def rounded(numbers: np.ndarray) -> np.ndarray:
-    """Restore the exact zeros of a quarter turn, which make compiled programs smaller."""
+    """Return numbers rounded to 15 decimals, which restores the exact zeros in the matrix of a
+    quarter turn; zeros make compiled programs smaller."""
     return np.round(numbers, 15) + 0.0  # no negative zeros
 
 

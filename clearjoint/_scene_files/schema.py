@@ -40,8 +40,9 @@ def scene_properties(catalogue: "Catalogue") -> Schema:
 
 @dataclass(frozen=True)
 class Catalogue:
-    """Makes the schema of a file. `definitions`: schemas to which others refer, of makers by their
-    names in files, and of numbers under `ROWS`; each maker's is added when it is first needed."""
+    """Makes the schema of a file that may name the user-defined `classes`. `definitions`: schemas
+    to which others refer, of makers by their names in files, and of numbers under `ROWS`. The
+    schema of a maker is added when it is first needed."""
 
     classes: Classes
     definitions: Schema = field(
@@ -83,7 +84,7 @@ class Catalogue:
         return _any_of(ways)
 
     def _references(self, families: tuple[type, ...]) -> list[Schema]:
-        """Return references to the definitions of all makers of the `families`; add new ones."""
+        """Return references to the definitions of the makers of `families`; add those missing."""
         # A user-defined class has two names; the last one, with its module, names its definition.
         names: dict[Maker, list[str]] = {}
         for name, make in makers(families, self.classes).items():
@@ -128,8 +129,9 @@ def _any_of(ways: list[Schema]) -> Schema:
 
 
 def _numbers(shapes: tuple[tuple[int, ...], ...]) -> list[Schema]:
-    """Return the schemas of arrays of the given shapes, whose numbers may be texts with units;
-    without shapes, of any arrays, and of true and false, since a flag has no shape."""
+    """Return the schemas of arrays of the given shapes, whose numbers may be texts with units.
+    Without shapes, return the schemas of all arrays, and of true and false, since the expectation
+    of a flag has no shape either."""
     if not shapes:
         return [{"type": "boolean"}, _reference(ROWS)]
     schemas = []

@@ -12,7 +12,7 @@ from .documents import FileLocation, read_bytes
 from .robots import Content, Inertial, JointLimits, Mimic, RobotJoint, RobotLink, rounded
 
 LARGEST_FILE = 50_000_000
-"""Size in bytes above which files are refused, since parsed they are far larger."""
+"""Size in bytes above which files are refused, since their content takes far more memory."""
 READ = {
     "link": {"inertial"},
     "joint": {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"},
@@ -55,7 +55,7 @@ def read_urdf(path: Path) -> Content:
 
 
 def root_tag(content: bytes) -> str:
-    """Return the tag of the first element of an XML text, nothing if there is none."""
+    """Return the tag of the first element of an XML text, "" if there is none."""
     parser, tags = expat.ParserCreate(), [""]
     parser.StartElementHandler = lambda tag, _: tags.append(tag)
     with suppress(expat.ExpatError):
@@ -93,11 +93,12 @@ def _attribute(element: Element, name: str, location: FileLocation) -> str:
 def _numbers(
     element: Element | None, name: str, default: str | None, count: int, location: FileLocation
 ) -> np.ndarray:
-    """Return the (count,) numbers of an attribute, or of `default`, None if it must exist."""
+    """Return the numbers, (count,), of the attribute `name` of an element, or of the text `default`
+    if there is no such attribute or no element. With the `default` ``None``, it must exist."""
     text = default if element is None else element.get(name, default)
     if element is not None:
         location = location.at(element.tag, name)
-        if text is None or "$" in text:
+        if text is None or "$" in text:  # missing, or perhaps a macro: this raises the errors
             text = _attribute(element, name, location)
     try:
         numbers = np.array([float(word) for word in (text or "").split()])

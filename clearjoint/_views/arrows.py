@@ -23,8 +23,8 @@ MODE_NAMES = {
 
 
 class Arrows(NamedTuple):
-    """Arrows of forces. `scale`: length divided by force, m/N, before long arrows are cut, 1
-    without forces; `note`: text on the scale, for the legend."""
+    """Arrows of forces. `scale`: length divided by force, m/N, before arrows that are too long are
+    cut, 1 without forces; `note`: text on the scale, for the legend."""
 
     parts: list[DrawnPart]
     scale: float
@@ -37,10 +37,10 @@ def arrows(
     """Return arrows of the contact forces on the second body of each joint, which end at the
     contact points, and arrows of the loads, which start at the points of application.
 
-    Lengths are proportional to forces. But if no scale, m/N, is given, and the largest force is
-    more than five times the median of all forces that are not zero, as in an impact during a motion
-    along the wall, they are proportional to the square root of forces, so that small ones are
-    visible.
+    Lengths are proportional to forces. But if the `scale`, m/N, is ``None``, and the largest force
+    is more than five times the median of all forces that are not zero, as in an impact during a
+    motion along the wall, lengths are proportional to the square root of forces, so that small
+    forces are visible.
     """
     contact_forces = [] if observation is None else [*_contact_forces(pen, observation).items()]
     all_forces = [force for _, (_, force) in (*contact_forces, *pen.loads)]

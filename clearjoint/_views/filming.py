@@ -36,7 +36,8 @@ FRAMES_PER_SECOND = 25
 
 
 class Film:
-    """A matplotlib figure of a view, in which `show` draws one frame."""
+    """A matplotlib figure of a view, in which `show` draws one frame; `samples`: number of computed
+    points per inch."""
 
     def __init__(
         self,
@@ -113,8 +114,8 @@ class Film:
             self._time_text.set_text(_time_text(self._times[k], self._times[-1] - self._times[0]))
 
     def _order(self, part: DrawnPart, k: int) -> tuple[bool, float]:
-        """Return the key by which parts are sorted to be painted: transparent ones last, from the
-        farthest to the nearest, over what is behind them."""
+        """Return the key by which the parts in frame `k` are sorted to be painted in turn:
+        transparent parts last, from the farthest to the nearest, over what is behind them."""
         centre = part.mesh.moved(part.pose(k)).vertices.mean(axis=0)
         return part.opacity < 1.0, float(centre @ self._view[2])
 
@@ -134,10 +135,10 @@ class Film:
 def _covered(
     corners: Float[np.ndarray, "F 3 2"], values: Float[np.ndarray, "F 3"], width: int, height: int
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Yield the points of a grid that triangles cover, for some triangles at a time: (M,) numbers
-    of the points, row by row; indices of the triangles; and values there, which are interpolated
-    linearly between those at the `corners`. These are counter-clockwise, in points from the lower
-    left."""
+    """Yield the points that each triangle covers in a grid of `width` by `height` points, for a
+    group of triangles at a time: indices of the points, (M,), counted row by row; indices of their
+    triangles, (M,); and values at the points, (M,), interpolated linearly between the `values` at
+    the `corners`. These are counter-clockwise, in distances of points, from the lower left."""
     a, b, c = (corners[:, j] for j in range(3))
     # Point (i, k) of the grid is at x = i + 0.5, y = k + 0.5. A line is the part of a row of points
     # inside a triangle; lines are numbered triangle by triangle.
@@ -151,9 +152,9 @@ def _covered(
     for p, q in ((a, b), (b, c), (c, a)):
         p, q = p[triangle], q[triangle]
         with np.errstate(divide="ignore", invalid="ignore"):  # horizontal edges
-            share = (y - p[:, 1]) / (q[:, 1] - p[:, 1])
-            x = p[:, 0] + share * (q[:, 0] - p[:, 0])
-        crossings.append(np.where((share >= 0.0) & (share <= 1.0), x, np.nan))
+            fraction = (y - p[:, 1]) / (q[:, 1] - p[:, 1])  # of the edge from p to q
+            x = p[:, 0] + fraction * (q[:, 0] - p[:, 0])
+        crossings.append(np.where((fraction >= 0.0) & (fraction <= 1.0), x, np.nan))
     left, right = (
         np.clip(np.nan_to_num(np.ceil(f(crossings, axis=0) - 0.5)), 0, width).astype(int)
         for f in (np.fmin.reduce, np.fmax.reduce)

@@ -87,8 +87,8 @@ def arrow() -> Mesh:
 
 
 def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
-    """Return a helical spring about z with straight ends, from z = 0 to z = 1. Stretched to
-    `length`, its wire of radius `wire` is round."""
+    """Return a helical spring about z with straight ends, from z = 0 to z = 1. If the mesh is
+    stretched to `length` along z, the wire is round, with the radius `wire`."""
     # The middle of the wire: a helix of 14 points in each turn, between straight ends that have 12
     # per cent of the length each.
     inside = np.linspace(0.0, 1.0, 14 * turns + 1)
@@ -110,8 +110,8 @@ def coil(radius: float, wire: float, length: float, turns: int = 7) -> Mesh:
 
 
 def gear(radius: float, teeth: int, width: float) -> Mesh:
-    """Return a spur gear about z with the middle of a tooth on the x axis; `radius` of the pitch
-    circle, negative for an internal gear; `width` along z."""
+    """Return a spur gear with `teeth` teeth about z, the middle of one of them on the x axis.
+    `radius`: of the pitch circle, negative for an internal gear; `width`: along z."""
     module = 2.0 * abs(radius) / teeth  # m
     pitch = 2.0 * np.pi / teeth  # rad
     # Each tooth has four corners: root, tip, tip, root. Their angles are measured in pitches from
@@ -165,7 +165,7 @@ def outline(distances: Float[np.ndarray, " N"]) -> Float[np.ndarray, "N 2"]:
 
 
 def hull(points: Float[np.ndarray, "N 3"], radius: float) -> Mesh:
-    """Return the convex hull of balls around all points: for two points, a rounded rod."""
+    """Return the convex hull of balls of a `radius` around all points: of two, a rounded rod."""
     trimesh = needed("trimesh")
     knob = _creation().icosphere(subdivisions=1, radius=radius).vertices
     return _of(trimesh.convex.convex_hull((points[:, None] + knob[None]).reshape(-1, 3)))
@@ -306,7 +306,8 @@ def between(
 
 
 def corners(parts: Sequence[DrawnPart], instants: Sequence[int]) -> Float[np.ndarray, "N 3"]:
-    """Return the corners, m, of boxes around each part in some frames."""
+    """Return the corners, m in global axes, of a box around each part in each of the frames
+    `instants`; the box has the part's own axes."""
     result = []
     for part in parts:
         ends = part.mesh.vertices.min(axis=0), part.mesh.vertices.max(axis=0)

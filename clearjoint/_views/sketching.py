@@ -294,9 +294,9 @@ class SketchingPen(AbstractPen):
         surfaces: tuple[float, ...],
         excess: float,
     ) -> None:
-        """Draw plates perpendicular to `normal`, with sides that face `middle` at the distances
-        `surfaces` from it, m. At each end, they are longer than the path of `runner` by `excess`,
-        m, and a bar."""
+        """Draw plates perpendicular to `normal`, fixed to the body of `middle`, with the sides that
+        face this marker at the distances `surfaces` from it, m. At each end, the plates are longer
+        than the path of `runner` by `excess`, m, plus the radius of a bar."""
         # The columns of `frame`, in body axes, are the direction along the walls, their normal, and
         # a direction as near as possible to the line of sight. If the viewer looks along the
         # normal, the direction along the walls is arbitrary.
@@ -394,7 +394,8 @@ class SketchingPen(AbstractPen):
             self._add(GROUND, stand.moved(pose_at(point, frame)))
 
     def _edge(self, radius: float, profile: AbstractProfile) -> np.ndarray:
-        """Return the corners of a drawn cross-section that deviates by `profile` from a circle."""
+        """Return the corners, (N, 2) m, of a drawn cross-section that deviates by `profile` from a
+        circle of the drawn `radius`, m."""
         angles = np.arange(CORNERS) * 2.0 * np.pi / CORNERS
         deviation = np.asarray(profile.at(angles).value, float)
         return meshes.outline(radius + self._sizes.clearance_scale * deviation)
@@ -411,7 +412,8 @@ class SketchingPen(AbstractPen):
         self._fixed.setdefault((body, colour or self._colours[body], opacity), []).append(mesh)
 
     def _fix(self, marker: Marker, mesh: Mesh, colour: str = "", opacity: float = 1.0) -> None:
-        """Fix a solid with its origin at the marker's point and z along the marker's axis."""
+        """Fix a solid to the marker's body, with its origin at the marker's point and its z axis
+        along the marker's axis. `colour`: by default that of the body."""
         rotation = None if marker.axis is None else frame_about(marker.along())
         self._add(marker.body, mesh.moved(pose_at(marker.point, rotation)), colour, opacity)
 
@@ -446,7 +448,7 @@ class SketchingPen(AbstractPen):
             self._corners[marker.body].append(point)
 
     def _moved_back(self, marker: Marker, distance: float) -> Marker:
-        """Move a marker along its axis away from the viewer in the first frame."""
+        """Move a marker by `distance`, m, along its axis, away from the viewer in frame 0."""
         axis = marker.along()
         towards_viewer = self._poses.direction(marker.body, axis)[0] @ self._sizes.front
         behind = (-axis if towards_viewer >= 0.0 else axis) * distance
@@ -456,8 +458,8 @@ class SketchingPen(AbstractPen):
         return self._poses.poses[body][0, :3, :3].T @ direction
 
     def _range(self, base: Marker, runner: Marker, axis: np.ndarray) -> tuple[float, float]:
-        """Return the smallest and largest coordinate of `runner`, m, along an axis of the body of
-        `base`, from that marker."""
+        """Return the smallest and largest coordinate of `runner`, m, from the point of `base`,
+        along an `axis`, (3,), of the body of `base`."""
         offset = self._poses.point(runner.body, runner.point)
         offset = offset - self._poses.point(base.body, base.point)
         along = np.sum(offset * self._poses.direction(base.body, axis), axis=1)

@@ -40,7 +40,7 @@ def journal_frames(
     eccentricity are enlarged by the same factor, so that the drawn clearance is 0.3 of the
     bearing's radius. The journal is dark in contact and light in flight.
 
-    **Arguments:** `instants`: (M,) times, s, of which the nearest observed ones are shown.
+    **Arguments:** `instants`: (M,) times, s; each picture shows the nearest observed time.
     `columns`: number of instants in a row; further ones continue in a new pair of rows. `figure`:
     empty figure to draw into; a new one by default.
 
@@ -85,7 +85,7 @@ def animate_journal(
     right, drawn as by `journal_frames`.
 
     **Arguments:** `file`: path of the file, with the suffix ".gif". `instants`: (M,) times, s, one
-    for each frame, of which the nearest observed ones are shown.
+    for each frame, which shows the nearest observed time. `frames_per_second`: in the animation.
 
     >>> plot.animate_journal(observed, "shoulder", 0.5e-3, "journal.gif", np.linspace(0, 0.02, 5))
     """

@@ -19,7 +19,7 @@ from . import style
 
 def fitted(fit: Fit, series: list[str] | None = None) -> np.ndarray:
     """Draw each measured series over time with the fitted prediction, and below it the residuals,
-    divided by the noise. The grey band, from -2 to 2, should contain 95 % of them.
+    divided by the noise. The grey band, from -2 to 2, should contain 95 % of the residuals.
 
     **Arguments:** `series`: names of the measured series to draw, by default all.
 
@@ -102,10 +102,10 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
     """Draw how accurately parameters can be estimated from measurements of increasing length.
 
     Each parameter has a line: the lower bound of the standard deviation of its estimate, if all
-    parameters are estimated together. It is that of the value on the parameter's scale: for the
-    scale `Log` the relative error, for `Linear` the error in multiples of the scale's `unit`. The
-    line is thin and faint above the dotted line at `report.limits`, where an estimate carries no
-    information, and begins with the shortest record that determines the parameter.
+    parameters are estimated together. The deviation is measured on the parameter's scale: for the
+    scale `Log` it is the relative error, for `Linear` the error in multiples of the scale's `unit`.
+    The line begins with the shortest record that determines the parameter; it is thin and faint
+    above the dotted line at `report.limits`, where an estimate carries no information.
 
     **Arguments:** `report`: from `cj.identifiability`; pass `report.of("probe")` to draw the
     accuracy by the sensor "probe" alone.
@@ -150,9 +150,9 @@ def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
 
 
 def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
-    """Draw upper bounds of integration errors over time: of a run's outputs, in units of the
-    measurement noise, and of their derivatives by the parameters, relative. Vertical lines are
-    those of `growth`.
+    """Draw upper bounds of integration errors over time: the errors of a run's outputs, divided by
+    the measurement noise, and the relative errors of the outputs' derivatives by the parameters.
+    Vertical lines are as in `growth`.
 
     >>> axes = plot.integration_error(limits)
     """

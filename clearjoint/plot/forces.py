@@ -216,7 +216,7 @@ def _loop(observation: Observation, impacts: Impacts, index: int) -> tuple[np.nd
 class ContactPhase(enum.IntEnum):
     """Phase of the motion in a joint with clearance: free flight, a short impact, or following, in
     which the journal stays at the bearing's wall. A joint whose contacts are in different phases
-    has the one with the largest number.
+    is in the phase with the largest number.
 
     >>> max(plot.ContactPhase.FREE_FLIGHT, plot.ContactPhase.FOLLOWING).name
     'FOLLOWING'

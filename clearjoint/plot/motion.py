@@ -97,7 +97,7 @@ def over_angle(
 
     **Arguments:** `curves`: angles (N,) in rad and values (N,), by the curve's label; later curves
     cover earlier ones. `quantity`: text of the vertical axis, name and unit of the values; `shaft`:
-    name of the shaft in that of the horizontal axis.
+    name of the shaft in the text of the horizontal axis.
 
     >>> angle = np.linspace(0.0, 2.0 * np.pi, 73)
     >>> axes = plot.over_angle({"ideal": (angle, 100.0 * np.cos(angle))}, "force / N")

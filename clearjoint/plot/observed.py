@@ -29,9 +29,10 @@ def contact(observation: Observation, joint: str, label: str) -> ContactObservat
 
 
 def spans(mask: np.ndarray) -> np.ndarray:
-    """Return indices (M, 2) of the intervals in which a mask (N,) is true: the first one, and that
-    after the last."""
-    # The padded mask changes at both ends of each interval, also of one at an end of the mask.
+    """Return a row (start, stop) of indices, (M, 2), for each of the M intervals in which a mask
+    (N,) is true; `stop` is the index after the last true entry."""
+    # The padded mask changes at both ends of each interval, also of one at an end of the mask:
+    # starts and stops alternate.
     return np.flatnonzero(np.diff(np.pad(mask, 1).astype(int))).reshape(-1, 2)
 
 
@@ -58,7 +59,7 @@ def _joined(names: list[str]) -> str:
 
 
 def named(argument: str, name: str, family: Mapping[str, T]) -> T:
-    """Return the entry `name` of `family`, which the user passed as `argument`."""
+    """Return the entry `name`, which the user passed as `argument`, of the dictionary `family`."""
     expected = f"one of those observed, {sorted(family)}"
     require(name in family, argument, name, expected, nearest(name, family, "correct the name"))
     return family[name]

@@ -192,8 +192,8 @@ def _dressed(
 
 
 def _fitting(values: np.ndarray, unit: str) -> tuple[float, str]:
-    """Return the result of `fitting_unit`; but volumes are in mm³, or in µm³ times a power of ten,
-    since a prefix would change them by nine powers of ten."""
+    """Return the factor and the unit of `fitting_unit`; but volumes are in mm³, or in µm³ times a
+    power of ten, since the next prefix of a cubed length is nine powers of ten away."""
     if unit != "m^3":
         return fitting_unit(values, unit)
     largest = values.max(initial=0.0)

@@ -207,7 +207,7 @@ PAGE = (8.27, 11.69)
 MOST_ROWS = 8
 """Largest number of impacts that a table lists; twice as many joints with contacts."""
 LETTERS = 112
-"""Number of letters of a line of the page: 7.4 inches, of a little less than 0.066 if bold."""
+"""Number of letters in a line of the page, 7.4 inches, if bold; a letter has up to 0.066 inches."""
 MARGIN = 0.4
 """Margin of the page, inches."""
 
@@ -276,8 +276,8 @@ def report(
 
 
 class _Part(NamedTuple):
-    """A row of the page. Texts have exactly their `height`, inches; figures share the rest in
-    proportion to theirs."""
+    """A row of the page, which `draw` fills. Rows of text have exactly their `height`, inches; rows
+    of figures share the rest of the page in proportion to their `height`."""
 
     height: float
     draw: Callable[[SubFigure], None]
@@ -322,8 +322,9 @@ def _record(
 
 
 def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[Cells]) -> _Part:
-    """Return a row with lines of text and, unless there are no `rows`, a table, whose widest
-    columns are made narrower, with broken texts, if the page has too little space."""
+    """Return a row of the page with lines of text of the font weight `weight` and, if there are
+    `rows`, a table with the column titles `titles`. If the page is too narrow for the table, its
+    widest columns are made narrower, and their texts are broken into lines."""
     # Left end, as a fraction of the width; lines from the top; text; and weight of the letters.
     texts = [(0.0, float(k), text, weight) for k, text in enumerate(lines)]
     # The head of the table is 0.4 lines below the text, and its first row 1.3 lines below the head.
@@ -454,7 +455,7 @@ def draw_energies(row: SubFigure, observed: Observation, record: xr.DataArray) -
 
 
 def _small(axes: Axes) -> None:
-    """Make lines thinner, and for a small PDF rasterise those of more than 5000 points."""
+    """Make curves thinner; rasterise curves of more than 5000 points, which keeps a PDF small."""
     for line in axes.get_lines():
         line.set_linewidth(0.6 * line.get_linewidth())
         line.set_rasterized(len(np.asarray(line.get_xdata())) > 5000)

@@ -175,8 +175,8 @@ def bifurcation(
 
     **Arguments:**
 
-    - `channel`: the one of the section to draw. An output named "section_channel", sampled once a
-      period, may replace a section.
+    - `channel`: name of the section's channel to draw. An output named "section_channel", sampled
+      once a period, may replace a section.
     - `number`: whether colours show the numbers of the crossings, from 1 on; this helps for a
       motion that decays, whose crossings depend on the time.
 

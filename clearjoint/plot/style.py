@@ -98,8 +98,8 @@ def legend_above(
     handlelength: float | None = None,
     height: float = 1.0,
 ) -> None:
-    """Add a legend without a frame above the axes, for the `handles`, by default all labelled
-    curves. `height`: of its lower edge, in heights of the axes."""
+    """Add a legend in `columns` columns without a frame above the axes, for the `handles`, by
+    default all labelled curves. `height`: of the legend's lower edge, in heights of the axes."""
     if not any(child.get_label() == ROOM for child in axes.child_axes):
         # Titles are placed above child axes. Empty ones, as large as the legend, keep the title
         # from the legend.
@@ -280,7 +280,8 @@ def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
 
 
 def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
-    """Return whether an axis for values should be logarithmic (see the docstring of `plot`)."""
+    """Return whether an axis for `values`, of a parameter if `swept`, should be logarithmic (see
+    the docstring of `plot`)."""
     finite = values[np.isfinite(values)]
     if finite.size == 0 or finite.min() <= 0.0:
         return False
@@ -296,8 +297,9 @@ def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
 
 
 def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray, swept: str = "x") -> None:
-    """Make an axis logarithmic if that suits the drawn values, linear if one of them is zero or
-    negative; else it keeps its scale. `swept`: letters of the axes with swept parameters."""
+    """Make each of the two axes logarithmic if that suits its values, `x` or `y`, and linear if one
+    of these values is not positive; else the axis keeps its scale. `swept`: the axes with swept
+    parameters, "x" or "xy"."""
     for letter, axis, values in (("x", axes.xaxis, x), ("y", axes.yaxis, y)):
         if suits_logarithm(values, letter in swept):
             axes.set(**{f"{letter}scale": "log"})
@@ -307,8 +309,9 @@ def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray, swept: str = "x") -> No
 
 
 def tick_logarithm(axis: Axis, values: np.ndarray) -> None:
-    """Set the ticks of a logarithmic axis for positive values: equal differences up to a ratio of
-    5; 1, 2 and 5 times powers of ten below 500; else as matplotlib does."""
+    """Set the ticks of a logarithmic axis for positive values: at equal differences if the largest
+    value is up to 5 times the smallest; at 1, 2 and 5 times powers of ten below 500 times; else as
+    matplotlib does."""
     finite = values[np.isfinite(values)]
     if finite.max() < 500.0 * finite.min():
         few = finite.max() <= 5.0 * finite.min()

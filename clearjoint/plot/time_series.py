@@ -144,7 +144,7 @@ FEWEST = 4
 
 def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArray:
     """Return the one-sided amplitude spectrum of values over time, less their mean. A harmonic of
-    amplitude A, whose frequency is one of those of the spectrum, has the value A there.
+    amplitude A has the value A at its frequency, if this is one of the spectrum's frequencies.
 
     **Arguments:**
 

@@ -80,7 +80,8 @@ def _walk(parent: griffe.Module | griffe.Class) -> Iterator[griffe.Object]:
 
 
 def _constructor(cls: griffe.Class, of: type) -> griffe.Function:
-    """Return the constructor `of` a dataclass, with the annotations of its fields in the source."""
+    """Return the constructor of the dataclass `of`, which is `cls` in the source, with the
+    annotations of its fields as they are written there."""
     parameters = [griffe.Parameter("self", kind=griffe.ParameterKind.positional_only)]
     for name, parameter in inspect.signature(of).parameters.items():
         default = None if parameter.default is parameter.empty else repr(parameter.default)
@@ -109,9 +110,10 @@ class HouseStyle(griffe.Extension):
         # griffe reads only the source, in which dataclasses have no constructors.
         for path in PATHS:
             module, name = path.rsplit(".", 1)
-            of = getattr(importlib.import_module(module), name)
-            is_built_by_users = inspect.isclass(of) and module != "clearjoint.results"
-            if is_built_by_users and dataclasses.is_dataclass(of) and not inspect.isabstract(of):
+            public = getattr(importlib.import_module(module), name)
+            is_built_by_users = inspect.isclass(public) and module != "clearjoint.results"
+            is_dataclass = is_built_by_users and dataclasses.is_dataclass(public)
+            if is_dataclass and not inspect.isabstract(public):
                 item = pkg[path.removeprefix("clearjoint.")].final_target
                 if "__init__" not in item.members:
-                    item.set_member("__init__", _constructor(item, of))
+                    item.set_member("__init__", _constructor(item, public))

@@ -42,8 +42,8 @@ STEP = 1e-6
 """Relative step of central differences, whose error is about 1e-10: the step squared, plus the
 rounding error divided by the step."""
 TOLERANCE = 1e-5
-"""Largest error of a derivative by a factor of a number, relative to the derivative plus a
-thousandth of the force; far above the errors of finite differences."""
+"""Largest error of the derivative of a force by a factor with which a number is multiplied,
+relative to the derivative plus a thousandth of the force; far above that of finite differences."""
 SINGLE = 9
 """Number of points at which a function is also evaluated singly, which is slow."""
 
@@ -101,7 +101,7 @@ def check_law(
       declare such a jump (`AbstractContactLaw.force_jumps`), of which a `UserWarning` tells;
     - the force is the elastic force if the entry speed is unknown.
 
-    Stiffnesses may depend on the radius of the bearing and on the radial clearance.
+    Stiffnesses may depend on the `bearing_radius`, m, and on the radial `clearance`, m.
 
     >>> testing.check_law(cj.laws.HuntCrossley(0.8, 1e9))
     """
@@ -228,7 +228,7 @@ def _check_jumps(forces: Callable[..., Points], law: AbstractContactLaw) -> None
 
 
 def _grid(*rows: tuple[float, ...]) -> list[Points]:
-    """All N combinations of one value of each row, as one array for each row."""
+    """All N combinations of one value from each of the `rows`, as an array (N,) for each row."""
     return [jnp.asarray(axis.ravel()) for axis in np.meshgrid(*rows, indexing="ij")]
 
 

@@ -130,9 +130,10 @@ def _check_slopes(
     label: str, parameters: AbstractContactJoint, rows: list[jax.Array], slopes: list[jax.Array]
 ) -> None:
     """Check that the derivatives of a contact's numbers are finite, and that the derivative of its
-    penetration by each parameter of the joint agrees with finite differences."""
-    # The requests, in order: along the motion, along all numbers at once, along each parameter, and
-    # along each parameter again with it increased and with it decreased.
+    penetration by each parameter of the joint agrees with finite differences. `rows`, `slopes`:
+    numbers, as in `_rows`, and their derivatives for each request of `check_contact_joint`."""
+    # The requests, in order: derivatives along the motion, along all numbers at once, along each
+    # parameter, and along each parameter at points where it is increased, and is decreased.
     _, everything, exact, _, _ = slopes
     # The derivative if all numbers change at once is not finite if one derivative is not.
     finite = jnp.isfinite(everything).all()
@@ -219,7 +220,8 @@ def _contacts(joint: AbstractContactJoint, motions: Motions) -> Contacts:
 def _failures(
     joint: AbstractContactJoint, motions: Motions, contacts: Contacts, rates: Contacts
 ) -> ByLabel[Condition]:
-    """Whether each condition on normals, rates, slips, forces, couples and power fails."""
+    """Whether each condition on normals, rates, slips, forces, couples and power fails; `rates`:
+    time derivatives of the numbers in `contacts`."""
     first, second = pair = [motions[name] for name in joint.pair()]
     failures = {}
     for label, (loaded, _) in contacts.items():
@@ -312,8 +314,9 @@ def _force_failures(
 
 
 def _changes_of_parameters(parameters: AbstractContactJoint, point: jax.Array) -> jax.Array:
-    """Return a row for each parameter of the joint: a change of `point` in this number alone, by
-    the largest magnitude of the numbers in its field, or by 1 if all are zero."""
+    """Return a row for each parameter of the joint: the change of the vector `point` in which this
+    parameter alone changes, by the largest magnitude in its field, or by 1 if all are zero there.
+    """
     leaves = jax.tree.leaves(parameters)
     sizes = jnp.concatenate([jnp.full(leaf.size, jnp.max(jnp.abs(leaf))) for leaf in leaves])
     sizes = jnp.where(sizes > 0.0, sizes, 1.0)

@@ -21,12 +21,12 @@ ROUNDING = 1e-9
 """A change of the function below this fraction of its values counts as rounding error."""
 STAYS = 0.5
 """A change that remains after all bisections is a jump if it exceeds this fraction of the change
-after half of them. That of a continuous function, even of a square root, decreases further."""
+after half of them. The change of a continuous function, even a square root, decreases further."""
 
 
 class Jumps(NamedTuple):
     """The largest jump of a function in each of N intervals: `sizes`, the value on the right minus
-    that on the left, zero without a jump; and `positions`."""
+    the value on the left, zero without a jump; and `positions` of the jumps in the intervals."""
 
     sizes: Float[jax.Array, " N"]
     positions: Float[jax.Array, " N"]
@@ -46,7 +46,7 @@ def jumps(
     left: Float[jax.Array, " N"],
     right: Float[jax.Array, " N"],
 ) -> Jumps:
-    """Return the largest jump of a function in each of N intervals.
+    """Return the largest jump of a function in each of N intervals, from `left` to `right`.
 
     Each interval is divided into pieces. Each piece is bisected until its ends are practically
     adjacent floats; the half with the larger change of the function is kept. A jump that is smaller

@@ -41,7 +41,8 @@ def check_film(
     The offset of the journal is the vector from the bearing's axis to the journal's centre, divided
     by the radial clearance. Its rate, 1/s, is its time derivative in axes that rotate with half the
     sum of the spins of bearing and journal. The check evaluates the film for offsets from zero to
-    0.99, and various rates. It demands that
+    0.99, and various rates, in a bearing of the given radius, radial clearance and length, m. It
+    demands that
 
     - the film supplies no energy, and exerts no force if the rate of the offset is zero;
     - the force and its derivatives by offset, rate and parameters of the film are finite, even at
