@@ -330,7 +330,7 @@ def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array
         return point * (clearance / jnp.sqrt(1.0 + point @ point))
 
     def residual(point: jax.Array, _: None) -> jax.Array:
-        force, _ = _load(joint, speed, offset_of(point), at_rest)
+        force, _moment = _load(joint, speed, offset_of(point), at_rest)
         # Relative to the size of the load, so that one tolerance suits all loads; absolute for a
         # zero load.
         return (force + load) / jnp.where(load_size > 0.0, load_size, 1.0)
