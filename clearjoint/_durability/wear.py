@@ -536,6 +536,8 @@ class _Stages:
         if len(self.rates) == len(self.cycles):
             self._extrapolate(self.cycles[-1] - self.cycles[-2])
             return
+        # Each stage has depths (1 + parameters, joints, parts, angles): row 0 has the depths, the
+        # others their derivatives. `_shorten` returns whether it could shorten the stage.
         measured = self._measured()
         # `length` is the number of cycles of the stage whose end the run has measured.
         difference, is_after_stage = run.difference(measured), len(self.cycles) > 1
@@ -552,6 +554,7 @@ class _Stages:
                 if not self._shorten(SHORTENED * length):
                     self.failure = f"the depths of a stage failed: {error}"
                 return
+            # Relative to the depths that matter to the contact, also where little has worn.
             scales = depths[0].max(axis=(1, 2)) + self._pressed()
             corrections = np.abs(depths - self.depths[-1])[0].max(axis=(1, 2))
             # The extrapolation is of first order in the length of the stage, so that its error
@@ -741,6 +744,8 @@ class _Stages:
     def dataset(self) -> "xr.Dataset":
         import xarray as xr
 
+        # (stages, 1 + parameters, joints, parts, angles): row 0 of a stage has its depths, the others
+        # have their derivatives.
         depths, names = np.array(self.depths), list(self.run.rates)
         # The last stage has no run, and so no rate, penetration and force. The reshape is for the
         # first stage, when the lists are empty.

@@ -338,8 +338,8 @@ def _wrong_guess(
 def _weighted(
     rows: Mapping[str, np.ndarray], weights: Mapping[str, np.ndarray]
 ) -> Float[np.ndarray, "S n"]:
-    """Return values or derivatives of S outputs, `rows`, over their noise, at the n times that the
-    run reached; zero at times at which an output has no sample."""
+    """Return `rows`, values or derivatives of S outputs at the n times that the run reached, times
+    their `weights`: one over the noise, and zero at times at which an output has no sample."""
     return np.stack([rows[name] * weight[: len(rows[name])] for name, weight in weights.items()])
 
 

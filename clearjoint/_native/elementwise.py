@@ -187,8 +187,8 @@ def convert(a: Symbol, letter: str) -> Symbol:
 
 
 def _convert(a: Symbol, dtype: DTypeLike) -> Symbol:
-    """Convert a value to a dtype. To uint32, which is computed in int64, an integer keeps its
-    higher bits here; `Lowering` cuts them off."""
+    """Convert a value to a dtype. An integer that is converted to uint32, which is computed in
+    int64, keeps its higher bits, and `Lowering` cuts them off."""
     if a.letter == "f" and np.dtype(dtype) == np.uint32:
         # A float beyond the range of uint32 becomes the nearest integer of that range.
         a = _clamp(a.like(0), a, a.like((1 << 32) - 1))

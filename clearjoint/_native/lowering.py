@@ -511,7 +511,8 @@ class Lowering:
         return results
 
     def _element(self, jaxpr: core.Jaxpr, *values: Value) -> Value:
-        """Add a jaxpr for one element, or one vector, of each argument, and return its result."""
+        """Add the equations of a jaxpr to the program for one element, or one vector register of
+        elements, of each argument; return the result."""
         arrays: dict[Atom, Array] = dict(zip(jaxpr.invars, values, strict=True))
         are_vectors = any(self.ops.kinds[value].endswith("p") for value in values)
         for equation in jaxpr.eqns:

@@ -265,6 +265,7 @@ def _cumulate(lower: Lowering, equation: Equation, array: Array, name: str) -> l
         out = lower.new_array(array.shape, array.kind)
         _cumulate_memory(lower, array, combine, out)
         return [out]
+    # Numbers of the program's values, not their contents.
     values = np.array(lower.values(array), dtype=np.int64).reshape(aval.shape)
     # A view of `values`, in which the rows are replaced one after the other.
     rows = np.moveaxis(values, axis, 0)

@@ -120,8 +120,8 @@ class Linear(AbstractScale):
 
     @override
     def uninformative_std(self, coordinate: float) -> float:
-        """Return max(1, abs(coordinate)), at which the standard deviation of the value is the
-        larger one of its magnitude and `unit`."""
+        """Return max(1, abs(coordinate)): a coordinate with this standard deviation has a value
+        whose standard deviation is the value's magnitude or, if that is larger, `unit`."""
         return max(1.0, abs(float(coordinate)))
 
     @override
@@ -154,10 +154,10 @@ class Log(AbstractScale):
 
     @override
     def interval(self, coordinate: float, half: float, rising: bool) -> tuple[float, float]:
-        """Return an interval from zero if the covariance does not exclude a value of zero. If the
-        standard deviation of the logarithm exceeds 5, the data depend about linearly on the value,
-        and the interval is linear in the value, from zero. If the coordinate has risen, the same
-        holds for the reciprocal of the value, and the interval is to infinity."""
+        """Return the interval of the value for a coordinate plus and minus `half`, from zero if
+        `half` is above 1. If the standard deviation of the logarithm is above 5, the data depend on
+        the value about linearly, and the interval is the linear one from zero; or, if the search
+        raised the coordinate (`rising`), on its reciprocal, and the interval is to infinity."""
         if half <= 1.0:
             return super().interval(coordinate, half, rising)
         value = float(self.value(coordinate))

@@ -67,7 +67,7 @@ class Variable(NamedTuple):
         return fills.get(np.dtype(self.dtype).kind, np.nan)
 
     def pending(self, lanes: int) -> np.ndarray:
-        """Return an array of the entries of n pending lanes, where n is `lanes`."""
+        """Return the array of a number of `lanes` without results yet, filled with `fill`."""
         return np.full((lanes, *self.shape), self.fill, self.dtype)
 
     @property

@@ -123,9 +123,10 @@ class Instant:
 
     @cached_property
     def contacts(self) -> dict[str, dict[str, LoadedContact]]:
-        """Geometry and forces of all contacts: `contact` with the geometry, such as the penetration
-        ``contact.gap.depth``, m; the `normal_force`, N; and the `friction` on the joint's second
-        body, N in global axes, or ``None``. Open contacts have forces of zero."""
+        """Each contact by the name of its joint and its label. It has a `contact`, the geometry,
+        such as the penetration ``contact.gap.depth``, m; a `normal_force`, N; and the `friction` on
+        the joint's second body, N in global axes, ``None`` without a friction law. Open contacts
+        have forces of zero."""
         return self._system.contact_forces(self._variables, self.entry_speeds, self.bristles)
 
     @cached_property

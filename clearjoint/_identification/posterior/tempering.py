@@ -162,6 +162,7 @@ def from_prior(target: Target, number: int, generator: Generator) -> tuple[Point
     box = filled(target.low, target.high, PRIOR_POINTS, generator)
     logarithms = target.log_prior(box)
     possible = box[logarithms > -np.inf]
+    # As many points as dimensions have no covariance.
     if len(possible) <= box.shape[1]:
         raise ImpossiblePriorError(f"finite at {len(possible)} of {PRIOR_POINTS} points")
     if np.ptp(logarithms) == 0.0:
@@ -170,6 +171,7 @@ def from_prior(target: Target, number: int, generator: Generator) -> tuple[Point
         return points, log_volume + float(logarithms[0]), 0.0
 
     # A record of one sample whose chi squared is -2 log_prior has the prior as its likelihood.
+    # Column k is chi squared of the first k samples.
     def curves(points: np.ndarray, count: int) -> np.ndarray:
         return np.stack([np.zeros(len(points)), -2.0 * target.log_prior(points)][: count + 1], 1)
 
@@ -179,7 +181,7 @@ def from_prior(target: Target, number: int, generator: Generator) -> tuple[Point
     # prior is not zero. If they are few, they are repeated, and moves separate them.
     start = np.resize(generator.permutation(possible), (_cloud_size(drawn_number), len(target.low)))
     try:
-        drawn = drawn_from(prior, start, drawn_number, generator, lambda count: None)
+        drawn = drawn_from(prior, start, drawn_number, generator, on_step=lambda count: None)
     except (FloatingPointError, np.linalg.LinAlgError) as error:
         raise ImpossiblePriorError(str(error)) from error
     return generator.permutation(drawn.points)[:number], drawn.log_evidence, drawn.error

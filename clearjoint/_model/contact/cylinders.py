@@ -100,8 +100,8 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         return jnp.where(gap.depth > 0.0, self.length * energy, 0.0)
 
     def _parts(self, gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
-        """Return the depth at which to evaluate the formula, m, which is limited to 0.99 of the
-        largest, and the force, N/m, and the energy, J/m, that the tangent adds beyond this limit.
+        """Return the depth at which to evaluate the formula, m, at most 0.99 of the `deepest`; and
+        the force, N/m, and the energy, J/m, that the force's tangent line adds beyond this limit.
         """
         # Without contact the formulas are evaluated too; a positive depth keeps derivatives finite.
         depth = jnp.where(gap.depth > 0.0, gap.depth, 1e-6)

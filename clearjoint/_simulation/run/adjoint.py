@@ -237,8 +237,9 @@ def _attempt_of(run: Adjoint, example: Step, numbers: Numbers) -> Attempt:
 def values_at(
     run: Adjoint, values: PyTree, example: Step, outputs: Quantities, steps: Numbers, times: Numbers
 ) -> Values:
-    """Return the quantities `outputs`, (N,) each, at N `times`, s since the start of the run. Row k
-    of `steps`, the result of `repeated`, is the step in which time k lies."""
+    """Return the quantities `outputs`, (N,) each, at N `times`, s since the start of the run, for
+    `values` of its parameters. Row k of `steps`, the result of `repeated`, has the numbers of the
+    step in which time k lies, of the structure of `example`."""
     method, system = run.scheme.method, run.systems(values).system()
 
     def at(_: None, pair: tuple[jax.Array, Scalar]) -> tuple[None, Values]:

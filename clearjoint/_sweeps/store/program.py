@@ -216,9 +216,10 @@ def programs(
     run = {RUN: digest(begun.digests[RUN], stepped.digests[RUN])}
     # Outputs depend on a lane only through this snapshot, so that their digests don't change if
     # another part of the step does.
-    row = Snapshot(lane.run.step.t, lane.run.step.y, lane.run.step.entry_speeds)
-    tallies = jax.eval_shape(traced.tallies, numbers, row)
-    outputs = fingerprints(traced.outputs, numbers, row, row, tallies)
+    snapshot = Snapshot(lane.run.step.t, lane.run.step.y, lane.run.step.entry_speeds)
+    tallies = jax.eval_shape(traced.tallies, numbers, snapshot)
+    # Only shapes matter, so that one snapshot stands for the end of a step and for inside of it.
+    outputs = fingerprints(traced.outputs, numbers, snapshot, snapshot, tallies)
     if not plan.impacts:
         return run | outputs.digests
     # Records of impacts change the lane, so that they are traced in a lane of their own: a table
