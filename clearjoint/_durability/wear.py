@@ -744,8 +744,8 @@ class _Stages:
     def dataset(self) -> "xr.Dataset":
         import xarray as xr
 
-        # (stages, 1 + parameters, joints, parts, angles): row 0 of a stage has its depths, the others
-        # have their derivatives.
+        # (stages, 1 + parameters, joints, parts, angles): row 0 of a stage has its depths, and the
+        # others have their derivatives.
         depths, names = np.array(self.depths), list(self.run.rates)
         # The last stage has no run, and so no rate, penetration and force. The reshape is for the
         # first stage, when the lists are empty.
