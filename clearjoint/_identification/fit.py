@@ -560,10 +560,9 @@ class Fit(AbstractTabular):
 def limit_text(low: float, high: float, unit: str) -> str:
     """Return a text on an interval that begins at zero or ends at infinity, for example "at most
     0.1 N m (95 %): a smaller value fits as well."."""
-    rises = math.isinf(high)
-    limit, others = (
-        (f"at least {low:.3g}", "larger") if rises else (f"at most {high:.3g}", "smaller")
-    )
+    limit, others = f"at most {high:.3g}", "smaller"
+    if math.isinf(high):
+        limit, others = f"at least {low:.3g}", "larger"
     return f"{limit}{'' if unit == '1' else ' ' + unit} (95 %): a {others} value fits as well."
 
 

@@ -290,10 +290,11 @@ def fit_robot(
     ```
 
     Before the fit, the Fisher information of the log tells which parameters it determines. Others
-    are held at their start, and the result says why. What the fit finds to be about zero, such as
-    the friction of a joint without any, or infinite is held there, with `RobotFit.limits`. The log
-    is compared with one run from its first time on, whose initial positions and speeds are
-    parameters too, named "elbow start position" and "elbow start speed".
+    are held at their start or, if a fit has shown that the log excludes it, at the estimate, and
+    the result says why. What is about zero, such as the friction of a joint without any, or
+    infinite has an interval in `RobotFit.limits`. The log is compared with one run from its
+    first time on, whose initial positions and speeds are parameters too, named "elbow start
+    position" and "elbow start speed".
 
     **Arguments:**
 
@@ -362,9 +363,10 @@ def fit_robot(
         limits = {n: ends for n, ends in away.items() if ends[0] == 0.0 or math.isinf(ends[1])}
         for name, (low, high) in limits.items():
             reasons[name] = f"{_subject(name, problem)} is {limit_text(low, high, units[name])}"
-        if fit is not None and reasons.keys() == undetermined.keys():
+        is_last = fit is not None and reasons.keys() == undetermined.keys()
+        undetermined = reasons  # With the numbers of `limits`, also if the names are as before.
+        if is_last:
             break
-        undetermined = reasons
         expected = f"determined by the log. {' '.join(reasons.values())}"
         require(len(reasons) < len(present), "find", [*find], expected, "log another motion")
         # A position or speed at the start is held at its last estimate: the first one, from a few
