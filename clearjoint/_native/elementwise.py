@@ -25,6 +25,8 @@ PARAMETERS = {
     "convert_element_type": "new_dtype",
 }
 """By the name of a primitive, the name of the parameter that its rule takes as last argument."""
+WITHOUT_EFFECT = ("weak_type",)
+"""Parameters of primitives that do not change the numbers of results."""
 FLOAT_OPERATIONS = {
     **{name: f"f{name}" for name in ("add", "sub", "mul", "div", "neg")},
     "add_any": "fadd",

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from .._compilation.xla import CALLS, ELEMENTWISE, SHARED
 from .cells import Region
 from .elementary import ELEMENTARY
-from .elementwise import FLOAT_OPERATIONS, IDENTITIES, PARAMETERS, RULES, apply
+from .elementwise import FLOAT_OPERATIONS, IDENTITIES, PARAMETERS, RULES, WITHOUT_EFFECT, apply
 from .operations import KINDS, Operations, Symbol, Value
 
 LARGEST_UNROLLED = 48
@@ -221,14 +221,22 @@ def _are_equal(atoms: Sequence[Atom]) -> bool:
 
 
 def _parameter_of(equation: Equation) -> object:
-    """Return an elementwise primitive's parameter that affects the result; ``None`` without one."""
+    """Return the parameter of an elementwise primitive that its rule takes; ``None`` without one.
+
+    **Raises:** `UnsupportedPrimitiveError` for a value of another parameter, such as the `accuracy`
+    of `jax.lax.exp`: a later JAX may add one that changes the result.
+    """
     name = equation.primitive.name
-    return equation.params.get(PARAMETERS[name]) if name in PARAMETERS else None
+    taken = PARAMETERS.get(name)
+    for key, value in equation.params.items():
+        if value is not None and key != taken and key not in WITHOUT_EFFECT:
+            raise UnsupportedPrimitiveError(f"{name} with the parameter {key!r}")
+    return None if taken is None else equation.params[taken]
 
 
 def _float_operation(equation: Equation) -> str | None:
     operation = FLOAT_OPERATIONS.get(equation.primitive.name)
-    if operation is None or _parameter_of(equation) is not None:
+    if operation is None or any(value is not None for value in equation.params.values()):
         return None
     aval = aval_of(equation.outvars[0])
     return operation if aval.shape == () and _KINDS.get(aval.dtype) == "f" else None
@@ -590,6 +598,14 @@ class Lowering:
                 raise
             location = source_info_util.summarize(equation.source_info)
             raise UnsupportedPrimitiveError(str(error), location) from error
+        except KeyError as error:
+            # Another version of JAX may have renamed the parameter that the rule reads.
+            key = error.args[0]
+            if not isinstance(key, str) or key in equation.params:
+                raise
+            what = f"{equation.primitive.name} without the parameter {key!r}"
+            location = source_info_util.summarize(equation.source_info)
+            raise UnsupportedPrimitiveError(what, location) from error
         # In most equations the result is a scalar, which is not in memory.
         if len(outs) == 1 and isinstance(outs[0], int):
             arrays[equation.outvars[0]] = outs[0]

@@ -73,7 +73,7 @@ def _slice(lower: Lowering, equation: Equation, array: Array) -> list[Array]:
 def _unstack(lower: Lowering, equation: Equation, array: Array) -> list[Array]:
     if aval_of(equation.outvars[0]).shape == ():
         return list(lower.values(array))
-    axis = equation.params.get("axis", 0)
+    axis = equation.params["axis"]
     return _rearranged(lower, equation, array, lambda k, _: [*np.moveaxis(k, axis, 0)])
 
 
@@ -345,9 +345,7 @@ _REARRANGED: dict[str, Rearrange] = {
 }
 _JOINED: dict[str, Join] = {
     "concatenate": lambda indices, parameters: np.concatenate(indices, parameters["dimension"]),
-    "stack": lambda indices, parameters: np.stack(
-        indices, parameters.get("axis", parameters.get("dimension", 0))
-    ),
+    "stack": lambda indices, parameters: np.stack(indices, parameters["axis"]),
 }
 RULES: dict[str, EquationRule] = {
     "squeeze": _reshape,

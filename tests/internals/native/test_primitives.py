@@ -634,6 +634,48 @@ def test_unknown_primitives_are_named(function, arguments, message):
         NativeFunction(function)(*arguments)
 
 
+def with_parameters(function: Callable, change: Callable[[dict], dict]) -> NativeProgram:
+    """The program of a function, with other parameters in its equations."""
+    closed = jax.make_jaxpr(function)(np.arange(4.0))
+    equations = [equation.replace(params=change(equation.params)) for equation in closed.jaxpr.eqns]
+    return NativeProgram(closed.replace(jaxpr=closed.jaxpr.replace(eqns=equations)))
+
+
+ELEMENTWISE = [
+    lambda a: a * a,
+    lambda a: a**3,
+    lax.round,
+    lambda a: lax.convert_element_type(a, int),
+]
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        *ELEMENTWISE,
+        *(lambda a: lax.reduce_sum(a, (0,)), lax.cumsum, lambda a: lax.slice(a, (0,), (3,))),
+        *(lambda a: lax.stack([a, a], axis=1), lambda a: lax.concatenate([a, a], 0)),
+        lambda a: lax.unstack(lax.reshape(a, (2, 2)), axis=1),
+    ],
+)
+def test_a_renamed_parameter_is_left_to_xla(function):
+    """Such as that of a later JAX; the rule would take the default in its place."""
+    with_parameters(function, dict)
+    with pytest.raises(UnsupportedPrimitiveError, match="without the parameter|with the parameter"):
+        with_parameters(function, lambda old: {f"new_{key}": value for key, value in old.items()})
+
+
+@pytest.mark.parametrize("function", ELEMENTWISE)
+def test_an_unknown_parameter_is_left_to_xla(function):
+    with pytest.raises(UnsupportedPrimitiveError, match="with the parameter 'doubled'"):
+        with_parameters(function, lambda old: {**old, "doubled": True})
+
+
+def test_an_accuracy_of_an_elementary_function_is_left_to_xla():
+    with pytest.raises(UnsupportedPrimitiveError, match="exp with the parameter 'accuracy'"):
+        NativeFunction(lambda a: lax.exp(a, accuracy=lax.AccuracyMode.HIGHEST))(1.0)
+
+
 def test_threads_may_load_a_program_at_once():
     """As they do with a program that was kept on disk. A loop long enough that they are in it
     together."""

@@ -9,7 +9,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint._dynamics.contact_events import ContactGap
-from clearjoint._simulation.step.discontinuities import compares_time
+from clearjoint._simulation.step.discontinuities import KINKED, compares_time
 from clearjoint._simulation.step.saltation import _changes, _contact_time, _mean_force
 from clearjoint.extend import ZERO, Contact, Vector, Wrench
 from tests.support.planes import Plane
@@ -131,3 +131,28 @@ def late_comparison(t):
 )
 def test_comparisons_with_time_are_detected(function, compares):
     assert compares_time(Varying(function)) is compares
+
+
+def two(t):
+    return jnp.stack([t, 0.3 + 0.0 * t])
+
+
+BY_PRIMITIVE = {name: getattr(jax.lax, name) for name in ("abs", "ceil", "floor", "sign")} | {
+    "round": jax.lax.round,
+    "rem": lambda t: jax.lax.rem(t, 0.3),
+    "max": lambda t: jax.lax.max(t, 0.3),
+    "min": lambda t: jax.lax.min(t, 0.3),
+    "clamp": lambda t: jax.lax.clamp(0.1, t, 0.3),
+    "sort": lambda t: jax.lax.sort(two(t))[0],
+    "reduce_max": lambda t: jnp.max(two(t)),
+    "reduce_min": lambda t: jnp.min(two(t)),
+    "cummax": lambda t: jax.lax.cummax(two(t))[1],
+    "cummin": lambda t: jax.lax.cummin(two(t))[1],
+}
+
+
+def test_each_primitive_with_a_jump_or_kink_is_detected_by_its_name():
+    """A version of JAX that renames one would make derivatives wrong without a message."""
+    assert BY_PRIMITIVE.keys() == KINKED
+    silent = [n for n, f in BY_PRIMITIVE.items() if not compares_time(Varying(f))]
+    assert not silent
