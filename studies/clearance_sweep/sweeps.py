@@ -11,12 +11,12 @@ import clearjoint as cj
 from clearjoint import plot
 from clearjoint.quantities import (
     Acceleration,
-    ContactForce,
     JournalOffset,
     Penetration,
     PenetrationRate,
 )
 from studies.clearance_sweep.limit import limit
+from studies.common.forces import largest_at_a_base
 from studies.common.output import Output
 
 SHOULDER, END_ARM, BASE = "shoulder", "arm 3", "V"
@@ -57,7 +57,7 @@ def orbit_times(scene: cj.Scene) -> np.ndarray:
 
 
 SUMMARY: dict[str, Any] = {
-    "peak_force": cj.Peak(ContactForce(SHOULDER), "N"),
+    "peak_force": cj.Peak(largest_at_a_base(SHOULDER), "N"),
     "peak_acceleration": cj.Peak(Acceleration(END_ARM), "m/s^2"),
     "impacts": cj.ImpactCount(SHOULDER),
     "dissipated_energy": cj.DissipatedEnergy(),

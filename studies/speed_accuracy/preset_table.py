@@ -8,6 +8,7 @@ import numpy as np
 
 import clearjoint as cj
 from clearjoint.testing import optimise_programs
+from studies.common.forces import largest_at_a_base
 from studies.common.fresh_process import in_process
 from studies.common.output import Output
 from studies.common.report import markdown
@@ -43,11 +44,11 @@ def presets(output: Output, spans: Spans) -> list[str]:
         short = run(*cj.mechanisms.double_pendulum(), goal.times, settings, impacts=True)
         found = _table(short)
         onset, peak = np.abs(found - expected).max(axis=0) / (1.0, expected[:, 1].max())
-        largest = abs(_largest(spans.short, settings) / expected[:, 1].max() - 1.0)
+        sweep_peak = abs(largest(spans.short, settings) / expected[:, 1].max() - 1.0)
         _warmed(spans.long, settings)
         attempts, seconds, residual = medians(settings, spans)
         costs = (f"{attempts:.0f}", f"{1e3 * seconds:.0f}", f"{first_call(name):.1f}")
-        errors = (f"{x:.0e}" for x in (goal.error(short), onset, peak, largest, residual))
+        errors = (f"{x:.0e}" for x in (goal.error(short), onset, peak, sweep_peak, residual))
         rows.append((name, *errors, *costs))
     return [f"\nPresets, {spans.short:g} s and {spans.long:g} s\n\n{markdown(rows)}"]
 
@@ -79,11 +80,11 @@ def _sorted(rows: list[tuple[str, float, float]]) -> np.ndarray:
     return np.array([row[1:] for row in sorted(rows)])
 
 
-def _largest(end: float, settings: cj.Settings) -> float:
-    """Return the largest force at accepted steps, as a sweep finds it, N."""
+def largest(end: float, settings: cj.Settings) -> float:
+    """Return the largest force at a base in accepted steps, as a sweep finds it, N."""
     scene, state = cj.mechanisms.double_pendulum()
     axis = cj.Axis(lambda s: s.joints["shoulder"].clearance, [CLEARANCE])
-    force = cj.Peak(cj.quantities.ContactForce("shoulder"), "N")
+    force = cj.Peak(largest_at_a_base("shoulder"), "N")
     found = cj.sweep(
         scene, state, end, {"clearance": axis}, {"peak": force}, settings, progress=False
     )

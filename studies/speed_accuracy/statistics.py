@@ -8,6 +8,7 @@ import numpy as np
 
 import clearjoint as cj
 from clearjoint.testing import optimise_programs
+from studies.common.forces import largest_at_a_base
 from studies.common.output import Output
 from studies.common.report import markdown
 from studies.speed_accuracy.preset_table import named
@@ -45,7 +46,7 @@ def _lanes(end: float, settings: cj.Settings, lanes: int) -> Any:
         {"clearance": cj.Axis(_clearance, clearances)},
         {
             "impacts": cj.ImpactCount("shoulder"),
-            "peak": cj.Peak(cj.quantities.ContactForce("shoulder"), "N"),
+            "peak": cj.Peak(largest_at_a_base("shoulder"), "N"),
             "dissipated": cj.DissipatedEnergy(),
         },
         replace(settings, ledger=True),

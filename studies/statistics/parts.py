@@ -13,7 +13,7 @@ from studies.common.output import Output
 from studies.statistics import shadowing
 
 PIN = shadowing.PIN
-FORCE = cj.quantities.ContactForce(PIN)
+FORCE = shadowing.FORCE
 PERIOD = 60.0 / 5000.0
 """Duration of a revolution at 5000 1/min, s."""
 CLEARANCE, TOLERANCE = 0.1e-3, 5e-6

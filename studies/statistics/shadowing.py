@@ -18,6 +18,7 @@ import clearjoint as cj
 from clearjoint.extend import Scalar
 
 PIN = "slider pin"
+FORCE = cj.quantities.ContactForce(PIN, "V")
 CLEARANCE = cj.Parameter(lambda scene: scene.joints[PIN].clearance)
 ARM = 0.06
 """Distance from the crank pin to the rod's centre of mass, m."""
@@ -132,7 +133,7 @@ def segments(clearance: float, revolutions: int, period: float) -> list[Segment]
             start,
             float(times[end]),
             PARAMETERS,
-            {**COORDINATES, "force": cj.quantities.ContactForce(PIN)},
+            {**COORDINATES, "force": FORCE},
             inside,
             settings,
             start_time=float(times[begin]),

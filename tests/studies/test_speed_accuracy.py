@@ -9,6 +9,7 @@ from studies.common.output import Output
 from studies.speed_accuracy import evaluations, settings
 from studies.speed_accuracy.__main__ import PARTS
 from studies.speed_accuracy.front import excess, front, standings
+from studies.speed_accuracy.preset_table import largest, onsets_and_peaks
 from studies.speed_accuracy.runs import QUICK, measured
 from studies.speed_accuracy.steppers import RungeKutta4, SemiImplicitEuler
 
@@ -59,6 +60,11 @@ def test_right_hand_sides_are_as_many_as_the_tableau_says(solver, lands):
     chosen = settings.adaptive(solver, 1e-5, lands).settings
     counted = evaluations.counted(0.03, chosen)
     assert 0.0 < counted - evaluations.an_attempt(chosen) < 0.03
+
+
+def test_the_largest_force_of_a_sweep_is_that_of_the_reference():
+    expected = onsets_and_peaks(0.05)[:, 1].max()
+    assert largest(0.05, cj.presets.default) == pytest.approx(expected, rel=1e-6)
 
 
 def itself(item):
