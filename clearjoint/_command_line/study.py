@@ -456,6 +456,12 @@ def _set(
     is_in_study = keys[0] in PARTS
     if keys[0] == "run":  # the options --end and --preset work for files without this section, too
         study.setdefault("run", {})
+    # Tables within a section, such as run.settings, are added too. The reader refuses wrong names.
+    section = study.get(keys[0])
+    for key in keys[1:-1]:
+        if not isinstance(section, dict):
+            break
+        section = section.setdefault(key, {})
     try:
         value = tomllib.loads(f"value = {text.strip()}")["value"]
     except tomllib.TOMLDecodeError:

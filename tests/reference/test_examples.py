@@ -18,7 +18,7 @@ def test_every_public_name_has_an_example():
         "that use it and show what comes out, such as\n\n"
         "    >>> cj.laws.HuntCrossley(restitution=0.8, stiffness=1e9).damping_factor()\n\n"
         "(cj, np, jnp, plt, plot, extend and testing are imported; below a constant, in a text of "
-        "its own), and run `python -m pytest tests/reference`."
+        "its own), and run `python -m pytest tests/reference -k NAME`."
     )
 
 

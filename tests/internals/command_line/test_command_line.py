@@ -250,6 +250,8 @@ def test_settings_are_a_preset_with_changes(folder):
     assert study.settings("fit") == cj.presets.identification
     changed('preset = "preview"', "")
     assert read_study(Path("study.toml")).settings("sweep") == cj.Settings(rtol=1e-7)
+    without_sections = read_study(Path("rod.toml"), ("run.settings.rtol=1e-7",))
+    assert without_sections.settings("run") == cj.Settings(rtol=1e-7)
 
 
 def test_reductions_have_the_unit_of_their_quantity_and_columns_that_of_the_header(folder):
@@ -270,6 +272,7 @@ REFUSED = {
     "no results": (["report", "."], "expected a folder of results"),
     "no end": (["run", "rod.toml"], r"`run`.*expected an `end`.*--end 1"),
     "a wrong key": (["check", "rod.toml", "--set", "joints.pn.x=1"], "did you mean 'pin'"),
+    "a wrong table": (["check", "rod.toml", "--set", "run.setings.rtol=1"], "mean 'settings'"),
     "no value": (["check", "rod.toml", "--set", "gravity"], "a path and a value"),
     "a wrong unit": (
         ["check", "rod.toml", "--set", "joints.pin.clearance=2kg"],
