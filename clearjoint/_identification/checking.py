@@ -8,9 +8,9 @@ squared by d^T C^-1 d, with the covariance C.
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -20,9 +20,9 @@ from .._information.fisher_information import covariance
 from .._parametrisation.parameter import step_limits
 from .._simulation.run.terminal import ProgressBar, telling_of_compiling
 from . import goodness_of_fit as statistics
-from .comparison import Comparison
+from .comparison import Comparison, OnFitIteration
 from .goodness_of_fit import RISE
-from .levenberg_marquardt import Ending, Iteration, Search, WindowSearch, search_with_damping
+from .levenberg_marquardt import Ending, Search
 from .points import Box, Covariance, Point, Points, drawn_among, far_apart
 from .posterior.posterior import ImpossiblePointsError, TooManyRunsError, drawn_posterior
 from .posterior.result import Posterior
@@ -209,7 +209,7 @@ class _CountedRuns:
 
     compared: Comparison
     most: float
-    on_iteration: Callable[[Iteration], None]
+    on_iteration: OnFitIteration
     bar: ProgressBar
     points: int = 0
     searches: list[Search] = field(default_factory=list)
@@ -224,17 +224,13 @@ class _CountedRuns:
         """Return the best run of a local search from `start`. The search ends when its next step is
         below `near` standard errors, or after `steps` runs with derivatives."""
         end = float(self.compared.times[-1])
-        misfit = partial(run_misfit, self.compared.runs, self.compared.data, end)
-        max_changes = step_limits(self.compared.parameters)
-        lowest, iterations, ending = search_with_damping(
-            misfit, start, max_changes, near, steps, self.on_iteration
-        )
-        # An interruption, which `search_with_damping` catches, ends the whole check.
-        if ending is Ending.INTERRUPTED:
+        search = self.compared.search(start, [end], near, steps, self.on_iteration)
+        # An interruption, which `search` catches, ends the whole check.
+        if search.ending is Ending.INTERRUPTED:
             raise KeyboardInterrupt
-        self.searches.append(Search(start, (WindowSearch(end, iterations, ending),), lowest))
-        self.bar.update(len(iterations))
-        return lowest
+        self.searches.append(search)
+        self.bar.update(search.evaluations)
+        return search.best
 
     @property
     def searched(self) -> int:
@@ -245,9 +241,6 @@ class _CountedRuns:
         """Return the number of further runs without derivatives within the limit."""
         each = 1 + len(self.compared.parameters)
         return self.most - self.points - each * self.searched
-
-    def affordable(self) -> bool:
-        return self.left() > 0.0
 
 
 def explore(
@@ -309,7 +302,7 @@ def explore(
             if (grown < SETTLED).all():
                 return explored
         previous_intervals = low, high
-        if not runs.affordable():
+        if runs.left() <= 0.0:
             break
         # New points are drawn among the lowest points and the minima, because local searches reach
         # lower chi squared than random points.
@@ -339,7 +332,7 @@ def _local_searches(
     chosen = far_apart(np.array(candidates), DESCENTS) if several else range(len(candidates))
     ends: list[RunMisfit] = []
     for k in chosen:
-        if not ends or runs.affordable():
+        if not ends or runs.left() > 0.0:
             ends.append(runs.descend(candidates[k]))
     return ends
 
@@ -424,7 +417,7 @@ def check(
     best: RunMisfit,
     compared: Comparison,
     number: int | None,
-    on_iteration: Callable[[Iteration], None],
+    on_iteration: OnFitIteration,
     cost: int = 0,
     show: bool = False,
 ) -> LikelihoodCheck:

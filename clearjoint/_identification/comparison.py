@@ -1,9 +1,10 @@
-"""Curves of chi squared over the record, for many values of the parameters, by runs without
-derivatives that are computed side by side (`clearjoint._simulation.lanes.scheduler`)."""
+"""Runs that are compared with measurements: searches by runs with derivatives, and curves of chi
+squared over the record, for many values of the parameters, by runs without derivatives that are
+computed side by side (`clearjoint._simulation.lanes.scheduler`)."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import equinox as eqx
 import jax
@@ -17,14 +18,21 @@ from .._math.vectors import fold_constants
 from .._measurements.series import Measurements
 from .._model.bodies import State
 from .._model.scene import Scene
-from .._parametrisation.parameter import Parameter, free_parameters
+from .._parametrisation.parameter import Parameter, free_parameters, step_limits
 from .._parametrisation.readings import readings_of_runs, units_of
+from .._result_codes import RESULTS
 from .._simulation.lanes.lane import SAVED, Common, Plan, Task
 from .._simulation.lanes.scheduler import Batch, Ended
 from .._simulation.step.settings import Settings
-from .points import Points
-from .residuals import UNREACHED, Experiment, Samples, experiment, samples
+from .levenberg_marquardt import Ending, Iteration, Search, WindowSearch, search_with_damping
+from .points import Point, Points
+from .residuals import UNREACHED, Experiment, RunMisfit, Samples, experiment, run_misfit, samples
 
+OnFitIteration = Callable[[int, Iteration], None]
+"""Function ``f(samples, iteration)`` that is called after each run of a search, with the number of
+samples in the window that is fitted."""
+WINDOW_TOLERANCE = 0.1
+"""Smallest `tolerance` in windows before the last, whose results are only starts for the next."""
 TOGETHER = 64
 """Number of runs whose samples are compared with the data in one call of a compiled program."""
 
@@ -121,6 +129,58 @@ class Comparison:
             compare_waiting()
         return curves
 
+    def search(
+        self,
+        start: Point,
+        ends: Sequence[float],
+        tolerance: float,
+        max_iterations: int,
+        on_iteration: OnFitIteration,
+    ) -> Search:
+        """Search from the point `start` in the window up to the first of the rising times `ends`,
+        s, and in each further window from the result of the one before. `tolerance` and
+        `max_iterations` are those of `search_with_damping`. After Ctrl-C, the search has
+        `Ending.INTERRUPTED` and the best run so far; a `KeyboardInterrupt` is raised only if the
+        first run has not ended."""
+        max_changes, windows, at = step_limits(self.parameters), [], start
+        best: RunMisfit | None = None
+        for end in ends:
+            # Over few impacts errors of the parameters have grown little, so that a search in a
+            # short window converges from farther away than in the whole record.
+            part, last = self.data.until(self.times, end), end == ends[-1]
+            misfit = partial(run_misfit, self.runs, part, end)
+            try:
+                best, iterations, ending = search_with_damping(
+                    # Without a prior, a parameter that the window hardly determines could leave its
+                    # range here.
+                    misfit if last else partial(_with_prior, misfit, at, max_changes),
+                    at,
+                    max_changes,
+                    tolerance if last else max(tolerance, WINDOW_TOLERANCE),
+                    max_iterations,
+                    partial(on_iteration, part.count),
+                )
+            except KeyboardInterrupt:
+                # The user has interrupted the first run of the window, where `search_with_damping`
+                # does not catch it. The result of the window before is kept. Its predictions end
+                # with that window, so `last` is set to false, and a run over the whole record
+                # follows below.
+                if best is None:
+                    raise
+                iterations, ending, last = (), Ending.INTERRUPTED, False
+            # Samples that a failed run did not reach have constant residuals, on which a search may
+            # converge.
+            if best.result != RESULTS.successful and ending is not Ending.INTERRUPTED:
+                ending = Ending.FAILED
+            windows.append(WindowSearch(end, iterations, ending))
+            at = best.coordinates
+            if ending is Ending.INTERRUPTED:
+                if not last:  # A fit needs predictions for all samples.
+                    best = run_misfit(self.runs, self.data, ends[-1], at)
+                break
+        assert best is not None
+        return Search(start, tuple(windows), best)
+
     def _tasks(self, coordinates: np.ndarray, instants: np.ndarray) -> Task:
         lanes = len(coordinates)
         # Numbers of lanes are rounded up to a power of two: few compiled programs serve all calls.
@@ -178,6 +238,17 @@ class Comparison:
         plan = Plan(runs.scheme, {}, {}, True, runs.max_steps)
         folded_scene = fold_constants(runs.family.base[0], self._varied)
         return Common(plan, folded_scene, runs.start_time, {}, {SAVED: runs.outputs})
+
+
+def _with_prior(
+    misfit: Callable[[np.ndarray], RunMisfit], centre: Point, deviations: Point, at: Point
+) -> RunMisfit:
+    """Return the misfit at the point `at`, with the residuals of a normal prior appended:
+    (at - centre)/deviations, which are zero where a deviation is infinite."""
+    plain = misfit(at)
+    residuals = np.append(plain.residuals, (at - centre) / deviations)
+    jacobian = np.vstack([plain.jacobian, np.diag(1.0 / deviations)])
+    return replace(plain, residuals=residuals, jacobian=jacobian)
 
 
 def comparison(

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -14,34 +14,19 @@ from .._information.horizon import FitHorizon
 from .._measurements.series import Measurements
 from .._model.bodies import State
 from .._model.scene import Scene
-from .._parametrisation.parameter import Parameter, step_limits, values_at
-from .._result_codes import RESULTS
+from .._parametrisation.parameter import Parameter, values_at
 from .._simulation.run.terminal import ProgressBar, telling_of_compiling
 from .._simulation.step import presets
 from .._simulation.step.settings import Settings, settings_or
 from .checking import check
-from .comparison import Comparison, comparison
+from .comparison import Comparison, OnFitIteration, comparison
 from .fit import Fit
-from .levenberg_marquardt import (
-    Ending,
-    Iteration,
-    Search,
-    WindowSearch,
-    best_search,
-    search_with_damping,
-)
-from .points import Point
-from .residuals import RunMisfit, run_misfit
+from .levenberg_marquardt import Ending, Iteration, Search, best_search
 from .screening.screening import LOOSER, Screening, search_screened
 from .starts import Guess, Starts, start_coordinates
 
 OnIteration = Callable[[Iteration], None]
 """Function of the user that is called after each run of a search."""
-OnFitIteration = Callable[[int, Iteration], None]
-"""Function ``f(samples, iteration)`` that is called after each run of a search, with the number of
-samples in the window that is fitted."""
-WINDOW_TOLERANCE = 0.1
-"""Smallest `tolerance` in windows before the last, whose results are only starts for the next."""
 
 
 class FitInterrupted(KeyboardInterrupt):
@@ -188,11 +173,23 @@ def identify_many(
     >>> all(abs(fit.estimates["stiffness"] - 100.0) < 1.0 for fit in fits)
     True
     """
-    _check(scene, measurements, start_time, grow, max_iterations, tolerance, check_runs)
+    _check_sets(scene, measurements)
     first_set = measurements[0]
+    ends = (*grow, float(first_set.times()[-1]))
+    rising = all(a < b for a, b in pairwise((start_time, *ends)))
+    expected = f"rising times between the start, {start_time} s, and the last sample, {ends[-1]} s"
+    remedy = "leave out the time of the last sample, which is added"
+    require(rising, "grow", list(grow), expected, remedy)
+    require_count("max_iterations", max_iterations, "allow one run")
+    require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")
+    # An exploration by fewer points would hardly describe chi squared of several parameters.
+    is_number = isinstance(check_runs, int) and (check_runs == 0 or check_runs >= 50)
+    remedy = "pass 0 to leave out the test"
+    expected = "None, 0, or a whole number from 50"
+    require(check_runs is None or is_number, "check_runs", check_runs, expected, remedy)
     settings = settings_or(settings, presets.identification)
     if horizon is not None:
-        horizon.warn_if_beyond(float(first_set.times()[-1]))
+        horizon.warn_if_beyond(ends[-1])
     # All sets have the same channels and times, so that one compiled program serves all fits.
     compared = comparison(scene, state, first_set, parameters, start_time, settings)
     around = starts if isinstance(starts, Starts) else None
@@ -202,7 +199,6 @@ def identify_many(
         # A screening only ranks points, for which cheaper runs are accurate enough.
         looser = settings.looser(LOOSER)
         coarse = comparison(scene, state, first_set, parameters, start_time, looser)
-    ends = (*grow, float(first_set.times()[-1]))
     problem = _Problem(
         compared, coarse, rows, starts, ends, tolerance, max_iterations, check_runs, horizon
     )
@@ -249,7 +245,9 @@ class _Problem:
 
         def search_from(start: np.ndarray) -> Search:
             # The search is kept before the interruption goes on, so that its best run is not lost.
-            search = self._search(compared, start, on_iteration)
+            search = compared.search(
+                start, self.ends, self.tolerance, self.max_iterations, on_iteration
+            )
             searches.append(search)
             if search.ending is Ending.INTERRUPTED:
                 raise KeyboardInterrupt
@@ -268,8 +266,7 @@ class _Problem:
                 # In runs with derivatives, each of which costs as much as 1 + p of a screening.
                 cost = sum(search.evaluations for search in searches)
                 cost += sum(screening.runs for screening in screened) // (1 + len(parameters))
-                on_run = partial(on_iteration, compared.data.count)
-                checked = check(best.best, compared, self.check_runs, on_run, cost, show)
+                checked = check(best.best, compared, self.check_runs, on_iteration, cost, show)
                 # The check may have found lower minima by local searches. Of equal chi squared the
                 # first counts: the fit's own search, then the last local one, which started from
                 # the lowest minimum.
@@ -295,52 +292,6 @@ class _Problem:
         )
         return fit, stopped
 
-    def _search(
-        self, compared: Comparison, start: np.ndarray, on_iteration: OnFitIteration
-    ) -> Search:
-        """Search from the point `start` in the first window, and in each further window from the
-        result of the one before. After Ctrl-C, the search has `Ending.INTERRUPTED` and the best run
-        so far; a `KeyboardInterrupt` is raised only if the first run has not ended."""
-        max_changes, runs = step_limits(compared.parameters), compared.runs
-        windows, at = [], start
-        best: RunMisfit | None = None
-        for end in self.ends:
-            # Over few impacts errors of the parameters have grown little, so that a search in a
-            # short window converges from farther away than in the whole record.
-            part, last = compared.data.until(runs.times, end), end == self.ends[-1]
-            misfit = partial(run_misfit, runs, part, end)
-            try:
-                best, iterations, ending = search_with_damping(
-                    # Without a prior, a parameter that the window hardly determines could leave its
-                    # range here.
-                    misfit if last else partial(_with_prior, misfit, at, max_changes),
-                    at,
-                    max_changes,
-                    self.tolerance if last else max(self.tolerance, WINDOW_TOLERANCE),
-                    self.max_iterations,
-                    partial(on_iteration, part.count),
-                )
-            except KeyboardInterrupt:
-                # The user has interrupted the first run of the window, where `search_with_damping`
-                # does not catch it. The result of the window before is kept. Its predictions end
-                # with that window, so `last` is set to false, and a run over the whole record
-                # follows below.
-                if best is None:
-                    raise
-                iterations, ending, last = (), Ending.INTERRUPTED, False
-            # Samples that a failed run did not reach have constant residuals, on which a search may
-            # converge.
-            if best.result != RESULTS.successful and ending is not Ending.INTERRUPTED:
-                ending = Ending.FAILED
-            windows.append(WindowSearch(end, iterations, ending))
-            at = best.coordinates
-            if ending is Ending.INTERRUPTED:
-                if not last:  # A fit needs predictions for all samples.
-                    best = run_misfit(runs, compared.data, self.ends[-1], at)
-                break
-        assert best is not None
-        return Search(start, tuple(windows), best)
-
 
 def warn_of(fits: Sequence[Fit]) -> None:
     poor = [fit for fit in fits if fit.advice]
@@ -356,17 +307,6 @@ def warn_of(fits: Sequence[Fit]) -> None:
     if rough:
         many = "" if len(fits) == 1 else f"In {len(rough)} of {len(fits)} fits; the first: "
         caution(f"{many}{rough[0]}", PoorFitWarning)
-
-
-def _with_prior(
-    misfit: Callable[[np.ndarray], RunMisfit], centre: Point, deviations: Point, at: Point
-) -> RunMisfit:
-    """Return the misfit at the point `at`, with the residuals of a normal prior appended:
-    (at - centre)/deviations, which are zero where a deviation is infinite."""
-    plain = misfit(at)
-    residuals = np.append(plain.residuals, (at - centre) / deviations)
-    jacobian = np.vstack([plain.jacobian, np.diag(1.0 / deviations)])
-    return replace(plain, residuals=residuals, jacobian=jacobian)
 
 
 @contextmanager
@@ -393,15 +333,7 @@ def iteration_callback(
         yield show
 
 
-def _check(
-    scene: Scene,
-    measurements: Sequence[Measurements],
-    start_time: float,
-    grow: Sequence[float],
-    max_iterations: int,
-    tolerance: float,
-    check_runs: int | None,
-) -> None:
+def _check_sets(scene: Scene, measurements: Sequence[Measurements]) -> None:
     remedy = "pass at least one set of measurements"
     require(len(measurements) > 0, "measurements", len(measurements), "not empty", remedy)
     remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
@@ -417,15 +349,3 @@ def _check(
         )
         expected = "measurements of the same channels and times as the first"
         require(same, f"measurements[{k}]", list(measured.series), expected, "fit them separately")
-    ends = [start_time, *grow, first_set.times()[-1]]
-    rising = all(a < b for a, b in zip(ends, ends[1:], strict=False))
-    expected = f"rising times between the start, {start_time} s, and the last sample, {ends[-1]} s"
-    remedy = "leave out the time of the last sample, which is added"
-    require(rising, "grow", list(grow), expected, remedy)
-    require_count("max_iterations", max_iterations, "allow one run")
-    require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")
-    # An exploration by fewer points would hardly describe chi squared of several parameters.
-    is_number = isinstance(check_runs, int) and (check_runs == 0 or check_runs >= 50)
-    remedy = "pass 0 to leave out the test"
-    expected = "None, 0, or a whole number from 50"
-    require(check_runs is None or is_number, "check_runs", check_runs, expected, remedy)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._identification.identify import _with_prior
+from clearjoint._identification.comparison import _with_prior
 from clearjoint._identification.residuals import UNREACHED, experiment, run_misfit, samples
 from tests.identification import test_identify
 from tests.identification.test_identify import (

@@ -96,8 +96,8 @@ class Rough:
         ended = cj.RESULTS.successful
         return RunMisfit(np.array([at]), residuals, jacobian, np.zeros((1, 0)), ended)
 
-    def affordable(self):
-        return True
+    def left(self):
+        return math.inf
 
     def intervals(self, start, generator):
         found = self.descend(np.array([start]))
