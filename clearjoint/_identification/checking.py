@@ -450,7 +450,7 @@ def check(
         runs = _CountedRuns(compared, most_runs, on_iteration, bar)
         difference = float(runs.chi_squared(best.coordinates[None])[0]) - best.chi_squared
         farthest = np.minimum(limits, FARTHEST * np.sqrt(np.diag(best.covariance)))
-        likely = statistics.likely_chi_squared(compared.data.count - p)
+        likely = statistics.chi_squared_exceeded(statistics.UNLIKELY, compared.data.count - p)
         # Chi squared of an early part of the record is smoother and wider: its covariance draws
         # points beyond the minimum that the whole record's covariance describes.
         covariances = [best.covariance, *_early_covariances(best, compared, test.horizon)]
@@ -549,11 +549,8 @@ def _early_covariances(best: RunMisfit, compared: Comparison, horizon: float) ->
     this part; none if `horizon` is infinite."""
     if not math.isfinite(horizon):
         return []
-    start, rows = float(compared.runs.start_time), best.jacobian
-    covariances = []
-    for fraction in (1.0, 0.5):
-        early = compared.times < start + fraction * (horizon - start)
-        # Rows are those of one series after the other, each at all times.
-        is_early = np.tile(early, len(compared.data.weights))
-        covariances.append(covariance(rows * is_early[:, None]))
-    return covariances
+    start = float(compared.runs.start_time)
+    are_early = [compared.times < start + part * (horizon - start) for part in (1.0, 0.5)]
+    # Rows of the Jacobian are those of one series after the other, each at all times.
+    series = len(compared.data.weights)
+    return [covariance(best.jacobian * np.tile(early, series)[:, None]) for early in are_early]

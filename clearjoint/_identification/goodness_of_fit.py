@@ -66,12 +66,12 @@ def chi_squared_p(chi_squared: float, degrees_of_freedom: int) -> float:
     return float(chdtrc(degrees_of_freedom, chi_squared)) if degrees_of_freedom > 0 else math.nan
 
 
-def likely_chi_squared(degrees_of_freedom: int) -> float:
-    """Return the chi squared that noise alone exceeds with the probability `UNLIKELY`; infinite
-    without degrees of freedom."""
+def chi_squared_exceeded(probability: float, degrees_of_freedom: int) -> float:
+    """Return the chi squared that noise alone exceeds with a `probability`; infinite without
+    degrees of freedom."""
     from scipy.special import chdtri
 
-    return float(chdtri(degrees_of_freedom, UNLIKELY)) if degrees_of_freedom > 0 else math.inf
+    return float(chdtri(degrees_of_freedom, probability)) if degrees_of_freedom > 0 else math.inf
 
 
 def whiteness(residuals: Float[np.ndarray, " M"]) -> float:
@@ -177,10 +177,8 @@ def normality(residuals: Float[np.ndarray, " M"]) -> float:
 
 def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMisfit]:
     """Return other minima of chi squared that fit the data about as well, see `Fit.rivals`."""
-    from scipy.special import chdtri
-
-    limit = float(chdtri(len(best.coordinates), 1.0 - CONFIDENCE))
-    return distinct([best, *others], best.chi_squared + limit, _apart)[1:]
+    rise = chi_squared_exceeded(1.0 - CONFIDENCE, len(best.coordinates))
+    return distinct([best, *others], best.chi_squared + rise, _apart)[1:]
 
 
 def distinct(

@@ -124,10 +124,8 @@ def screen(
     """Make one pass of a `Screening`: find starts of a fit in the box around the guess `centre`, by
     runs without derivatives, which `lanes` makes. The `number` of the pass, from 0, determines its
     random numbers; `progress` tells whether to show a progress bar."""
-    from scipy.special import chdtri
-
     spread = half_widths(screening.spread, tuple(lanes.parameters))
-    excess = float(chdtri(len(centre), 1.0 - LEVEL))
+    excess = statistics.chi_squared_exceeded(1.0 - LEVEL, len(centre))
     generator = np.random.default_rng(screening.seed + number)
     bounds = centre - spread, centre + spread
     points = filled(*bounds, FIRST * screening.number, generator)
