@@ -17,6 +17,7 @@ The points of the result and the evidence come from rounds of importance samplin
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -86,8 +87,7 @@ class Target:
         return np.all((points >= self.low) & (points <= self.high), axis=1)
 
 
-@dataclass(frozen=True)
-class Cloud:
+class Cloud(NamedTuple):
     """Points in the box, with the results of `Curves` over the times up to which they have been
     run, and the logarithms of their prior density."""
 
@@ -96,16 +96,14 @@ class Cloud:
     log_priors: Float[np.ndarray, " n"]
 
     def taken(self, indices: np.ndarray) -> "Cloud":
-        return Cloud(self.points[indices], self.curves[indices], self.log_priors[indices])
+        return Cloud(*(part[indices] for part in self))
 
-    def where(self, mask: np.ndarray, others: "Cloud") -> "Cloud":
-        """Return the points of `others` where `mask` is true, else those of this cloud."""
-        wide = mask[:, None]
-        return Cloud(
-            np.where(wide, others.points, self.points),
-            np.where(wide, others.curves, self.curves),
-            np.where(mask, others.log_priors, self.log_priors),
-        )
+    def replaced(self, mask: np.ndarray, others: "Cloud") -> "Cloud":
+        """Return a copy in which the points where `mask` is true are those of `others`."""
+        copy = Cloud(*map(np.copy, self))
+        for part, new_rows in zip(copy, others, strict=True):
+            part[mask] = new_rows
+        return copy
 
 
 @dataclass(frozen=True)
@@ -356,12 +354,11 @@ def mutated(
         if not inside.any():
             continue
         new = evaluated(target, points[inside], moved.curves.shape[1] - 1)
-        # `new` has only the points inside; they are spread over the n indices.
-        others = moved.where(inside, new.taken(np.where(inside, np.cumsum(inside) - 1, 0)))
+        others = moved.replaced(inside, new)
         before, after = (0.5 * chi_squared_over(c.curves, reached) for c in (moved, others))
         log_ratios = log_ratios + before - after + others.log_priors - moved.log_priors
         accepts = inside & (np.log(generator.uniform(size=number)) < log_ratios)
-        moved = moved.where(accepts, others)
+        moved = moved.replaced(accepts, others.taken(accepts))
         accepted += int(accepts.sum())
         if accepted >= ACCEPTED * number:
             break
