@@ -8,6 +8,7 @@ each sample, and would take minutes to compile.
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -106,10 +107,8 @@ class Experiment(eqx.Module):
         """
         at, end_time = on_device(self.with_held(coordinates)), on_device(end_time)
         delayed = _instants(self, at, end_time) if self.sensors.delays else None
-        times, end = self.times, end_time
-        if delayed is not None:
-            # Every output is evaluated at all of the rising times, whatever its delay.
-            times, _, _, end = delayed
+        # Every output is evaluated at all times of `delayed`, whatever its delay.
+        times, end = (self.times, end_time) if delayed is None else (delayed.times, delayed.end)
         run = sampled(
             self.scheme,
             self.family.at(at),
@@ -122,8 +121,7 @@ class Experiment(eqx.Module):
             recorders=NO_RECORDERS,
         )
         if delayed is not None:
-            rising, indices, inside, _ = delayed
-            run = _delayed(self, at, rising, indices, inside, run)
+            run = _delayed(self, at, delayed, run)
         if self.sensors.of_values:
             elapsed = self.times - self.start_time
             readings, slopes = sensor_readings.with_sensor_errors(
@@ -137,17 +135,23 @@ class Experiment(eqx.Module):
         return replace(run, derivatives=slopes)
 
 
-@Compiled
-def _instants(
-    runs: Experiment, coordinates: jax.Array, end_time: jax.Array
-) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
-    """Compute the times at which to sample a run with D delays, and the end of the run.
+class _Instants(NamedTuple):
+    """Times at which a run with D delays is sampled, for T sample times.
 
-    **Returns:** all times, rising, ((1 + 3 D) T,); indices of these times, (1 + 3 D, T), in a row
-    for the times without delay and, for each delay, in three rows for the delayed times and those
-    `APART` earlier and later; whether each delayed time is at or after the start, (D, T); the end
-    of the run.
+    - `times`: all of them, rising, ((1 + 3 D) T,). `end`: end of the run, s.
+    - `indices`: indices in `times`, (1 + 3 D, T), in a row for the times without delay and, for
+      each delay, in three rows for the delayed times and those `APART` earlier and later.
+    - `inside`: whether each delayed time is at or after the start, (D, T).
     """
+
+    times: jax.Array
+    end: jax.Array
+    indices: jax.Array
+    inside: jax.Array
+
+
+@Compiled
+def _instants(runs: Experiment, coordinates: jax.Array, end_time: jax.Array) -> _Instants:
     delays = [runs.sensors.value(number, coordinates) for number, _ in runs.sensors.delays]
     # A series with a negative delay is compared with the motion after its last sample.
     end = end_time + jnp.maximum(0.0, -jnp.min(jnp.stack(delays)))
@@ -164,22 +168,17 @@ def _instants(
     order = jnp.argsort(unsorted)
     # The inverse permutation has the index of each time in the sorted array.
     indices = jnp.argsort(order).reshape(len(rows), -1)
-    return unsorted[order], indices, jnp.stack(inside), end
+    return _Instants(unsorted[order], end, indices, jnp.stack(inside))
 
 
 @Compiled
 def _delayed(
-    runs: Experiment,
-    coordinates: jax.Array,
-    rising: jax.Array,
-    indices: jax.Array,
-    inside: jax.Array,
-    sampled: Sampled,
+    runs: Experiment, coordinates: jax.Array, instants: _Instants, sampled: Sampled
 ) -> Sampled:
-    """Return the run `sampled`, which has all outputs at all times of `_instants`, with each output
-    only at the T sample times minus its own delay. `rising`, `indices` and `inside` are the first
-    three results of `_instants`. In the result, outputs are NaN at times that the run did not
-    reach, and `reached` is true throughout."""
+    """Return the run `sampled`, which has all outputs at all `instants`, with each output only at
+    the T sample times minus its own delay. In the result, outputs are NaN at times that the run did
+    not reach, and `reached` is true throughout."""
+    rising, _, indices, inside = instants
     delay_of = {name: k for k, (_, names) in enumerate(runs.sensors.delays) for name in names}
     values, derivatives = {}, {}
     for name, output in runs.outputs.items():
