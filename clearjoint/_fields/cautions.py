@@ -86,6 +86,11 @@ def caution(message: str, category: type[Warning]) -> None:
     warnings.warn(f"{message} {SILENCE} {silence}.", category, level_of_the_user())
 
 
+def warn_the_user(message: str) -> None:
+    """Issue a `UserWarning` that points to the user's line of code."""
+    warnings.warn(message, stacklevel=level_of_the_user())
+
+
 def number_issued() -> int:
     return getattr(_ISSUED, "number", 0)
 

@@ -12,8 +12,7 @@ over samples, so its cumulative sums are the slopes for records of every length.
 """
 
 import itertools
-import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +20,7 @@ from jaxtyping import Bool, Float
 from typing_extensions import override
 
 from .._export.tables import aligned, number, percent
-from .._fields.cautions import level_of_the_user
+from .._fields.cautions import warn_the_user
 from .._fields.checks import require, require_positive
 from .._model.bodies import State
 from .._model.scene import Scene
@@ -132,13 +131,11 @@ class FitHorizon:
                     f"from {1e3 * self.numerical:.4g} ms on, integration errors exceed the noise "
                     "or make the derivatives useless"
                 )
-            warnings.warn(
+            warn_the_user(
                 f"The record ends at {1e3 * time:.4g} ms and is too long for a fit by a single "
                 f"run: {'; '.join(reasons)}. Fit growing windows, of "
                 f"which the first ends before {1e3 * self.single_shot:.4g} ms: "
-                "identify(..., grow=[...]).",
-                UserWarning,
-                stacklevel=level_of_the_user(),
+                "identify(..., grow=[...])."
             )
 
     @override
@@ -298,20 +295,17 @@ def _errors(
     return np.max(of_values, axis=0), relative.max(axis=1)
 
 
-def offsets(uncertainty: Float[np.ndarray, " p"]) -> Iterator[Float[np.ndarray, " p"]]:
-    """Yield the offset of each wrong guess from the truth: with each parameter wrong alone, in both
-    directions, then, for several parameters, with all wrong together, in every combination of signs
-    or, for more than `ALL_CORNERS` parameters, in eight random combinations."""
-    p = len(uncertainty)
-    for k in range(p):
-        for sign in (1.0, -1.0):
-            yield sign * uncertainty * np.eye(p)[k]
+def offsets(uncertainty: Float[np.ndarray, " p"]) -> Float[np.ndarray, "guesses p"]:
+    """Return the offset of each wrong guess from the truth: with each parameter wrong alone, in
+    both directions, then, for several parameters, with all wrong together, in every combination of
+    signs or, for more than `ALL_CORNERS` parameters, in eight random combinations."""
+    p, both = len(uncertainty), (1.0, -1.0)
+    signs = [sign * row for row in np.eye(p) for sign in both]
     if 1 < p <= ALL_CORNERS:
-        for signs in itertools.product((1.0, -1.0), repeat=p):
-            yield uncertainty * signs
+        signs += map(np.array, itertools.product(both, repeat=p))
     elif p > ALL_CORNERS:
-        for signs in np.random.default_rng(0).choice((1.0, -1.0), (2**ALL_CORNERS, p)):
-            yield uncertainty * signs
+        signs += [*np.random.default_rng(0).choice(both, (2**ALL_CORNERS, p))]
+    return uncertainty * np.array(signs)
 
 
 def _wrong_guess(

@@ -1,6 +1,5 @@
 """Sobol indices: the shares of the variance of an output that its parameters cause."""
 
-import warnings
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
@@ -8,7 +7,7 @@ import numpy as np
 from typing_extensions import Unpack
 
 from .._export.datasets import Labelled, labelled_dataset, texts
-from .._fields.cautions import level_of_the_user
+from .._fields.cautions import warn_the_user
 from .._fields.checks import require, require_count
 from .._fields.objects import with_arrays
 from .._model.bodies import State
@@ -138,8 +137,7 @@ def _indices(groups: np.ndarray, confidence: float) -> dict[str, np.ndarray]:
     expected = "2 groups without failures or more, of different randomisations"
     require(len(randomisations) > 1, "draws", len(used), expected, "run more")
     if len(used) < len(groups):
-        text = f"{len(used)} of {len(groups)} groups of runs are used."
-        warnings.warn(text, stacklevel=level_of_the_user())
+        warn_the_user(f"{len(used)} of {len(groups)} groups of runs are used.")
     # Outputs at the points A, B and, for each parameter, at A with this parameter from B. The mean
     # is subtracted, because the indices vary less without it.
     a, b, *mixed = (used - used[:, :2].mean()).T

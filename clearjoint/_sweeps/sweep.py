@@ -1,7 +1,6 @@
 """Parameter sweeps: simulate one scene for many values of its parameters."""
 
 import os
-import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -18,7 +17,7 @@ from .._dynamics.constraint_report import dependent, start_rows_of_lanes
 from .._dynamics.coordinates import AbstractCoordinates
 from .._dynamics.journals import HOLD_IT, slid_out
 from .._export.datasets import describe, described, versions
-from .._fields.cautions import LeftBearingWarning, caution, level_of_the_user, quiet
+from .._fields.cautions import LeftBearingWarning, caution, quiet, warn_the_user
 from .._fields.checks import require, require_array_names, require_count, require_types
 from .._fields.objects import with_arrays
 from .._math.vectors import fold_constants
@@ -470,7 +469,7 @@ def _warn_of_failures(
         remedy = "sweep again with the same arguments"
         texts.append(f"{pending} of {codes.size} lanes are pending: {remedy}.")
     if texts:
-        warnings.warn(" ".join(texts), stacklevel=level_of_the_user())
+        warn_the_user(" ".join(texts))
 
 
 def _warn_of_journals_outside(results: "xr.Dataset", lanes: Lanes) -> None:

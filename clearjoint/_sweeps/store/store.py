@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..._fields.cautions import level_of_the_user
+from ..._fields.cautions import warn_the_user
 from ..outputs import BY_LANE, PENDING, RESULT, LaneArrays, Layout, Variable, dataset
 from . import chunks
 from .chunks import DAMAGED, MISSING, chunk_file, opened
@@ -409,10 +409,9 @@ def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np
         values[codes == PENDING] = layout.variables[name].fill
     if damaged:
         more = f", and {len(damaged) - _NAMED} more" if len(damaged) > _NAMED else ""
-        warnings.warn(
+        warn_the_user(
             f"The store {path} is damaged: {', '.join(damaged[:_NAMED])}{more}. The lanes of these "
-            "chunks are pending; sweep with the same arguments to compute them again.",
-            stacklevel=level_of_the_user(),
+            "chunks are pending; sweep with the same arguments to compute them again."
         )
     return {RESULT: codes, **arrays}
 
