@@ -18,7 +18,7 @@ from .._fields.checks import (
 from .._model.bodies import State
 from .._model.scene import Scene
 from .._parametrisation.parameter import Parameter
-from .._parametrisation.variations import AbstractSeriesVariation
+from .._parametrisation.variations import with_values
 from .points import Point
 
 Guess = Mapping[str, float]
@@ -104,11 +104,8 @@ def _coordinate(scene: Scene, state: State, parameter: Parameter, guess: Guess, 
             return parameter.coordinate_in(scene, state)
         value = np.asarray(as_number(guess[name], f"guess[{name!r}]"))
         coordinate = parameter.scale.coordinate(value)
-        # An error of sensors is no number of the scene, so there is nothing to check.
-        if not isinstance(parameter.variation, AbstractSeriesVariation):
-            setter = parameter.variation.setter(scene, state, value.item())
-            changed, _ = setter(scene, state, value.item())
-            recheck(changed)  # Raises the errors of constructors here, not in a run.
+        changed, _ = with_values(scene, state, [(parameter.variation, value.item())])
+        recheck(changed)  # Raises the errors of constructors here, not in a run.
         return coordinate
 
 

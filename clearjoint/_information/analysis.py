@@ -61,10 +61,8 @@ class Sensor:
         positive = bool((np.isfinite(deviation) & (deviation > 0.0)).all())
         remedy = "give the standard deviation of the samples"
         require(positive, "noise", deviation, "finite and positive", remedy)
-        # The class is frozen, so its fields are set by `object`.
-        object.__setattr__(self, "channels", several)
-        object.__setattr__(self, "times", row)
-        object.__setattr__(self, "noise", deviation * np.ones(len(row)))
+        # The class is frozen, so its fields are set in the dictionary of the object.
+        vars(self).update(channels=several, times=row, noise=deviation * np.ones(len(row)))
 
 
 Sensors = Mapping[str, Sensor | Series] | Measurements

@@ -279,9 +279,9 @@ class Parameter:
         remedy = "pass for example cj.Log() or cj.Bounded(0.0, 1.0)"
         is_scale = isinstance(scale, AbstractScale | None)
         require(is_scale, "scale", kind.__name__, "a scale, such as Linear(), or None", remedy)
-        object.__setattr__(self, "variation", variation)
-        object.__setattr__(self, "scale", Linear() if scale is None else scale)
-        object.__setattr__(self, "value", value)
+        # The class is frozen, so its fields are set in the dictionary of the object.
+        scale = Linear() if scale is None else scale
+        vars(self).update(variation=variation, scale=scale, value=value)
 
     @staticmethod
     def initial(
@@ -407,7 +407,7 @@ def held(parameter: Parameter, value: float) -> Parameter:
     """Return a copy of a parameter that a fit holds at a value and leaves out of its result. Runs
     of this fit share the compiled programs of a fit in which the parameter is free."""
     copy = Parameter(parameter.variation, parameter.scale, value=value)
-    object.__setattr__(copy, "_is_held", True)
+    vars(copy).update(_is_held=True)
     return copy
 
 
@@ -425,10 +425,13 @@ def step_limits(parameters: Mapping[str, Parameter]) -> np.ndarray:
     return np.array([parameter.scale.max_step for parameter in parameters.values()])
 
 
-def values_on(scale: AbstractScale, coordinates: Float[np.ndarray, " n"]) -> np.ndarray:
+def values_of_points(
+    parameters: Mapping[str, Parameter], points: Float[np.ndarray, "n p"]
+) -> dict[str, Float[np.ndarray, " n"]]:
     # A user-defined scale need not accept arrays. One call for each number would be slow, since JAX
     # may compile in each.
-    return np.asarray(jax.vmap(scale.value)(jnp.asarray(coordinates)), float)
+    pairs = zip(parameters.items(), map(jnp.asarray, points.T), strict=True)
+    return {n: np.asarray(jax.vmap(p.scale.value)(row), float) for (n, p), row in pairs}
 
 
 def values_at(

@@ -25,11 +25,6 @@ Change = Callable[[Scene, State, Scalar], tuple[Scene, State]]
 class AbstractVariation(abc.ABC):
     """What the value of a parameter or of an axis changes in a scene and its initial state."""
 
-    @property
-    @abc.abstractmethod
-    def function(self) -> Callable[..., PyTree]:
-        """The user's function that selects or makes what varies; a sweep's results describe it."""
-
     @abc.abstractmethod
     def unit_in(self, scene: Scene, state: State) -> str:
         """Return the unit of the value in an unchanged scene and state."""
@@ -68,11 +63,6 @@ class AbstractNumber(AbstractVariation):
         """Return the argument of `path`: the scene or the state."""
         return scene if self.in_scene else state
 
-    @property
-    @override
-    def function(self) -> NumberPath:
-        return self.path
-
     @override
     def unit_in(self, scene: Scene, state: State) -> str:
         return unit_at(self.tree(scene, state), self.path) if self.unit is None else self.unit
@@ -108,11 +98,6 @@ class MadeByFunction(AbstractVariation):
     def __post_init__(self) -> None:
         remedy = "pass lambda scene, state, value: (scene, state), changed"
         require(callable(self.make), "make", self.make, "a function", remedy)
-
-    @property
-    @override
-    def function(self) -> Change:
-        return self.make
 
     @override
     def unit_in(self, scene: Scene, state: State) -> str:
@@ -151,11 +136,6 @@ class AbstractSeriesVariation(AbstractVariation):
         """Return the unit of the value for series in the given unit."""
         return self.unit.format(unit)
 
-    @property
-    @override
-    def function(self) -> Callable[..., PyTree]:
-        return unchanged
-
     @override
     def unit_in(self, scene: Scene, state: State) -> str:
         self._refuse()  # The unit depends on the series, not on the scene.
@@ -188,10 +168,6 @@ class SeriesDelay(AbstractSeriesVariation):
     @override
     def error(self, value: Scalar, quantity: Scalar, elapsed: Scalar) -> Scalar:
         return 0.0
-
-    @override
-    def unit_in(self, scene: Scene, state: State) -> str:
-        return self.unit
 
 
 @dataclass(frozen=True)
@@ -266,6 +242,15 @@ class AbstractLeafSetter(AbstractGroupedChange):
         for setter, value in changes:
             setter.set_in(*leaves, value)
         return with_leaves(scene, leaves[0]), with_leaves(state, leaves[1])
+
+
+def with_values(
+    scene: Scene, state: State, values: Iterable[tuple[AbstractVariation, Scalar]]
+) -> tuple[Scene, State]:
+    """Return the pair (scene, state) with values of variations, set in their order. Errors of
+    sensors change neither."""
+    in_scene = [(v, x) for v, x in values if not isinstance(v, AbstractSeriesVariation)]
+    return changed(scene, state, [(v.setter(scene, state, x), x) for v, x in in_scene])
 
 
 def changed(

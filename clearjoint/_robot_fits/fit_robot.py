@@ -23,13 +23,10 @@ from .._information.analysis import Identifiability, identifiability
 from .._information.horizon import fit_horizon
 from .._math.smoothing import wrapped
 from .._measurements.robot_logs import RobotLog
-from .._model.bodies import State
 from .._model.joints.base import AbstractForce
-from .._model.scene import Scene
-from .._parametrisation import variations
 from .._parametrisation.parameter import WIDTH, Log, Parameter, free_parameters, held
 from .._parametrisation.readings import sensor_errors, units_of
-from .._parametrisation.variations import AbstractSeriesVariation, SeriesDelay
+from .._parametrisation.variations import SeriesDelay, with_values
 from .._scene_files.robot import Robot
 from .._simulation.results.observe import observe
 from .._simulation.results.solution import SimulationError
@@ -200,14 +197,15 @@ class RobotFit(AbstractTabular):
         reading = partial(sensors.reading, coordinates=fit.coordinates)
         # The first reading of a position has the sensor's errors. It is linear in the position, so
         # that the readings of the positions 0 and 1 tell how to remove the errors.
-        starts = {n: (p, float(p.value or 0.0)) for n, p in problem.parameters.items()}
-        for name, (parameter, value) in starts.items():
-            side, kind = problem.subjects[name]
+        starts = []
+        for name, parameter in problem.parameters.items():
+            (side, kind), value = problem.subjects[name], float(parameter.value or 0.0)
             if kind == POSITION:
                 exact, start_times = np.array([0.0, 1.0]), np.zeros(2)
                 at_zero, at_one = reading(f"{side} position", exact, start_times).tolist()
-                starts[name] = parameter, (value - at_zero) / (at_one - at_zero)
-        scene, state = changed(problem.scene, problem.state, starts)
+                value = (value - at_zero) / (at_one - at_zero)
+            starts.append((parameter.variation, value))
+        scene, state = with_values(problem.scene, problem.state, starts)
         instants = {name: np.asarray(s.times) for name, s in series.items()}
         for name, parameter in fit.parameters.items():
             if isinstance(delay := parameter.variation, SeriesDelay):
@@ -448,18 +446,6 @@ def _lowest(*fits: Fit) -> Fit:
     return replace(lowest, searches=tuple(search for fit in fits for search in fit.searches))
 
 
-def changed(
-    scene: Scene, state: State, parameters: Mapping[str, tuple[Parameter, float]]
-) -> tuple[Scene, State]:
-    """Return scene and state with values of parameters; errors of sensors change neither."""
-    changes = [
-        (parameter.variation.setter(scene, state, 0.0), value)
-        for parameter, value in parameters.values()
-        if not isinstance(parameter.variation, AbstractSeriesVariation)
-    ]
-    return variations.changed(scene, state, changes)
-
-
 def _windows(
     fit: Fit, parameters: Mapping[str, Parameter], problem: RobotProblem, settings: Settings
 ) -> list[float]:
@@ -554,8 +540,8 @@ def _subject(name: str, problem: RobotProblem) -> str:
 def _touched(problem: RobotProblem, parameters: Mapping[str, Parameter]) -> dict[str, set[str]]:
     """Return the labels of the contacts that touch in the run with the parameters' values, by
     joint; those of a backlash are its flanks."""
-    values = {name: (p, float(p.value or 0.0)) for name, p in parameters.items()}
-    scene, state = changed(problem.scene, problem.state, values)
+    values = [(p.variation, float(p.value or 0.0)) for p in parameters.values()]
+    scene, state = with_values(problem.scene, problem.state, values)
     times, start = problem.measurements.times(), problem.log.start
     options = {"save": Saving(times), "start_time": start, "progress": False}
     solution = simulate(scene, state, float(times[-1]), **options)

@@ -294,11 +294,8 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
     driven = _driven(robot, log, driven_by, positions)
     parameters: dict[tuple[str, str], Parameter] = {}
     for joint, kinds in find.items():
-        hinge = is_hinge(robot, joint)
-        of_joint = {
-            k: of_hinge if hinge else of_slider for k, (of_hinge, of_slider) in KINDS.items()
-        }
-        units = {kind: unit for kind, unit in of_joint.items() if unit is not None}
+        side = 0 if is_hinge(robot, joint) else 1
+        units = {kind: unit for kind, pair in KINDS.items() if (unit := pair[side]) is not None}
         for kind, start in (kinds if isinstance(kinds, Mapping) else dict.fromkeys(kinds)).items():
             expected, remedy = f"one of {', '.join(units)}", nearest(kind, units, "leave it out")
             require(kind in units, f"find[{joint!r}]", kind, expected, remedy)

@@ -19,7 +19,7 @@ from .._information import error_growth as growth
 from .._information.error_growth import radii_of_gyration
 from .._model.bodies import State
 from .._model.scene import Scene
-from .._parametrisation.variations import SceneNumber
+from .._parametrisation.variations import SceneNumber, with_values
 from .._simulation.results.solution import SUCCESSFUL
 from .._simulation.run.outputs import Output, requested_by
 from .._simulation.run.sensitivities import sensitivities
@@ -118,8 +118,8 @@ def disturbed_axes(
     # All lanes of a block have the same Jacobian.
     for begin in range(0, len(along), block):
         rows = slice(begin, begin + block)
-        values = {} if shared else {name: axis.values[begin] for name, axis in axes.items()}
-        of_block, start = with_values(scene, state, axes, values)
+        values = [] if shared else [(a.variation, a.values[begin]) for a in axes.values()]
+        of_block, start = with_values(scene, state, values)
         velocities[rows] = disturbed_velocities(
             bodies, of_block, start, size, along[rows], start_time
         )
@@ -145,15 +145,6 @@ def velocities_of(bodies: Sequence[str], state: State) -> Float[np.ndarray, " v"
     """Return velocity (m/s, global) and spin (rad/s, body axes) of the `bodies`, in their order."""
     states = [state.bodies[name] for name in bodies]
     return np.concatenate([[*body.velocity, *body.spin] for body in states]).astype(float)
-
-
-def with_values(
-    scene: Scene, state: State, axes: Mapping[str, Axis], values: Mapping[str, float]
-) -> tuple[Scene, State]:
-    for name, value in values.items():
-        change = axes[name].setter(scene, state)
-        scene, state = change(scene, state, value)
-    return scene, state
 
 
 DISTURBANCE = 1e-9
@@ -275,9 +266,10 @@ def ensemble(
     if exponents:
         rates = np.empty((count, 2))
         for k in range(count):
-            values = {name: column[k] for name, column in zip(axes, points, strict=True)}
+            pairs = zip(axes.values(), points, strict=True)
             # Scene and initial state at this point, without disturbance.
-            changed, start = with_values(scene, state, axes, values)
+            values = [(axis.variation, column[k]) for axis, column in pairs]
+            changed, start = with_values(scene, state, values)
             end = end_time(changed) if callable(end_time) else end_time
             span, progress = (start_time, end), options.get("progress", True)
             rates[k] = _lyapunov_exponent(
@@ -401,9 +393,8 @@ def _lyapunov_exponent(
     rates = []
     for k in range(len(along)):
         # The initial state of this draw, with its disturbed velocities.
-        _, start = with_values(
-            scene, state, axes, {name: axis.values[k] for name, axis in axes.items()}
-        )
+        values = [(axis.variation, axis.values[k]) for axis in axes.values()]
+        _, start = with_values(scene, state, values)
         run = sensitivities(
             scene, start, end_time, tangent, points, times, TANGENT_SETTINGS, **options
         )

@@ -1,13 +1,12 @@
 """Uncertain numbers of a scene, with their distributions, and designs that draw them jointly."""
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from .._fields.cautions import level_of_the_user
+from .._fields.cautions import warn_the_user
 from .._fields.checks import require, require_count, require_positive, require_types
 from .._model.bodies import State
 from .._model.scene import Scene
@@ -77,12 +76,9 @@ class Uncertain:
             bounds = np.asarray(between, float)
             rising = bounds.shape == (2,) and bool(bounds[0] < bounds[1])
             require(rising, "between", between, "two rising bounds", "pass (low, high)")
-            between = float(bounds[0]), float(bounds[1])
-        # The class is frozen, so its fields are set by `object`.
-        object.__setattr__(self, "parameter", chosen)
-        object.__setattr__(self, "deviation", deviation)
-        object.__setattr__(self, "half_width", half_width)
-        object.__setattr__(self, "between", between)
+            sizes["between"] = float(bounds[0]), float(bounds[1])
+        # The class is frozen, so its fields are set in the dictionary of the object.
+        vars(self).update(parameter=chosen, **sizes)
 
     @property
     def is_normal(self) -> bool:
@@ -138,11 +134,10 @@ def unit_cube(dimensions: int, draws: int, method: str, seed: int) -> Float[np.n
         # warning, which has no advice.
         exponent = (int(draws) - 1).bit_length()
         if draws != 2**exponent:
-            warnings.warn(
+            warn_the_user(
                 f"Argument `draws` is {draws}, but Sobol points fill the distributions evenly only "
                 f"if it is a power of two: pass {2 ** (exponent - 1)} or {2**exponent}, or "
-                'method="halton".',
-                stacklevel=level_of_the_user(),
+                'method="halton".'
             )
         return qmc.Sobol(dimensions, rng=rng).random_base2(exponent)[:draws]
     sampler = qmc.Halton if method == "halton" else qmc.LatinHypercube

@@ -68,9 +68,8 @@ class Axis:
         is_row, remedy = row.ndim == 1 and row.size > 0, "pass shape (n,), one number at least"
         require(is_row, "values", row, "a row of numbers", remedy)
         require_finite("values", row)
-        # The class is frozen, so its fields are set by `object`.
-        object.__setattr__(self, "variation", variation)
-        object.__setattr__(self, "values", row)
+        # The class is frozen, so its fields are set in the dictionary of the object.
+        vars(self).update(variation=variation, values=row)
 
     @staticmethod
     def initial(path: NumberPath, values: ArrayLike, unit: str | None = None) -> "Axis":
@@ -104,7 +103,9 @@ class Axis:
 
     def described(self) -> str:
         """Return the description of the axis in a sweep's results."""
-        return f"{type(self.variation).__name__} {describe(self.variation.function)}"
+        of_function = isinstance(self.variation, variations.MadeByFunction)
+        function = getattr(self.variation, "make" if of_function else "path")
+        return f"{type(self.variation).__name__} {describe(function)}"
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from ..._fields.checks import require, require_count, require_type
 from ..._measurements.series import Measurements
 from ..._model.bodies import State
 from ..._model.scene import Scene
-from ..._parametrisation.parameter import Parameter, check_parameters, values_on
+from ..._parametrisation.parameter import Parameter, check_parameters, values_of_points
 from ..._simulation.run.terminal import ProgressBar, telling_of_compiling
 from ..._simulation.step import presets
 from ..._simulation.step.settings import Settings, settings_or
@@ -259,9 +259,7 @@ def _log_prior(
 ) -> np.ndarray:
     if log_prior is None:
         return np.zeros(len(points))
-    pairs = zip(parameters.items(), points.T, strict=True)
-    values = {name: values_on(p.scale, row) for (name, p), row in pairs}
-    logarithms = np.asarray(log_prior(values), float)
+    logarithms = np.asarray(log_prior(values_of_points(parameters, points)), float)
     expected, remedy = f"of shape ({len(points)},)", "return a number for each value"
     require(logarithms.shape == (len(points),), "log_prior", logarithms.shape, expected, remedy)
     valid = not np.isnan(logarithms).any() and not (logarithms == np.inf).any()

@@ -11,7 +11,7 @@ from typing_extensions import override
 
 from ..._export.datasets import AbstractTabular, Labelled, estimate_labels, labelled_dataset
 from ..._export.tables import duration, estimates_table
-from ..._parametrisation.parameter import Parameter, values_on
+from ..._parametrisation.parameter import Parameter, values_of_points
 from ..points import Box
 
 if TYPE_CHECKING:
@@ -76,8 +76,7 @@ class Posterior(AbstractTabular):
     @cached_property
     def samples(self) -> dict[str, Float[np.ndarray, " n"]]:
         """Values of each parameter by name, (n,), in `units`."""
-        pairs = zip(self.parameters.items(), self.coordinates.T, strict=True)
-        return {name: values_on(p.scale, row) for (name, p), row in pairs}
+        return values_of_points(self.parameters, self.coordinates)
 
     @property
     def distinct(self) -> int:
