@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, PyTree
 
 from .._compilation import Compiled
-from .._fields.checks import require
+from .._fields.checks import require, require_type
 from .._math.vectors import fold_constants
 from .._measurements.series import Measurements
 from .._model.bodies import State
@@ -249,6 +249,24 @@ def _with_prior(
     residuals = np.append(plain.residuals, (at - centre) / deviations)
     jacobian = np.vstack([plain.jacobian, np.diag(1.0 / deviations)])
     return replace(plain, residuals=residuals, jacobian=jacobian)
+
+
+def check_sets(scene: Scene, measurements: Sequence[Measurements]) -> None:
+    remedy = "pass at least one set of measurements"
+    require(len(measurements) > 0, "measurements", len(measurements), "not empty", remedy)
+    remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
+    for measured in measurements:
+        require_type("measurements", measured, Measurements, "Measurements", remedy)
+    first_set = measurements[0]
+    first_set.check(scene)
+    for k, measured in enumerate(measurements):
+        same = list(measured.series) == list(first_set.series) and all(
+            series.channel == first_set[name].channel
+            and np.array_equal(series.times, first_set[name].times)
+            for name, series in measured.series.items()
+        )
+        expected = "measurements of the same channels and times as the first"
+        require(same, f"measurements[{k}]", list(measured.series), expected, "fit them separately")
 
 
 def comparison(

@@ -9,7 +9,7 @@ import numpy as np
 
 from .._export.tables import numbered
 from .._fields.cautions import PoorFitWarning, caution
-from .._fields.checks import require, require_count, require_positive, require_type
+from .._fields.checks import require, require_count, require_positive
 from .._information.horizon import FitHorizon
 from .._measurements.series import Measurements
 from .._model.bodies import State
@@ -19,10 +19,11 @@ from .._simulation.run.terminal import ProgressBar, telling_of_compiling
 from .._simulation.step import presets
 from .._simulation.step.settings import Settings, settings_or
 from .checking import check
-from .comparison import Comparison, OnFitIteration, comparison
+from .comparison import Comparison, OnFitIteration, check_sets, comparison
 from .fit import Fit
+from .goodness_of_fit import UNLIKELY, chi_squared_p
 from .levenberg_marquardt import Ending, Iteration, Search, best_search
-from .screening.screening import LOOSER, Screening, search_screened
+from .screening.screening import LOOSER, Screened, Screening, screen
 from .starts import Guess, Starts, start_coordinates
 
 OnIteration = Callable[[Iteration], None]
@@ -173,7 +174,7 @@ def identify_many(
     >>> all(abs(fit.estimates["stiffness"] - 100.0) < 1.0 for fit in fits)
     True
     """
-    _check_sets(scene, measurements)
+    check_sets(scene, measurements)
     first_set = measurements[0]
     ends = (*grow, float(first_set.times()[-1]))
     rising = all(a < b for a, b in pairwise((start_time, *ends)))
@@ -241,9 +242,10 @@ class _Problem:
         is ``None`` if it was interrupted before any run had ended."""
         compared, parameters = self.compared.of(measurements), self.compared.parameters
         searches: list[Search] = []
-        screened, checked, stopped = (), None, False
+        screened: list[Screened] = []
+        checked, stopped = None, False
 
-        def search_from(start: np.ndarray) -> Search:
+        def search_from(start: np.ndarray) -> None:
             # The search is kept before the interruption goes on, so that its best run is not lost.
             search = compared.search(
                 start, self.ends, self.tolerance, self.max_iterations, on_iteration
@@ -251,12 +253,19 @@ class _Problem:
             searches.append(search)
             if search.ending is Ending.INTERRUPTED:
                 raise KeyboardInterrupt
-            return search
 
         try:
             if isinstance(self.starts, Screening):
                 coarse = self.coarse.of(measurements)
-                screened = search_screened(self.starts, coarse, self.rows[0], show, search_from)
+                freedom = compared.data.count - len(parameters)
+                for number in range(self.starts.passes):
+                    screened.append(screen(self.starts, coarse, self.rows[0], number, show))
+                    for start in screened[-1].starts:
+                        search_from(start)
+                    p_value = chi_squared_p(best_search(searches).best.chi_squared, freedom)
+                    # The passes also end without degrees of freedom, where this is NaN.
+                    if not p_value < UNLIKELY:
+                        break
             else:
                 for row in self.rows:
                     search_from(row)
@@ -285,7 +294,7 @@ class _Problem:
             measurements=measurements,
             searches=tuple(searches),
             best=best,
-            screened=screened,
+            screened=tuple(screened),
             horizon=self.horizon,
             check=checked,
             start_time=float(runs.start_time),
@@ -331,21 +340,3 @@ def iteration_callback(
             bar.update()
 
         yield show
-
-
-def _check_sets(scene: Scene, measurements: Sequence[Measurements]) -> None:
-    remedy = "pass at least one set of measurements"
-    require(len(measurements) > 0, "measurements", len(measurements), "not empty", remedy)
-    remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
-    for measured in measurements:
-        require_type("measurements", measured, Measurements, "Measurements", remedy)
-    first_set = measurements[0]
-    first_set.check(scene)
-    for k, measured in enumerate(measurements):
-        same = list(measured.series) == list(first_set.series) and all(
-            series.channel == first_set[name].channel
-            and np.array_equal(series.times, first_set[name].times)
-            for name, series in measured.series.items()
-        )
-        expected = "measurements of the same channels and times as the first"
-        require(same, f"measurements[{k}]", list(measured.series), expected, "fit them separately")

@@ -5,7 +5,7 @@ Error messages count rows of data from 1, without the header, blank lines and co
 
 import warnings
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
@@ -132,12 +132,12 @@ def read_csv(
     >>> cj.read_csv("rig.csv", {"probe x": probe}).series["probe x"].times  # s
     array([0.   , 0.001])
     """
-    require_types("channels", channels, Channel, "a Channel", PASS_CHANNEL)
+    channels = _with_noise(channels, noise)
     # The second argument of `column` is the argument that error messages name.
     column = columns_of(path, options)
     times = times_in(column(time, "time"), time_unit)
     series = {
-        name: _series(name, channel, column(name, "channels"), times, noise, missing)
+        name: _series(name, channel, column(name, "channels"), times, missing)
         for name, channel in channels.items()
     }
     return Measurements(series)
@@ -244,7 +244,7 @@ def from_xarray(
     """
     import pandas as pd
 
-    require_types("channels", channels, Channel, "a Channel", PASS_CHANNEL)
+    channels = _with_noise(channels, noise)
 
     def column(name: Hashable) -> TableColumn:
         array = dataset[name]
@@ -264,7 +264,7 @@ def from_xarray(
         expected = f"a variable along one of the coordinates {coordinates}"
         require(dims[0] in coordinates, f"channels[{name!r}]", dims, expected, remedy)
         times = times_in(column(dims[0]), "s")
-        series[name] = _series(name, channel, column(name), times, noise, missing)
+        series[name] = _series(name, channel, column(name), times, missing)
     return Measurements(series)
 
 
@@ -341,16 +341,16 @@ def times_in(column: TableColumn, unit: str) -> np.ndarray:
         return times * to_si(column.unit or unit, "s")[0]
 
 
+def _with_noise(channels: Mapping[str, Channel], noise: ArrayLike | None) -> dict[str, Channel]:
+    """Return the channels, with the given noise where they have none of their own."""
+    require_types("channels", channels, Channel, "a Channel", PASS_CHANNEL)
+    return {n: replace(c, noise=noise) if c.noise is None else c for n, c in channels.items()}
+
+
 def _series(
-    name: str,
-    channel: Channel,
-    column: TableColumn,
-    times: np.ndarray,
-    noise: ArrayLike | None,
-    missing: Missing,
+    name: str, channel: Channel, column: TableColumn, times: np.ndarray, missing: Missing
 ) -> Series:
-    values, valid = column.samples(missing)
-    deviation = noise if channel.noise is None else channel.noise
+    (values, valid), deviation = column.samples(missing), channel.noise
     remedy = f"pass Channel(..., noise=...) for {name!r}, or noise=... for all"
     require(deviation is not None, "noise", deviation, "a standard deviation", remedy)
     assert deviation is not None

@@ -258,8 +258,7 @@ def ensemble(
     lanes = disturbed_axes(scene, state, repeated, disturbance, along, start_time, draws)
     results = sweep(scene, state, end_time, lanes, outputs, settings, zipped=True, **options)
     shape = tuple(len(axis.values) for axis in axes.values())
-    units = {name: {"units": axis.unit_in(scene, state)} for name, axis in axes.items()}
-    labels = {name: (name, axis.values, units[name]) for name, axis in axes.items()}
+    labels = {n: (n, a.values, {"units": a.unit_in(scene, state)}) for n, a in axes.items()}
     notes = {"draws": draws, "disturbance": f"{disturbance:g} m/s", "seed": seed}
     quantities = requested_by(outputs, options.get("save")).quantities
     statistics = _statistics(results, labels, (*shape, draws), levels, quantities)

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..._fields.checks import require, require_count, require_type
+from ..._fields.checks import require, require_count
 from ..._measurements.series import Measurements
 from ..._model.bodies import State
 from ..._model.scene import Scene
@@ -17,7 +17,7 @@ from ..._parametrisation.parameter import Parameter, check_parameters, values_of
 from ..._simulation.run.terminal import ProgressBar, telling_of_compiling
 from ..._simulation.step import presets
 from ..._simulation.step.settings import Settings, settings_or
-from ..comparison import Comparison, comparison
+from ..comparison import Comparison, check_sets, comparison
 from ..goodness_of_fit import RISE
 from ..points import Box, Points
 from ..residuals import UNREACHED
@@ -148,9 +148,7 @@ def posterior(
     ((64, 1), True)
     """
     begun = time.perf_counter()
-    remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
-    require_type("measurements", measurements, Measurements, "Measurements", remedy)
-    measurements.check(scene)
+    check_sets(scene, [measurements])
     check_parameters(parameters)
     half = half_widths(spread, tuple(parameters))
     remedy = "pass the possible error of each guess"

@@ -8,7 +8,7 @@ level sets like nested sampling (J. Skilling, *Nested sampling for general Bayes
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,6 @@ from ..._fields.checks import require, require_count
 from ..._simulation.run.terminal import ProgressBar, telling_of_compiling
 from .. import goodness_of_fit as statistics
 from ..comparison import Comparison
-from ..levenberg_marquardt import Search, best_search
 from ..points import Point, chi_squared_over, drawn_among, far_apart, filled, reached
 from ..starts import half_widths
 
@@ -158,30 +157,3 @@ def screen(
             ahead = min(lanes.count, int(reached(curves, STILL_FITTING, excess)) + 2)
             new = drawn_among(kept, screening.number, bounds, generator)
             points = np.concatenate([kept, new])
-
-
-def search_screened(
-    screening: Screening,
-    lanes: Comparison,
-    centre: Point,
-    progress: bool,
-    search_from: Callable[[np.ndarray], Search],
-) -> tuple[Screened, ...]:
-    """Screen and search from the starts found, pass by pass, until noise explains the smallest chi
-    squared.
-
-    `search_from` searches from a start with derivatives. It must store the search, because only the
-    results of the screenings are returned. If it raises an error, such as a `KeyboardInterrupt`,
-    the error ends the passes.
-    """
-    degrees_of_freedom = lanes.data.count - len(centre)
-    searches: list[Search] = []
-    screened: list[Screened] = []
-    for number in range(screening.passes):
-        screened.append(screen(screening, lanes, centre, number, progress))
-        searches += map(search_from, screened[-1].starts)
-        chi_squared = best_search(searches).best.chi_squared
-        # Also ends without degrees of freedom, where the probability is NaN.
-        if not statistics.chi_squared_p(chi_squared, degrees_of_freedom) < statistics.UNLIKELY:
-            break
-    return tuple(screened)
