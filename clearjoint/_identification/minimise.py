@@ -16,7 +16,7 @@ from .._fields.types import ArrayLike
 from .._model.bodies import State
 from .._model.scene import Scene
 from .._native.lowering import LONGEST_PACKED
-from .._parametrisation.parameter import Parameter, coordinates_of
+from .._parametrisation.parameter import AbstractScale, Parameter, coordinates_of
 from .._parametrisation.parts import Part
 from .._result_codes import RESULTS
 from .._simulation.reductions.base import AbstractReduction
@@ -121,20 +121,20 @@ def minimise(
     require(known, "end_time", None, "a time if there are no `times`", remedy)
     times = None if times is None else np.asarray(times, dtype=float)
     # Forward mode serves quantities at `times`, whose last one is the end of the run.
-    only_parameters = all(isinstance(parameter, Parameter) for parameter in parameters.values())
+    scales = {n: p.scale for n, p in parameters.items() if isinstance(p, Parameter)}
     has_reductions = any(isinstance(output, AbstractReduction) for output in outputs.values())
     search: _Forward | _Reverse
-    in_forward_mode = only_parameters and not has_reductions and end_time is None
+    in_forward_mode = len(scales) == len(parameters) and not has_reductions and end_time is None
     if in_forward_mode and len(parameters) <= LONGEST_PACKED:
         runs = experiment(scene, state, parameters, outputs, times, start_time, settings)  # pyright: ignore
         at = coordinates_of(scene, state, parameters)  # pyright: ignore
-        search = _Forward(runs, objective, dict(parameters), times, at)  # pyright: ignore
+        search = _Forward(runs, objective, scales, times, at)  # pyright: ignore
         default = optax.adam(0.05)
     else:
         end = float(times[-1]) if end_time is None else end_time  # pyright: ignore
         arguments = parameters, outputs, times, settings
         made = predictor(scene, state, end, *arguments, start_time=start_time)
-        search = _Reverse(made, objective, dict(parameters))
+        search = _Reverse(made, objective, scales)
         default = quasi_newton()
     return _descended(search, default if optimiser is None else optimiser, iterations)
 
@@ -193,7 +193,7 @@ def _descended(
     def as_float(value: PyTree) -> PyTree:
         return float(value) if isinstance(value, jax.Array) and value.ndim == 0 else value
 
-    values = _values(search.parameters, best)
+    values = _values(search.scales, best)
     estimates = {name: as_float(value) for name, value in values.items()}
     return Minimum(estimates, coordinates, min(history), np.array(history), result)
 
@@ -201,11 +201,11 @@ def _descended(
 @dataclass(frozen=True)
 class _Forward:
     """Objective and gradient by runs in forward mode. A search starts at the coordinates `first`,
-    (p,)."""
+    (p,). `scales` are those of all parameters, by name."""
 
     runs: Experiment
     objective: Objective
-    parameters: dict[str, Parameter]
+    scales: dict[str, AbstractScale]
     times: np.ndarray
     first: np.ndarray
 
@@ -214,10 +214,10 @@ class _Forward:
         return jax.jit(jax.value_and_grad(self.objective))
 
     def start(self) -> Coordinates:
-        return dict(zip(self.parameters, jnp.asarray(self.first), strict=True))
+        return dict(zip(self.scales, jnp.asarray(self.first), strict=True))
 
     def evaluated(self, at: Coordinates) -> tuple[float, Coordinates, RESULTS]:
-        count, coordinates = len(self.times), jnp.stack([at[name] for name in self.parameters])
+        count, coordinates = len(self.times), jnp.stack([at[name] for name in self.scales])
         run = self.runs.run(coordinates, self.times[-1])
         # The times that pad `times` to the length of a compiled program are cut off.
         values = {name: row[:count] for name, row in run.values.items()}
@@ -225,7 +225,7 @@ class _Forward:
         # Chain rule: the run gives the derivatives of the outputs by the coordinates, (N, p), and
         # JAX those of the objective by the outputs, (N,).
         along = sum(slopes[name] @ run.derivatives[name][:count] for name in values)
-        slope = dict(zip(self.parameters, jnp.asarray(along), strict=True))
+        slope = dict(zip(self.scales, jnp.asarray(along), strict=True))
         return float(value), slope, run.result
 
     def value(self, at: Coordinates) -> jax.Array:
@@ -241,22 +241,22 @@ class _Forward:
 
 @dataclass(frozen=True)
 class _Reverse:
-    """Objective and gradient by runs in reverse mode, for any `Part`s."""
+    """Objective and gradient by runs in reverse mode, for any `Part`s. `scales` are those of the
+    `Parameter`s among them, by name."""
 
     predictor: Predictor
     objective: Objective
-    parameters: dict[str, Part]
+    scales: dict[str, AbstractScale]
 
     def start(self) -> Coordinates:
         values = jax.tree.map(jnp.asarray, self.predictor.values)
-        scales = {n: p.scale for n, p in self.parameters.items() if isinstance(p, Parameter)}
-        coordinates = {n: jnp.asarray(scale.coordinate(values[n])) for n, scale in scales.items()}
-        return values | coordinates
+        scales = self.scales.items()
+        return values | {n: jnp.asarray(scale.coordinate(values[n])) for n, scale in scales}
 
     def evaluated(self, at: Coordinates) -> tuple[float, Coordinates, RESULTS]:
         try:
             value, gradient = jax.value_and_grad(
-                lambda at: self.objective(self.predictor(_values(self.parameters, at)))
+                lambda at: self.objective(self.predictor(_values(self.scales, at)))
             )(at)
         except SimulationError as error:
             return np.nan, at, error.solution.result
@@ -265,9 +265,8 @@ class _Reverse:
     def value(self, at: Coordinates) -> jax.Array:
         """Return the objective, NaN if the run fails, inside of a line search of optax."""
         with jax.disable_jit(False):
-            return self.objective(self.predictor.or_nan(_values(self.parameters, at)))
+            return self.objective(self.predictor.or_nan(_values(self.scales, at)))
 
 
-def _values(parameters: Mapping[str, Part], at: Coordinates) -> Coordinates:
-    scales = {n: p.scale for n, p in parameters.items() if isinstance(p, Parameter)}
+def _values(scales: Mapping[str, AbstractScale], at: Coordinates) -> Coordinates:
     return {**at, **{name: jnp.asarray(scale.value(at[name])) for name, scale in scales.items()}}

@@ -76,13 +76,12 @@ def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
     filled = isinstance(by_name, Mapping) and len(by_name) > 0
     require(filled, "sensors", sensors, "a dictionary with at least one sensor", remedy)
     require_types("sensors", by_name, Sensor | Series, "a Sensor or a Series", remedy)
-    sensor_by_name = {
-        name: s if isinstance(s, Sensor) else Sensor(s.channel, s.times, s.noise)
-        for name, s in by_name.items()
-    }
-    for name, sensor in sensor_by_name.items():
+    sensor_by_name = {}
+    for name, s in by_name.items():
+        sensor = s if isinstance(s, Sensor) else Sensor(s.channel, s.times, s.noise)
         for channel in sensor.channels:
             check_quantity(f"Sensor {name!r}", channel, scene)
+        sensor_by_name[name] = sensor
     return sensor_by_name
 
 
