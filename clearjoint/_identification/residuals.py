@@ -28,7 +28,6 @@ from .._model.bodies import State
 from .._model.scene import Scene
 from .._parametrisation import readings as sensor_readings
 from .._parametrisation.parameter import (
-    PASS_PARAMETERS,
     Parameter,
     check_parameters,
     coordinates_of,
@@ -222,7 +221,6 @@ def experiment(
     """Return the `Experiment` that runs a scene for any values of its parameters, by default with
     the settings `clearjoint.presets.derivatives`."""
     check_parameters(parameters)
-    require(len(parameters) > 0, "parameters", {}, "at least one Parameter", PASS_PARAMETERS)
     requested = requested_by(outputs, None)
     requested.refuse(RECORDED, "a quantity in a fit or a minimisation", "pass the quantity itself")
     require(len(outputs) > 0, "outputs", {}, "not empty", EXAMPLE)

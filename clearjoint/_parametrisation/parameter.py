@@ -418,6 +418,7 @@ def free_parameters(parameters: Mapping[str, Parameter]) -> dict[str, Parameter]
 
 def check_parameters(parameters: Mapping[str, Parameter]) -> None:
     require_types("parameters", parameters, Parameter, "a Parameter", PASS_PARAMETERS)
+    require(len(parameters) > 0, "parameters", {}, "at least one Parameter", PASS_PARAMETERS)
 
 
 def step_limits(parameters: Mapping[str, Parameter]) -> np.ndarray:

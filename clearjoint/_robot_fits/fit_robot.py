@@ -45,6 +45,7 @@ from .problem import (
     Mode,
     RobotProblem,
     backlash_name,
+    continuous,
     drive_name,
     robot_problem,
 )
@@ -240,7 +241,7 @@ class RobotFit(AbstractTabular):
             torque, position, by_name = f"{joint} torque", f"{side} position", self.predictions
             times = np.asarray(measured[position if position in measured else torque].times)
             logged = (
-                np.interp(times, angles.times, np.unwrap(angles.values)),
+                np.interp(times, angles.times, continuous(self.robot, side, angles)),
                 np.interp(times, torques.times, torques.values),
             )
             predicted = [
@@ -572,7 +573,7 @@ def _reason(
             return f"{head}: the motion never reverses its load."
     samples = problem.log.angles.get(joint)
     noise = 0.0 if samples is None or samples.noise is None else samples.noise
-    if samples is not None and np.unwrap(samples.values).std() <= STILL * noise:
+    if samples is not None and continuous(problem.robot, joint, samples).std() <= STILL * noise:
         return f"{head}: the joint does not move."
     if report.deviations_alone[k] > report.limits[k]:
         size = number(float(report.deviations_alone[k]))

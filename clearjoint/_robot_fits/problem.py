@@ -11,6 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 from typing_extensions import override
 
 from .._fields.checks import as_number, nearest, require, require_type
@@ -319,7 +320,9 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
     # of the log. A joint that is driven by its position follows the log from the start on.
     following = {motor_of(robot, joint) for joint, mode in driven_by.items() if mode == "angle"}
     q = {name: float(spline.values[1]) for name, spline in positions.items()}
-    at_rest = {n for n in log.angles if n not in following and _begins_at_rest(log.angles[n])}
+    at_rest = {
+        n for n in log.angles if n not in following and _begins_at_rest(robot, n, log.angles[n])
+    }
     qd = {n: 0.0 if n in at_rest else float(spline.rates[1]) for n, spline in positions.items()}
     for name in log.angles:
         # A motor turns with its link; likewise, a link that is not logged turns with its motor.
@@ -384,6 +387,11 @@ def is_hinge(robot: Robot, joint: str) -> bool:
     return not isinstance(robot.scene.joints[joint], PrismaticJoint)
 
 
+def continuous(robot: Robot, joint: str, samples: Logged) -> Float[np.ndarray, " N"]:
+    """Return logged positions of a joint; angles without jumps by a revolution."""
+    return np.unwrap(samples.values) if is_hinge(robot, joint) else samples.values
+
+
 def _other_side(robot: Robot, log: RobotLog, name: str) -> str | None:
     """Return the motor of a joint, or the joint of a motor, if it exists and is not logged."""
     motors = robot._motors()
@@ -391,11 +399,11 @@ def _other_side(robot: Robot, log: RobotLog, name: str) -> str | None:
     return None if other in log.angles else other
 
 
-def _begins_at_rest(samples: Logged) -> bool:
+def _begins_at_rest(robot: Robot, joint: str, samples: Logged) -> bool:
     """Return whether the line through the first samples is flat, see `SLOPE`."""
     if samples.noise is None:
         return False
-    times, values = samples.times[:REST], np.unwrap(samples.values[:REST])
+    times, values = samples.times[:REST], continuous(robot, joint, samples)[:REST]
     offsets = times - times.mean()
     error = samples.noise / np.linalg.norm(offsets)  # of the slope
     return bool(abs(offsets @ values) / (offsets @ offsets) <= SLOPE * error)
@@ -422,7 +430,7 @@ def _smoothed(robot: Robot, joint: str, samples: Logged) -> Spline:
     from scipy.interpolate import CubicSpline, UnivariateSpline
 
     _require_unit(f"log.angles[{joint!r}]", samples, "rad" if is_hinge(robot, joint) else "m")
-    values = np.unwrap(samples.values) if is_hinge(robot, joint) else samples.values
+    values = continuous(robot, joint, samples)
     if samples.noise is None or len(values) < 5:
         # A natural spline has no acceleration at its ends, where the joint may have one.
         spline, knots = CubicSpline(samples.times, values), samples.times

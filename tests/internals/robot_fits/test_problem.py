@@ -23,6 +23,17 @@ def test_a_joint_that_follows_its_log_starts_with_the_rate_of_the_log(tmp_path):
     assert free.robot.speeds(free.state)["elbow"] == 0.0
 
 
+def test_a_slider_does_not_return_after_six_metres(tmp_path):
+    """As an angle does: this one seemed at rest, since it moves by 2 pi m from sample to sample."""
+    limit = '<limit lower="-99" upper="99" effort="1" velocity="9"/></joint>'
+    text = URDF.format(inertia=0.01).replace("continuous", "prismatic").replace("</joint>", limit)
+    (tmp_path / "crane.urdf").write_text(text)
+    table = pd.DataFrame({"t": np.arange(9.0), "q [m]": 2.0 * np.pi * np.arange(9.0)})
+    log = cj.RobotLog.read(table, angles={"elbow": cj.LogColumn("q", noise=1e-3)})
+    problem = robot_problem(cj.load_robot(tmp_path / "crane.urdf"), log, {}, {})
+    assert problem.robot.speeds(problem.state)["elbow"] == pytest.approx(2.0 * np.pi)
+
+
 @pytest.mark.parametrize("kinds", [["friction", "damping"], ["damping", "friction"]])
 @pytest.mark.parametrize("present", [{}, {"friction": 0.0}, {"friction": 0.0, "viscosity": 0.0}])
 def test_resistances_of_zero_start_as_those_that_are_missing(present, kinds, tmp_path):
