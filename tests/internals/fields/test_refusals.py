@@ -106,6 +106,11 @@ WRONG = {
         lambda: sensitivities(outputs={1: HEIGHT, "a": HEIGHT}),
         "`outputs` must",
     ),
+    "no parameters": (lambda: sensitivities({}), "`parameters` must be at least one Parameter"),
+    "no parameters of sensors": (
+        lambda: cj.identifiability(SCENE, STATE, {}, DATA.series),
+        "`parameters` must be at least one Parameter",
+    ),
     "no outputs": (lambda: sensitivities(outputs={}), "`outputs` must be not empty"),
     "series of two kinds": (
         lambda: cj.Measurements({**DATA.series, 1: DATA["height"]}),
