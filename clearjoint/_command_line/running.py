@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-import equinox as eqx
 import jax
 import numpy as np
 import pandas as pd
@@ -18,10 +17,10 @@ from .._math.vectors import Scalar
 from .._model.scene import Scene
 from .._result_codes import RESULTS
 from .._simulation.reductions.base import AbstractReduction, result_name
-from .._simulation.reductions.quantities import Peak
+from .._simulation.reductions.quantities import Peak, PeakTally
 from .._simulation.results.impact_table import Impacts
 from .._simulation.results.observe import Observation, observe, values_along
-from .._simulation.results.solution import Crossings, Solution, contact_label
+from .._simulation.results.solution import Crossings, Solution, by_contact, contact_label
 from .._simulation.run.outputs import Table
 from .._simulation.run.rejections import Rejections
 from .._simulation.run.saving import Saving
@@ -46,18 +45,17 @@ LARGEST, SMALLEST = " largest", " smallest"
 PREFIXES = {Crossings: folders.SECTION, Impacts: folders.TABLE, Rejections: folders.REJECTED}
 
 
-class Negative(AbstractQuantity):
-    """The negative of a quantity, whose `Peak` is the negative of the quantity's minimum."""
-
-    quantity: AbstractQuantity = eqx.field(static=True)
+class Trough(Peak):
+    """Smallest value of a quantity in a run, with its time: the peak of the negative quantity."""
 
     @override
-    def __call__(self, now: Instant) -> Scalar:
-        return -self.quantity(now)
+    def _value(self, now: Instant) -> Scalar:
+        return -super()._value(now)
 
     @override
-    def check(self, scene: Scene) -> None:
-        self.quantity.check(scene)
+    def results(self, tally: PeakTally, now: Instant) -> dict[str, Scalar]:
+        peak = super().results(tally, now)
+        return {**peak, "": -peak[""]}
 
 
 def run(study: Study, folder: Path) -> CommandResult:
@@ -163,7 +161,7 @@ def extremes_of(part: RunPart, settings: Settings) -> dict[str, AbstractReductio
     for name, output in part.outputs.items():
         if isinstance(output, AbstractQuantity) and output.unit in SHARP:
             extremes[name + LARGEST] = Peak(output, output.unit)
-            extremes[name + SMALLEST] = Peak(Negative(output), output.unit)
+            extremes[name + SMALLEST] = Trough(output, output.unit)
     if extremes:
         # Only explicit Runge-Kutta methods have dense output. `redundant` does not affect the
         # solver, so any value serves here.
@@ -214,8 +212,7 @@ def _outputs(
     for name, quantity in quantities.items():
         values, extremes = values_along(scene, solution, quantity, saved), {}
         if name + LARGEST in numbers:
-            # A reduction of the quantity `Negative` gives the negative of the smallest value.
-            largest, smallest = numbers[name + LARGEST], -numbers[name + SMALLEST]
+            largest, smallest = numbers[name + LARGEST], numbers[name + SMALLEST]
             extremes = {
                 "largest": largest,
                 "largest_time": numbers[f"{name}{LARGEST}_time"],
@@ -241,13 +238,9 @@ def _write_numbers(
 ) -> None:
     rows = []
     for name, reduction in reductions.items():
-        # The peak of a `Negative` is the negative of the smallest value. Its other numbers, such as
-        # the time of the peak, keep their signs.
-        sign = -1.0 if isinstance(getattr(reduction, "quantity", None), Negative) else 1.0
         for part, unit in reduction.units().items():
             output = result_name(name, part)
-            value = solution.outputs[output]
-            rows.append((output, value if part else sign * value, unit))
+            rows.append((output, solution.outputs[output], unit))
     frame = pd.DataFrame(rows, columns=["output", "value", "unit"])
     frame.to_csv(folder / folders.NUMBERS, index=False)
 
@@ -256,9 +249,8 @@ def _largest_force(solution: Solution, observed: Observation) -> tuple[float, st
     # Both are needed: saved states miss the peaks of most impacts, and the table of impacts lacks
     # contacts that have not ended in the run.
     forces = [
-        (float(values.normal_force.max()), contact_label(joint, contact))
-        for joint, family in observed.contacts.items()
-        for contact, values in family.items()
+        (float(contact.normal_force.max()), label)
+        for label, contact in by_contact(observed.contacts).items()
     ]
     if (impacts := solution.impacts) is not None and len(impacts):
         k = int(np.argmax(impacts.peak_force))

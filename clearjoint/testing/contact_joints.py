@@ -331,10 +331,9 @@ def _rows(contacts: Contacts) -> Rows:
     for label, (loaded, _) in contacts.items():
         friction = ZERO if loaded.friction is None else loaded.friction
         contact = loaded.contact
-        parts = [contact.gap.depth, loaded.normal_force, loaded.elastic_force]
-        for vector in (friction, contact.normal, contact.arm_first, contact.arm_second):
-            parts.extend(vector)
-        rows[label] = jnp.stack([jnp.asarray(part, float) for part in parts])
+        numbers = contact.gap.depth, loaded.normal_force, loaded.elastic_force
+        vectors = *friction, *contact.normal, *contact.arm_first, *contact.arm_second
+        rows[label] = jnp.stack([jnp.asarray(part, float) for part in (*numbers, *vectors)])
     return rows
 
 
