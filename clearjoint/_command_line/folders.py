@@ -39,7 +39,7 @@ SECTION, TABLE, REJECTED = "section ", "impacts of ", "rejected steps of "
 """Prefixes of the names of the tables of outputs."""
 STORE, WEAR_STORE = "sweep.zarr", "wear.zarr"
 FIGURES = "figures"
-PAGE = "index.html"
+PAGE, VIEW, PDF = "index.html", "view.html", "report.pdf"
 
 Summary = Mapping[str, str | int | float]
 

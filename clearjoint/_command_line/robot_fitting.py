@@ -132,7 +132,7 @@ def fit_robot_of(study: RobotFitStudy, folder: Path) -> CommandResult:
             )
     except FitInterrupted:
         return CommandResult(INTERRUPTED, "interrupted", wrote=False)
-    from .reports import write_robot_report
+    from .reports import draw_robot_fit
 
     fit = result.fit
     summary = write_fit(fit, folder)
@@ -140,7 +140,7 @@ def fit_robot_of(study: RobotFitStudy, folder: Path) -> CommandResult:
     write_table(folder, "estimates", result.to_xarray())
     (folder / REPORT).write_text(f"{result}\n", encoding="utf-8")
     write_summary(folder, "fit of a robot", study, summary)
-    write_robot_report(folder, result)
+    draw_robot_fit(folder, result)
     for sentence in result.undetermined.values():
         say(f"note: {sentence}")
     estimates = [f"{name} {fit.estimates[name]:.5g} {fit.units[name]}" for name in fit.parameters]

@@ -59,8 +59,8 @@ class Trough(Peak):
 
 
 def run(study: Study, folder: Path) -> CommandResult:
-    """Run a study's scene, and write tables, figures and a page; after a failure or Ctrl-C, these
-    have the results so far."""
+    """Run a study's scene, and write its tables; after a failure or Ctrl-C, these have the results
+    so far."""
     settings = study.settings("run")
     extremes = extremes_of(study.parts.run, settings)
     times = study.parts.run.saved_times(study.end())
@@ -73,13 +73,10 @@ def run(study: Study, folder: Path) -> CommandResult:
         # Every `parts`-th time is one at which the study saves a state.
         saved = jax.tree.map(lambda rows: rows[::parts], path)
         solution = replace(solution, saved=saved, saved_count=len(saved))
-    # Imported here, because it takes long and `clearjoint check` does not need it.
-    from .reports import PDF, VIEW, write_run_report
-
     folder.mkdir(parents=True, exist_ok=True)
     names = [folders.DRAWN, folders.MOTION, folders.OBSERVED, folders.IMPACTS, folders.OUTPUTS]
     names += [f"{prefix}*" for prefix in PREFIXES.values()]
-    folders.remove_old(folder, names, [folders.NUMBERS, PDF, VIEW])
+    folders.remove_old(folder, names, [folders.NUMBERS, folders.PDF, folders.VIEW])
     folders.write_scene(folder, study.scene, study.state)
     # All tables are left out if no state was saved, since most of them describe the saved states.
     force, contact = 0.0, ""
@@ -87,12 +84,10 @@ def run(study: Study, folder: Path) -> CommandResult:
         force, contact = write_results(study, solution, extremes, folder)
         write_netcdf(path.to_xarray(), folder / f"{folders.DRAWN}.nc")
     folders.write_scene(folder, study.scene, solution.final, folders.REACHED)
-    # The page shows the summary and the tables, so it is written after them.
     summary = _summary(study, solution, code == INTERRUPTED)
     if force:
         summary |= {"largest_contact_force_N": force, "largest_contact_force_of": contact}
     folders.write_summary(folder, "run", study, {**summary, **dict(solution.settings)})
-    write_run_report(folder)
     reached = f"t = {float(solution.time):.6g} s"
     if code != WELL:
         failure = f"error: the run ended at {reached}: {RESULTS[solution.result]}"

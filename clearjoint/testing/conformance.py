@@ -150,29 +150,25 @@ def check_law(
 
 
 def _check_differences(forces: Callable[..., Points], law: AbstractContactLaw) -> None:
-    depth, rate, entry = jnp.asarray(SMOOTH).T
-    law = jax.tree.map(jnp.asarray, law)
-    # Functions that return the forces if one number is multiplied by a factor.
-    scaled: dict[str, Callable[[Scalar], Points]] = {
-        "the depth": lambda factor: forces(law, depth * factor, rate, entry),
-        "the rate": lambda factor: forces(law, depth, rate * factor, entry),
-        "the entry speed": lambda factor: forces(law, depth, rate, entry * factor),
-    }
-    numbers, rest = eqx.partition(law, eqx.is_inexact_array)
+    # The numbers of which one at a time is multiplied by a factor.
+    arguments = *jnp.asarray(SMOOTH).T, jax.tree.map(jnp.asarray, law)
+    numbers, rest = eqx.partition(arguments, eqx.is_inexact_array)
     leaves, structure = jax.tree.flatten(numbers)
+    names = ["the depth", "the rate", "the entry speed"]
+    for path, _ in jax.tree_util.tree_leaves_with_path(numbers[-1]):
+        names.append(f"`{jax.tree_util.keystr(path).lstrip('.')}`")
 
-    def with_parameter(k: int, factor: Scalar) -> Points:
+    def forces_with(k: int, factor: Scalar) -> Points:
         leaf = leaves[k]
         # Zero times a factor would stay zero: such a parameter grows with the factor instead.
         leaf = jnp.where(jnp.any(leaf != 0.0), leaf * factor, leaf + (factor - 1.0))
         changed = jax.tree.unflatten(structure, [*leaves[:k], leaf, *leaves[k + 1 :]])
-        return forces(eqx.combine(changed, rest), depth, rate, entry)
+        *points, law = eqx.combine(changed, rest)
+        return forces(law, *points)
 
-    for k, (path, _) in enumerate(jax.tree_util.tree_leaves_with_path(numbers)):
-        name = jax.tree_util.keystr(path).lstrip(".")
-        scaled[f"`{name}`"] = partial(with_parameter, k)
-    # The derivative by the factor at 1 is the derivative by the number times the number.
-    for name, forces_of in scaled.items():
+    for k, name in enumerate(names):
+        forces_of = partial(forces_with, k)
+        # The derivative by the factor at 1 is the derivative by the number times the number.
         _, exact = jax.jvp(forces_of, (1.0,), (1.0,))
         numeric = (forces_of(1.0 + STEP) - forces_of(1.0 - STEP)) / (2.0 * STEP)
         allowed = TOLERANCE * (jnp.abs(exact) + 1e-3 * jnp.abs(forces_of(1.0)))
