@@ -140,8 +140,7 @@ def write_run_report(folder: Path) -> None:
         numbers = pd.read_csv(folder / folders.NUMBERS).set_index("output")
         parts.append(_table("Outputs", numbers, len(numbers)))
     if (folder / f"{folders.MOTION}.nc").exists():
-        scene, saved = folders.read_run(folder)
-        solution = folders.read_drawn(folder, scene, saved)
+        scene, solution = folders.read_run(folder)
         _draw_run(folder, scene, solution)
         _write_view(folder, scene, solution)
         if solution.impacts is not None and len(solution.impacts):
