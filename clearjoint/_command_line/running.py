@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import equinox as eqx
 import jax
 import numpy as np
 import pandas as pd
@@ -17,7 +18,7 @@ from .._math.vectors import Scalar
 from .._model.scene import Scene
 from .._result_codes import RESULTS
 from .._simulation.reductions.base import AbstractReduction, result_name
-from .._simulation.reductions.quantities import Peak, PeakTally
+from .._simulation.reductions.quantities import Peak
 from .._simulation.results.impact_table import Impacts
 from .._simulation.results.observe import Observation, observe, values_along
 from .._simulation.results.solution import Crossings, Solution, by_contact, contact_label
@@ -45,17 +46,18 @@ LARGEST, SMALLEST = " largest", " smallest"
 PREFIXES = {Crossings: folders.SECTION, Impacts: folders.TABLE, Rejections: folders.REJECTED}
 
 
-class Trough(Peak):
-    """Smallest value of a quantity in a run, with its time: the peak of the negative quantity."""
+class Negative(AbstractQuantity):
+    """The negative of a quantity, whose `Peak` is the negative of the quantity's minimum."""
+
+    quantity: AbstractQuantity = eqx.field(static=True)
 
     @override
-    def _value(self, now: Instant) -> Scalar:
-        return -super()._value(now)
+    def __call__(self, now: Instant) -> Scalar:
+        return -self.quantity(now)
 
     @override
-    def results(self, tally: PeakTally, now: Instant) -> dict[str, Scalar]:
-        peak = super().results(tally, now)
-        return {**peak, "": -peak[""]}
+    def check(self, scene: Scene) -> None:
+        self.quantity.check(scene)
 
 
 def run(study: Study, folder: Path) -> CommandResult:
@@ -156,7 +158,7 @@ def extremes_of(part: RunPart, settings: Settings) -> dict[str, AbstractReductio
     for name, output in part.outputs.items():
         if isinstance(output, AbstractQuantity) and output.unit in SHARP:
             extremes[name + LARGEST] = Peak(output, output.unit)
-            extremes[name + SMALLEST] = Trough(output, output.unit)
+            extremes[name + SMALLEST] = Peak(Negative(output), output.unit)
     if extremes:
         # Only explicit Runge-Kutta methods have dense output. `redundant` does not affect the
         # solver, so any value serves here.
@@ -175,6 +177,9 @@ def write_results(
     study: Study, solution: Solution, extremes: Mapping[str, AbstractReduction], folder: Path
 ) -> tuple[float, str]:
     """Write the tables of a run; return the largest force of a contact, N, and its label."""
+    # The peak of a `Negative` is the negative of the smallest value.
+    smallest = {name: -solution.outputs[name] for name in extremes if name.endswith(SMALLEST)}
+    solution = replace(solution, outputs={**solution.outputs, **smallest})
     observed = observe(study.scene, solution)
     formulation = {folders.FORMULATION: folders.formulation_text(solution.formulation)}
     motion = solution.to_xarray().assign_attrs(formulation)
