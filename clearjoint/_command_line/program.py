@@ -327,6 +327,6 @@ def _end(result: CommandResult, folder: Path) -> NoReturn:
     from .reports import write_report
 
     if result.wrote:
-        write_report(folder)
+        write_report(folder, result.dataset)
     click.echo(f"{result.line}: {folder / PAGE if result.wrote else 'nothing was written'}")
     raise click.exceptions.Exit(result.code)

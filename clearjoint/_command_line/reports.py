@@ -115,14 +115,15 @@ STAGES, PROFILES = "stages.csv", "profiles.csv"
 STYLE = Path(__file__).parent / "templates" / "page.css"
 
 
-def write_report(folder: Path) -> None:
-    """Draw the figures of a folder again, and write its page. The figures of a fit stay, since the
-    folder lacks some of their data."""
+def write_report(folder: Path, dataset: xr.Dataset | None = None) -> None:
+    """Draw the figures of a folder, and write its page. `dataset`: of a sweep, by default read from
+    its store. The figures of a fit stay, since the folder lacks some of their data."""
     kind = folders.read_summary(folder)["kind"]
     if kind == "run":
         write_run_report(folder)
     elif kind == "sweep":
-        write_sweep_report(folder, open_sweep(folder / folders.STORE).load())
+        dataset = open_sweep(folder / folders.STORE) if dataset is None else dataset
+        write_sweep_report(folder, dataset.load())
     elif kind == "wear":
         store, needed = folder / folders.WEAR_STORE, ["force", *(f"{p}_volume" for p in PARTS)]
         results = open_wear(store)

@@ -64,7 +64,7 @@ def sweep(study: Study, folder: Path) -> CommandResult:
     elif not summary["lanes successful"]:
         say(f"error: no lane ran to its end; their result codes are in {folder}")
         code = FAILED
-    return CommandResult(code, line)
+    return CommandResult(code, line, dataset=dataset)
 
 
 def sweep_axes(study: Study, part: SweepPart) -> dict[str, Axis]:
