@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Float
 
-from .._math.rotations import normalised, rotation_matrix
+from .._math.rotations import normalised, rotation_matrix, turned
 from .._math.vectors import EulerParameters, Vector
 from .._model.bodies import Motion
 
@@ -92,11 +92,13 @@ def moving(
 
 
 def moved(motions: Mapping[str, Motion], time: float) -> dict[str, Motion]:
-    """Return motions after `time`, s, at constant global velocities and spins in body axes."""
+    """Return motions after a short `time`, s, at constant global velocities and spins in body axes;
+    the error of the rotation grows with the third power of the time."""
     after = {}
     for name, motion in motions.items():
         position = motion.position + motion.velocity * time
-        rotation = motion.rotation @ rotation_matrix(_exponential(motion.spin * time))
+        further = rotation_matrix(turned(EulerParameters(1.0, 0.0, 0.0, 0.0), motion.spin * time))
+        rotation = motion.rotation @ further
         after[name] = replace(motion, position=position, rotation=rotation)
     return after
 
@@ -104,10 +106,3 @@ def moved(motions: Mapping[str, Motion], time: float) -> dict[str, Motion]:
 def at_rest(motions: Mapping[str, Motion]) -> dict[str, Motion]:
     """Return motions with zero velocities and spins."""
     return {n: replace(m, velocity=m.velocity * 0.0, spin=m.spin * 0.0) for n, m in motions.items()}
-
-
-def _exponential(angle: Vector) -> EulerParameters:
-    """Euler parameters of the rotation by a rotation vector, rad."""
-    size = jnp.sqrt(angle.dot(angle)) + 1e-300  # no division by zero without rotation
-    scale = jnp.sin(0.5 * size) / size
-    return EulerParameters(jnp.cos(0.5 * size), angle.x * scale, angle.y * scale, angle.z * scale)
