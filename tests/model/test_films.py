@@ -169,12 +169,18 @@ class Faulty(cj.extend.AbstractFilm):
         return gap.spin * self.per_spin
 
 
+def cosine(gap):
+    """Of the angle between the offset and its rate; zero where one of them has no direction."""
+    sizes = jnp.sqrt(gap.rate.dot(gap.rate) * gap.offset.dot(gap.offset))
+    return gap.rate.dot(gap.offset) / jnp.where(sizes > 0.0, sizes, 1.0)
+
+
 FAULTS = {
     "force is not finite": lambda gap: 1.0 / jnp.sqrt(gap.rate.dot(gap.rate)),
     "supplies power": lambda gap: 1.0,
     "does not rotate": lambda gap: -jnp.cosh(gap.offset.x),
     "derivative by offset or rate is not finite": lambda gap: -jnp.sqrt(gap.rate.dot(gap.rate)),
-    "force jumps by": lambda gap: -jnp.where(gap.rate.dot(gap.offset) > 0.0, 1.0, 2.0),
+    "force jumps by": lambda gap: -jnp.where(cosine(gap) > 0.3, 1.0, 2.0),
 }
 
 
