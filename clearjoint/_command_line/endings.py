@@ -4,20 +4,25 @@ import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 WELL, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit codes of the program: success, failed computation, wrong input, and Ctrl-C."""
 
 
 class CommandResult(NamedTuple):
-    """Exit code of a command, its result in one line, and whether it wrote results."""
+    """Exit code of a command, its result in one line, whether it wrote results, and the `dataset`
+    of a sweep, whose store does not keep the order of the outputs."""
 
     code: int
     line: str
     wrote: bool = True
+    dataset: "xr.Dataset | None" = None
 
 
 def say(text: str) -> None:

@@ -25,8 +25,8 @@ SERIES = "series "
 
 def fit(study: Study, folder: Path) -> CommandResult:
     """Fit the parameters of a study's section [fit], and write estimates, the fitted scene and
-    series, a report and an HTML page. After Ctrl-C, the best fit so far is written; nothing if no
-    run had ended."""
+    series, figures and a report. After Ctrl-C, the best fit so far is written; nothing if no run
+    had ended."""
     part = study.parts.fit
     location = study.location.at("fit")
     if part is None:
@@ -64,12 +64,11 @@ def fit(study: Study, folder: Path) -> CommandResult:
         # best result so far of the fit that was interrupted.
         interrupted, result = True, stopped.fits[-1]
     # Imported here, because it takes long and `clearjoint check` does not need it.
-    from .reports import write_fit_report
+    from .reports import draw_fit
 
-    # The page shows the summary and the tables, so it is written after them.
     summary = write_fit(result, folder) | ({"ended": "interrupted"} if interrupted else {})
     write_summary(folder, "fit", study, summary)
-    write_fit_report(folder, result)
+    draw_fit(folder, result)
     if interrupted:
         line = f"interrupted; the best fit so far is in {folder / REPORT}"
         return CommandResult(INTERRUPTED, line)

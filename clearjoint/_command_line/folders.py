@@ -4,7 +4,6 @@ import json
 import time
 from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from zlib import crc32
 
@@ -39,7 +38,7 @@ SECTION, TABLE, REJECTED = "section ", "impacts of ", "rejected steps of "
 """Prefixes of the names of the tables of outputs."""
 STORE, WEAR_STORE = "sweep.zarr", "wear.zarr"
 FIGURES = "figures"
-PAGE = "index.html"
+PAGE, VIEW, PDF = "index.html", "view.html", "report.pdf"
 
 Summary = Mapping[str, str | int | float]
 
@@ -125,16 +124,12 @@ def require_names(path: Path, needed: Iterable[str], available: Collection[objec
 
 
 def read_run(folder: Path) -> tuple[Scene, solutions.Solution]:
-    """Return the scene and the solution of a run in a folder, without the accepted steps."""
-    needed = [
-        "time",
-        "body",
-        *solutions.STATE_PARTS,
-        *(f"final_{part}" for part in solutions.STATE_PARTS),
-    ]
+    """Return the scene and the solution of a run in a folder, without the accepted steps. The saved
+    states are the many `DRAWN`, if the folder has them."""
+    states = ["time", "body", *solutions.STATE_PARTS]
+    needed = [*states, *(f"final_{part}" for part in solutions.STATE_PARTS), FORMULATION]
     needed += ["time_reached", "result", "attempts", "accepted", "redundant_constraints"]
-    needed += [FORMULATION]
-    motion = read_table(folder, MOTION, needed)
+    motion, drawn = read_table(folder, MOTION, needed), read_table(folder, DRAWN, states)
     if motion is None or not (folder / SCENE).exists():
         files = f"{MOTION}.nc and {SCENE}"
         remedy = "run `clearjoint run` again"
@@ -149,14 +144,15 @@ def read_run(folder: Path) -> tuple[Scene, solutions.Solution]:
     # be unknown here; such a run counts as one that was not finished.
     results = {RESULTS[item]: item for item in RESULTS._name_to_item.values()}
     notes = {key: value for key, value in motion.attrs.items() if key.startswith("setting_")}
+    saved = motion if drawn is None else drawn
     return scene, solutions.Solution(
         time=float(motion.attrs["time_reached"]),
         final=_state(scene, motion, "final_"),
         result=results.get(motion.attrs["result"], RESULTS.max_steps_reached),
         attempts=int(motion.attrs["attempts"]),
         accepted=int(motion.attrs["accepted"]),
-        saved=solutions.Trajectory(motion["time"].values, _state(scene, motion)),
-        saved_count=motion.sizes["time"],
+        saved=solutions.Trajectory(saved["time"].values, _state(scene, saved)),
+        saved_count=saved.sizes["time"],
         steps=None,
         impacts=_impacts(folder),
         formulation=read_formulation(motion.attrs, FileLocation(f"{folder / MOTION}.nc")),
@@ -172,15 +168,6 @@ def _impacts(folder: Path) -> Impacts | None:
         return None
     names = {name: table[name].values.astype(object) for name in NAMED}
     return Impacts(**names, **{name: table[name].values for name in IMPACT_UNITS})
-
-
-def read_drawn(folder: Path, scene: Scene, solution: solutions.Solution) -> solutions.Solution:
-    """Return a run with the denser states `DRAWN` of its folder, if there are any."""
-    table = read_table(folder, DRAWN, ["time", "body", *solutions.STATE_PARTS])
-    if table is None:
-        return solution
-    path = solutions.Trajectory(table["time"].values, _state(scene, table))
-    return replace(solution, saved=path, saved_count=len(path))
 
 
 def formulation_text(formulation: Formulation) -> str:

@@ -6,7 +6,7 @@ Each command imports the modules with which it computes only when it runs, so th
 from collections.abc import Callable
 from inspect import getdoc
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import click
 
@@ -196,13 +196,10 @@ def fit_robot(robot: Path, log: Path, file: Path, out: Path | None) -> None:
     the page index.html, and fitted.toml, the scene with the estimates.
     """
     _prepare()
-    from .folders import PAGE
     from .robot_fitting import fit_robot_of, read_robot_fit
 
     folder = out or Path("results") / file.stem / "fit-robot"
-    result = fit_robot_of(read_robot_fit(robot, log, file), folder)
-    click.echo(f"{result.line}: {folder / PAGE if result.wrote else 'nothing was written'}")
-    raise click.exceptions.Exit(result.code)
+    _end(fit_robot_of(read_robot_fit(robot, log, file), folder), folder)
 
 
 @command(
@@ -317,12 +314,19 @@ def _compute(
     out: Path | None,
     **options: str | None,
 ) -> None:
-    """Call the `function` of a `command`, print the line of its result, and exit with the result's
-    code. `options` replace entries of the section of the study that has the command's name."""
-    from .folders import PAGE
-
+    """Call the `function` of a `command`, and end the program with its result. `options` replace
+    entries of the section of the study that has the command's name."""
     folder = out or Path("results") / file.stem / command
     others = (f"{command}.{name}={value}" for name, value in options.items() if value is not None)
-    result = function(_read_study(file, (*changes, *others)), folder)
+    _end(function(_read_study(file, (*changes, *others)), folder), folder)
+
+
+def _end(result: CommandResult, folder: Path) -> NoReturn:
+    """Write the page of the results in a folder, print their line, and exit with their code."""
+    from .folders import PAGE
+    from .reports import write_report
+
+    if result.wrote:
+        write_report(folder, result.dataset)
     click.echo(f"{result.line}: {folder / PAGE if result.wrote else 'nothing was written'}")
     raise click.exceptions.Exit(result.code)

@@ -3,7 +3,6 @@
 import base64
 import re
 from html import escape
-from itertools import product
 from pathlib import Path
 from urllib.parse import quote
 
@@ -15,7 +14,7 @@ from matplotlib.axes import Axes
 
 from .. import plot
 from .._durability.wear import open_wear
-from .._durability.wear_derivatives import PARTS, Part
+from .._durability.wear_derivatives import PARTS
 from .._export.datasets import to_frame
 from .._identification.fit import Fit
 from .._model.clearance_joints.journal_bases import HasJournal
@@ -31,6 +30,7 @@ from ..plot.report_page import IMPACT_COLUMNS, impact_rows
 from ..plot.style import fitting_unit, scaled
 from . import folders
 from .endings import say
+from .wearing import stage_table, worn_parts
 
 
 def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
@@ -49,13 +49,8 @@ def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
     for name, crossings in solution.outputs.items():
         if len(crossings):
             _save(folder, f"section {name}", plot.poincare_section(crossings))
-    plot.report(scene, solution, folder / PDF, title=str(folders.read_summary(folder)["title"]))
-
-
-def worn_parts(dataset: xr.Dataset) -> list[tuple[str, Part]]:
-    """Return the parts that have worn, as pairs of a joint's name and "bearing" or "journal"."""
-    pairs = product(map(str, dataset["joint"].values), PARTS)
-    return [(j, part) for j, part in pairs if (dataset[f"{part}_depth"].sel(joint=j) > 0.0).any()]
+    title = str(folders.read_summary(folder)["title"])
+    plot.report(scene, solution, folder / folders.PDF, title=title)
 
 
 def _draw_output(folder: Path, dataset: xr.Dataset, name: str, axes: list[str]) -> None:
@@ -117,18 +112,18 @@ def _save(folder: Path, name: str, axes: Axes) -> None:
 ROWS = 20
 """Largest number of impacts, or of lanes of a sweep, in a table of the page."""
 STAGES, PROFILES = "stages.csv", "profiles.csv"
-VIEW, PDF = "view.html", "report.pdf"
 STYLE = Path(__file__).parent / "templates" / "page.css"
 
 
-def write_report(folder: Path) -> None:
-    """Draw the figures of a folder again, and write its page. The figures of a fit stay, since the
-    folder lacks some of their data."""
+def write_report(folder: Path, dataset: xr.Dataset | None = None) -> None:
+    """Draw the figures of a folder, and write its page. `dataset`: of a sweep, by default read from
+    its store. The figures of a fit stay, since the folder lacks some of their data."""
     kind = folders.read_summary(folder)["kind"]
     if kind == "run":
         write_run_report(folder)
     elif kind == "sweep":
-        write_sweep_report(folder, open_sweep(folder / folders.STORE).load())
+        dataset = open_sweep(folder / folders.STORE) if dataset is None else dataset
+        write_sweep_report(folder, dataset.load())
     elif kind == "wear":
         store, needed = folder / folders.WEAR_STORE, ["force", *(f"{p}_volume" for p in PARTS)]
         results = open_wear(store)
@@ -146,8 +141,7 @@ def write_run_report(folder: Path) -> None:
         numbers = pd.read_csv(folder / folders.NUMBERS).set_index("output")
         parts.append(_table("Outputs", numbers, len(numbers)))
     if (folder / f"{folders.MOTION}.nc").exists():
-        scene, saved = folders.read_run(folder)
-        solution = folders.read_drawn(folder, scene, saved)
+        scene, solution = folders.read_run(folder)
         _draw_run(folder, scene, solution)
         _write_view(folder, scene, solution)
         if solution.impacts is not None and len(solution.impacts):
@@ -187,17 +181,16 @@ def write_sweep_report(folder: Path, dataset: xr.Dataset) -> None:
     write_page(folder, _table("Lanes", frame, ROWS))
 
 
-def write_fit_report(folder: Path, fit: Fit) -> None:
+def draw_fit(folder: Path, fit: Fit) -> None:
     _save(folder, "fitted", plot.fitted(fit)[0, 0])
     if len(fit.parameters) > 1:
         _save(folder, "correlations", plot.correlations(fit))
-    write_page(folder)
 
 
-def write_robot_report(folder: Path, result: RobotFit) -> None:
+def draw_robot_fit(folder: Path, result: RobotFit) -> None:
     if result.hysteresis():
         _save(folder, "hysteresis", plot.joint_hysteresis(result)[0])
-    write_fit_report(folder, result.fit)
+    draw_fit(folder, result.fit)
 
 
 def write_wear_report(folder: Path, dataset: xr.Dataset) -> None:
@@ -232,22 +225,6 @@ def write_wear_report(folder: Path, dataset: xr.Dataset) -> None:
         plot.style.legend_above(axes, min(len(curves), 2))
         _save(folder, figure, axes)
     write_page(folder, _table("Stages", frame, len(frame)))
-
-
-def stage_table(dataset: xr.Dataset) -> pd.DataFrame:
-    """Return a table of a result of `clearjoint.wear` with a row for each stage: depths and volumes
-    before it, and largest forces during its run. The last row is the state at the end, with forces
-    NaN if no run follows it."""
-    columns = {"cycles": dataset["cycles"].values}
-    for joint in dataset["joint"].values:
-        columns[f"force in {joint} [N]"] = dataset["force"].sel(joint=joint).values
-    for joint, part in worn_parts(dataset):
-        depths = dataset[f"{part}_depth"].sel(joint=joint).transpose("stage", "angle").values
-        columns[f"{part} of {joint}, largest [m]"] = depths.max(axis=1)
-        columns[f"{part} of {joint}, mean [m]"] = depths.mean(axis=1)
-        volumes = dataset[f"{part}_volume"].sel(joint=joint).values
-        columns[f"{part} of {joint}, volume [m^3]"] = volumes
-    return pd.DataFrame(columns)
 
 
 def write_page(folder: Path, *parts: str) -> None:
@@ -310,6 +287,6 @@ def lane_table(dataset: xr.Dataset) -> pd.DataFrame:
 
 def _write_view(folder: Path, scene: Scene, solution: Solution) -> None:
     try:
-        view(scene, solution).save(folder / VIEW)
+        view(scene, solution).save(folder / folders.VIEW)
     except ImportError as error:
-        say(f"note: {VIEW} is not written. {error}")
+        say(f"note: {folders.VIEW} is not written. {error}")

@@ -78,11 +78,10 @@ class RobotFitStudy(AbstractStudy):
     driven_by: DrivenBy
     parts: RobotFitParts
     location: FileLocation
-    started: float
+    started: float = field(default_factory=time.perf_counter)
 
 
 def read_robot_fit(robot_file: Path, log_file: Path, path: Path) -> RobotFitStudy:
-    started = time.perf_counter()
     document, location = read_document(path)
     reader = Reader(CLASSES)
     parts: RobotFitParts = reader.instance(RobotFitParts, document, location)
@@ -113,7 +112,7 @@ def read_robot_fit(robot_file: Path, log_file: Path, path: Path) -> RobotFitStud
         )
         start = log.start if parts.start is None else parts.start
         end = log.end if parts.end is None else parts.end
-        return RobotFitStudy(robot, log.between(start, end), driven_by, parts, location, started)
+        return RobotFitStudy(robot, log.between(start, end), driven_by, parts, location)
 
 
 def fit_robot_of(study: RobotFitStudy, folder: Path) -> CommandResult:
@@ -132,7 +131,7 @@ def fit_robot_of(study: RobotFitStudy, folder: Path) -> CommandResult:
             )
     except FitInterrupted:
         return CommandResult(INTERRUPTED, "interrupted", wrote=False)
-    from .reports import write_robot_report
+    from .reports import draw_robot_fit
 
     fit = result.fit
     summary = write_fit(fit, folder)
@@ -140,7 +139,7 @@ def fit_robot_of(study: RobotFitStudy, folder: Path) -> CommandResult:
     write_table(folder, "estimates", result.to_xarray())
     (folder / REPORT).write_text(f"{result}\n", encoding="utf-8")
     write_summary(folder, "fit of a robot", study, summary)
-    write_robot_report(folder, result)
+    draw_robot_fit(folder, result)
     for sentence in result.undetermined.values():
         say(f"note: {sentence}")
     estimates = [f"{name} {fit.estimates[name]:.5g} {fit.units[name]}" for name in fit.parameters]

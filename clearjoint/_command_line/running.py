@@ -21,7 +21,7 @@ from .._simulation.reductions.base import AbstractReduction, result_name
 from .._simulation.reductions.quantities import Peak
 from .._simulation.results.impact_table import Impacts
 from .._simulation.results.observe import Observation, observe, values_along
-from .._simulation.results.solution import Crossings, Solution, contact_label
+from .._simulation.results.solution import Crossings, Solution, by_contact, contact_label
 from .._simulation.run.outputs import Table
 from .._simulation.run.rejections import Rejections
 from .._simulation.run.saving import Saving
@@ -61,8 +61,8 @@ class Negative(AbstractQuantity):
 
 
 def run(study: Study, folder: Path) -> CommandResult:
-    """Run a study's scene, and write tables, figures and a page; after a failure or Ctrl-C, these
-    have the results so far."""
+    """Run a study's scene, and write its tables; after a failure or Ctrl-C, these have the results
+    so far."""
     settings = study.settings("run")
     extremes = extremes_of(study.parts.run, settings)
     times = study.parts.run.saved_times(study.end())
@@ -75,13 +75,10 @@ def run(study: Study, folder: Path) -> CommandResult:
         # Every `parts`-th time is one at which the study saves a state.
         saved = jax.tree.map(lambda rows: rows[::parts], path)
         solution = replace(solution, saved=saved, saved_count=len(saved))
-    # Imported here, because it takes long and `clearjoint check` does not need it.
-    from .reports import PDF, VIEW, write_run_report
-
     folder.mkdir(parents=True, exist_ok=True)
     names = [folders.DRAWN, folders.MOTION, folders.OBSERVED, folders.IMPACTS, folders.OUTPUTS]
     names += [f"{prefix}*" for prefix in PREFIXES.values()]
-    folders.remove_old(folder, names, [folders.NUMBERS, PDF, VIEW])
+    folders.remove_old(folder, names, [folders.NUMBERS, folders.PDF, folders.VIEW])
     folders.write_scene(folder, study.scene, study.state)
     # All tables are left out if no state was saved, since most of them describe the saved states.
     force, contact = 0.0, ""
@@ -89,12 +86,10 @@ def run(study: Study, folder: Path) -> CommandResult:
         force, contact = write_results(study, solution, extremes, folder)
         write_netcdf(path.to_xarray(), folder / f"{folders.DRAWN}.nc")
     folders.write_scene(folder, study.scene, solution.final, folders.REACHED)
-    # The page shows the summary and the tables, so it is written after them.
     summary = _summary(study, solution, code == INTERRUPTED)
     if force:
         summary |= {"largest_contact_force_N": force, "largest_contact_force_of": contact}
     folders.write_summary(folder, "run", study, {**summary, **dict(solution.settings)})
-    write_run_report(folder)
     reached = f"t = {float(solution.time):.6g} s"
     if code != WELL:
         failure = f"error: the run ended at {reached}: {RESULTS[solution.result]}"
@@ -182,6 +177,9 @@ def write_results(
     study: Study, solution: Solution, extremes: Mapping[str, AbstractReduction], folder: Path
 ) -> tuple[float, str]:
     """Write the tables of a run; return the largest force of a contact, N, and its label."""
+    # The peak of a `Negative` is the negative of the smallest value.
+    smallest = {name: -solution.outputs[name] for name in extremes if name.endswith(SMALLEST)}
+    solution = replace(solution, outputs={**solution.outputs, **smallest})
     observed = observe(study.scene, solution)
     formulation = {folders.FORMULATION: folders.formulation_text(solution.formulation)}
     motion = solution.to_xarray().assign_attrs(formulation)
@@ -214,8 +212,7 @@ def _outputs(
     for name, quantity in quantities.items():
         values, extremes = values_along(scene, solution, quantity, saved), {}
         if name + LARGEST in numbers:
-            # A reduction of the quantity `Negative` gives the negative of the smallest value.
-            largest, smallest = numbers[name + LARGEST], -numbers[name + SMALLEST]
+            largest, smallest = numbers[name + LARGEST], numbers[name + SMALLEST]
             extremes = {
                 "largest": largest,
                 "largest_time": numbers[f"{name}{LARGEST}_time"],
@@ -241,13 +238,9 @@ def _write_numbers(
 ) -> None:
     rows = []
     for name, reduction in reductions.items():
-        # The peak of a `Negative` is the negative of the smallest value. Its other numbers, such as
-        # the time of the peak, keep their signs.
-        sign = -1.0 if isinstance(getattr(reduction, "quantity", None), Negative) else 1.0
         for part, unit in reduction.units().items():
             output = result_name(name, part)
-            value = solution.outputs[output]
-            rows.append((output, value if part else sign * value, unit))
+            rows.append((output, solution.outputs[output], unit))
     frame = pd.DataFrame(rows, columns=["output", "value", "unit"])
     frame.to_csv(folder / folders.NUMBERS, index=False)
 
@@ -256,9 +249,8 @@ def _largest_force(solution: Solution, observed: Observation) -> tuple[float, st
     # Both are needed: saved states miss the peaks of most impacts, and the table of impacts lacks
     # contacts that have not ended in the run.
     forces = [
-        (float(values.normal_force.max()), contact_label(joint, contact))
-        for joint, family in observed.contacts.items()
-        for contact, values in family.items()
+        (float(contact.normal_force.max()), label)
+        for label, contact in by_contact(observed.contacts).items()
     ]
     if (impacts := solution.impacts) is not None and len(impacts):
         k = int(np.argmax(impacts.peak_force))

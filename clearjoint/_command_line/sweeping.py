@@ -17,8 +17,8 @@ from .study import AxisPart, FoundPath, Study, SweepPart, find_path
 
 
 def sweep(study: Study, folder: Path) -> CommandResult:
-    """Run a study's section [sweep], and write its store, tables, figures and page. Lanes that the
-    folder's store has already are not run again.
+    """Run a study's section [sweep], and write its store. Lanes that the folder's store has already
+    are not run again.
 
     The sweep counts as failed only if no lane ran to its end, since a sweep often includes values
     with which a mechanism can't run. After Ctrl-C, results so far are written.
@@ -55,21 +55,16 @@ def sweep(study: Study, folder: Path) -> CommandResult:
         if not (folder / STORE).exists():  # nothing is finished that could be reported
             raise
         dataset, code = open_sweep(folder / STORE), INTERRUPTED
-    # Imported here, because it takes long and `clearjoint check` does not need it.
-    from .reports import write_sweep_report
-
     summary, line = _summary(dataset, code)
     remove_old(folder)
-    # The page shows the summary and the table, so it is written after them.
     write_summary(folder, "sweep", study, summary)
-    write_sweep_report(folder, dataset.load())
     if code == INTERRUPTED:
         pending = summary["lanes pending"]
         say(f"interrupted; {pending} lanes are pending: run the same command to continue")
     elif not summary["lanes successful"]:
         say(f"error: no lane ran to its end; their result codes are in {folder}")
         code = FAILED
-    return CommandResult(code, line)
+    return CommandResult(code, line, dataset=dataset)
 
 
 def sweep_axes(study: Study, part: SweepPart) -> dict[str, Axis]:

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.animation import FuncAnimation, PillowWriter
-from matplotlib.artist import Artist
+from matplotlib.animation import PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Annulus, Circle
@@ -102,18 +101,13 @@ def animate_journal(
         offsets = eccentricity_vectors(observation, joint, base, section) * (DRAWN_GAP / clearance)
         touching = observation.contacts[joint][base].penetration > 0.0
         pictures.append((Picture(axes), offsets, touching))
-
-    def draw(index: int) -> list[Artist]:
-        for picture, offsets, touching in pictures:
-            picture.show(offsets[index], touching[index])
-        time_text.set_text(f"{observation.times[index] * 1e3:.1f} ms")
-        return []  # FuncAnimation needs the changed artists only to redraw parts of the figure
-
-    frames = _nearest(observation.times, instants)
-    # `list` draws nothing: without `init_func`, the first frame would be drawn twice.
-    animation = FuncAnimation(figure, draw, frames=frames, init_func=list)
-    # A low resolution, in pixels per inch, keeps the file small.
-    animation.save(file, writer=PillowWriter(frames_per_second), dpi=80)
+    writer = PillowWriter(frames_per_second)
+    with writer.saving(figure, str(file), dpi=80):  # a low resolution keeps the file small
+        for index in _nearest(observation.times, instants):
+            for picture, offsets, touching in pictures:
+                picture.show(offsets[index], touching[index])
+            time_text.set_text(f"{observation.times[index] * 1e3:.1f} ms")
+            writer.grab_frame()
 
 
 class Picture:

@@ -5,7 +5,6 @@ from collections.abc import Iterable
 
 import numpy as np
 import xarray as xr
-from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
 from .._fields.checks import require
@@ -32,27 +31,12 @@ def fitted(fit: Fit, series: list[str] | None = None) -> np.ndarray:
     names = measured if series is None else list(series)
     is_valid = bool(names) and set(names) <= set(measured)
     require(is_valid, "series", names, "names of series", f"choose from {', '.join(measured)}")
-    columns = min(2, len(names))
-    blocks = -(-len(names) // columns)  # rows of series, rounded up
-    figure, grid = plt.subplots(
-        2 * blocks,
-        columns,
-        figsize=(4.4 * columns, 3.8 * blocks),  # inches
-        height_ratios=[2.0, 1.0] * blocks,
-        sharex=True,
-        squeeze=False,
-        layout="constrained",
-    )
-    # Pairs of axes, one above the other. The last row may have fewer series than columns.
-    pairs = grid.reshape(blocks, 2, columns).swapaxes(0, 1).reshape(2, -1)
-    axes = pairs[:, : len(names)]
+    figure, axes = style.panels(len(names), (4.4, 3.8), (2.0, 1.0), sharex=True)
     # All axes share the times, and thus need one unit for series of different lengths.
     samples = np.concatenate([fit.measurements.series[name].times for name in names])
     times = style.scaled(xr.DataArray(samples, name="time", attrs={"units": "s"}))
     for name, (above, below) in zip(names, axes.T, strict=True):
         _draw(fit, name, times, above, below)
-    for empty in pairs[:, len(names) :].flat:
-        empty.set_visible(False)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=2, frameon=False)
     return axes

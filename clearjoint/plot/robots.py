@@ -4,10 +4,9 @@ from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
-from matplotlib import pyplot as plt
 
 from .._fields.checks import require
-from .style import BLUE, GREY, dress, legend_above
+from .style import BLUE, GREY, dress, legend_above, panels
 
 Loop = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """Position and torque of a joint at N times, (N,) each, as logged and then as predicted."""
@@ -39,17 +38,11 @@ def joint_hysteresis(fit: FittedRobot) -> np.ndarray:
     loops = fit.hysteresis()
     remedy = "log both of them"
     require(bool(loops), "fit", [*loops], "with torque and position of a driven joint", remedy)
-    columns = min(2, len(loops))
-    rows = -(-len(loops) // columns)
-    size = 4.6 * columns, 3.6 * rows  # inches
-    _, grid = plt.subplots(rows, columns, figsize=size, squeeze=False, layout="constrained")
-    axes = grid.ravel()
-    for (joint, loop), drawn in zip(loops.items(), axes, strict=False):
+    _, (axes,) = panels(len(loops), (4.6, 3.6))
+    for (joint, loop), drawn in zip(loops.items(), axes, strict=True):
         position, torque, *predicted = loop
         drawn.plot(position, torque, ".", color=GREY, markersize=3, label="logged")
         drawn.plot(*predicted, color=BLUE, linewidth=0.8, label="predicted")
         dress(drawn, f"position of {joint}, rad or m", "torque, N m or N")
         legend_above(drawn, 2)
-    for empty in axes[len(loops) :]:
-        empty.set_visible(False)
-    return axes[: len(loops)]
+    return axes

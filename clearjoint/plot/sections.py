@@ -1,6 +1,5 @@
 """Draw Poincaré sections of a run or of a lane, and bifurcation diagrams of a sweep."""
 
-from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -82,8 +81,37 @@ def poincare_section(
     is_valid = len(chosen) == 2 and set(chosen) <= set(recorded)
     expected = f"two of those of the section, {list(recorded)}"
     require(is_valid, "channels", chosen, expected, "record two channels and name them")
-    drawn = [(name, *recorded[name]) for name in chosen]
-    return section_points(crossings.times, drawn, after, clearance, axes)
+    times, units = np.asarray(crossings.times), [recorded[name][1] for name in chosen]
+    is_drawn = np.full(len(times), True) if after is None else times >= after
+    last = f"at most that of the last crossing, {times.max(initial=0.0):.6g} s"
+    require(bool(is_drawn.any()) or after is None, "after", after, last, "give an earlier time")
+    is_drawable = clearance is None or set(units) == {"m"}
+    require(is_drawable, "clearance", clearance, f"None for channels in {units}", "leave it out")
+    rows = [np.asarray(recorded[name][0])[is_drawn] for name in chosen]
+    sizes = [np.abs(row[np.isfinite(row)]).max(initial=0.0) for row in rows]
+    # Channels of the same unit and a similar size get the same prefix and the same scale, as both
+    # components of a vector should; if one is 20 times the other, the points would lie on a line.
+    # With a circle the scales must be the same, whatever the sizes.
+    largest = max(*sizes, 0.0 if clearance is None else clearance)
+    similar = units[0] == units[1] and largest <= 20.0 * min(sizes)
+    same = similar or clearance is not None
+    columns = []
+    for name, unit, row, size in zip(chosen, units, rows, sizes, strict=True):
+        factor, text = style.fitting_unit(np.array([largest if same else size]), unit)
+        suffix = "" if text == "1" else f", {text}"
+        columns.append((row * factor, f"{shown(name.replace('_', ' '))}{suffix}", factor))
+    (x, x_label, factor), (y, y_label, _) = columns
+    axes = _mapped(x, y, 1 + np.flatnonzero(is_drawn), (x_label, y_label), axes)
+    if clearance is not None:
+        clearance_circle(axes, clearance, factor=factor)
+    if same:
+        # The limits are widened for equal scales. With a circle the axes are made smaller instead,
+        # so that the circle fills them.
+        axes.set_aspect("equal", adjustable="datalim" if clearance is None else "box")
+    if after is not None:
+        text = f"{is_drawn.sum()} of {len(is_drawn)} crossings, from {after:g} s on"
+        axes.set_title(text, fontsize="small", loc="right")
+    return axes
 
 
 def poincare_section_of_lane(
@@ -111,53 +139,11 @@ def poincare_section_of_lane(
     require(int(count) >= 0, "lane", f"{section}_count = {int(count)}", expected, remedy)
     # The arrays of a lane may have space for more crossings than it has.
     recorded = slice(int(count))
-    drawn = [
-        (channel, lane[name].values[recorded], lane[name].attrs.get("units", "1"))
-        for channel, name in zip(channels, names, strict=True)
-    ]
-    return section_points(lane[f"{section}_time"].values[recorded], drawn, after, clearance, axes)
-
-
-def section_points(
-    times: np.ndarray,
-    channels: Sequence[tuple[str, np.ndarray, str]],
-    after: float | None = None,
-    clearance: float | None = None,
-    axes: Axes | None = None,
-) -> Axes:
-    """Draw two `channels`, each a name, values (N,) and an SI unit, of section crossings at `times`
-    (N,), s, as `poincare_section`."""
-    times, units = np.asarray(times), [unit for *_, unit in channels]
-    is_drawn = np.full(len(times), True) if after is None else times >= after
-    last = f"at most that of the last crossing, {times.max(initial=0.0):.6g} s"
-    require(bool(is_drawn.any()) or after is None, "after", after, last, "give an earlier time")
-    is_drawable = clearance is None or set(units) == {"m"}
-    require(is_drawable, "clearance", clearance, f"None for channels in {units}", "leave it out")
-    rows = [np.asarray(values)[is_drawn] for _, values, _ in channels]
-    sizes = [np.abs(row[np.isfinite(row)]).max(initial=0.0) for row in rows]
-    # Channels of the same unit and a similar size get the same prefix and the same scale, as both
-    # components of a vector should; if one is 20 times the other, the points would lie on a line.
-    # With a circle the scales must be the same, whatever the sizes.
-    largest = max(*sizes, 0.0 if clearance is None else clearance)
-    similar = units[0] == units[1] and largest <= 20.0 * min(sizes)
-    same = similar or clearance is not None
-    columns = []
-    for (channel, _, unit), row, size in zip(channels, rows, sizes, strict=True):
-        factor, text = style.fitting_unit(np.array([largest if same else size]), unit)
-        suffix = "" if text == "1" else f", {text}"
-        columns.append((row * factor, f"{shown(channel.replace('_', ' '))}{suffix}", factor))
-    (x, x_label, factor), (y, y_label, _) = columns
-    axes = _mapped(x, y, 1 + np.flatnonzero(is_drawn), (x_label, y_label), axes)
-    if clearance is not None:
-        clearance_circle(axes, clearance, factor=factor)
-    if same:
-        # The limits are widened for equal scales. With a circle the axes are made smaller instead,
-        # so that the circle fills them.
-        axes.set_aspect("equal", adjustable="datalim" if clearance is None else "box")
-    if after is not None:
-        text = f"{is_drawn.sum()} of {len(is_drawn)} crossings, from {after:g} s on"
-        axes.set_title(text, fontsize="small", loc="right")
-    return axes
+    columns = dict(zip(channels, (lane[name] for name in names), strict=True))
+    values = {channel: column.values[recorded] for channel, column in columns.items()}
+    units = {channel: column.attrs.get("units", "1") for channel, column in columns.items()}
+    crossings = Crossings(lane[f"{section}_time"].values[recorded], values, units)
+    return poincare_section(crossings, channels, after=after, clearance=clearance, axes=axes)
 
 
 def bifurcation(

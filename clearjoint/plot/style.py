@@ -56,6 +56,29 @@ def axes_or_new(axes: Axes | None, size: tuple[float, float] = (6.4, 4.0)) -> Ax
     return plt.subplots(figsize=size, layout="constrained")[1] if axes is None else axes
 
 
+def panels(
+    count: int, size: tuple[float, float], ratios: Sequence[float] = (1.0,), *, sharex: bool = False
+) -> tuple[Figure, np.ndarray]:
+    """Return a new figure and the axes of `count` panels, side by side in pairs. A panel of width
+    and height `size`, inches, has axes one above the other, with heights in the `ratios`; the array
+    of axes is (len(ratios), count)."""
+    columns, parts = min(2, count), len(ratios)
+    rows = -(-count // columns)  # rounded up: the last row may have a single panel
+    figure, grid = plt.subplots(
+        parts * rows,
+        columns,
+        figsize=(size[0] * columns, size[1] * rows),
+        height_ratios=[*ratios] * rows,
+        sharex=sharex,
+        squeeze=False,
+        layout="constrained",
+    )
+    axes = grid.reshape(rows, parts, columns).swapaxes(0, 1).reshape(parts, -1)
+    for empty in axes[:, count:].flat:
+        empty.set_visible(False)
+    return figure, axes[:, :count]
+
+
 def polar_or_new(axes: Axes | None) -> PolarAxes:
     """Give polar axes, by default new ones, grid lines at every 45°, and return them."""
     if axes is None:

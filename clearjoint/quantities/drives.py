@@ -1,7 +1,5 @@
 """Quantities of motors: torque and current."""
 
-import abc
-from collections.abc import Collection
 from typing import ClassVar
 
 import equinox as eqx
@@ -14,29 +12,7 @@ from .._model.scene import Scene
 from .base import AbstractQuantity, Instant, require_known
 
 
-class AbstractMotorQuantity(AbstractQuantity):
-    """Base class of quantities of a drive, one of the force elements of a scene."""
-
-    drive: str = eqx.field(static=True)
-
-    @override
-    def check(self, scene: Scene) -> None:
-        require_known("drive", self.drive, self.drives(scene))
-
-    @abc.abstractmethod
-    def drives(self, scene: Scene) -> Collection[str]:
-        """Return the names of the drives to which the quantity applies."""
-
-    def torque(self, now: Instant) -> Scalar:
-        """Return a drive's torque on its second body, N m, right-handed about the drive's axis."""
-        drive = now.scene.forces[self.drive]
-        if isinstance(drive, Servo):
-            return drive.present_torque(now.memory[self.drive], now.motions)
-        assert isinstance(drive, AbstractDriveTorque)
-        return drive.present_torque(now.motions, now.time)
-
-
-class MotorTorque(AbstractMotorQuantity):
+class MotorTorque(AbstractQuantity):
     """Torque of a `Motor`, `Servo`, `DriveTorque` or `TorsionalSpring` on its second body, N m.
 
     The torque is right-handed about the element's axis. For a user-defined
@@ -45,33 +21,41 @@ class MotorTorque(AbstractMotorQuantity):
     >>> torque = cj.quantities.MotorTorque("servo")
     """
 
+    drive: str = eqx.field(static=True)
     unit: ClassVar[str | None] = "N m"
 
     @override
-    def drives(self, scene: Scene) -> Collection[str]:
+    def check(self, scene: Scene) -> None:
         kinds = AbstractDriveTorque, Servo
-        return [name for name, force in scene.forces.items() if isinstance(force, kinds)]
+        drives = [name for name, force in scene.forces.items() if isinstance(force, kinds)]
+        require_known("drive", self.drive, drives)
 
     @override
     def __call__(self, now: Instant) -> Scalar:
-        return self.torque(now)
+        drive = now.scene.forces[self.drive]
+        if isinstance(drive, Servo):
+            return drive.present_torque(now.memory[self.drive], now.motions)
+        assert isinstance(drive, AbstractDriveTorque)
+        return drive.present_torque(now.motions, now.time)
 
 
-class MotorCurrent(AbstractMotorQuantity):
+class MotorCurrent(AbstractQuantity):
     """Current of a `Servo`, its torque over its `torque_constant`, A.
 
     >>> current = cj.quantities.MotorCurrent("servo")
     """
 
+    drive: str = eqx.field(static=True)
     unit: ClassVar[str | None] = "A"
 
     @override
-    def drives(self, scene: Scene) -> Collection[str]:
+    def check(self, scene: Scene) -> None:
         servos = {name: f for name, f in scene.forces.items() if isinstance(f, Servo)}
-        return [name for name, servo in servos.items() if servo.torque_constant is not None]
+        drives = [name for name, servo in servos.items() if servo.torque_constant is not None]
+        require_known("drive", self.drive, drives)
 
     @override
     def __call__(self, now: Instant) -> Scalar:
         servo = now.scene.forces[self.drive]
         assert isinstance(servo, Servo) and servo.torque_constant is not None
-        return self.torque(now) / servo.torque_constant
+        return MotorTorque(self.drive)(now) / servo.torque_constant

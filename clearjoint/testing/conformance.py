@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, PyTree
 
+from .._fields.types import ArrayLike
 from .._math.vectors import Condition, Scalar, Vector, unpack
 from .._model.bodies import Motion
 from .._model.contact.friction import AbstractBristleFriction, AbstractFriction
@@ -106,7 +107,7 @@ def check_law(
     >>> testing.check_law(cj.laws.HuntCrossley(0.8, 1e9))
     """
     wall = (jnp.asarray(bearing_radius), jnp.asarray(clearance))
-    depth, rate, entry = _grid(DEPTHS, RATES, ENTRY_SPEEDS)
+    depth, rate, entry = grid(DEPTHS, RATES, ENTRY_SPEEDS)
 
     # As in a simulation, laws that do not use the entry speed get None.
     def force(law: AbstractContactLaw, depth: Scalar, rate: Scalar, entry: Scalar) -> jax.Array:
@@ -139,7 +140,7 @@ def check_law(
     # but finite speed stands for the unknown one, so that a damping of about 1e-9 of the force
     # remains.
     if law.uses_entry_speed:
-        depth, rate = _grid(DEPTHS, RATES)
+        depth, rate = grid(DEPTHS, RATES)
         unknown = forces_at(law, depth, rate, jnp.full_like(depth, UNKNOWN_ENTRY_SPEED))
         ensure(
             jnp.allclose(unknown, jax.vmap(elastic)(depth), rtol=1e-6, atol=1e-12),
@@ -150,29 +151,25 @@ def check_law(
 
 
 def _check_differences(forces: Callable[..., Points], law: AbstractContactLaw) -> None:
-    depth, rate, entry = jnp.asarray(SMOOTH).T
-    law = jax.tree.map(jnp.asarray, law)
-    # Functions that return the forces if one number is multiplied by a factor.
-    scaled: dict[str, Callable[[Scalar], Points]] = {
-        "the depth": lambda factor: forces(law, depth * factor, rate, entry),
-        "the rate": lambda factor: forces(law, depth, rate * factor, entry),
-        "the entry speed": lambda factor: forces(law, depth, rate, entry * factor),
-    }
-    numbers, rest = eqx.partition(law, eqx.is_inexact_array)
+    # The numbers of which one at a time is multiplied by a factor.
+    arguments = *jnp.asarray(SMOOTH).T, jax.tree.map(jnp.asarray, law)
+    numbers, rest = eqx.partition(arguments, eqx.is_inexact_array)
     leaves, structure = jax.tree.flatten(numbers)
+    names = ["the depth", "the rate", "the entry speed"]
+    for path, _ in jax.tree_util.tree_leaves_with_path(numbers[-1]):
+        names.append(f"`{jax.tree_util.keystr(path).lstrip('.')}`")
 
-    def with_parameter(k: int, factor: Scalar) -> Points:
+    def forces_with(k: int, factor: Scalar) -> Points:
         leaf = leaves[k]
         # Zero times a factor would stay zero: such a parameter grows with the factor instead.
         leaf = jnp.where(jnp.any(leaf != 0.0), leaf * factor, leaf + (factor - 1.0))
         changed = jax.tree.unflatten(structure, [*leaves[:k], leaf, *leaves[k + 1 :]])
-        return forces(eqx.combine(changed, rest), depth, rate, entry)
+        *points, law = eqx.combine(changed, rest)
+        return forces(law, *points)
 
-    for k, (path, _) in enumerate(jax.tree_util.tree_leaves_with_path(numbers)):
-        name = jax.tree_util.keystr(path).lstrip(".")
-        scaled[f"`{name}`"] = partial(with_parameter, k)
-    # The derivative by the factor at 1 is the derivative by the number times the number.
-    for name, forces_of in scaled.items():
+    for k, name in enumerate(names):
+        forces_of = partial(forces_with, k)
+        # The derivative by the factor at 1 is the derivative by the number times the number.
         _, exact = jax.jvp(forces_of, (1.0,), (1.0,))
         numeric = (forces_of(1.0 + STEP) - forces_of(1.0 - STEP)) / (2.0 * STEP)
         allowed = TOLERANCE * (jnp.abs(exact) + 1e-3 * jnp.abs(forces_of(1.0)))
@@ -187,8 +184,8 @@ def _check_differences(forces: Callable[..., Points], law: AbstractContactLaw) -
 
 def _check_jumps(forces: Callable[..., Points], law: AbstractContactLaw) -> None:
     # Jumps are searched between successive depths, at all rates and entry speeds.
-    left, rate, entry = _grid(DEPTHS[:-1], RATES, ENTRY_SPEEDS)
-    right = _grid(DEPTHS[1:], RATES, ENTRY_SPEEDS)[0]
+    left, rate, entry = grid(DEPTHS[:-1], RATES, ENTRY_SPEEDS)
+    right = grid(DEPTHS[1:], RATES, ENTRY_SPEEDS)[0]
     sizes, depths = jumps(lambda depth: forces(law, depth, rate, entry), left, right)
     offset = jnp.asarray(law.onset_offset(), float)
     at_edge = jnp.abs(depths + offset) <= EDGE * jnp.maximum(offset, EDGE)
@@ -200,8 +197,8 @@ def _check_jumps(forces: Callable[..., Points], law: AbstractContactLaw) -> None
         f"and a rate of {rate[k]:.3g} m/s, where no integration step ends: smooth it.",
     )
     # Jumps are also searched between successive rates, at all depths and entry speeds.
-    depth, slow, entry_of_rate = _grid(DEPTHS, RATES[:-1], ENTRY_SPEEDS)
-    fast = _grid(DEPTHS, RATES[1:], ENTRY_SPEEDS)[1]
+    depth, slow, entry_of_rate = grid(DEPTHS, RATES[:-1], ENTRY_SPEEDS)
+    fast = grid(DEPTHS, RATES[1:], ENTRY_SPEEDS)[1]
     by_rate, rates = jumps(lambda rate: forces(law, depth, rate, entry_of_rate), slow, fast)
     k = int(jnp.argmax(jnp.abs(by_rate)))
     ensure(
@@ -227,7 +224,7 @@ def _check_jumps(forces: Callable[..., Points], law: AbstractContactLaw) -> None
     )
 
 
-def _grid(*rows: tuple[float, ...]) -> list[Points]:
+def grid(*rows: ArrayLike) -> list[Points]:
     """All N combinations of one value from each of the `rows`, as an array (N,) for each row."""
     return [jnp.asarray(axis.ravel()) for axis in np.meshgrid(*rows, indexing="ij")]
 
@@ -278,7 +275,7 @@ def check_bristles(friction: AbstractBristleFriction) -> None:
     ensure(full > 0.0, "full_deflection() is not positive.")
     ratios = jnp.asarray([0.0, 1e-6, 0.1, 0.5, 0.9, 1.0, 10.0])
     speeds = jnp.asarray([0.0, 1e-9, 1e-4, 1e-2, 1.0])
-    deflection, speed = (a.ravel() for a in jnp.meshgrid(ratios * full, speeds, indexing="ij"))
+    deflection, speed = grid(ratios * full, speeds)
 
     # Deflections are in a direction oblique to the slip, which is along x. `growth` is the scalar
     # product of a deflection and its rate; it is negative if the deflection shrinks.

@@ -1,13 +1,12 @@
 """Check user-defined joints with contacts."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TypeAlias
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from .._dynamics.contact_forces import LoadedContact, contact_force
@@ -96,60 +95,57 @@ def check_contact_joint(
         )
         return _failures(*joint_and_motions(point), contacts, rates), _rows(contacts), _rows(rates)
 
-    # A point is a vector of all parameters and motions. All evaluations share one compiled call:
-    # derivatives along the motion, along all numbers at once, and along each parameter with the
-    # evaluations for its central difference.
     positions = _positions(joint, motions, together)
     points = jnp.stack([ravel_pytree((parameters, position))[0] for position in positions])
     zero = jax.tree.map(jnp.zeros_like, parameters)
     velocities = jnp.stack([ravel_pytree((zero, _velocities(p)))[0] for p in positions])
-    by_parameter = _changes_of_parameters(parameters, given_point)
-    ahead, behind = (given_point + sign * STEP * by_parameter for sign in (1.0, -1.0))
-    requests = (
-        (points, velocities),
-        (points, jnp.ones_like(points)),
-        (jnp.broadcast_to(given_point, by_parameter.shape), by_parameter),
-        (ahead, by_parameter),
-        (behind, by_parameter),
-    )
-    joined = (jnp.concatenate(parts) for parts in zip(*requests, strict=True))
-    failures, all_rows, all_slopes = evaluate(*joined)
-    ends = np.cumsum([len(part) for part, _ in requests])[:-1]
+    failures, rows, _ = evaluate(points, velocities)  # the conditions are about rates in time
+    # The derivative if all numbers change at once is not finite if one derivative is not.
+    *_, slopes = evaluate(points, jnp.ones_like(points))
     for label, single in _rows(_contacts(joint, motions)).items():
-        # The conditions need time derivatives, which only the first request has: it changes the
-        # numbers as the motion does.
         for message, failed in failures[label].items():
-            _require(not failed[: len(positions)].any(), label, message)
-        same = jnp.allclose(single, all_rows[label][0], rtol=TOLERANCE, atol=1e-12)
+            _require(not failed.any(), label, message)
+        same = jnp.allclose(single, rows[label][0], rtol=TOLERANCE, atol=1e-12)
         _require(same, label, "its forces under vmap differ from a single evaluation")
-        rows, slopes = jnp.split(all_rows[label], ends), jnp.split(all_slopes[label], ends)
-        _check_slopes(label, parameters, rows, slopes)
+        finite = jnp.isfinite(slopes[label]).all()
+        _require(finite, label, "a derivative of its forces is not finite everywhere")
+    _check_slopes(parameters, given_point, joint_and_motions)
 
 
 def _check_slopes(
-    label: str, parameters: AbstractContactJoint, rows: list[jax.Array], slopes: list[jax.Array]
+    parameters: AbstractContactJoint,
+    point: jax.Array,
+    joint_and_motions: Callable[[jax.Array], tuple[AbstractContactJoint, Motions]],
 ) -> None:
-    """Check that the derivatives of a contact's numbers are finite, and that the derivative of its
-    penetration by each parameter of the joint agrees with finite differences. `rows`, `slopes`:
-    numbers, as in `_rows`, and their derivatives for each request of `check_contact_joint`."""
-    # The requests, in order: derivatives along the motion, along all numbers at once, along each
-    # parameter, and along each parameter at points where it is increased, and is decreased.
-    _, everything, exact, _, _ = slopes
-    # The derivative if all numbers change at once is not finite if one derivative is not.
-    finite = jnp.isfinite(everything).all()
-    _require(finite, label, "a derivative of its forces is not finite everywhere")
-    _, _, _, larger, smaller = rows
-    # The first of the numbers in `_rows` is the penetration.
-    exact, numeric = exact[:, 0], (larger - smaller)[:, 0] / (2.0 * STEP)
+    """Check that the derivatives of the penetrations by each parameter of the joint agree with
+    finite differences. `point`: vector of all parameters and motions."""
+    leaves = jax.tree.leaves(parameters)
+    sizes = jnp.concatenate([jnp.full(leaf.size, jnp.max(jnp.abs(leaf))) for leaf in leaves])
+    # A row for each parameter: the change of the point in which it alone changes, by the largest
+    # magnitude in its field, or by 1 if all are zero there. All derivatives below are thus in m.
+    changes = jnp.eye(len(sizes), len(point)) * jnp.where(sizes > 0.0, sizes, 1.0)[:, None]
+
+    def depths(point: jax.Array) -> Rows:
+        joint, motions = joint_and_motions(point)
+        contacts = unpack(joint).contacts(motions)
+        return {label: jnp.asarray(c.gap.depth, float) for label, c in contacts.items()}
+
+    @jax.jit
+    @jax.vmap
+    def slopes(change: jax.Array) -> tuple[Rows, Rows]:
+        _, exact = jax.jvp(depths, (point,), (change,))
+        ahead, behind = (depths(point + sign * STEP * change) for sign in (1.0, -1.0))
+        return exact, jax.tree.map(lambda a, b: (a - b) / (2.0 * STEP), ahead, behind)
+
+    exact, numeric = slopes(changes)
     paths = jax.tree_util.tree_leaves_with_path(parameters)
     names = [jax.tree_util.keystr(path).lstrip(".") for path, leaf in paths for _ in leaf.ravel()]
-    # Both `exact` and `numeric` are derivatives by a dimensionless number: the change of the
-    # parameter divided by the largest magnitude in its field. They are therefore in m. The term of
-    # 1e-3 m allows for the rounding errors of lengths where a derivative is zero.
-    allowed = TOLERANCE_OF_DIFFERENCES * (1e-3 + jnp.abs(exact))
-    for name, wrong in zip(names, _differ(exact, numeric, allowed), strict=True):
-        message = f"the derivative of its penetration by `{name}` does not agree with differences"
-        _require(~wrong, label, message)
+    for label in exact:
+        # The term of 1e-3 m allows for the rounding errors of lengths where a derivative is zero.
+        allowed = TOLERANCE_OF_DIFFERENCES * (1e-3 + jnp.abs(exact[label]))
+        for name, wrong in zip(names, _differ(exact[label], numeric[label], allowed), strict=True):
+            text = f"the derivative of its penetration by `{name}` does not agree with differences"
+            _require(~wrong, label, text)
 
 
 def _require(condition: Condition, label: str, message: str) -> None:
@@ -313,16 +309,6 @@ def _force_failures(
     return failures
 
 
-def _changes_of_parameters(parameters: AbstractContactJoint, point: jax.Array) -> jax.Array:
-    """Return a row for each parameter of the joint: the change of the vector `point` in which this
-    parameter alone changes, by the largest magnitude in its field, or by 1 if all are zero there.
-    """
-    leaves = jax.tree.leaves(parameters)
-    sizes = jnp.concatenate([jnp.full(leaf.size, jnp.max(jnp.abs(leaf))) for leaf in leaves])
-    sizes = jnp.where(sizes > 0.0, sizes, 1.0)
-    return jnp.eye(len(sizes), len(point)) * sizes[:, None]
-
-
 def _rows(contacts: Contacts) -> Rows:
     """Numbers (15,) of each contact: penetration, normal force and elastic force; then vectors:
     friction and normal in global axes, and the arms from the bodies' centres of mass to the contact
@@ -331,10 +317,9 @@ def _rows(contacts: Contacts) -> Rows:
     for label, (loaded, _) in contacts.items():
         friction = ZERO if loaded.friction is None else loaded.friction
         contact = loaded.contact
-        parts = [contact.gap.depth, loaded.normal_force, loaded.elastic_force]
-        for vector in (friction, contact.normal, contact.arm_first, contact.arm_second):
-            parts.extend(vector)
-        rows[label] = jnp.stack([jnp.asarray(part, float) for part in parts])
+        numbers = contact.gap.depth, loaded.normal_force, loaded.elastic_force
+        vectors = *friction, *contact.normal, *contact.arm_first, *contact.arm_second
+        rows[label] = jnp.stack([jnp.asarray(part, float) for part in (*numbers, *vectors)])
     return rows
 
 

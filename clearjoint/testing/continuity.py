@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Float
 
-from .._math.rotations import normalised, rotation_matrix
+from .._math.rotations import normalised, rotation_matrix, turned
 from .._math.vectors import EulerParameters, Vector
 from .._model.bodies import Motion
 
@@ -32,15 +32,6 @@ class Jumps(NamedTuple):
     positions: Float[jax.Array, " N"]
 
 
-class _Piece(NamedTuple):
-    """Ends of the pieces of N intervals, and the function's values there; arrays (pieces, N)."""
-
-    left: jax.Array
-    right: jax.Array
-    value_left: jax.Array
-    value_right: jax.Array
-
-
 def jumps(
     function: Callable[[jax.Array], jax.Array],
     left: Float[jax.Array, " N"],
@@ -52,27 +43,24 @@ def jumps(
     adjacent floats; the half with the larger change of the function is kept. A jump that is smaller
     than the continuous change of the function within a piece may be missed.
     """
-    # All arrays have one row for each piece and one column for each interval.
-    ends = jnp.linspace(left, right, PIECES + 1)
-    values = jax.vmap(function)
-    start = _Piece(ends[:-1], ends[1:], values(ends[:-1]), values(ends[1:]))
+    # The ends of all pieces, and the values there, are arrays (2, pieces, N): left, right.
+    edges, values = jnp.linspace(left, right, PIECES + 1), jax.vmap(function)
+    ends, heights = (jnp.stack([rows[:-1], rows[1:]]) for rows in (edges, values(edges)))
 
-    def bisect(k: jax.Array, state: tuple[_Piece, jax.Array]) -> tuple[_Piece, jax.Array]:
-        piece, halfway = state
-        change = jnp.abs(piece.value_right - piece.value_left)
-        halfway = jnp.where(k == HALVINGS // 2, change, halfway)  # the change after half of them
-        middle = 0.5 * (piece.left + piece.right)
+    def bisect(k: jax.Array, state: tuple[jax.Array, ...]) -> tuple[jax.Array, ...]:
+        (left, right), (low, high), halfway = state
+        halfway = jnp.where(k == HALVINGS // 2, jnp.abs(high - low), halfway)  # of the bisections
+        middle = 0.5 * (left + right)
         value = values(middle)
-        is_left = jnp.abs(value - piece.value_left) >= jnp.abs(piece.value_right - value)
-        left_half = _Piece(piece.left, middle, piece.value_left, value)
-        right_half = _Piece(middle, piece.right, value, piece.value_right)
-        kept = jax.tree.map(lambda *pair: jnp.where(is_left, *pair), left_half, right_half)
-        return kept, halfway
+        is_left = jnp.abs(value - low) >= jnp.abs(high - value)
+        ends = jnp.where(is_left, jnp.stack([left, middle]), jnp.stack([middle, right]))
+        heights = jnp.where(is_left, jnp.stack([low, value]), jnp.stack([value, high]))
+        return ends, heights, halfway
 
-    zeros = jnp.zeros_like(start.value_left)
-    (_, positions, low, high), halfway = jax.lax.fori_loop(0, HALVINGS, bisect, (start, zeros))
+    state = ends, heights, jnp.zeros_like(heights[0])
+    (_, positions), (low, high), halfway = jax.lax.fori_loop(0, HALVINGS, bisect, state)
     # Without a jump, the change has become smaller than rounding errors, or still decreases.
-    scale = jnp.maximum(jnp.abs(start.value_left), jnp.abs(start.value_right))
+    scale = jnp.abs(heights).max(axis=0)
     change = jnp.abs(high - low)
     is_jump = (change > ROUNDING * scale) & (change > STAYS * halfway)
     sizes = jnp.where(is_jump, high - low, 0.0)
@@ -104,11 +92,13 @@ def moving(
 
 
 def moved(motions: Mapping[str, Motion], time: float) -> dict[str, Motion]:
-    """Return motions after `time`, s, at constant global velocities and spins in body axes."""
+    """Return motions after a short `time`, s, at constant global velocities and spins in body axes;
+    the error of the rotation grows with the third power of the time."""
     after = {}
     for name, motion in motions.items():
         position = motion.position + motion.velocity * time
-        rotation = motion.rotation @ rotation_matrix(_exponential(motion.spin * time))
+        further = rotation_matrix(turned(EulerParameters(1.0, 0.0, 0.0, 0.0), motion.spin * time))
+        rotation = motion.rotation @ further
         after[name] = replace(motion, position=position, rotation=rotation)
     return after
 
@@ -116,10 +106,3 @@ def moved(motions: Mapping[str, Motion], time: float) -> dict[str, Motion]:
 def at_rest(motions: Mapping[str, Motion]) -> dict[str, Motion]:
     """Return motions with zero velocities and spins."""
     return {n: replace(m, velocity=m.velocity * 0.0, spin=m.spin * 0.0) for n, m in motions.items()}
-
-
-def _exponential(angle: Vector) -> EulerParameters:
-    """Euler parameters of the rotation by a rotation vector, rad."""
-    size = jnp.sqrt(angle.dot(angle)) + 1e-300  # no division by zero without rotation
-    scale = jnp.sin(0.5 * size) / size
-    return EulerParameters(jnp.cos(0.5 * size), angle.x * scale, angle.y * scale, angle.z * scale)

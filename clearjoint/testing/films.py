@@ -1,6 +1,6 @@
 """Check user-defined film laws, which give the force of the lubricant in a bearing."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
@@ -10,6 +10,7 @@ from jaxtyping import PyTree
 
 from .._math.vectors import UNIT_Z, Vector
 from .._model.films import AbstractFilm, FilmGap
+from .conformance import ensure, grid
 from .continuity import jumps
 
 RATIOS = (0.0, 1e-9, 1e-4, 0.1, 0.5, 0.9, 0.99)
@@ -54,25 +55,34 @@ def check_film(
 
     >>> testing.check_film(cj.films.CaponeFilm(0.02))
     """
-    for complaint in complaints_of_film(film, bearing_radius, clearance, length):
-        raise AssertionError(complaint)
-
-
-def complaints_of_film(film: AbstractFilm, *sizes: float) -> Iterator[str]:
-    """Yield a message for each problem of a film."""
 
     def force(film: AbstractFilm, state: jax.Array) -> jax.Array:
         offset, rate = Vector(state[0], state[1], 0.0), Vector(state[2], state[3], 0.0)
         # The bearing's axis is z, and the spin of the journal relative to the bearing is zero.
-        on_journal = film.force(FilmGap(UNIT_Z, offset, rate, 0.0, *sizes))
+        gap = FilmGap(UNIT_Z, offset, rate, 0.0, bearing_radius, clearance, length)
+        on_journal = film.force(gap)
         return jnp.stack([jnp.asarray(part, float) for part in (on_journal.x, on_journal.y)])
 
     # `jax.jacfwd` differentiates arrays, not Python numbers.
     film = jax.tree.map(jnp.asarray, film)
-    yield from _complaints_of_force(force, film)
-    yield from _complaints_of_drag(film, *sizes)
-    yield from _complaints_of_slopes(force, film)
-    yield from _complaints_of_jumps(force, film)
+    states, forces_at, force_at = _states(), _at_all(force), eqx.filter_jit(force)
+    forces, rates = forces_at(film, states), states[:, 2:]
+    ensure(jnp.isfinite(forces), "The force is not finite everywhere.")
+    size, speed = jnp.linalg.norm(forces, axis=1), jnp.linalg.norm(rates, axis=1)
+    ensure((speed != 0.0) | (size == 0.0), "There is a force without motion.")
+    # Single evaluations are slow, so that only each 50th state is tested.
+    single = jnp.stack([force_at(film, state) for state in states[::50]])
+    same = jnp.allclose(single, forces[::50])
+    ensure(same, "The force under vmap differs from a single evaluation.")
+    difference = jnp.abs(forces_at(film, _rotated(states)) - _rotated(forces))
+    # The factor 1e-9, here and below, is for rounding errors.
+    rotates = difference <= 1e-9 * size[:, None]
+    ensure(rotates, "The force does not rotate with offset and rate.")
+    _check_drag(film, bearing_radius, clearance, length)
+    _check_slopes(force, film)
+    _check_jumps(force, film)
+    power = (forces * rates).sum(axis=1)  # divided by the clearance: rates are in 1/s, not in m/s
+    ensure(power <= 1e-9 * size * speed, "The film supplies power: force . rate > 0.")
 
 
 def _at_all(function: Callable[..., PyTree]) -> Callable[[AbstractFilm, jax.Array], PyTree]:
@@ -80,35 +90,12 @@ def _at_all(function: Callable[..., PyTree]) -> Callable[[AbstractFilm, jax.Arra
     return eqx.filter_jit(eqx.filter_vmap(function, in_axes=(None, 0)))
 
 
-def _complaints_of_force(force: Force, film: AbstractFilm) -> Iterator[str]:
-    states = _states()
-    forces_at, force_at = _at_all(force), eqx.filter_jit(force)
-    forces, rates = forces_at(film, states), states[:, 2:]
-    if not jnp.isfinite(forces).all():
-        yield "The force is not finite everywhere."
-    power = (forces * rates).sum(axis=1)  # divided by the clearance: rates are in 1/s, not in m/s
-    size = jnp.linalg.norm(forces, axis=1)
-    # The factor 1e-9, here and below, is for rounding errors.
-    if (power > 1e-9 * size * jnp.linalg.norm(rates, axis=1)).any():
-        yield "The film supplies power: force . rate > 0."
-    moves = (rates != 0.0).any(axis=1)
-    if (size[~moves] != 0.0).any():
-        yield "There is a force without motion."
-    # Single evaluations are slow, so that only each 50th state is tested.
-    single = jnp.stack([force_at(film, state) for state in states[::50]])
-    if not jnp.allclose(single, forces[::50]):
-        yield "The force under vmap differs from a single evaluation."
-    rotated = forces_at(film, _rotated(states))
-    if (jnp.abs(rotated - _rotated(forces)) > 1e-9 * size[:, None]).any():
-        yield "The force does not rotate with offset and rate."
-
-
 def _states() -> jax.Array:
     """All combinations of `RATIOS`, `SPEEDS` and `ANGLES`, turned by 0.3 rad: offsets along x would
     hide some mistakes."""
-    ratio, speed, angle = (a.ravel() for a in np.meshgrid(RATIOS, SPEEDS, ANGLES, indexing="ij"))
-    columns = ratio, np.zeros_like(ratio), speed * np.cos(angle), speed * np.sin(angle)
-    return _rotated(jnp.asarray(np.stack(columns, axis=1)), 0.3)
+    ratio, speed, angle = grid(RATIOS, SPEEDS, ANGLES)
+    columns = ratio, jnp.zeros_like(ratio), speed * jnp.cos(angle), speed * jnp.sin(angle)
+    return _rotated(jnp.stack(columns, axis=1), 0.3)
 
 
 def _rotated(rows: jax.Array, angle: float = 1.1) -> jax.Array:
@@ -117,38 +104,36 @@ def _rotated(rows: jax.Array, angle: float = 1.1) -> jax.Array:
     return (rows.reshape(len(rows), -1, 2) @ jnp.asarray([[c, s], [-s, c]])).reshape(rows.shape)
 
 
-def _complaints_of_drag(film: AbstractFilm, *sizes: float) -> Iterator[str]:
+def _check_drag(film: AbstractFilm, *sizes: float) -> None:
     # All combinations of a spin relative to the bearing, rad/s, and a length of the offset; the
     # rate of the offset is arbitrary.
-    spins, ratios = (jnp.asarray(a.ravel()) for a in np.meshgrid((-100.0, 0.0, 100.0), RATIOS))
+    spins, ratios = grid((-100.0, 0.0, 100.0), RATIOS)
     gap = FilmGap(UNIT_Z, Vector(ratios, 0.0, 0.0), Vector(1.0, 2.0, 0.0), spins, *sizes)
     drag = jnp.asarray(film.drag(gap))
-    if not jnp.isfinite(drag).all():
-        yield "The drag is not finite everywhere."
-    if (drag * spins > 0.0).any():
-        yield "The drag drives the spin."
+    ensure(jnp.isfinite(drag), "The drag is not finite everywhere.")
+    ensure(drag * spins <= 0.0, "The drag drives the spin.")
 
 
-def _complaints_of_slopes(force: Force, film: AbstractFilm) -> Iterator[str]:
+def _check_slopes(force: Force, film: AbstractFilm) -> None:
     # The smooth states are turned too, since a number that is zero would get a step of zero below.
     states, smooth = _states(), _rotated(jnp.asarray(SMOOTH), 0.3)
     slopes_at, forces_at = _at_all(jax.jacfwd(force, argnums=1)), _at_all(force)
-    if not jnp.isfinite(slopes_at(film, states)).all():
-        yield "The derivative by offset or rate is not finite everywhere."
-    by_film = _at_all(eqx.filter_jacfwd(force))(film, states)
-    if not all(jnp.isfinite(leaf).all() for leaf in jax.tree.leaves(by_film)):
-        yield "The derivative by a parameter of the film is not finite everywhere."
+    finite = jnp.isfinite(slopes_at(film, states))
+    ensure(finite, "The derivative by offset or rate is not finite everywhere.")
+    for leaf in jax.tree.leaves(_at_all(eqx.filter_jacfwd(force))(film, states)):
+        finite = jnp.isfinite(leaf)
+        ensure(finite, "The derivative by a parameter of the film is not finite everywhere.")
     for state, exact in zip(smooth, slopes_at(film, smooth), strict=True):
         steps = STEP * state  # one for each of the four numbers, which are changed one at a time
         ahead, behind = (forces_at(film, state + sign * jnp.diag(steps)) for sign in (1, -1))
         error = jnp.abs((ahead - behind).T / (2.0 * steps) - exact)
-        # Also for NaN.
-        if not (error <= TOLERANCE * jnp.abs(exact).max(axis=0)).all():
-            yield "The derivative by offset or rate does not agree with finite differences."
+        agrees = error <= TOLERANCE * jnp.abs(exact).max(axis=0)
+        message = "The derivative by offset or rate does not agree with finite differences."
+        ensure(agrees, message)
 
 
-def _complaints_of_jumps(force: Force, film: AbstractFilm) -> Iterator[str]:
-    """A message if the force along the offset jumps while the rate makes a full turn."""
+def _check_jumps(force: Force, film: AbstractFilm) -> None:
+    """Check that the force along the offset does not jump while the rate makes a full turn."""
     # The offset is along x, and the length of the rate is one per second. For each ratio, `along`
     # returns the x component of the force when the rate is at an angle from x.
     ratios, forces_at = jnp.asarray([0.0, 1e-4, 0.1, 0.5, 0.9]), _at_all(force)
@@ -159,9 +144,8 @@ def _complaints_of_jumps(force: Force, film: AbstractFilm) -> Iterator[str]:
 
     sizes, angles = jumps(along, jnp.zeros_like(ratios), jnp.full_like(ratios, 2.0 * np.pi))
     k = int(jnp.argmax(jnp.abs(sizes)))
-    if sizes[k] != 0.0:
-        yield (
-            f"The force jumps by {sizes[k]:.3g} N with the direction of the rate, at "
-            f"{angles[k]:.3g} rad from the offset and an eccentricity ratio of {ratios[k]:.3g}: "
-            "smooth it."
-        )
+    ensure(
+        sizes[k] == 0.0,
+        f"The force jumps by {sizes[k]:.3g} N with the direction of the rate, at {angles[k]:.3g} "
+        f"rad from the offset and an eccentricity ratio of {ratios[k]:.3g}: smooth it.",
+    )

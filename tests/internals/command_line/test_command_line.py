@@ -569,12 +569,12 @@ def test_a_run_writes_tables_figures_and_a_page(folder):
     solution = cj.simulate(scene, state, 31.25e-3, cj.Settings(rtol=1e-7, ledger=True), save)
     read_scene, read = read_run(out)
     assert cj.parameters(read_scene).keys() == cj.parameters(scene).keys()
-    body = solution.states.bodies["rod"]
-    np.testing.assert_array_equal(read.states.bodies["rod"].position, body.position)
+    body, is_saved = solution.states.bodies["rod"], np.isin(read.times, times)
+    np.testing.assert_array_equal(read.states.bodies["rod"].position[is_saved], body.position)
     np.testing.assert_array_equal(read.impacts.peak_force, solution.impacts.peak_force)
     seen, again = cj.observe(scene, solution), cj.observe(read_scene, read)
-    forces = (one.contacts["pin"]["V"].normal_force for one in (seen, again))
-    np.testing.assert_array_equal(*forces)
+    force, force_again = (one.contacts["pin"]["V"].normal_force for one in (seen, again))
+    np.testing.assert_array_equal(force, force_again[is_saved])
     table = pd.read_csv(out / "outputs.csv", index_col=0)
     np.testing.assert_array_equal(table["height [m]"], body.position[:, 1])
     assert len(pd.read_csv(out / "section low.csv")) > 0
