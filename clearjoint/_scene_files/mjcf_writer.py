@@ -30,12 +30,13 @@ from jaxtyping import PyTree
 
 from .._dynamics.assembly import check_names
 from .._dynamics.joint_coordinates import trees
+from .._dynamics.joint_coordinates.coordinates import motions_of, orientations_of, written_out
 from .._fields.cautions import quiet
 from .._fields.checks import require, require_positive
 from .._math.rotations import composed, conjugate, rotation_matrix, unit
 from .._math.smoothing import wrapped
 from .._math.vectors import Scalar, Vector, pack, unpack
-from .._model.bodies import GROUND, GROUND_MOTION, State
+from .._model.bodies import GROUND, State
 from .._model.clearance_joints.backlash import Backlash
 from .._model.clearance_joints.between_walls import PinInSlot
 from .._model.contact.dashpots import AbstractDashpotLaw, clamped_restitution
@@ -160,8 +161,10 @@ class MjcfWriter:
         self._tendons: dict[tuple[tuple[str, float], ...], FileJoint] = {}
         self._scene = unpack(jax.tree.map(np.asarray, scene))
         self._branches = {place.body: self._branch(place) for place in places}
-        self._motions, self._turns = {GROUND: GROUND_MOTION}, {GROUND: trees.UPRIGHT}
-        for body, variable in self._variables(pose).items():
+        variables, walk = self._variables(pose), written_out(self._branches.values())
+        self._motions = motions_of(walk, variables)
+        self._turns = orientations_of(walk, variables)
+        for body, variable in variables.items():
             self._add_body(body, variable)
         in_tree = {b.joint for b in self._branches.values() if isinstance(b, trees.JointedBranch)}
         # In the order of the scene: JAX has sorted the names in the dictionaries of `_scene`.
@@ -181,7 +184,7 @@ class MjcfWriter:
         return trees.FreeBranch(place.body, None)
 
     def _variables(self, state: State) -> dict[str, PyTree]:
-        return variables_of(self._branches.values(), jax.tree.map(np.asarray, state))
+        return variables_of([*self._branches.values()], jax.tree.map(np.asarray, state))
 
     def motion(self, state: State) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Return positions and speeds of the file's joints, by name, for a state of the scene or,
@@ -220,11 +223,9 @@ class MjcfWriter:
 
     def _add_body(self, name: str, variable: PyTree) -> None:
         branch, body = self._branches[name], self._scene.bodies[name]
-        parent, parents_turn = self._motions[branch.parent], self._turns[branch.parent]
-        self._motions[name] = motion = branch.motion(parent, variable)
-        self._turns[name] = turn = branch.orientation(parents_turn, variable)
-        place = parent.components(motion.position - parent.position)
-        relative = composed(conjugate(parents_turn), turn)
+        parent = self._motions[branch.parent]
+        place = parent.components(self._motions[name].position - parent.position)
+        relative = composed(conjugate(self._turns[branch.parent]), self._turns[name])
         element = _child(self._bodies[branch.parent], "body", name=name, pos=place, quat=relative)
         self._bodies[name], least = element, 0.0
         if isinstance(branch, trees.FreeBranch):

@@ -1,7 +1,7 @@
 """Robots from URDF and MJCF files: their scene, and states from the positions of joints."""
 
 import math
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -12,13 +12,18 @@ import numpy as np
 from jaxtyping import PyTree
 from typing_extensions import override
 
-from .._dynamics.coordinates import free_motion
 from .._dynamics.joint_coordinates import trees
+from .._dynamics.joint_coordinates.coordinates import (
+    decoded,
+    encoded,
+    inverse_dynamics,
+    written_out,
+)
 from .._fields.cautions import quiet
 from .._fields.checks import nearest, require, require_positive
 from .._fields.types import TripleLike
 from .._math.vectors import ZERO, EulerParameters, Scalar, Vector, library, pack, unpack
-from .._model.bodies import GROUND, GROUND_MOTION, Body, BodyState, Motion, State
+from .._model.bodies import GROUND, Body, BodyState, State
 from .._model.contact.friction import FrictionLaw
 from .._model.joints.base import AbstractForce
 from .._model.joints.couplings import HingeOrSlider
@@ -217,11 +222,7 @@ class Robot:
         **Raises:** `ValueError` if a joint or body is unknown, or if the entry of a joint with a
         leader contradicts the one of its leader.
         """
-        _, motions, orientations = self._moved(q, qd, free)
-        bodies = {
-            name: BodyState(motion.position, orientations[name], motion.velocity, motion.spin)
-            for name, motion in motions.items()
-        }
+        bodies = decoded(written_out(self._branches), self._moved(q, qd, free))
         shape = np.broadcast_shapes(*map(np.shape, jax.tree.leaves(bodies)))
 
         def broadcast(number: Scalar) -> Scalar:
@@ -277,7 +278,7 @@ class Robot:
 
         **Raises:** `ValueError` as `state`.
         """
-        variables, motions, _ = self._moved(q, qd, NOTHING)
+        variables = self._moved(q, qd, NOTHING)
         rates = self._by_joint("qdd", qdd, speeds=True)
         bodies = {b.joint: b.body for b in self._branches if isinstance(b, trees.JointedBranch)}
         # Accelerations of followers, by the chain rule; leaders come before their followers. A
@@ -294,23 +295,22 @@ class Robot:
         # The rotor of a drive turns with the joint, unless its own rate is given.
         for name, motor in self._motors().items():
             rates.setdefault(motor, rates.get(name, (0.0,)))
-        loads = _inertial_loads(unpack(self.scene), self._branches, variables, motions, rates)
-        torques = _carried(self._branches, variables, motions, loads)
-        # The inertial loads are those of bodies: armatures come in addition.
+        torques = inverse_dynamics(unpack(self.scene), self._branches, variables, rates)
+        # These are the torques on bodies: armatures come in addition.
         for name, joint in self.scene.joints.items():
             if getattr(joint, "armature", None) is not None and name in torques:
                 (of_bodies,), (rate,) = torques[name], rates.get(name, (0.0,))
-                torques[name] = (of_bodies + joint.armature * rate,)
+                torques[name] = [of_bodies + joint.armature * rate]
         for name, motor in self._motors().items():
             (of_link,), (of_rotor,) = torques[name], torques.pop(motor)
-            torques[name] = (of_link + of_rotor,)
+            torques[name] = [of_link + of_rotor]
         # The leader does the work of its followers: by virtual work, their torques count times the
         # derivative of their positions by its position. Followers of followers come first.
         for name, mimic in reversed(self._mimics.items()):
             if mimic.leader is not None:
                 (of_leader,), (of_follower,) = torques[mimic.leader], torques[name]
-                torques[mimic.leader] = (of_leader + slopes[name] * of_follower,)
-            torques[name] = (0.0 * torques[name][0],)  # zeros in the shape of the others
+                torques[mimic.leader] = [of_leader + slopes[name] * of_follower]
+            torques[name] = [0.0 * torques[name][0]]  # zeros in the shape of the others
         return self._ordered({name: _number(parts) for name, parts in torques.items() if parts})
 
     def _ordered(self, by_joint: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -354,7 +354,8 @@ class Robot:
 
     def _moved(
         self, q: Positions, qd: Positions, free: Mapping[str, BodyState]
-    ) -> tuple[dict[str, JointState | BodyState], dict[str, Motion], dict[str, EulerParameters]]:
+    ) -> dict[str, JointState | BodyState]:
+        """Return the variables of the branches, by name of body."""
         positions, speeds = self._by_joint("q", q, False), self._by_joint("qd", qd, True)
         # Complete the numbers of followers, after those of their leaders, and of motors.
         for name, mimic in self._mimics.items():
@@ -371,25 +372,18 @@ class Robot:
             remedy = nearest(body, of_free, "set the positions of its joints")
             expected = f"one of the free bodies, {', '.join(sorted(of_free)) or 'none'}"
             require(body in of_free, "free", body, expected, remedy)
-        # Motions in global axes, from each parent to its children.
         variables: dict[str, JointState | BodyState] = {}
-        motions = {GROUND: GROUND_MOTION}
-        orientations = {GROUND: trees.UPRIGHT}
         for branch in self._branches:
             if isinstance(branch, trees.FreeBranch):
                 state = free.get(branch.body, self._start.bodies[branch.body])
-                variable: JointState | BodyState = _in_scalars(state)
-            else:
-                zero = _zero(branch)
-                leaves, structure = jax.tree.flatten(zero.position)
-                position = positions.get(branch.joint, tuple(leaves))
-                speed = speeds.get(branch.joint, zero.speeds)
-                variable = JointState(jax.tree.unflatten(structure, position), speed)
-            body, parent, orient = branch.body, branch.parent, branch.orientation
-            variables[body] = variable
-            motions[body] = branch.motion(motions[parent], variable)  # pyright: ignore
-            orientations[body] = orient(orientations[parent], variable)  # pyright: ignore
-        return variables, motions, orientations
+                variables[branch.body] = _in_scalars(state)
+                continue
+            zero = _zero(branch)
+            leaves, structure = jax.tree.flatten(zero.position)
+            position = positions.get(branch.joint, tuple(leaves))
+            speed = speeds.get(branch.joint, zero.speeds)
+            variables[branch.body] = JointState(jax.tree.unflatten(structure, position), speed)
+        return variables
 
     def _coordinates(
         self, motion: State | HasStates
@@ -417,15 +411,11 @@ class Robot:
         return self._ordered(positions), self._ordered(speeds)
 
 
-def variables_of(branches: Iterable[trees.TreeBranch], state: State) -> dict[str, PyTree]:
+def variables_of(branches: Sequence[trees.TreeBranch], state: State) -> dict[str, PyTree]:
     """Return the `JointState` of each body on a joint, and the `BodyState` of each free body, by
     the body's name, with arrays (N,) for states at N times. `branches`: parents first."""
-    poses, variables = {GROUND: (trees.UPRIGHT, GROUND_MOTION)}, {}
-    for branch in branches:
-        body = _in_scalars(state.bodies[branch.body])
-        poses[branch.body] = body.orientation, free_motion(body, None)
-        variables[branch.body] = branch.encode(poses[branch.parent], poses[branch.body])
-    return variables
+    bodies = {branch.body: _in_scalars(state.bodies[branch.body]) for branch in branches}
+    return encoded(written_out(branches), bodies)
 
 
 def kinematics(robot: Robot) -> Hashable:
@@ -485,94 +475,6 @@ def _require_following(
     what = "constant" if mimic.leader is None else f"that which follows from joint {mimic.leader!r}"
     remedy = "leave it out of the dictionary"
     require(follows, f"{argument}[{name!r}]", numbers[name][0], f"{what}, {derived}", remedy)
-
-
-Loads: TypeAlias = dict[str, tuple[Vector, Vector]]
-"""Force and moment about the centre of mass on each body, N and N m in global axes."""
-
-
-def _inertial_loads(
-    scene: Scene,
-    branches: Sequence[trees.TreeBranch],
-    variables: Mapping[str, PyTree],
-    motions: Mapping[str, Motion],
-    rates: Mapping[str, JointNumbers],
-) -> Loads:
-    """Return the loads that joints and drives exert on each body in a motion with given `rates` of
-    the joints' speeds, rad/s^2 or m/s^2 (recursive Newton-Euler algorithm, first pass).
-    `branches`, parents first, and `variables`: see `variables_of`."""
-    # Linear acceleration in global axes, angular acceleration in body axes.
-    accelerations = {GROUND: (ZERO, ZERO)}
-    for branch in branches:
-        if isinstance(branch, trees.FreeBranch):
-            accelerations[branch.body] = ZERO, ZERO
-            continue
-        subspace, state = branch.motion_subspace, variables[branch.body]
-        parent, body = motions[branch.parent], motions[branch.body]
-        linear, angular = accelerations[branch.parent]
-        to_child = subspace.rotation(state.position).transposed_times
-        twist, rate = subspace.twist(state), subspace.bias(state)
-        # `rate` becomes the rate of `twist`, the child's motion relative to its parent: the bias at
-        # constant speeds, and the columns of the joint's motion times the rates of its speeds.
-        joint_rates = rates.get(branch.joint, (0.0,) * len(state.speeds))
-        for column, number in zip(subspace.columns(state.position), joint_rates, strict=True):
-            rate = rate + column * number
-        # The joint's point on the parent, relative to the parent's centre; in the parent's axes.
-        point, spin = subspace.point_parent, parent.spin
-        at_point = angular.cross(point) + spin.cross(spin.cross(point))
-        angular = to_child(angular) + to_child(spin).cross(twist.angular) + rate.angular
-        # The child's centre relative to that point, with the Coriolis term; in the child's axes.
-        arm, spin = subspace.displacement(state.position) - subspace.point_child, body.spin
-        relative = angular.cross(arm) + spin.cross(spin.cross(arm) + twist.linear * 2.0)
-        linear = linear + parent.rotation @ at_point
-        linear = linear + body.rotation @ (relative + rate.linear)
-        accelerations[branch.body] = linear, angular
-    gravity = ZERO if scene.gravity is None else scene.gravity
-    loads: Loads = {}
-    for name, body in scene.bodies.items():
-        linear, angular = accelerations[name]
-        spin = motions[name].spin
-        moment = body.angular_momentum(angular) + spin.cross(body.angular_momentum(spin))
-        loads[name] = (linear - gravity) * body.mass, motions[name].rotation @ moment
-    # Joints and drives exert what the forces of the scene don't.
-    for element in scene.forces.values():
-        for name, wrench in element.wrenches(motions, 0.0).items():
-            if name != GROUND:
-                force, moment = loads[name]
-                turned = motions[name].rotation @ wrench.moment
-                loads[name] = force - wrench.force, moment - turned
-    return loads
-
-
-def _carried(
-    branches: Sequence[trees.TreeBranch],
-    variables: Mapping[str, PyTree],
-    motions: Mapping[str, Motion],
-    loads: Loads,
-) -> dict[str, JointNumbers]:
-    """Return the generalised forces of joints, N m or N, by which the bodies get the loads of
-    `_inertial_loads` (recursive Newton-Euler algorithm, second pass)."""
-    # Children before their parents: `loads` of a body includes those of the bodies that it carries.
-    loads, forces = dict(loads), {}
-    for branch in reversed(branches):
-        if isinstance(branch, trees.FreeBranch):
-            continue
-        subspace, state = branch.motion_subspace, variables[branch.body]
-        motion, (force, moment) = motions[branch.body], loads[branch.body]
-        # The moment about the joint's point on the parent, in the child's axes, as the columns are.
-        arm = subspace.displacement(state.position) - subspace.point_child
-        local_force, local_moment = motion.components(force), motion.components(moment)
-        about_joint = local_moment + arm.cross(local_force)
-        forces[branch.joint] = tuple(
-            column.linear.dot(local_force) + column.angular.dot(about_joint)
-            for column in subspace.columns(state.position)
-        )
-        if branch.parent != GROUND:
-            apart = motion.position - motions[branch.parent].position
-            other_force, other_moment = loads[branch.parent]
-            about_parent = other_moment + moment + apart.cross(force)
-            loads[branch.parent] = other_force + force, about_parent
-    return dict(reversed(forces.items()))
 
 
 def load_robot(

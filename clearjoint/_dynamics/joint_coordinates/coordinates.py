@@ -23,7 +23,8 @@ its leaves, then those of the second, and so on. Rates, changes of speeds and di
 type have the form of r.
 """
 
-from collections.abc import Collection, Iterator, Sequence
+import operator
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property, reduce
 from itertools import accumulate, chain, pairwise
 from typing import TypeAlias
@@ -31,7 +32,7 @@ from typing import TypeAlias
 import jax
 from typing_extensions import override
 
-from ..._math.vectors import ZERO, Matrix, Scalar, Vector, add
+from ..._math.vectors import ZERO, EulerParameters, Matrix, Scalar, Vector, add
 from ..._model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, Body, BodyState, Motion, Wrench
 from ..._model.joints.base import Motions, Row
 from ..._model.joints.motion_subspaces import REST, Twist
@@ -51,9 +52,13 @@ from .inertia import (
     LinkLoads,
     accelerated,
     along_columns,
+    at_offset,
     central_inertia,
     evaluation,
+    inertia,
     is_small,
+    load_about,
+    product,
     tree_solver,
 )
 from .trees import UPRIGHT, FreeBranch, JointedBranch, Link, TreeBranch, forest, topology
@@ -64,6 +69,8 @@ ForceAndMoment: TypeAlias = tuple[Vector, Vector]
 
 TreeVariables: TypeAlias = dict[str, MotionVariables]
 """Variables by name of body: a `JointState` if a joint carries it, a `BodyState` if it is free."""
+Walk: TypeAlias = Sequence[tuple[TreeBranch, Evaluate]]
+"""Branches, each parent before its children, with how to evaluate functions of each branch."""
 
 
 class JointMechanics(AbstractMechanics):
@@ -74,7 +81,7 @@ class JointMechanics(AbstractMechanics):
         self._gravity = ZERO if scene.gravity is None else scene.gravity
         trees = forest(scene)
         self._branches = [branch for tree in trees for branch in tree]
-        self.motions = motions = _motions(trees, variables)
+        self.motions = motions = motions_of(_walk(trees), variables)
         self._index = {branch.body: k for k, branch in enumerate(self._branches)}
         # Constant zeros: the inertia of a massless body then takes no operations.
         self._bodies = {
@@ -275,33 +282,16 @@ class JointCoordinates(AbstractCoordinates):
 
     @override
     def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> TreeVariables:
-        poses = {GROUND: (UPRIGHT, GROUND_MOTION)}
-        variables = {}
-        for branch, evaluate in _branches(forest(scene)):
-            body = bodies[branch.body]
-            poses[branch.body] = body.orientation, evaluate(free_motion, body, None)
-            variables[branch.body] = evaluate(
-                type(branch).encode, branch.nameless(), poses[branch.parent], poses[branch.body]
-            )
-        return variables
+        return encoded(_walk(forest(scene)), bodies)
 
     @override
     def decode(self, scene: Scene, variables: TreeVariables) -> dict[str, BodyState]:
-        trees, orientations = forest(scene), {GROUND: UPRIGHT}
-        motions = _motions(trees, variables)
-        for branch, evaluate in _branches(trees):
-            parent, state = orientations[branch.parent], variables[branch.body]
-            turned = evaluate(type(branch).orientation, branch.nameless(), parent, state)
-            orientations[branch.body] = turned
-        bodies = {}
-        for name in scene.bodies:
-            at = motions[name]
-            bodies[name] = BodyState(at.position, orientations[name], at.velocity, at.spin)
-        return bodies
+        bodies = decoded(_walk(forest(scene)), variables)
+        return {name: bodies[name] for name in scene.bodies}
 
     @override
     def motions(self, scene: Scene, variables: TreeVariables) -> Motions:
-        return _motions(forest(scene), variables)
+        return motions_of(_walk(forest(scene)), variables)
 
     @override
     def mechanics(self, scene: Scene, variables: TreeVariables) -> JointMechanics:
@@ -310,7 +300,7 @@ class JointCoordinates(AbstractCoordinates):
     @override
     def without_drift(self, scene: Scene, variables: TreeVariables) -> TreeVariables:
         kept = {}
-        for branch, evaluate in _branches(forest(scene)):
+        for branch, evaluate in _walk(forest(scene)):
             state = variables[branch.body]
             kept[branch.body] = evaluate(type(branch).without_drift, branch.nameless(), state)
         return kept
@@ -321,14 +311,14 @@ class JointCoordinates(AbstractCoordinates):
     ) -> TreeVariables:
         return {
             branch.body: branch.with_speeds(variables[branch.body], others[branch.body])
-            for branch, _ in _branches(forest(scene))
+            for branch, _ in _walk(forest(scene))
         }
 
     @override
     def rotation_rates(self, scene: Scene, variables: TreeVariables) -> dict[str, Scalar]:
         # Of angles only: Euler parameters have errors even in uniform rotation.
         rates = {}
-        for branch, evaluate in _branches(forest(scene)):
+        for branch, evaluate in _walk(forest(scene)):
             if isinstance(branch, JointedBranch):
                 subspace, state = branch.motion_subspace, variables[branch.body]
                 rates[branch.body] = evaluate(type(subspace).rotation_rate, subspace, state)
@@ -339,18 +329,95 @@ class JointCoordinates(AbstractCoordinates):
         return topology(scene).between(bodies)
 
 
-def _branches(trees: Sequence[Sequence[TreeBranch]]) -> Iterator[tuple[TreeBranch, Evaluate]]:
-    """Yield the branches of all trees, each with the result of `evaluation` for its tree."""
-    for tree in trees:
-        evaluate = evaluation(len(tree))
-        for branch in tree:
-            yield branch, evaluate
+def _walk(trees: Sequence[Sequence[TreeBranch]]) -> Walk:
+    return [(branch, evaluation(len(tree))) for tree in trees for branch in tree]
 
 
-def _motions(trees: Sequence[Sequence[TreeBranch]], variables: TreeVariables) -> Motions:
+def written_out(branches: Iterable[TreeBranch]) -> Walk:
+    """Return branches, parents first, as a `Walk` on which functions are simply called."""
+    return [(branch, operator.call) for branch in branches]
+
+
+def encoded(walk: Walk, bodies: Mapping[str, BodyState]) -> TreeVariables:
+    poses, variables = {GROUND: (UPRIGHT, GROUND_MOTION)}, {}
+    for branch, evaluate in walk:
+        body = bodies[branch.body]
+        poses[branch.body] = body.orientation, evaluate(free_motion, body, None)
+        variables[branch.body] = evaluate(
+            type(branch).encode, branch.nameless(), poses[branch.parent], poses[branch.body]
+        )
+    return variables
+
+
+def motions_of(walk: Walk, variables: TreeVariables) -> Motions:
     motions: dict[str, Motion] = {GROUND: GROUND_MOTION}
-    for branch, evaluate in _branches(trees):
+    for branch, evaluate in walk:
         motions[branch.body] = evaluate(
             type(branch).motion, branch.nameless(), motions[branch.parent], variables[branch.body]
         )
     return motions
+
+
+def orientations_of(walk: Walk, variables: TreeVariables) -> dict[str, EulerParameters]:
+    orientations = {GROUND: UPRIGHT}
+    for branch, evaluate in walk:
+        parent, state = orientations[branch.parent], variables[branch.body]
+        method, nameless = type(branch).orientation, branch.nameless()
+        orientations[branch.body] = evaluate(method, nameless, parent, state)
+    return orientations
+
+
+def decoded(walk: Walk, variables: TreeVariables) -> dict[str, BodyState]:
+    motions, orientations = motions_of(walk, variables), orientations_of(walk, variables)
+    return {
+        name: BodyState(at.position, orientations[name], at.velocity, at.spin)
+        for name, at in motions.items()
+    }
+
+
+def inverse_dynamics(
+    scene: Scene,
+    branches: Sequence[TreeBranch],
+    variables: TreeVariables,
+    rates: Mapping[str, Sequence[Scalar]],
+) -> dict[str, Speeds]:
+    """Return the generalised forces in joints, N m or N by name, with which the bodies move at
+    given rates of the joints' speeds, rad/s^2 or m/s^2 by name, zero by default (recursive
+    Newton-Euler algorithm, R. Featherstone 2008, ch. 5).
+
+    Free bodies are not accelerated. Forces and gravity of the scene act, at time zero, but no
+    contacts, constraints and armatures. `branches`: parents first.
+    """
+    motions = motions_of(written_out(branches), variables)
+    gravity = ZERO if scene.gravity is None else scene.gravity
+    wrenches = dict.fromkeys((GROUND, *scene.bodies), NO_WRENCH)
+    for element in scene.forces.values():
+        for name, wrench in element.wrenches(motions, 0.0).items():
+            wrenches[name] = wrenches[name] + wrench
+    links: dict[str, Link] = {}
+    axes: dict[str, Matrix] = {}
+    twists = {GROUND: REST}
+    loads: dict[str, Twist] = {}
+    for branch in branches:
+        name, parent, body = branch.body, branch.parent, scene.bodies[branch.body]
+        links[name] = link = branch.link(links.get(parent), variables[name], False)
+        axes[name] = axes.get(parent, motions[name].rotation)
+        twists[name] = at_offset(twists[parent], link.offset)
+        if isinstance(branch, JointedBranch) and branch.joint in rates:
+            for column, rate in zip(link.columns, rates[branch.joint], strict=True):
+                twists[name] = twists[name] + column * rate
+        # The bodies' momentum changes by what acts on a body, from the scene and from its joints.
+        central = central_inertia(body, link.rotation)
+        place = link, axes[name], central, body.mass
+        effective = _effective_load(wrenches[name], *place, axes[name].transposed_times(gravity))
+        change = inertia(body.mass, link.arm, central).momentum(twists[name])
+        loads[name] = change - effective
+    forces: dict[str, Speeds] = {}
+    # From the leaves to the roots: the load on a body includes those on the bodies that it carries.
+    for branch in reversed(branches):
+        link, load = links[branch.body], loads[branch.body]
+        if isinstance(branch, JointedBranch):
+            forces[branch.joint] = [product(column, load) for column in link.columns]
+        if branch.parent != GROUND:
+            loads[branch.parent] = loads[branch.parent] + load_about(load, link.offset)
+    return dict(reversed(forces.items()))
