@@ -5,7 +5,6 @@ starts there, just after it: it does not matter whether the element compares tim
 Public functions take times t since the system's origin; breakpoints are times of the scene.
 """
 
-import math
 from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
@@ -15,7 +14,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from .._compilation import shared_by_many, traced_once
-from .._math.smoothing import wrapped
+from .._math.smoothing import TURN, wrapped
 from .._math.vectors import Condition, Scalar
 from .._model.drives.drivers import AbstractRotationDriver
 from .._model.drives.functions_of_time import Increasing
@@ -198,7 +197,7 @@ def drivers_are_smooth(
         value_jump = beyond.value - first.value - integral(rates)
         # Angles are known up to whole revolutions.
         if isinstance(system.scene.joints[name], AbstractRotationDriver):
-            value_jump = wrapped(value_jump, 2.0 * math.pi)
+            value_jump = wrapped(value_jump, TURN)
         rate_jump = last.time_rate - first.time_rate - integral(second_rates)
         # The scale includes `change`, the total variation of the rate, since a driver that
         # oscillates within the step may have small rates at both ends.

@@ -5,6 +5,7 @@ For numbers of Python and NumPy, NumPy computes these functions, so that nothing
 for `value_and_slope`, `positive_power` and `ramp`, which always use JAX.
 """
 
+import math
 from collections.abc import Callable
 
 import jax
@@ -14,6 +15,9 @@ from jax.core import Tracer
 from jaxtyping import PyTree
 
 from .vectors import Condition, Scalar, Vector, are_traced_alike, library, square_root
+
+TURN = 2.0 * math.pi
+"""One revolution, rad."""
 
 
 def where(condition: Condition, first: Scalar, second: Scalar) -> Scalar:

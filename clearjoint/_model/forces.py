@@ -1,6 +1,5 @@
 """Springs, dampers, bushings and applied loads: force elements without contact."""
 
-import math
 from typing import NamedTuple
 
 import equinox as eqx
@@ -11,15 +10,14 @@ from .._fields.checks import require_euler_parameters, require_numbers, require_
 from .._fields.objects import quantity
 from .._fields.types import ArrayLike, Quadruple, Single, Triple
 from .._math.rotations import RotationVector, rotation_matrix, rotation_vector
-from .._math.smoothing import norm_and_direction, wrapped
+from .._math.smoothing import TURN, norm_and_direction, wrapped
 from .._math.vectors import Matrix, Scalar, Vector, pack, unpack
 from .bodies import Wrench
-from .drives.drivers import AbstractDriveAboutAxis, AbstractDriveTorque
+from .drives.drivers import SI, AbstractDriveAboutAxis, AbstractDriveTorque
 from .drives.functions_of_time import TripleInTime, breakpoints_of, triple_in_time, vector_at
 from .joints.base import PARALLEL, AbstractForce, AbstractPairAtPoints, Motions
 from .pen import AbstractPen, Marker
 
-SI = "give it in SI units"
 NONE = (0.0, 0.0, 0.0)
 
 
@@ -114,7 +112,7 @@ class TorsionalSpring(AbstractDriveAboutAxis, AbstractDriveTorque):
         return -self.damping * self.speed(motions) ** 2
 
     def _twist(self, angle: Scalar) -> Scalar:
-        return wrapped(angle - self.rest_angle, 2.0 * math.pi)
+        return wrapped(angle - self.rest_angle, TURN)
 
 
 class AppliedLoad(AbstractForce):

@@ -34,7 +34,7 @@ from .._dynamics.joint_coordinates.coordinates import motions_of, orientations_o
 from .._fields.cautions import quiet
 from .._fields.checks import require, require_positive
 from .._math.rotations import composed, conjugate, rotation_matrix, unit
-from .._math.smoothing import wrapped
+from .._math.smoothing import TURN, wrapped
 from .._math.vectors import Scalar, Vector, pack, unpack
 from .._model.bodies import GROUND, State
 from .._model.clearance_joints.backlash import Backlash
@@ -79,7 +79,6 @@ LARGEST_DEGREE = 4
 """Largest degree of a polynomial that couples joints of MJCF files."""
 LEVER = 0.1
 """Distance, m, between the two points on its axis by which a closing hinge is written."""
-TURN = 2.0 * math.pi
 FREE, BALL, HINGE, SLIDE = "free", "ball", "hinge", "slide"
 Control: TypeAlias = Callable[[jax.Array], jax.Array]
 

@@ -22,6 +22,7 @@ from .._dynamics.joint_coordinates.coordinates import (
 from .._fields.cautions import quiet
 from .._fields.checks import nearest, require, require_positive
 from .._fields.types import TripleLike
+from .._math.smoothing import TURN
 from .._math.vectors import ZERO, EulerParameters, Scalar, Vector, library, pack, unpack
 from .._model.bodies import GROUND, Body, BodyState, State
 from .._model.contact.friction import FrictionLaw
@@ -43,7 +44,6 @@ Positions: TypeAlias = PyTree
 hinges and sliders, in the order of `Robot.joints`; ``None`` for no entries."""
 JointNumbers: TypeAlias = tuple[Scalar, ...]
 NOTHING: Mapping[str, PyTree] = MappingProxyType({})
-TURN = 2.0 * math.pi
 REST_OF_A_JOINT = JointState(0.0, (0.0,))
 FOLLOWS = 1e-6
 """Largest difference between a follower's given and derived position, rad or m, or speed."""

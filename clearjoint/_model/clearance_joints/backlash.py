@@ -1,6 +1,5 @@
 """Backlash: angular play of two bodies about an axis that an ideal joint holds."""
 
-import math
 from dataclasses import replace
 from typing import Annotated
 
@@ -10,7 +9,7 @@ from ..._fields.checks import as_number, require, require_axis, require_numbers,
 from ..._fields.objects import quantity
 from ..._fields.types import Single, Triple, TripleLike
 from ..._math.rotations import unit
-from ..._math.smoothing import wrapped
+from ..._math.smoothing import TURN, wrapped
 from ..._math.vectors import ZERO, Scalar
 from ..contact.hunt_crossley import ExactRestitution
 from ..contact.laws import AbstractContactLaw, Gap
@@ -18,7 +17,6 @@ from ..joints.base import AbstractNamedPair, Contact, Motions, Row
 from ..joints.constraint_rows import relative_angle_row, row_rate
 from .common import FLANKS, AbstractFlankJoint
 
-TURN = 2.0 * math.pi
 DEFAULT_RADIUS = 0.01
 """Radius of the flanks, m, if it is not given: it does not influence the motion if stiffness and
 play are given as a torsional stiffness and an angle."""

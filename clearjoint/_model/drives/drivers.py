@@ -1,7 +1,6 @@
 """Drives between two bodies: prescribed rotations and translations, torques and motors."""
 
 import abc
-import math
 from dataclasses import replace
 from functools import partial
 
@@ -13,7 +12,7 @@ from ..._fields.checks import require_axis, require_euler_parameters
 from ..._fields.objects import optional_quantity, quantity
 from ..._fields.types import Quadruple, Single, Triple
 from ..._math.rotations import unit
-from ..._math.smoothing import ramp, wrapped
+from ..._math.smoothing import TURN, ramp, wrapped
 from ..._math.vectors import Scalar
 from ..bodies import Wrench
 from ..joints.base import (
@@ -106,7 +105,7 @@ class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
     @override
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         row = row_following(self.relative_angle(motions), self.angle, t)
-        return {"angle": replace(row, value=wrapped(row.value, 2.0 * math.pi))}
+        return {"angle": replace(row, value=wrapped(row.value, TURN))}
 
 
 class PrescribedRotation(AbstractDriveAboutAxis, AbstractRotationDriver):
@@ -337,7 +336,7 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
         target, target_speed = value_and_rate(self.target, t)
         # Within half a revolution: `angle` is known only up to whole revolutions.
-        error = wrapped(target - angle, 2.0 * math.pi)
+        error = wrapped(target - angle, TURN)
         torque = self.proportional * error + self.derivative * (target_speed - speed)
         limit = self.torque_limit
         return torque if limit is None else limited(torque, -limit, limit, ROUNDING * limit)

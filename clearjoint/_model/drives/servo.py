@@ -1,6 +1,5 @@
 """Servo: a sampled position controller with the limits of its motor, and its encoder."""
 
-import math
 from typing import Literal
 
 import equinox as eqx
@@ -10,7 +9,7 @@ from typing_extensions import override
 from ..._fields.checks import require, require_count, require_numbers
 from ..._fields.objects import optional_quantity, quantity
 from ..._fields.types import Quadruple, Single
-from ..._math.smoothing import wrapped
+from ..._math.smoothing import TURN, wrapped
 from ..._math.vectors import Scalar
 from ..bodies import Wrench
 from ..joints.base import PARALLEL, Motions
@@ -20,7 +19,6 @@ from .drivers import ROUNDING, SI, AbstractDriveAboutAxis, limited, torque_about
 from .functions_of_time import FunctionOfTime, as_function_of_time, value_and_rate
 
 SpeedSource = Literal["difference", "sensor"]
-TURN = 2.0 * math.pi
 
 
 class Encoder(AbstractDriveAboutAxis):

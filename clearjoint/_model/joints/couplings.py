@@ -21,7 +21,7 @@ from ..._fields.checks import (
 from ..._fields.objects import quantity
 from ..._fields.types import ArrayLike, Quadruple, Single, Triple
 from ..._math.rotations import composed, rotation_matrix, transverse_axes, unit, within_two_turns
-from ..._math.smoothing import cosine, polar_angle, sine, where, wrapped
+from ..._math.smoothing import TURN, cosine, polar_angle, sine, where, wrapped
 from ..._math.vectors import ZERO, EulerParameters, Scalar, Vector
 from ..drives.functions_of_time import FunctionOfTime, as_function_of_time, require_continuous
 from ..pen import AbstractPen
@@ -120,7 +120,7 @@ class GearJoint(AbstractConstraint):
         mesh = plus_multiple(angle_first, angle_second, -ratio if self.internal else ratio)
         # The angles are known only up to whole revolutions. A revolution of either gear changes the
         # error by a whole number of teeth.
-        tooth = 2.0 * math.pi / self.teeth_first
+        tooth = TURN / self.teeth_first
         return {"mesh": replace(mesh, value=wrapped(mesh.value - self.offset, tooth))}
 
 
@@ -136,7 +136,7 @@ class ScrewMotion(AbstractTurning):
         # The advance determines the number of revolutions, and the orientation the angle up to
         # whole revolutions, exactly.
         angle_by_advance = relative.displacement.dot(self.axis) / self.pitch
-        error = wrapped(angle_by_advance - angle, 2.0 * math.pi)
+        error = wrapped(angle_by_advance - angle, TURN)
         return JointState(angle_by_advance - error, (rate,))
 
     @override
@@ -369,6 +369,6 @@ class JointCoupling(AbstractConstraint):
         value = follower.value - function(x)
         # Angles are known up to whole revolutions.
         if isinstance(self.follower, RevoluteJoint):
-            value = wrapped(value, 2.0 * math.pi)
+            value = wrapped(value, TURN)
         bias = row.bias - curvature * row_rate(leader, motions) ** 2
         return {"coupling": replace(row, value=value, bias=bias)}
