@@ -16,7 +16,7 @@ from ..contact.laws import AbstractContactLaw, Gap, caution_beyond
 from ..joints.base import AbstractConstraint, Contact, Motions
 from ..joints.ideal import SphericalJoint
 from ..pen import AbstractPen, Marker
-from .common import AbstractCentredJoint, require_smaller_clearance, resting_depth
+from .common import AbstractCentredJoint, require_smaller_clearance
 
 CONTACT = "ball"
 
@@ -83,10 +83,9 @@ class BallInSocket(AbstractCentredJoint):
         shift = 0.5 * gap.depth
         on_socket = self.socket_point + socket.components(normal * (self.socket_radius + shift))
         on_ball = self.ball_point + ball.components(normal * subtract(gap.journal_radius, shift))
-        slip = self._slip(socket, ball, on_socket, on_ball, normal)
         # Without friction the force acts at the two centres, which are on its line of action.
         centres = self.socket_point, self.ball_point
-        return {CONTACT: Contact(gap, normal, on_socket, on_ball, slip, *centres)}
+        return {CONTACT: self._contact_at(motions, gap, normal, on_socket, on_ball, *centres)}
 
     @override
     def deepest_penetration(self) -> Scalar:
@@ -102,11 +101,11 @@ class BallInSocket(AbstractCentredJoint):
 
     @override
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        size = np.linalg.norm(load)
+        size = float(np.linalg.norm(load))
         if not size > 0.0:
             return None
-        depth = resting_depth([self.law], float(size), self.deepest_penetration(), self._gap)
-        centre = self.socket_point + (self.clearance + depth) / size * load
+        distance = self.clearance + self._resting_depth(size, [self.law])
+        centre = self.socket_point + distance / size * load
         return SphericalJoint(self.socket_body, self.ball_body, centre, self.ball_point)
 
     @override

@@ -18,7 +18,6 @@ from ..joints.ideal import LineInPlaneJoint, PointInPlaneJoint
 from ..pen import AbstractPen, Marker
 from .common import (
     AbstractFrictionJoint,
-    offset_at_flat_wall,
     require_right_angle,
     require_smaller_clearance,
 )
@@ -118,8 +117,7 @@ class PinInSlot(AbstractFrictionJoint):
 
     @override
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        room, wall = 0.5 * self.play, [self.law]
-        offset = offset_at_flat_wall(self.slot_normal, room, load, wall, self.pin_radius)
+        offset = self._offset_at_flat_wall(self.slot_normal, 0.5 * self.play, load)
         return None if offset is None else self._ideal(self.slot_point + offset)
 
     def _ideal(self, point: Triple) -> AbstractConstraint:
@@ -232,8 +230,7 @@ class SliderInGuide(AbstractFrictionJoint):
 
     @override
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
-        room, corners = self.clearance, [self.law, self.law]
-        offset = offset_at_flat_wall(self.guide_normal, room, load, corners, self.half_height)
+        offset = self._offset_at_flat_wall(self.guide_normal, self.clearance, load, contacts=2)
         return None if offset is None else self._ideal(self.guide_point + offset)
 
     def _ideal(self, point: Triple) -> AbstractConstraint:

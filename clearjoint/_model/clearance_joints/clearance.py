@@ -55,7 +55,6 @@ from .common import (
     LEAST_TRANSVERSE_LOAD,
     AbstractCentredJoint,
     require_smaller_clearance,
-    resting_depth,
 )
 from .journal_bases import BASES, SIDES, AxialPoint, JournalBase, axial_points
 
@@ -410,11 +409,11 @@ class ClearanceJoint(AbstractCentredJoint):
         to_wall = along + normal * add(self.bearing_radius, shift)
         on_bearing = self.bearing_point + bearing.components(to_wall)
         on_journal = base.local + journal.components(normal * subtract(gap.journal_radius, shift))
-        slip = self._slip(bearing, journal, on_bearing, on_journal, normal)
         # Without friction the force acts along the line through the bearing's axis and the base's
         # centre, at these two points.
         on_axis = self.bearing_point + unit(self.bearing_axis) * base.height
-        return Contact(gap, normal, on_bearing, on_journal, slip, on_axis, base.local)
+        points = on_bearing, on_journal, on_axis, base.local
+        return self._contact_at(motions, gap, normal, *points)
 
     def _profile_contact(self, motions: Motions, base: JournalBase) -> Contact:
         """Return the contact of a base with the wall if the wall or the journal has a profile."""
@@ -441,8 +440,7 @@ class ClearanceJoint(AbstractCentredJoint):
         on_journal = base.local + journal.components(to_surface)
         sliding = journal.velocity_at(on_journal) - bearing.velocity_at(on_bearing)
         gap = self._gap(near.depth, sliding.dot(normal))
-        slip = self._slip(bearing, journal, on_bearing, on_journal, normal)
-        return Contact(gap, normal, on_bearing, on_journal, slip)
+        return self._contact_at(motions, gap, normal, on_bearing, on_journal)
 
     def planar_axes(self, bearing: Motion, journal: Motion) -> PlanarAxes:
         """Return the components of the x and y axes of the journal along those of the bearing."""
@@ -557,14 +555,14 @@ class ClearanceJoint(AbstractCentredJoint):
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         along = np.asarray(self.bearing_axis) / np.linalg.norm(self.bearing_axis)
         across = load - (load @ along) * along
-        size = np.linalg.norm(across)
+        size = float(np.linalg.norm(across))
         # A load along the axis alone presses the journal against no side of the wall.
         if not size > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
             return None
         # The contacts share the load: the axes are parallel, so that all are equally deep.
-        laws, radius = self.laws(), self.journal_radius
+        laws = self.laws()
         sharing = [laws[label] for label in self.contact_labels()]
-        distance = self.clearance + resting_depth(sharing, float(size), radius, self._gap)
+        distance = self.clearance + self._resting_depth(size, sharing)
         if self.bearing_profile is None:
             return self._ideal(self.bearing_point + distance / size * across)
         # The journal rests where the wall's normal is along the load. A profile is a deviation of

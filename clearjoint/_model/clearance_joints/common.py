@@ -2,7 +2,7 @@
 
 import abc
 import operator
-from collections.abc import Callable, Iterable
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
 import equinox as eqx
@@ -13,7 +13,7 @@ from typing_extensions import override
 from ..._fields.checks import as_shown, checkable, require, require_numbers
 from ..._fields.types import Single, Triple
 from ..._math.vectors import Scalar, Vector, subtract
-from ..bodies import GROUND, Motion
+from ..bodies import GROUND
 from ..contact.friction import AbstractBristleFriction, AbstractFriction, FrictionLaw
 from ..contact.laws import (
     AbstractContactLaw,
@@ -35,7 +35,7 @@ from ..joints.base import (
 FLANKS = {"lower flank": -1.0, "upper flank": 1.0}
 """Labels of two flanks, and the sign of the second body's rotation that each flank stops."""
 LEAST_DEPTH = 1e-18
-"""Smallest penetration that `resting_depth` tries, m from the onset of the force: far below the
+"""Smallest penetration that `_resting_depth` tries, m from the onset of the force: far below the
 rounding errors of coordinates."""
 LEAST_TRANSVERSE_LOAD = 1e-6
 """Component of a load towards a wall (across a bearing's axis, or along the normal of flat walls),
@@ -132,19 +132,24 @@ class AbstractFrictionJoint(AbstractOneLawJoint):
         if self.friction is not None:
             require_instance("friction", self.friction, AbstractFriction, AbstractBristleFriction)
 
-    def _slip(
-        self, first: Motion, second: Motion, on_first: Vector, on_second: Vector, normal: Vector
-    ) -> Vector | None:
-        """Return the tangential velocity of the second body relative to the first at a contact, m/s
-        in global axes; ``None`` without friction.
-
-        **Arguments:** `first`, `second`: motions of the bodies. `on_first`, `on_second`: contact
-        point, m from each body's centre of mass in its axes. `normal`: global unit vector.
-        """
-        if self.friction is None:
-            return None
-        sliding = second.velocity_at(on_second) - first.velocity_at(on_first)
-        return slip_velocity(sliding, normal, sliding.dot(normal))
+    def _contact_at(
+        self,
+        motions: Motions,
+        gap: Gap,
+        normal: Vector,
+        on_first: Vector,
+        on_second: Vector,
+        line_first: Vector | None = None,
+        line_second: Vector | None = None,
+    ) -> Contact:
+        """Return a contact, with its slip if there is friction. Arguments are those of `Contact`;
+        `on_first` and `on_second` are its `arm_first` and `arm_second`."""
+        slip = None
+        if self.friction is not None:
+            first, second = (motions[name] for name in self.pair())
+            sliding = second.velocity_at(on_second) - first.velocity_at(on_first)
+            slip = slip_velocity(sliding, normal, sliding.dot(normal))
+        return Contact(gap, normal, on_first, on_second, slip, line_first, line_second)
 
     def _contact_with_wall(
         self,
@@ -178,8 +183,52 @@ class AbstractFrictionJoint(AbstractOneLawJoint):
         on_first = centre_in_first + normal * to_surface
         on_second = centre + second.components(outward * to_surface)
         gap = self._gap(depth, sliding.dot(outward))
-        slip = self._slip(first, second, on_first, on_second, outward)
-        return Contact(gap, outward, on_first, on_second, slip, centre_in_first, centre)
+        return self._contact_at(motions, gap, outward, on_first, on_second, centre_in_first, centre)
+
+    def _offset_at_flat_wall(
+        self, normal: Triple, clearance: Single, load: Float[np.ndarray, "3"], contacts: int = 1
+    ) -> Float[np.ndarray, "3"] | None:
+        """Return the displacement, (3,) m in the axes of the walls' body, by which a load presses
+        the centred second body against one of two parallel walls and into it; ``None`` if it
+        presses it to neither.
+
+        **Arguments:** `normal`: of the walls, (3,), any length. `clearance`: of the centred body on
+        either side, m. `load`: force on the walls' body, (3,) N in its axes. `contacts`: number of
+        those that share the load.
+        """
+        upward = np.asarray(normal) / np.linalg.norm(normal)
+        component = load @ upward
+        # A load along the walls alone presses the body against neither of them.
+        if not abs(component) > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
+            return None
+        distance = clearance + self._resting_depth(float(abs(component)), [self.law] * contacts)
+        return distance * np.sign(component) * upward
+
+    def _resting_depth(self, load: Scalar, laws: Sequence[AbstractContactLaw]) -> float:
+        """Return the penetration, m, at most `deepest_penetration`, at which contacts with the same
+        depth and the given laws together carry a load, N, at rest."""
+        # Importing it takes long, and few programs need it.
+        from scipy.optimize import root_scalar
+
+        deepest = float(self.deepest_penetration())
+        # The surfaces' distance at which the first force begins. Depths are counted from there.
+        ahead = max(float(law.onset_offset()) for law in laws)
+
+        def excess(logarithm: float) -> float:
+            """Return the logarithm of force over load, which is nearly linear for a power law."""
+            present = self._gap(np.exp(logarithm) - ahead, 0.0)
+            force = sum(float(law.elastic_force(present)) for law in laws)
+            return float(np.log(max(force, 1e-300) / load))
+
+        low, high = np.log(LEAST_DEPTH), np.log(deepest + ahead)
+        # The force is too small even at the largest penetration.
+        if excess(high) <= 0.0:
+            return deepest
+        # The force is large enough right at its onset, where that of some laws jumps.
+        if excess(low) >= 0.0:
+            return LEAST_DEPTH - ahead
+        root = root_scalar(excess, bracket=(low, high), xtol=1e-14).root
+        return float(np.exp(root) - ahead)
 
 
 def require_smaller_clearance(clearance: Single, radius: Single, radius_name: str) -> None:
@@ -221,59 +270,3 @@ class AbstractCentredJoint(AbstractFrictionJoint):
         if second == GROUND:
             return -motions[first].point_from(on_second, on_first)
         return motions[second].point_from(motions[first].point(on_first), on_second)
-
-
-def offset_at_flat_wall(
-    normal: Triple,
-    clearance: Single,
-    load: Float[np.ndarray, "3"],
-    laws: Iterable[AbstractContactLaw],
-    deepest: Scalar,
-) -> Float[np.ndarray, "3"] | None:
-    """Return the displacement, (3,) m in the axes of the walls' body, by which a load presses a
-    centred part against one of two parallel walls and into it; ``None`` if it presses it to
-    neither.
-
-    **Arguments:** `normal`: of the walls, (3,), any length. `clearance`: of the centred part on
-    either side, m. `load`: force of the part on the walls' body, (3,) N in its axes. `laws`: of the
-    contacts that share the load. `deepest`: upper limit of their penetration, m.
-    """
-    upward = np.asarray(normal) / np.linalg.norm(normal)
-    component = load @ upward
-    # A load along the walls alone presses the part against neither of them.
-    if not abs(component) > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
-        return None
-    distance = clearance + resting_depth(laws, float(abs(component)), deepest)
-    return distance * np.sign(component) * upward
-
-
-def resting_depth(
-    laws: Iterable[AbstractContactLaw],
-    load: Scalar,
-    deepest: Scalar,
-    gap: Callable[[Scalar, Scalar], Gap] = Gap,
-) -> float:
-    """Return the penetration, m, at most `deepest`, at which contacts with the same depth and the
-    given laws together carry a load, N, at rest. `gap` makes a gap from depth and rate."""
-    # Importing it takes long, and few programs need it.
-    from scipy.optimize import root_scalar
-
-    laws = list(laws)
-    # The surfaces' distance at which the first force begins. Depths are counted from there.
-    ahead = max(float(law.onset_offset()) for law in laws)
-
-    def excess(logarithm: float) -> float:
-        """Return the logarithm of force over load, which is nearly linear for a power law."""
-        present = gap(np.exp(logarithm) - ahead, 0.0)
-        force = sum(float(law.elastic_force(present)) for law in laws)
-        return float(np.log(max(force, 1e-300) / load))
-
-    low, high = np.log(LEAST_DEPTH), np.log(float(deepest) + ahead)
-    # The force is too small even at the largest penetration.
-    if excess(high) <= 0.0:
-        return float(deepest)
-    # The force is large enough right at its onset, where that of some laws jumps.
-    if excess(low) >= 0.0:
-        return LEAST_DEPTH - ahead
-    root = root_scalar(excess, bracket=(low, high), xtol=1e-14).root
-    return float(np.exp(root) - ahead)

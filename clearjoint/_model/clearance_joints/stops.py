@@ -16,7 +16,7 @@ from ..contact.laws import AbstractContactLaw, Gap, require_flat_law, require_ro
 from ..joints.base import AbstractConstraint, AbstractNamedPair, Contact, Motions
 from ..joints.ideal import DistanceJoint, LineInPlaneJoint, PointInPlaneJoint, SphericalJoint
 from ..pen import AbstractPen, Marker
-from .common import LEAST_TRANSVERSE_LOAD, AbstractFrictionJoint, resting_depth
+from .common import LEAST_TRANSVERSE_LOAD, AbstractFrictionJoint
 
 POINT, END_POINT, BALLS = "point", "end point", "balls"
 """Labels of the contacts of a `Stop` (the second for an edge only) and of a `BallOnBall`."""
@@ -113,8 +113,7 @@ class Stop(AbstractNamedPair, AbstractFrictionJoint):
         size = float(load @ into_wall)
         if not size > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
             return None
-        laws, deepest = self.laws().values(), self.deepest_penetration()
-        return self._ideal(resting_depth(laws, size, deepest, self._gap))
+        return self._ideal(self._resting_depth(size, [*self.laws().values()]))
 
     def _ideal(self, depth: Scalar) -> AbstractConstraint:
         outward = np.asarray(self.normal) / np.linalg.norm(self.normal)
@@ -193,10 +192,9 @@ class BallOnBall(AbstractNamedPair, AbstractFrictionJoint):
         shift = 0.5 * depth
         on_first = self.point_first - first.components(normal * (self.radius_first - shift))
         on_second = self.point_second + second.components(normal * (self.radius_second - shift))
-        slip = self._slip(first, second, on_first, on_second, normal)
         # Without friction the force acts at the two centres, which are on its line of action.
         centres = self.point_first, self.point_second
-        return {BALLS: Contact(gap, normal, on_first, on_second, slip, *centres)}
+        return {BALLS: self._contact_at(motions, gap, normal, on_first, on_second, *centres)}
 
     @override
     def deepest_penetration(self) -> Scalar:
@@ -217,7 +215,7 @@ class BallOnBall(AbstractNamedPair, AbstractFrictionJoint):
         size = float(np.linalg.norm(load))
         if not size > 0.0:
             return None
-        depth = resting_depth([self.law], size, self.deepest_penetration(), self._gap)
+        depth = self._resting_depth(size, [self.law])
         # The load pushes the first ball away from the centre of the second.
         away = load * ((self.radius_first + self.radius_second - depth) / size)
         return SphericalJoint(self.first, self.second, self.point_first - away, self.point_second)
