@@ -41,9 +41,7 @@ def read_mjcf(path: Path) -> robots.Content:
     links = [robots.RobotLink(name, _inertial(model, k)) for k, name in enumerate(names)]
     joints: list[robots.RobotJoint] = []
     for k in range(1, model.nbody):  # without the world, body 0, which is the root link
-        parent, pose = names[model.body_parentid[k]], np.eye(4)
-        pose[:3, :3] = _rotation(model.body_quat[k])
-        pose[:3, 3] = model.body_pos[k]
+        parent, pose = names[model.body_parentid[k]], _pose(model.body_quat[k], model.body_pos[k])
         first, count = model.body_jntadr[k], model.body_jntnum[k]
         if not count:
             name, x_axis = f"{names[k]} {robots.FIXED}", np.array([1.0, 0.0, 0.0])
@@ -112,6 +110,10 @@ def _rotation(quaternion: np.ndarray) -> np.ndarray:
     return robots.rounded(Rotation.from_quat(quaternion, scalar_first=True).as_matrix())
 
 
+def _pose(quaternion: np.ndarray, position: np.ndarray) -> np.ndarray:
+    return robots.pose_of(_rotation(quaternion), position)
+
+
 def _inertial(model: Model, body: int) -> robots.Inertial | None:
     if body == 0 or not model.body_mass[body] > 0.0:
         return None
@@ -163,13 +165,12 @@ def _motion(kind: str, axis: np.ndarray, point: np.ndarray, position: float) -> 
     body has at zero; the joint's `axis` and `point`, (3,) each, are in this frame too."""
     from scipy.spatial.transform import Rotation
 
-    pose = np.eye(4)
     if kind == robots.SLIDER:
-        pose[:3, 3] = axis * position
-    elif position:
-        pose[:3, :3] = Rotation.from_rotvec(axis * position).as_matrix()
-        pose[:3, 3] = point - pose[:3, :3] @ point
-    return pose
+        return robots.pose_of(np.eye(3), axis * position)
+    if not position:
+        return np.eye(4)
+    rotation = Rotation.from_rotvec(axis * position).as_matrix()
+    return robots.pose_of(rotation, point - rotation @ point)
 
 
 def _equalities(
@@ -196,14 +197,12 @@ def _equalities(
         # the second relative to the first (weld).
         frames = [np.eye(4), np.eye(4)]
         if model.site_bodyid.size and model.eq_objtype[k] != 1:  # sites, not bodies
-            for frame, site in zip(frames, ids, strict=True):
-                frame[:3, :3] = _rotation(model.site_quat[site])
-                frame[:3, 3] = model.site_pos[site]
+            frames = [_pose(model.site_quat[site], model.site_pos[site]) for site in ids]
             ids = tuple(int(model.site_bodyid[site]) for site in ids)
         elif kind == CONNECT:
             frames[0][:3, 3], frames[1][:3, 3] = data[:3], data[3:6]
         else:
-            frames[0][:3, :3], frames[0][:3, 3] = _rotation(data[6:10]), data[3:6]
+            frames[0] = _pose(data[6:10], data[3:6])
         first, second = (names[body] for body in ids)
         of_loop = robots.BALL if kind == CONNECT else robots.FIXED
         loops.append(robots.LoopJoint(name, of_loop, first, second, frames[0], frames[1]))

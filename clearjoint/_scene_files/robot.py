@@ -3,6 +3,7 @@
 import math
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 from typing import Literal, Protocol, TypeAlias
@@ -280,12 +281,13 @@ class Robot:
         """
         variables = self._moved(q, qd, NOTHING)
         rates = self._by_joint("qdd", qdd, speeds=True)
-        bodies = {b.joint: b.body for b in self._branches if isinstance(b, trees.JointedBranch)}
         # Accelerations of followers, by the chain rule; leaders come before their followers. A
         # follower without a leader stays at a constant position.
         slopes = {}
         for name, mimic in self._mimics.items():
-            leader = variables[bodies[mimic.leader]] if mimic.leader else REST_OF_A_JOINT
+            leader = REST_OF_A_JOINT
+            if mimic.leader is not None:
+                leader = variables[self._jointed[mimic.leader].body]
             assert isinstance(leader, JointState)
             _, slopes[name], curvature = _polynomial(mimic, leader.position)
             change = slopes[name] * rates.get(mimic.leader or "", (0.0,))[0]
@@ -313,15 +315,18 @@ class Robot:
             torques[name] = [0.0 * torques[name][0]]  # zeros in the shape of the others
         return self._ordered({name: _number(parts) for name, parts in torques.items() if parts})
 
+    @cached_property
+    def _jointed(self) -> dict[str, trees.JointedBranch]:
+        """The branch of the body that each joint carries, by name of the joint."""
+        branches = self._branches
+        return {b.joint: b for b in branches if isinstance(b, trees.JointedBranch)}
+
     def _ordered(self, by_joint: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         return {name: by_joint[name] for name in dict.fromkeys((*self.joints, *by_joint))}
 
     def _motors(self) -> dict[str, str]:
         """Return the motors that turn apart from the link, such as "elbow motor", by joint."""
-        names = {
-            branch.joint for branch in self._branches if isinstance(branch, trees.JointedBranch)
-        }
-        return {n: motor_name(n) for n in self.drives if motor_name(n) in names}
+        return {n: motor_name(n) for n in self.drives if motor_name(n) in self._jointed}
 
     def _by_joint(self, argument: str, values: Positions, speeds: bool) -> dict[str, JointNumbers]:
         """Check positions or, if `speeds`, speeds or accelerations of joints, the user's
@@ -334,13 +339,12 @@ class Robot:
             remedy = "give one for each of " + ", ".join(self.joints)
             require(shape[-1:] == (count,), argument, shape, expected, remedy)
             values = dict(zip(self.joints, _columns(values), strict=True))
-        zeros = {b.joint: _zero(b) for b in self._branches if isinstance(b, trees.JointedBranch)}
         by_joint = {}
         for name, value in values.items():
-            known = [*zeros]
-            remedy = nearest(name, known, "leave it out")
-            require(name in known, argument, name, f"one of the joints {', '.join(known)}", remedy)
-            zero = zeros[name]
+            remedy = nearest(name, self._jointed, "leave it out")
+            expected = f"one of the joints {', '.join(self._jointed)}"
+            require(name in self._jointed, argument, name, expected, remedy)
+            zero = _zero(self._jointed[name])
             count = len(zero.speeds if speeds else jax.tree.leaves(zero.position))
             parts = (value,) if len(zero.speeds) == 1 else tuple(_columns(value))
             expected, remedy = f"{count} numbers of joint {name!r}", "give that many"
@@ -400,9 +404,8 @@ class Robot:
             if isinstance(branch.motion_subspace, Hinge):
                 # A state determines an angle up to whole turns. The one nearest to the middle of
                 # the limits is meant; a motor has the limits of its joint.
-                limits = self.limits.get(
-                    joints.get(branch.joint, branch.joint), robots.JointLimits()
-                )
+                joint = joints.get(branch.joint, branch.joint)
+                limits = self.limits.get(joint, robots.JointLimits())
                 middle = 0.5 * (limits.lower + limits.upper)
                 middle = middle if math.isfinite(middle) else 0.0
                 value = value - TURN * np.round((value - middle) / TURN)
@@ -572,10 +575,9 @@ def load_robot(
     scene, state, elements = scene_of(tree, content.loops, play, stops, friction, acceleration)
     robot = _robot(tree, scene, state, elements, content)
     omitted = content.omitted | elements.omitted
-    grounded = [name for name, carrier in tree.carriers.items() if carrier.body == GROUND]
-    inertials = {name: tree.links[name].inertial for name in grounded}
-    massive = [name for name, inertial in inertials.items() if inertial and inertial.mass > 0.0]
-    if massive:
+    base = tree.carriers[tree.root]
+    massive = [name for name, inertial in tree.massive(base).items() if inertial.mass > 0.0]
+    if base.body == GROUND and massive:
         omitted["inertia of the fixed links"] = massive
     robots.warn_of_omitted(path, omitted)
     return robot

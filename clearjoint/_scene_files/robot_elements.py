@@ -269,24 +269,17 @@ def _checked(
 def _add_loops(elements: Elements, loops: tuple[robots.LoopJoint, ...]) -> None:
     tree = elements.tree
     for loop in loops:
-        first, second = tree.carriers[loop.first], tree.carriers[loop.second]
+        first, point_first, turn_first = tree.placed(loop.first, loop.in_first)
+        second, point_second, turn_second = tree.placed(loop.second, loop.in_second)
         if first is second:
             continue
-        frames = tree.poses[loop.first] @ loop.in_first, tree.poses[loop.second] @ loop.in_second
-        points = tree.in_body(first, frames[0][:3, 3]), tree.in_body(second, frames[1][:3, 3])
-        ends = first.body, second.body, *points
+        ends = first.body, second.body, point_first, point_second
         if loop.kind == robots.BALL:
             joint: Joint = SphericalJoint(*ends)
         else:
-            # Rotations from the loop joint's frames to the axes of the two bodies. As the frames
-            # coincide, turns[0] @ turns[1].T leads from the second body's axes to the first's.
-            pairs = zip((first, second), frames, strict=True)
-            turns = [
-                robots.rounded(carrier.pose[:3, :3] @ frame[:3, :3]) for carrier, frame in pairs
-            ]
-            joint = FixedJoint(
-                *ends, robots.euler_parameters(robots.rounded(turns[0] @ turns[1].T))
-            )
+            # The frames coincide: by way of them, from the second body's axes to the first's.
+            rotation = robots.rounded(turn_first @ turn_second.T)
+            joint = FixedJoint(*ends, robots.euler_parameters(rotation))
         if loop.name in tree.joints or loop.name in elements.joints:
             expected = "a name that no other joint has"
             tree.location.at(loop.name).refuse(loop.name, expected, "rename one of the two")

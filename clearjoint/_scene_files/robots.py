@@ -298,10 +298,17 @@ class LinkTree:
         shifts = np.array(centres) - centres[0]
         return centres[0] + (masses @ shifts / masses.sum() if masses.sum() > 0.0 else 0.0)
 
-    def frame(self, link: str) -> LinkPose:
-        carrier, pose = self.carriers[link], self.poses[link]
+    def placed(
+        self, link: str, frame: np.ndarray
+    ) -> tuple[Carrier, tuple[float, float, float], np.ndarray]:
+        """Return where a frame in a link, (4, 4) m, is: the carrier, the point in the axes of its
+        body, as by `in_body`, and the rotation matrix from the frame to these axes."""
+        carrier, pose = self.carriers[link], self.poses[link] @ frame
         rotation = rounded(carrier.pose[:3, :3] @ pose[:3, :3])
-        point = self.in_body(carrier, pose[:3, 3])
+        return carrier, self.in_body(carrier, pose[:3, 3]), rotation
+
+    def frame(self, link: str) -> LinkPose:
+        carrier, point, rotation = self.placed(link, np.eye(4))
         return LinkPose(carrier.body, point, euler_parameters(rotation))
 
     def in_body(self, carrier: Carrier, point: np.ndarray) -> tuple[float, float, float]:
@@ -433,6 +440,11 @@ def _by_name(elements: Iterable, kind: str, location: FileLocation) -> dict:
         if number > 1:
             location.refuse(name, f"the name of one {kind} only", "rename the others")
     return {element.name: element for element in elements}
+
+
+def pose_of(rotation: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """Return the homogeneous matrix (4, 4) of a rotation matrix and a translation, m."""
+    return np.block([[rotation, point[:, None]], [np.eye(4)[3:]]])
 
 
 def moved(pose: np.ndarray, point: np.ndarray) -> np.ndarray:

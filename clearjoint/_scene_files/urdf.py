@@ -9,7 +9,7 @@ from xml.parsers import expat
 import numpy as np
 
 from .documents import FileLocation, read_bytes
-from .robots import Content, Inertial, JointLimits, Mimic, RobotJoint, RobotLink, rounded
+from .robots import Content, Inertial, JointLimits, Mimic, RobotJoint, RobotLink, pose_of, rounded
 
 LARGEST_FILE = 50_000_000
 """Size in bytes above which files are refused, since their content takes far more memory."""
@@ -120,10 +120,8 @@ def _pose(origin: Element | None, location: FileLocation) -> np.ndarray:
     from scipy.spatial.transform import Rotation
 
     rpy = _numbers(origin, "rpy", "0 0 0", 3, location)
-    pose = np.eye(4)
-    pose[:3, :3] = rounded(Rotation.from_euler("xyz", rpy).as_matrix())
-    pose[:3, 3] = _numbers(origin, "xyz", "0 0 0", 3, location)
-    return pose
+    rotation = rounded(Rotation.from_euler("xyz", rpy).as_matrix())
+    return pose_of(rotation, _numbers(origin, "xyz", "0 0 0", 3, location))
 
 
 def _inertial(link: Element, location: FileLocation) -> Inertial | None:
