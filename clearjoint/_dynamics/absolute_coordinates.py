@@ -6,25 +6,19 @@ from typing import TypeAlias
 
 from typing_extensions import override
 
-from .._math.rotations import euler_parameter_rates, kept_unit, rotation_matrix, turned
+from .._math.rotations import euler_parameter_rates, rotation_matrix, turned
 from .._math.vectors import ZERO, Matrix, Scalar, Vector
-from .._model.bodies import GROUND, GROUND_MOTION, NO_WRENCH, Body, BodyState, Wrench
+from .._model.bodies import NO_WRENCH, Body, BodyState, Wrench
 from .._model.joints.base import Motions, Row
 from .._model.scene import Scene
-from .coordinates import (
-    AbstractCoordinates,
-    AbstractMechanics,
-    BodyAcceleration,
-    Speeds,
-    Wrenches,
-    anchors,
-    free_motion,
-)
+from .coordinates import AbstractMechanics, BodyAcceleration, Speeds, Wrenches, anchors
+from .joint_coordinates.coordinates import AbstractBranchCoordinates, Walk, written_out
+from .joint_coordinates.trees import FreeBranch
 
 Bodies: TypeAlias = dict[str, BodyState]
 
 
-class AbsoluteCoordinates(AbstractCoordinates):
+class AbsoluteCoordinates(AbstractBranchCoordinates):
     """Position, Euler parameters, velocity and spin of each body; ideal joints are constraints.
 
     The variables are a `BodyState` for each body. If a clearance joint to the ground has an
@@ -36,6 +30,11 @@ class AbsoluteCoordinates(AbstractCoordinates):
     >>> cj.Settings(coordinates=cj.AbsoluteCoordinates()).coordinates
     AbsoluteCoordinates()
     """
+
+    @override
+    def walk(self, scene: Scene) -> Walk:
+        points = anchors(scene)
+        return written_out(FreeBranch(name, points.get(name)) for name in scene.bodies)
 
     @override
     def eliminated(self, scene: Scene) -> frozenset[str]:
@@ -51,31 +50,8 @@ class AbsoluteCoordinates(AbstractCoordinates):
         return variables
 
     @override
-    def decode(self, scene: Scene, variables: Bodies) -> Bodies:
-        motions = self.motions(scene, variables)
-        return {n: replace(body, position=motions[n].position) for n, body in variables.items()}
-
-    @override
-    def motions(self, scene: Scene, variables: Bodies) -> Motions:
-        points = anchors(scene)
-        free = {name: free_motion(body, points.get(name)) for name, body in variables.items()}
-        return {GROUND: GROUND_MOTION, **free}
-
-    @override
     def mechanics(self, scene: Scene, variables: Bodies) -> "AbsoluteMechanics":
         return AbsoluteMechanics(scene, variables, self.motions(scene, variables))
-
-    @override
-    def without_drift(self, scene: Scene, variables: Bodies) -> Bodies:
-        bodies = variables.items()
-        return {n: replace(body, orientation=kept_unit(body.orientation)) for n, body in bodies}
-
-    @override
-    def with_speeds(self, scene: Scene, variables: Bodies, others: Bodies) -> Bodies:
-        return {
-            name: replace(body, velocity=others[name].velocity, spin=others[name].spin)
-            for name, body in variables.items()
-        }
 
 
 class AbsoluteMechanics(AbstractMechanics):

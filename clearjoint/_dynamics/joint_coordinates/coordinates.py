@@ -23,6 +23,7 @@ its leaves, then those of the second, and so on. Rates, changes of speeds and di
 type have the form of r.
 """
 
+import abc
 import operator
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property, reduce
@@ -258,7 +259,45 @@ def _body_acceleration(twist: Twist, link: Link, axes: Matrix, fall: Vector) -> 
     return BodyAcceleration(axes @ linear, angular)
 
 
-class JointCoordinates(AbstractCoordinates):
+class AbstractBranchCoordinates(AbstractCoordinates):
+    """Base class of coordinates whose variables are those of branches, by name of body."""
+
+    @abc.abstractmethod
+    def walk(self, scene: Scene) -> Walk:
+        """Return the branches of all bodies of a scene."""
+
+    @override
+    def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> TreeVariables:
+        return encoded(self.walk(scene), bodies)
+
+    @override
+    def decode(self, scene: Scene, variables: TreeVariables) -> dict[str, BodyState]:
+        bodies = decoded(self.walk(scene), variables)
+        return {name: bodies[name] for name in scene.bodies}
+
+    @override
+    def motions(self, scene: Scene, variables: TreeVariables) -> Motions:
+        return motions_of(self.walk(scene), variables)
+
+    @override
+    def without_drift(self, scene: Scene, variables: TreeVariables) -> TreeVariables:
+        kept = {}
+        for branch, evaluate in self.walk(scene):
+            state = variables[branch.body]
+            kept[branch.body] = evaluate(type(branch).without_drift, branch.nameless(), state)
+        return kept
+
+    @override
+    def with_speeds(
+        self, scene: Scene, variables: TreeVariables, others: TreeVariables
+    ) -> TreeVariables:
+        return {
+            branch.body: branch.with_speeds(variables[branch.body], others[branch.body])
+            for branch, _ in self.walk(scene)
+        }
+
+
+class JointCoordinates(AbstractBranchCoordinates):
     """Positions and speeds in ideal joints: of each body relative to the one that carries it.
 
     A clearance joint is a force element, so that in most mechanisms with clearances the bodies and
@@ -276,49 +315,23 @@ class JointCoordinates(AbstractCoordinates):
     """
 
     @override
+    def walk(self, scene: Scene) -> Walk:
+        return _walk(forest(scene))
+
+    @override
     def eliminated(self, scene: Scene) -> frozenset[str]:
         places = topology(scene).places.values()
         return frozenset(place.joint for place in places if place.joint is not None)
-
-    @override
-    def encode(self, scene: Scene, bodies: dict[str, BodyState]) -> TreeVariables:
-        return encoded(_walk(forest(scene)), bodies)
-
-    @override
-    def decode(self, scene: Scene, variables: TreeVariables) -> dict[str, BodyState]:
-        bodies = decoded(_walk(forest(scene)), variables)
-        return {name: bodies[name] for name in scene.bodies}
-
-    @override
-    def motions(self, scene: Scene, variables: TreeVariables) -> Motions:
-        return motions_of(_walk(forest(scene)), variables)
 
     @override
     def mechanics(self, scene: Scene, variables: TreeVariables) -> JointMechanics:
         return JointMechanics(scene, variables)
 
     @override
-    def without_drift(self, scene: Scene, variables: TreeVariables) -> TreeVariables:
-        kept = {}
-        for branch, evaluate in _walk(forest(scene)):
-            state = variables[branch.body]
-            kept[branch.body] = evaluate(type(branch).without_drift, branch.nameless(), state)
-        return kept
-
-    @override
-    def with_speeds(
-        self, scene: Scene, variables: TreeVariables, others: TreeVariables
-    ) -> TreeVariables:
-        return {
-            branch.body: branch.with_speeds(variables[branch.body], others[branch.body])
-            for branch, _ in _walk(forest(scene))
-        }
-
-    @override
     def rotation_rates(self, scene: Scene, variables: TreeVariables) -> dict[str, Scalar]:
         # Of angles only: Euler parameters have errors even in uniform rotation.
         rates = {}
-        for branch, evaluate in _walk(forest(scene)):
+        for branch, evaluate in self.walk(scene):
             if isinstance(branch, JointedBranch):
                 subspace, state = branch.motion_subspace, variables[branch.body]
                 rates[branch.body] = evaluate(type(subspace).rotation_rate, subspace, state)
