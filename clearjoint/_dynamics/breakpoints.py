@@ -239,17 +239,8 @@ def _rounding(origin: Scalar | None, at: Scalar) -> jax.Array:
 def _passed(system: System, table: Increasing, t: Scalar) -> jax.Array:
     """Return the number of breakpoints of a table that are not after the time t of the scene, s."""
     times = jax.lax.stop_gradient(jnp.asarray(table.times, dtype=float))
-    count = len(times)
-
-    def halved(_: jax.Array, bounds: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
-        low, high = bounds
-        middle = (low + high) // 2
-        passed = (low < high) & ~_is_after(system.origin, times[jnp.minimum(middle, count - 1)], t)
-        return jnp.where(passed, middle + 1, low), jnp.where(passed, high, middle)
-
-    # Bisection: the number is at least the first bound and at most the second.
-    bounds = jnp.asarray(0), jnp.asarray(count)
-    return jax.lax.fori_loop(0, count.bit_length(), halved, bounds)[0]
+    # Of a breakpoint that counts as equal to t, the rounding error is that of t.
+    return jnp.searchsorted(times, t + _rounding(system.origin, t), side="right")
 
 
 def _extreme(
