@@ -121,25 +121,21 @@ def _forces_of_joint(
 
 
 def contact_wrenches(
-    joint: AbstractContactJoint,
-    contact: Contact,
-    normal_force: Scalar,
-    friction: Vector | None,
-    motions: Motions,
-    friction_moment: Scalar | None = None,
+    joint: AbstractContactJoint, force: LoadedContact, motions: Motions
 ) -> Iterator[tuple[str, Wrench]]:
     """Yield name and wrench of each body, except the ground, on which a contact of a joint acts;
     each body twice with a friction moment. For a contact that acts as a couple (see
     `Contact.turning`), friction is ignored; for the friction of an ideal hinge (see
     `Contact.lever`), the normal force is ignored."""
     first, second = joint.pair()
+    contact, friction = force.contact, force.friction
     if contact.turning is not None:
         # A backlash about an axis is a contact that transmits a moment only. `turning` consists of
         # the derivatives of the penetration by the rotations of both bodies, m/rad in body axes;
         # the moment on a body is minus its vector times the normal force.
         for name, turning in zip((first, second), contact.turning, strict=True):
             if name != GROUND:
-                yield name, Wrench(ZERO, turning * -normal_force)
+                yield name, Wrench(ZERO, turning * -force.normal_force)
         return
     if contact.lever is not None:
         # Friction of an ideal hinge or ball.
@@ -151,7 +147,7 @@ def contact_wrenches(
         return
     # `push` acts on the second body. The normal is the direction in which the second body
     # penetrates the first, so that the normal force on the second body is against it.
-    push = -(contact.normal * normal_force)
+    push = -(contact.normal * force.normal_force)
     if friction is not None:
         push = push + friction
     # Without friction, the force may act at any point of its line of action, and points are chosen
@@ -162,16 +158,16 @@ def contact_wrenches(
     side = contact.side
     if side is not None:
         # The force beside the normal force acts at a point of its own.
-        side_force = side.on_second(normal_force)
+        side_force = side.on_second(force.normal_force)
         forces[second].append((side_force, side.arm_second))
         forces[first].append((side_force * -1.0, side.arm_first))
     for name, of_body in forces.items():
         if name == GROUND:
             continue
-        wrenches = [motions[name].wrench(force, arm) for force, arm in of_body]
+        wrenches = [motions[name].wrench(part, arm) for part, arm in of_body]
         yield name, reduce(operator.add, wrenches)
-        if friction_moment is not None:
-            moment = contact.normal * friction_moment
+        if force.friction_moment is not None:
+            moment = contact.normal * force.friction_moment
             yield name, motions[name].torque(moment if name == second else -moment)
 
 

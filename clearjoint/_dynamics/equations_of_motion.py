@@ -96,9 +96,7 @@ def _wrenches_of_joint(
 ) -> list[tuple[str, Wrench]]:
     wrenches = list(joint.film_wrenches(motions).items())
     for force in forces:
-        wrenches += contact_wrenches(
-            joint, force.contact, force.normal_force, force.friction, motions, force.friction_moment
-        )
+        wrenches += contact_wrenches(joint, force, motions)
     return wrenches
 
 

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from ..._dynamics.contact_forces import contact_wrenches
+from ..._dynamics.contact_forces import LoadedContact, contact_wrenches
 from ..._dynamics.coordinates import AbstractMechanics, Motions, Speeds
 from ..._dynamics.equations_of_motion import flattened
 from ..._dynamics.system import System
@@ -141,7 +141,8 @@ def _touch(
     if contact.side is not None:
         contact = replace(contact, side=replace(contact.side, elastic=ZERO))
     if contact.turning is not None or contact.side is not None:
-        normal = Row(0.0, dict(contact_wrenches(joint, contact, 1.0, None, motions)), 0.0)
+        unit_force = LoadedContact(contact, 1.0, 1.0, None)
+        normal = Row(0.0, dict(contact_wrenches(joint, unit_force, motions)), 0.0)
     touch = Touch(name, label, -contact.gap.depth, contact.gap.clearance, normal)
     if contact.slip is None:
         return touch

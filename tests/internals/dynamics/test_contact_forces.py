@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._dynamics.contact_forces import contact_force, contact_wrenches
+from clearjoint._dynamics.contact_forces import LoadedContact, contact_force, contact_wrenches
 from clearjoint._model.joints.base import SideForce
 from clearjoint.extend import ZERO, Contact, Vector
 from tests.support.motions import AT_REST
@@ -51,8 +51,9 @@ def test_moment_of_friction_acts_beside_a_side_force():
     contact = Contact(cj.extend.Gap(0.0, 0.0), normal, ZERO, ZERO, None, side=side)
     plane = cj.Stop("a", "b", normal=(1, 0, 0), law=cj.laws.Hertz(1e9))
     motions = {"a": AT_REST, "b": AT_REST}
+    force = LoadedContact(contact, 0.0, 0.0, None, friction_moment=moment)
     total = {name: np.zeros(6) for name in motions}
-    for name, wrench in contact_wrenches(plane, contact, 0.0, None, motions, moment):
+    for name, wrench in contact_wrenches(plane, force, motions):
         total[name] += [*wrench.force, *wrench.moment]
     expected = [0.0, 0.0, 3.0, 0.0, 0.42, 0.56]
     np.testing.assert_allclose(total["b"], expected, rtol=1e-12)
