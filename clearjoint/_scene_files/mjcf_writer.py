@@ -31,7 +31,7 @@ from jaxtyping import PyTree
 from .._dynamics.assembly import check_names
 from .._dynamics.joint_coordinates import trees
 from .._dynamics.joint_coordinates.coordinates import motions_of, orientations_of, written_out
-from .._fields.cautions import quiet
+from .._dynamics.journals import centring_joints, with_ideal
 from .._fields.checks import require, require_positive
 from .._math.rotations import composed, conjugate, rotation_matrix, unit
 from .._math.smoothing import TURN, wrapped
@@ -44,7 +44,6 @@ from .._model.contact.laws import AbstractContactLaw, Gap
 from .._model.drives import functions_of_time
 from .._model.drives.drivers import DriveTorque, Motor, PrescribedAngle, PrescribedTranslation
 from .._model.forces import Bushing, SpringDamper, TorsionalSpring
-from .._model.joints.base import AbstractContactJoint
 from .._model.joints.couplings import HingeOrSlider, JointCoupling
 from .._model.joints.ideal import FixedJoint, RevoluteJoint, SphericalJoint
 from .._model.joints.joint_friction import JointFriction
@@ -75,6 +74,7 @@ CRITICAL = 1.0 - 1e-9
 """Largest damping ratio of a limit, at which the restitution is 0.14."""
 LEAST_INERTIA = 2e-15
 """Least mass, kg, and moment of inertia, kg m^2, of a body that MuJoCo accepts."""
+OF_PRESSED = "friction by the force of another element"
 LARGEST_DEGREE = 4
 """Largest degree of a polynomial that couples joints of MJCF files."""
 LEVER = 0.1
@@ -404,7 +404,7 @@ class MjcfWriter:
         if getattr(law, "breakaway", 0.0) > getattr(law, "kinetic", math.inf):
             self.omitted["friction at rest above that in sliding"].append(name)
         if joint.pressed_by is not None:
-            self.omitted["friction by the force of another element"].append(name)
+            self.omitted[OF_PRESSED].append(name)
         viscosity = load * float(getattr(law, "viscosity", 0.0))
         viscosity += 0.0 if joint.viscosity is None else float(joint.viscosity)
         on.element.attrib |= {"solimpfriction": STIFF, "solreffriction": QUICK}
@@ -629,15 +629,9 @@ def _damping_ratio(restitution: float) -> float:
 def _with_ideal_joints(scene: Scene) -> tuple[Scene, list[str]]:
     """Return the scene with an ideal joint in place of each clearance, if a tree can have this
     joint, and the names of the joints that are replaced."""
-    joints, replaced = {}, []
-    for name, joint in scene.joints.items():
-        centred = joint.centred_joint() if isinstance(joint, AbstractContactJoint) else None
-        if centred is not None and unpack(centred).motion_subspace(centred.body_names()[0]):
-            joint = centred
-            replaced.append(name)
-        joints[name] = joint
-    with quiet():
-        return Scene(scene.bodies, joints, scene.forces, scene.gravity), replaced
+    centring = centring_joints(scene, scene.contact_joints()).items()
+    ideal = {n: j for n, j in centring if unpack(j).motion_subspace(j.body_names()[0])}
+    return with_ideal(scene, ideal), [*ideal]
 
 
 def _places(scene: Scene) -> list[trees.Place]:
@@ -678,6 +672,9 @@ def mjcf_of(
     writer = MjcfWriter(ideal, robot._places() if robot else _places(ideal), pose)
     if replaced:
         writer.omitted["clearances, replaced by ideal joints,"] += replaced
+        for name, joint in mechanism.joints.items():
+            if isinstance(joint, JointFriction) and joint.pressed_by in replaced:
+                writer.omitted[OF_PRESSED].append(name)
     if robot:
         writer.add_robot(robot)
     elif not replaced:

@@ -478,12 +478,18 @@ def test_the_file_names_what_it_lacks(chain, read_robot, tmp_path):
     scene = read_robot(CHAIN, play={"elbow": elbow | {"law": law}}).scene
     load = cj.AppliedLoad("lower", force=(1.0, 0.0, 0.0))
     floor = cj.Stop("ground", "lower", normal=(0, 0, 1), law=law)
-    whole = cj.Scene(scene.bodies, scene.joints | {"floor": floor}, {"load": load})
+    hinge, coulomb = ("ground", "upper"), cj.frictions.RegularisedCoulomb(1.0)
+    friction = cj.JointFriction(
+        *hinge, coulomb, 0.1, (0, 1, 0), 1.0, pressed_by="elbow", load_ratio=0.2
+    )
+    joints = scene.joints | {"floor": floor, "seal": friction}
+    whole = cj.Scene(scene.bodies, joints, {"load": load})
     with pytest.warns(cj.NotCarriedOverWarning) as caught:
         cj.save_mjcf(whole, tmp_path / "lacking.xml", chain.state())
     (message,) = {str(warning.message) for warning in caught}
     assert "ideal joints, of elbow" in message
     assert "Stop of floor" in message and "AppliedLoad of load" in message
+    assert "force of another element of seal" in message
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "lacking.xml"))
     assert model.nv == 2
     with pytest.warns(cj.NotCarriedOverWarning, match="limits of velocities of shoulder"):
