@@ -13,11 +13,8 @@ that remains if the time derivatives of all joint speeds are zero.
 
 import weakref
 from collections.abc import Collection
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import field, replace
 from typing import ClassVar, NamedTuple, TypeAlias
-
-import jax
 
 from ..._math.rotations import (
     composed,
@@ -47,7 +44,7 @@ from ..._model.joints.base import AbstractConstraint
 from ..._model.joints.ideal import AbstractDriveableJoint
 from ..._model.joints.motion_subspaces import AbstractMotionSubspace, JointState, Relative, Twist
 from ..._model.scene import Scene
-from ..._model.tree_dataclass import tree_dataclass
+from ..._model.tree_dataclass import STATIC, tree_dataclass
 from ..coordinates import Speeds, anchors, free_motion
 
 
@@ -104,8 +101,7 @@ BodyPose: TypeAlias = tuple[EulerParameters, Motion]
 """Orientation of a body, and the body's motion."""
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=["anchor"], meta_fields=["body"])
-@dataclass(frozen=True)
+@tree_dataclass
 class FreeBranch:
     """A free body, the root of a tree, with a `BodyState` as variables as in absolute coordinates.
     The six speeds are velocity (m/s) and spin (rad/s), both in body axes. Rates of the velocity are
@@ -113,7 +109,7 @@ class FreeBranch:
     `anchors`. Methods are those of `JointedBranch`, but ignore the parent, which is the ground.
     """
 
-    body: str
+    body: str = field(metadata=STATIC)
     anchor: tuple[Vector, Vector] | None
     parent: ClassVar[str] = GROUND
 
@@ -172,12 +168,7 @@ class FreeBranch:
         return replace(state, velocity=other.velocity, spin=other.spin)
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=["motion_subspace", "armature"],
-    meta_fields=["body", "parent", "joint"],
-)
-@dataclass(frozen=True)
+@tree_dataclass
 class JointedBranch:
     """A body that an ideal joint carries on a parent. The variables are a `JointState`: the
     relative positions and speeds in this joint.
@@ -187,9 +178,9 @@ class JointedBranch:
     Lists of the type `Speeds` have an entry for each speed of the joint.
     """
 
-    body: str
-    parent: str
-    joint: str
+    body: str = field(metadata=STATIC)
+    parent: str = field(metadata=STATIC)
+    joint: str = field(metadata=STATIC)
     motion_subspace: AbstractMotionSubspace
     armature: Scalar | None = None
 
