@@ -202,9 +202,7 @@ def assemble(
 
 def _driven(scene: Scene, state: State, t: Scalar) -> bool:
     """Return whether a constraint, such as a driver, moves bodies at time t."""
-    still = np.zeros(3)
-    at_rest = {n: replace(body, velocity=still, spin=still) for n, body in state.bodies.items()}
-    rates = row_residuals(scene, State(at_rest), t).rates
+    rates = row_residuals(scene, State(at_rest(state.bodies)), t).rates
     return bool(np.abs(rates).max(initial=0.0) > SATISFIED)
 
 
