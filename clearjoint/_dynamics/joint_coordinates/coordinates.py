@@ -260,7 +260,8 @@ def _body_acceleration(twist: Twist, link: Link, axes: Matrix, fall: Vector) -> 
 
 
 class AbstractBranchCoordinates(AbstractCoordinates):
-    """Base class of coordinates whose variables are those of branches, by name of body."""
+    """Base class of coordinates that have a branch for each body, free or on a joint. The variables
+    are those of the branches, by name of body."""
 
     @abc.abstractmethod
     def walk(self, scene: Scene) -> Walk:

@@ -515,7 +515,7 @@ class SafaeifarFarshidianfar(AbstractReboundingLaw):
         return 1.25 * (1.0 - self.restitution) / self.restitution
 
 
-class YePounding(HuGuo):
+class YePounding(AbstractReboundingLaw):
     r"""Law of K. Ye et al. 2009 for colliding buildings; by default with a linear spring (n = 1).
 
     $$\chi = \frac{3 (1 - c)}{2 c}$$
@@ -527,6 +527,10 @@ class YePounding(HuGuo):
     """
 
     exponent: float = eqx.field(default=1.0, static=True)
+
+    @override
+    def damping_factor(self) -> Scalar:
+        return 1.5 * (1.0 - self.restitution) / self.restitution
 
 
 class PantWijeyewickrema(AbstractReboundingLaw):
