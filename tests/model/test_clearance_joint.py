@@ -391,3 +391,13 @@ def test_fixed_axially_is_one_row_that_holds_the_journal_in_the_middle():
     )
     np.testing.assert_allclose(second, -10.0 * rate - 25.0 * row.value, rtol=1e-9, atol=1e-9)
     assert random_scene().joints["pin"].rows({}, 0.0) == {}
+
+
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
+def test_a_load_of_any_size_presses_a_journal_if_a_part_is_across_the_axis(size):
+    scene, _ = cj.mechanisms.double_pendulum()
+    journal = scene.joints["shoulder"]
+    along, across = np.asarray(journal.bearing_axis), np.array([0.6, 0.8, 0.0])
+    assert along @ across == 0.0
+    assert journal.resting_joint(size * (along + 1e-3 * across)) is not None
+    assert journal.resting_joint(size * along) is None

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from tests.support.observations import observed
 from tests.support.shaft import INERTIA, ON_SHAFT, ORIGIN, Z, shaft, turned
 
 LOAD = 0.5
@@ -101,3 +102,16 @@ def test_joint_friction_refuses_what_it_cannot_be():
         cj.JointFriction("ground", "arm", COULOMB, 1.0)
     with pytest.raises(ValueError, match=r"not friction of an ideal joint.*take simulate"):
         cj.simulate_nonsmooth(scene, state, 0.1, step=1e-3, restitution=0.5)
+
+
+def test_a_spring_presses_by_its_elastic_torque_beside_the_constant_load():
+    """Whatever the spring's damping, and a law of ratio 1 at this speed."""
+    stiffness, angle, ratio, spin = 40.0, -0.3, 0.2, 5.0
+    rub = cj.JointFriction(
+        "ground", "shaft", COULOMB, LOAD, Z, radius=1.0, pressed_by="spring", load_ratio=ratio
+    )
+    spring = cj.TorsionalSpring(*ON_SHAFT, stiffness, damping=3.0)
+    seen = observed(shaft(friction=rub, spring=spring), turned(angle, spin))
+    (contact,) = seen.contacts["friction"].values()
+    expected = LOAD + ratio * abs(stiffness * angle)
+    assert float(np.squeeze(contact.normal_force)) == pytest.approx(expected, rel=1e-12)

@@ -14,7 +14,7 @@ from clearjoint._math.block_matrices import BlockMatrix, gram_matrix
 from clearjoint._math.linear_solvers import Exact, LeastNorm, ScalarMatrix
 from clearjoint._native.functions import NativeProgram
 from clearjoint._native.lowering import count_equations
-from clearjoint.extend import Formulation, System, unpack
+from clearjoint.extend import ZERO, Formulation, Row, System, Vector, Wrench, unpack
 from tests.support.one_body import Z, hinge
 
 COORDINATES = {"absolute": cj.AbsoluteCoordinates(), "joint": cj.JointCoordinates()}
@@ -227,3 +227,10 @@ def test_derivatives_of_solutions(kind, solver):
 
     (native,) = NativeProgram(jax.make_jaxpr(several)(0.0))([np.asarray(0.0)])
     close(native, np.outer(np.arange(3.0), slope))
+
+
+def test_a_row_without_effect_has_a_finite_weight():
+    """As in a singular position; the weight of another row is the mass that it moves."""
+    bodies = {"a": unpack(cj.Body(4.0, (1.0, 1.0, 1.0)))}
+    rows = [Row(0.0, {"a": Wrench(force, ZERO)}, 0.0) for force in (ZERO, Vector(0.0, 1.0, 0.0))]
+    np.testing.assert_allclose(row_weights(bodies, rows), [1.0, 2.0], rtol=1e-15)

@@ -113,3 +113,11 @@ def test_the_direction_of_slip_is_a_unit_vector_also_at_rest():
     at_rest = _slip_direction(ZERO, normal)
     assert float(at_rest.dot(at_rest)) == pytest.approx(1.0, rel=1e-12)
     assert float(at_rest.dot(normal)) == pytest.approx(0.0, abs=1e-15)
+
+
+def test_a_step_of_impulses_ends_at_the_first_bound():
+    """From -1 to the bound 0 along 4, from 2 to 0.5 along -3; the others may go all the way."""
+    eye = [[1.0], [0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]]
+    problem = BoxProblem(eye, [-9.0, 0.5, -9.0, -9.0], [0.0, 9.0, 9.0, 9.0])
+    shares = problem._shares([-1.0, 2.0, 0.0, 1.0], [4.0, -3.0, 0.0, 2.0])
+    np.testing.assert_allclose(shares, [0.25, 0.5, 1.0, 1.0], rtol=1e-15)
