@@ -46,6 +46,7 @@ def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
     outputs = folders.read_table(folder, folders.OUTPUTS)
     for name, values in ({} if outputs is None else outputs).items():
         _save(folder, f"output {name}", _over_time(values))
+    # The outputs of a run that was read from a folder are its sections.
     for name, crossings in solution.outputs.items():
         if len(crossings):
             _save(folder, f"section {name}", plot.poincare_section(crossings))

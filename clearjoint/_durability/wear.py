@@ -459,9 +459,9 @@ class CycleRun:
     def difference(self, measured: "_Measured") -> float:
         """Return the largest relative difference of the two halves of the measured cycles.
 
-        The depths of each joint are compared, and the derivatives by each parameter. The difference
-        is |S1 - S2| / max(A1, A2), with the sums S of a half over all angles and parts (of all
-        joints, for a derivative) and the sums A of magnitudes, since derivatives may cancel in S.
+        The depths of each joint are compared, and the derivatives of all joints by each parameter.
+        The difference is |S1 - S2| / max(A1, A2): S sums a half over all angles of bearing and
+        journal, and A sums the magnitudes, since derivatives may cancel in S.
         """
         depths, slopes = measured.halves[:, 0], measured.halves[:, 1:]
         # A row of two numbers, one for each half, for each joint and then for each parameter.

@@ -84,9 +84,9 @@ class AbstractMechanics(abc.ABC):
 
     @abc.abstractmethod
     def bias(self, row: Row) -> Scalar:
-        """Return the row's Jacobian times the accelerations that the bodies have if all rates are
-        zero: H' u and, if the rates are relative to free fall (see `free_rates`), gravity. This
-        plus ``row.bias`` is the second time derivative of the row's value if all rates are zero."""
+        """Return the row's Jacobian times the accelerations of the bodies at zero rates of all
+        speeds: H' u and, if the rates are relative to free fall (see `free_rates`), gravity. This
+        plus ``row.bias`` is the second time derivative of the row's value at these rates."""
 
     @abc.abstractmethod
     def accelerations(self, rates: Speeds) -> dict[str, BodyAcceleration]:

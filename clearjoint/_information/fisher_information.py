@@ -56,8 +56,8 @@ def correlation_together(
 def _parts_together(
     roots: Float[np.ndarray, "*T r p"], accuracy: float
 ) -> Float[np.ndarray, "*T k p"]:
-    """Contributions of the k singular directions to the p bounds of `deviations_together`: each
-    bound is the norm of k contributions."""
+    """Contributions of the k singular directions of each root to the p bounds that
+    `deviations_together` returns for the same arguments: each bound is their norm."""
     # Columns of unit length make the test independent of the units of the parameters.
     lengths, values, directions = _equilibrated(roots)
     negligible = _negligible(values, accuracy)[..., None]

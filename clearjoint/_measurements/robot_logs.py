@@ -169,9 +169,9 @@ class RobotLog:
         - `largest_gap`: longest time between two samples, s; by default ten times the median.
         - `options`: options of `pandas.read_csv` or `pandas.read_parquet`.
 
-        **Raises:** `ValueError` as `read_csv`; for a log without columns; and for a gap, which
-        `between` leaves out. `OSError` for a file that does not exist. `ImportError` for a Parquet
-        file without pyarrow.
+        **Raises:** `ValueError` as `read_csv`; for a log without columns; and for a longer gap: to
+        leave it out, allow it by `largest_gap`, then cut the log by `between`. `OSError` for a file
+        that does not exist. `ImportError` for a Parquet file without pyarrow.
         """
         find = columns_of(source, options)
         remedy = 'pass for example angles={"elbow": "q3 [deg]"}'

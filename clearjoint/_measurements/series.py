@@ -274,7 +274,7 @@ class Measurements(AbstractReadable):
         return Measurements(inside)
 
     def check(self, scene: Scene) -> None:
-        """Raise a `ValueError` if a scene lacks an element that a channel names."""
+        """Raise a `ValueError` if a scene lacks an element that the quantity of a series names."""
         for name, series in self.series.items():
             check_quantity(f"Series {name!r}", series.channel, scene)
 

@@ -118,7 +118,7 @@ class NativeProgram:
     def __call__(
         self, leaves: Sequence[ArrayLike], floats: np.ndarray | None = None
     ) -> list[np.ndarray]:
-        """Return the results of the jaxpr, for arguments as in `memory`."""
+        """Return the results of the jaxpr. `leaves`, `floats`: as for the method `memory`."""
         # The results may be views of the memory, so each call has its own.
         memory = self.memory(leaves, floats)
         self.code.run(memory)

@@ -289,7 +289,7 @@ def motor_of(robot: Robot, joint: str) -> str:
 
 
 def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) -> RobotProblem:
-    """Return the problem of a fit; raise a `ValueError` for what does not fit together."""
+    """Return the problem of a fit by arguments of `fit_robot`; a `ValueError` if they disagree."""
     _require_joints(robot, log, find, driven_by)
     positions = {name: _smoothed(robot, name, samples) for name, samples in log.angles.items()}
     driven = _driven(robot, log, driven_by, positions)
@@ -519,12 +519,12 @@ def _friction_name(robot: Robot, joint: str, kind: str) -> str:
 def _with_friction(
     robot: Robot, joint: str, kind: str, start: float | None, guess: float | None, unit: str
 ) -> tuple[Robot, Parameter]:
-    """Return the robot and the parameter of a joint's friction or damping. If the robot lacks this
-    friction or damping, it is added. The start is `start` or, if that is ``None``, the robot's
-    number or, if that is zero or missing, `guess`."""
+    """Return the robot and the parameter of a joint's `kind`, one of `RESISTANCES`, added if the
+    robot lacks it. Only "link friction" acts on the link's side of a drive train. The start is
+    `start` or, if that is ``None``, the robot's number or, if that is zero or missing, `guess`."""
     name, damper = _friction_name(robot, joint, kind), _damper(robot, joint)
     damper = damper if kind == "damping" else None
-    number = "viscosity" if kind == "damping" else "load"
+    number = "viscosity" if kind == "damping" else "load"  # friction: a law's ratio times the load
 
     def path(scene: Scene) -> Scalar:
         if damper is not None:

@@ -354,8 +354,8 @@ def spring_of(
 
 
 def _add_stops(elements: Elements, stops: Mapping[str, Play]) -> None:
-    """Add stops at the limits of joints, with the user's arguments `stops[joint]`: a `Backlash` or,
-    for a slider, a `PinInSlot` with ends, whose play is the range of the joint."""
+    """Add stops at the limits of joints: a `Backlash` or, for a slider, a `PinInSlot` with ends,
+    whose play is the range of the joint. `stops[joint]`: their other arguments, by name."""
     tree = elements.tree
     # Only joints of one degree of freedom with a finite range can have stops.
     limits_of = {n: j.limits for n, j in tree.joints.items() if j.limits and elements.scalar(n)}

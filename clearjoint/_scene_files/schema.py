@@ -72,19 +72,20 @@ class Catalogue:
             ways.append({"type": "object", "additionalProperties": self._value(expected.by_name)})
         if expected.item is not None:
             ways.append(_list_of(self._value(expected.item)))
-        if expected.classes:  # besides objects, there may be numbers, or "none"
+        if expected.classes:  # a number in place of an object is checked by the constructor
             ways += [*self._references(expected.classes), NUMBER]
         elif expected.is_text:
             ways.append(NUMBER if expected.shapes else {"type": "string"})
         elif expected.shapes or not ways:
             ways += _numbers(expected.shapes)
-        # `NUMBER` admits any text already.
+        # Where texts are allowed, as in a `NUMBER` with a unit, "none" is allowed already.
         if expected.allows_none and not (expected.is_text or NUMBER in ways):
             ways.append({"const": ABSENT})
         return _any_of(ways)
 
     def _references(self, families: tuple[type, ...]) -> list[Schema]:
-        """Return references to the definitions of the makers of `families`; add those missing."""
+        """Return references to the definitions of all makers (classes and static methods that files
+        may name) of objects of the classes `families`. Add the definitions that are missing."""
         # A user-defined class has two names; the last one, with its module, names its definition.
         names: dict[Maker, list[str]] = {}
         for name, make in makers(families, self.classes).items():

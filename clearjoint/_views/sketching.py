@@ -458,8 +458,8 @@ class SketchingPen(AbstractPen):
         return self._poses.poses[body][0, :3, :3].T @ direction
 
     def _range(self, base: Marker, runner: Marker, axis: np.ndarray) -> tuple[float, float]:
-        """Return the smallest and largest coordinate of `runner`, m, from the point of `base`,
-        along an `axis`, (3,), of the body of `base`."""
+        """Return the smallest and largest coordinate, m, of `runner` in all frames, from the point
+        of `base`, along an `axis`, (3,), of the body of `base`."""
         offset = self._poses.point(runner.body, runner.point)
         offset = offset - self._poses.point(base.body, base.point)
         along = np.sum(offset * self._poses.direction(base.body, axis), axis=1)

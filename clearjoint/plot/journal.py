@@ -105,8 +105,9 @@ def journal_orbit(
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the paths of the centres of both bases in the bearing's cross-section, with a circle
-    whose radius is the clearance: a base whose centre is outside the circle touches the wall. Bases
-    with the same path share one curve.
+    whose radius is the `clearance`, m, by default the observed one: a base whose centre is outside
+    the circle touches the wall. Bases with the same path share one curve. `section`: directions as
+    in `eccentricity_vectors`.
 
     >>> axes = plot.journal_orbit(observed, "shoulder", 0.5e-3)
     """

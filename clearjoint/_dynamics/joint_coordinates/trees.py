@@ -105,8 +105,9 @@ BodyPose: TypeAlias = tuple[EulerParameters, Motion]
 class FreeBranch:
     """A free body, the root of a tree, with a `BodyState` as variables as in absolute coordinates.
     The six speeds are velocity (m/s) and spin (rad/s), both in body axes. Rates of the velocity are
-    relative to free fall, since gravity accelerates all bodies of a free tree alike. `anchor`: see
-    `anchors`. Methods are those of `JointedBranch`, but ignore the parent, which is the ground.
+    relative to free fall, since gravity accelerates all bodies of a free tree alike. `anchor`: the
+    points on body and ground between which `BodyState.position` is the vector (see `anchors`).
+    Methods are those of `JointedBranch`, but ignore the parent, which is the ground.
     """
 
     body: str = field(metadata=STATIC)
@@ -367,7 +368,8 @@ def _grown_trees(scene: Scene) -> list[list[Place]]:
     trees = [[root] for root in _children(joints, GROUND, placed)]
     for tree in trees:
         _grow(tree, joints, placed)
-    # The bodies that are left have no joint to the ground. Those with an anchor are sorted first.
+    # The bodies that are left have no joint to the ground. Roots are preferably those with an
+    # anchor, a point on the ground from which their position is measured without loss of digits.
     points = anchors(scene)
     for name in sorted(scene.bodies, key=lambda name: name not in points):
         if name not in placed:

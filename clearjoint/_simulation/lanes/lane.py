@@ -177,9 +177,9 @@ def _tries_step(plan: Plan, lane: Lane, request: LaneRequest) -> Condition:
     goes = lane.runs(plan, request.end_time)
     if lane.saved is not None:
         # A lane keeps the dense output of its latest step only. So it takes no step before the
-        # states at all times within that step are saved, nor while the buffer of states is full.
-        # With a full buffer the window's last time is the next one to save at. If it is infinite,
-        # all states are saved, and the lane goes on.
+        # states at all times within that step are saved. Nor does it while the buffer of states is
+        # full, unless no more are to be saved: then the window's last time, which is the one after
+        # those of a full buffer, is infinite.
         more = request.window[ROWS] < jnp.inf
         goes = goes & jnp.logical_not(_next_save(lane, request) <= lane.run.step.t)
         goes = goes & jnp.logical_not(lane.saved.is_full() & more)

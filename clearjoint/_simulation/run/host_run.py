@@ -365,7 +365,9 @@ def end_of(
     step: Step,
     end: Scalar,
 ) -> tuple[State, RESULTS, dict[str, dict[str, Scalar]]]:
-    """Return the packed final state, the result code, and results[name][part] of the reductions."""
+    """Return the packed final state, the result code, and results[name][part] of the reductions,
+    of a run whose last step is `step`. `tallies`: what the reductions have accumulated by then;
+    `end`: time at which the run should end, s."""
     final = Snapshot.of(step)
     instant = final.instant(system)
     results = {

@@ -39,8 +39,8 @@ def rotating_bodies(
 ) -> frozenset[str]:
     """Return the names of the bodies whose rotations a step must limit: those that move the bodies
     of a contact joint relative to each other, and those on which the results of `searched` depend.
-    `searched` is a function that returns the numbers that recorders evaluate at only a few instants
-    of each step; `motion` is an example of its argument."""
+    `searched` computes the numbers that outputs, such as sections and peaks, evaluate at only a few
+    instants of each step; `motion` is an example of its argument."""
     scene, coordinates = system.scene, system.formulation.coordinates
     # Only the names are needed here: the rates are traced and not computed.
     rates = jax.eval_shape(lambda: coordinates.rotation_rates(scene, motion))

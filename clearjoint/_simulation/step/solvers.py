@@ -174,7 +174,7 @@ def _by_leaf(function: Callable[..., Scalar], numbers: PyTree[Scalar], *trees: Y
 
 
 def _rates_by_fraction(rates: Y, x: float, time_map: AbstractTimeMap | None) -> Y:
-    """Return dy/dx over the length of a step, per s, from `rates` dy/dt at the fraction x of it."""
+    """Return `rates`, dy/dt at the fraction x of a step, times the slope of its time map there."""
     return rates if time_map is None else _by_leaf(multiply, time_map.slope(x), rates)
 
 

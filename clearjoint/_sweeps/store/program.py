@@ -65,9 +65,9 @@ class Fingerprints(NamedTuple):
 
 
 def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTree) -> Fingerprints:
-    """Return the digests and shapes of the entries of the dictionary that a function returns for
-    arguments: digests depend on structure, shapes and types of these, but not on their numbers.
-    Raise a `ValueError` if the function calls a Python function that JAX doesn't trace."""
+    """Return, for each entry of the dictionary that a function returns, a digest of the traced code
+    that computes it, and its shape. Digests depend on the arguments' structure, shapes and types,
+    not on their numbers. Raise a `ValueError` for a Python function that JAX doesn't trace."""
     program, shapes, _ = program_of(function, *arguments)
     named = jax.tree_util.tree_flatten_with_path(arguments)[0]
     inputs = [
