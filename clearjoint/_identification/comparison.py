@@ -21,7 +21,7 @@ from .._model.scene import Scene
 from .._parametrisation.parameter import Parameter, free_parameters, step_limits
 from .._parametrisation.readings import readings_of_runs, units_of
 from .._result_codes import RESULTS
-from .._simulation.lanes.lane import SAVED, Common, Plan, Task
+from .._simulation.lanes.lane import SAVED, Common, Task
 from .._simulation.lanes.scheduler import Batch, Ended
 from .._simulation.step.settings import Settings
 from .levenberg_marquardt import Ending, Iteration, Search, WindowSearch, search_with_damping
@@ -235,9 +235,14 @@ class Comparison:
         runs = self.runs
         # The lanes record the outputs at given times, but no reductions, such as peak values, no
         # crossings of sections and no impacts.
-        plan = Plan(runs.scheme, {}, {}, True, runs.max_steps)
-        folded_scene = fold_constants(runs.family.base[0], self._varied)
-        return Common(plan, folded_scene, runs.start_time, {}, {SAVED: runs.outputs})
+        return Common(
+            runs.scheme,
+            fold_constants(runs.family.base[0], self._varied),
+            runs.start_time,
+            runs.max_steps,
+            saves=True,
+            channels={SAVED: runs.outputs},
+        )
 
 
 def _with_prior(

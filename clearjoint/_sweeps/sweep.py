@@ -26,7 +26,7 @@ from .._model.scene import Scene
 from .._native import is_native
 from .._parametrisation.paths import parameters
 from .._result_codes import RESULTS, result_number, result_numbers
-from .._simulation.lanes.lane import SAVED, Common, Plan, Task, impact_log
+from .._simulation.lanes.lane import SAVED, Common, Task, impact_log
 from .._simulation.reductions.base import AbstractReduction
 from .._simulation.results.impact_table import IMPACT_UNITS
 from .._simulation.results.solution import LABELS, STATE_PARTS, contact_label
@@ -341,7 +341,7 @@ def sweep(
         # in all present lanes: more values on an axis must not change the digests.
         folded = fold_constants(scene, variable_leaves(lanes, axes))
         # Worker processes trace the programs too, to check that they have the same code.
-        trace = partial(programs, common.plan, folded, state, start_time, common.channels)
+        trace = partial(programs, replace(common, folded_scene=folded), state)
         digests = trace()
         common = replace(common, programs=tuple(digests.items()))
         store = SweepStore.open(path, layout, identity_of(digests, lanes, tasks))
@@ -389,9 +389,6 @@ def _common_values(
     # Crossings, sample times and peaks of impacts lie inside of steps.
     if saves or sections or tables:
         require_dense(scheme.method.solver)
-    recorders = {name: section.state_recorder for name, section in sections.items()}
-    impacts = {name: ImpactRecorder(table.joint, table.window()) for name, table in tables.items()}
-    plan = Plan(scheme, requested.reductions, recorders, saves, np.asarray(max_steps), impacts)
     # A lane writes one log, a list of rows, for each contact of a table of impacts. Each section
     # has a log of its own, too, and each log has room for a limited number of rows.
     logs = {
@@ -406,11 +403,21 @@ def _common_values(
         channels[SAVED] = sampled_channels(requested, lanes.scene)
     capacity = {name: section.count for name, section in sections.items()}
     capacity |= {log: tables[name].count for name, contacts in logs.items() for log in contacts}
-    # Zeros and ones that all lanes share may become constants of the compiled program, which
-    # shortens it; numbers that vary must stay arguments.
-    folded_scene = fold_constants(lanes.scene, lanes.varied)
-    start = np.asarray(start_time, dtype=float)
-    return Common(plan, folded_scene, start, capacity, channels, tables=logs)
+    return Common(
+        scheme=scheme,
+        # Zeros and ones that all lanes share may become constants of the compiled program, which
+        # shortens it; numbers that vary must stay arguments.
+        folded_scene=fold_constants(lanes.scene, lanes.varied),
+        start_time=np.asarray(start_time, dtype=float),
+        max_steps=np.asarray(max_steps),
+        reductions=requested.reductions,
+        sections={name: section.state_recorder for name, section in sections.items()},
+        impacts={n: ImpactRecorder(table.joint, table.window()) for n, table in tables.items()},
+        saves=saves,
+        capacity=capacity,
+        channels=channels,
+        tables=logs,
+    )
 
 
 def _lane_tasks(

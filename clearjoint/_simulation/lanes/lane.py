@@ -39,39 +39,6 @@ WINDOW = ROWS + 1
 buffer still knows whether more states are to be saved."""
 
 
-class Plan(eqx.Module):
-    """Integration method, and outputs by name, that all lanes of a batch share. `saves`: whether
-    states are saved at given times; `impacts`: recorders of tables of impacts."""
-
-    scheme: Scheme
-    reductions: dict[str, AbstractReduction]
-    sections: dict[str, SectionRecorder]
-    saves: bool = eqx.field(static=True)
-    max_steps: Integers
-    impacts: dict[str, ImpactRecorder] = eqx.field(default_factory=dict)
-
-    def loop(self, system: System, request: "LaneRequest") -> RunLoop:
-        # A section has one log, which has the name of the output. A table of impacts has a log for
-        # each contact (see `impact_log`); its recorder expects the labels of the contacts as keys.
-        wanted = request.wanted
-        recorders: dict[str, Recorders] = {
-            REDUCTIONS: {
-                name: ReductionRecorder(reduction) for name, reduction in self.reductions.items()
-            },
-            SECTIONS: {
-                name: replace(recorder, wanted=wanted.get(name))
-                for name, recorder in self.sections.items()
-            },
-            TABLES: {
-                name: replace(recorder, wanted=_under(f"{name}/", wanted))
-                for name, recorder in self.impacts.items()
-            },
-        }
-        if self.saves:
-            recorders[LATEST] = LatestDenseStep()
-        return RunLoop(self.scheme.method, system, request.end_time, recorders)
-
-
 class LaneRequest(eqx.Module):
     """Data that the host gives a lane, and renews whenever it has emptied the lane's buffers.
 
@@ -91,9 +58,6 @@ class Lane(eqx.Module):
 
     run: Progress
     saved: RowBuffer[Snapshot] | None
-
-    def runs(self, plan: Plan, end_time: Scalar) -> Condition:
-        return running(self.run.step, end_time, plan.max_steps)
 
     def buffers(self) -> dict[str, RowBuffer]:
         records = self.run.records
@@ -130,77 +94,6 @@ class Outcome(eqx.Module):
     results: dict[str, dict[str, Scalar]]
 
 
-def begin_lane(
-    plan: Plan, scene: Scene, state: State, start_time: Scalar, request: LaneRequest
-) -> Lane:
-    """Return a lane before its first step, from a packed state. If the state violates the
-    constraints, or the run's coordinates cannot represent it, the lane takes no step, and has the
-    result code `not_assembled`."""
-    # A compiled lane cannot raise an error. The result code ends this lane, and the others run.
-    coordinates = plan.scheme.formulation.coordinates
-    fits = assembled(scene, state, start_time, coordinates)
-    method, system = plan.scheme.method, plan.scheme.system(scene)
-    step = begin_run(method, system, state, start_time, request.end_time, request.first_step)
-    step = replace(step, result=RESULTS.where(fits, step.result, RESULTS.not_assembled))
-    saved = RowBuffer.like(Snapshot.of(step), ROWS) if plan.saves else None
-    return without_weak_types(Lane(plan.loop(system, request).start(step), saved))
-
-
-def step_lane(plan: Plan, scene: Scene, lane: Lane, request: LaneRequest) -> Lane:
-    """Return a lane after one turn. The lane tries one step, unless its run has ended, the lane
-    waits for the host, or a state within its latest step is still to be saved. After that the lane
-    saves one state, if it has reached a time to save at."""
-    system = plan.scheme.system(scene)
-    run = plan.loop(system, request).advance(lane.run, goes=_tries_step(plan, lane, request))
-    if lane.saved is None:  # a batch that saves no states
-        return Lane(run, None)
-    saved, lane = lane.saved, Lane(run, lane.saved)
-    # The dense output is evaluated in every turn, because lanes side by side cannot branch. If no
-    # state is due, the row is not written.
-    row = run.records[LATEST].at(plan.scheme.method, system, _next_save(lane, request))
-    return Lane(run, saved.with_row(row, _saves(lane, request)))
-
-
-def outcome(plan: Plan, scene: Scene, lane: Lane, end_time: Scalar) -> Outcome:
-    system, step, tallies = plan.scheme.system(scene), lane.run.step, lane.run.records[REDUCTIONS]
-    final, result, results = end_of(system, plan.reductions, tallies, step, end_time)
-    return Outcome(step.t, result, step.attempts, step.accepted, final, results)
-
-
-def moves(plan: Plan, lane: Lane, request: LaneRequest) -> Condition:
-    """Return whether the next turn changes the lane; if not, it has ended or waits for the host."""
-    goes = _tries_step(plan, lane, request)
-    return goes if lane.saved is None else goes | _saves(lane, request)
-
-
-def _tries_step(plan: Plan, lane: Lane, request: LaneRequest) -> Condition:
-    goes = lane.runs(plan, request.end_time)
-    if lane.saved is not None:
-        # A lane keeps the dense output of its latest step only. So it takes no step before the
-        # states at all times within that step are saved. Nor does it while the buffer of states is
-        # full, unless no more are to be saved: then the window's last time, which is the one after
-        # those of a full buffer, is infinite.
-        more = request.window[ROWS] < jnp.inf
-        goes = goes & jnp.logical_not(_next_save(lane, request) <= lane.run.step.t)
-        goes = goes & jnp.logical_not(lane.saved.is_full() & more)
-    # If further rows are wanted, a full buffer of crossings or impacts must be emptied first, or
-    # the next row would be lost.
-    for log, rows in lane.buffers().items():
-        waits = rows.is_full() & (request.wanted[log] > rows.count)
-        goes = goes & jnp.logical_not(waits)
-    return goes
-
-
-def _next_save(lane: Lane, request: LaneRequest) -> Scalar:
-    assert lane.saved is not None
-    return jnp.asarray(request.window)[lane.saved.count]
-
-
-def _saves(lane: Lane, request: LaneRequest) -> Condition:
-    assert lane.saved is not None
-    return (_next_save(lane, request) <= lane.run.step.t) & jnp.logical_not(lane.saved.is_full())
-
-
 class Task(eqx.Module):
     """Data of one lane; in a batch of L lanes, each array has an additional first axis of length L.
 
@@ -219,9 +112,12 @@ class Task(eqx.Module):
 
 
 class Common(eqx.Module):
-    """Data that all lanes of a batch share.
+    """Data that all lanes of a batch share: the integration method, the scene, and the outputs.
 
     - `folded_scene`: the scene, of which each lane replaces the leaves in `Task.varied`.
+    - `reductions`, `sections`, `impacts`: outputs by name, or their recorders; `impacts` are the
+      recorders of tables of impacts.
+    - `saves`: whether states are saved at given times.
     - `capacity[log]`: largest number of rows of each log of crossings or impacts.
     - `channels[log][name]`: quantities to report at each state of a log of crossings, or of saved
       states, `SAVED`.
@@ -230,9 +126,14 @@ class Common(eqx.Module):
       reused only if these agree.
     """
 
-    plan: Plan
+    scheme: Scheme
     folded_scene: ConstantFolded
     start_time: Single
+    max_steps: Integers
+    reductions: dict[str, AbstractReduction] = eqx.field(default_factory=dict)
+    sections: dict[str, SectionRecorder] = eqx.field(default_factory=dict)
+    impacts: dict[str, ImpactRecorder] = eqx.field(default_factory=dict)
+    saves: bool = eqx.field(default=False, static=True)
     capacity: dict[str, int] = eqx.field(default_factory=dict, static=True)
     channels: dict[str, dict[str, Quantity]] = eqx.field(default_factory=dict)
     programs: tuple[tuple[str, str], ...] = eqx.field(default=(), static=True)
@@ -247,19 +148,101 @@ class Common(eqx.Module):
         tree = eqx.combine(task.varied, self.folded_scene.tree)
         return unpack(ConstantFolded(tree, self.folded_scene.patterns))
 
+    def system(self, task: Task) -> System:
+        return self.scheme.system(self.scene(task))
+
+    def _loop(self, system: System, request: LaneRequest) -> RunLoop:
+        # A section has one log, which has the name of the output. A table of impacts has a log for
+        # each contact (see `impact_log`); its recorder expects the labels of the contacts as keys.
+        wanted = request.wanted
+        recorders: dict[str, Recorders] = {
+            REDUCTIONS: {
+                name: ReductionRecorder(reduction) for name, reduction in self.reductions.items()
+            },
+            SECTIONS: {
+                name: replace(recorder, wanted=wanted.get(name))
+                for name, recorder in self.sections.items()
+            },
+            TABLES: {
+                name: replace(recorder, wanted=_under(f"{name}/", wanted))
+                for name, recorder in self.impacts.items()
+            },
+        }
+        if self.saves:
+            recorders[LATEST] = LatestDenseStep()
+        return RunLoop(self.scheme.method, system, request.end_time, recorders)
+
     def begun(self, task: Task) -> Lane:
+        """Return a lane before its first step. If the state violates the constraints, or the run's
+        coordinates cannot represent it, the lane takes no step, and has the result code
+        `not_assembled`."""
+        # A compiled lane cannot raise an error. The result code ends this lane, and the others run.
+        method, scene, t0 = self.scheme.method, self.scene(task), self.start_time
+        fits = assembled(scene, task.state, t0, self.scheme.formulation.coordinates)
+        system = self.scheme.system(scene)
+        step = begin_run(method, system, task.state, t0, task.end_time, task.first_step)
+        step = replace(step, result=RESULTS.where(fits, step.result, RESULTS.not_assembled))
+        saved = RowBuffer.like(Snapshot.of(step), ROWS) if self.saves else None
         window = jnp.full(WINDOW, jnp.inf)
         request = LaneRequest(task.end_time, task.first_step, window, self.capacity)
-        return begin_lane(self.plan, self.scene(task), task.state, self.start_time, request)
+        return without_weak_types(Lane(self._loop(system, request).start(step), saved))
 
     def after_turn(self, own: tuple[Task, LaneRequest], lane: Lane) -> Lane:
+        """Return a lane after one turn. The lane tries one step, unless its run has ended, the lane
+        waits for the host, or a state within its latest step is still to be saved. After that the
+        lane saves one state, if it has reached a time to save at."""
         task, request = own
-        return step_lane(self.plan, self.scene(task), lane, request)
+        system = self.system(task)
+        run = self._loop(system, request).advance(lane.run, goes=self._tries_step(lane, request))
+        if lane.saved is None:  # a batch that saves no states
+            return Lane(run, None)
+        saved, lane = lane.saved, Lane(run, lane.saved)
+        # The dense output is evaluated in every turn, because lanes side by side cannot branch. If
+        # no state is due, the row is not written.
+        row = run.records[LATEST].at(self.scheme.method, system, _next_save(lane, request))
+        return Lane(run, saved.with_row(row, _saves(lane, request)))
 
     def status(self, own: tuple[Task, LaneRequest], lane: Lane) -> dict[str, PyTree]:
+        """Return "time", s, "runs", whether the run goes on, and "moves", whether the next turn
+        changes the lane; if not, it has ended or waits for the host."""
         _, request = own
-        running, moving = lane.runs(self.plan, request.end_time), moves(self.plan, lane, request)
-        return {"moves": moving, "runs": running, "time": lane.run.step.t}
+        moves = self._tries_step(lane, request)
+        if lane.saved is not None:
+            moves = moves | _saves(lane, request)
+        return {"moves": moves, "runs": self._runs(lane, request), "time": lane.run.step.t}
 
     def outcome(self, task: Task, lane: Lane) -> Outcome:
-        return outcome(self.plan, self.scene(task), lane, task.end_time)
+        step, tallies = lane.run.step, lane.run.records[REDUCTIONS]
+        ended = end_of(self.system(task), self.reductions, tallies, step, task.end_time)
+        final, result, results = ended
+        return Outcome(step.t, result, step.attempts, step.accepted, final, results)
+
+    def _runs(self, lane: Lane, request: LaneRequest) -> Condition:
+        return running(lane.run.step, request.end_time, self.max_steps)
+
+    def _tries_step(self, lane: Lane, request: LaneRequest) -> Condition:
+        goes = self._runs(lane, request)
+        if lane.saved is not None:
+            # A lane keeps the dense output of its latest step only. So it takes no step before the
+            # states at all times within that step are saved. Nor does it while the buffer of states
+            # is full, unless no more are to be saved: then the window's last time, which is the one
+            # after those of a full buffer, is infinite.
+            more = request.window[ROWS] < jnp.inf
+            goes = goes & jnp.logical_not(_next_save(lane, request) <= lane.run.step.t)
+            goes = goes & jnp.logical_not(lane.saved.is_full() & more)
+        # If further rows are wanted, a full buffer of crossings or impacts must be emptied first,
+        # or the next row would be lost.
+        for log, rows in lane.buffers().items():
+            waits = rows.is_full() & (request.wanted[log] > rows.count)
+            goes = goes & jnp.logical_not(waits)
+        return goes
+
+
+def _next_save(lane: Lane, request: LaneRequest) -> Scalar:
+    assert lane.saved is not None
+    return jnp.asarray(request.window)[lane.saved.count]
+
+
+def _saves(lane: Lane, request: LaneRequest) -> Condition:
+    assert lane.saved is not None
+    return (_next_save(lane, request) <= lane.run.step.t) & jnp.logical_not(lane.saved.is_full())

@@ -488,7 +488,7 @@ def _columns(
     common, name, example = shared
     leaves, structure = jax.tree.flatten(example)
     # Some columns are quantities such as a contact force, which depend on the lane's scene too.
-    system = common.plan.scheme.system(common.scene(task))
+    system = common.system(task)
     # Each row has the numbers of the first leaf, then those of the second, and so on.
     boundaries = np.cumsum([leaf.size for leaf in leaves])[:-1]
 

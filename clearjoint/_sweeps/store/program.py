@@ -31,22 +31,11 @@ from ..._compilation.xla import CALLS, program_of
 from ..._fields.types import ArrayLike
 from ..._math.vectors import ConstantFolded, Scalar, unpack
 from ..._model.bodies import State
-from ..._model.scene import Scene
-from ..._simulation.lanes.lane import (
-    SAVED,
-    WINDOW,
-    Lane,
-    LaneRequest,
-    Plan,
-    Task,
-    begin_lane,
-    outcome,
-    step_lane,
-)
+from ..._simulation.lanes.lane import SAVED, WINDOW, Common, Lane, LaneRequest, Task
 from ..._simulation.results.impact_table import IMPACT_UNITS
 from ..._simulation.run.outputs import TABLES
 from ..._simulation.step.dense_output import Snapshot
-from ...quantities.base import Instant, Quantity
+from ...quantities.base import Instant
 from ..axes import Lanes
 from ..outputs import variable_name
 
@@ -182,8 +171,6 @@ RUN = ""
 """Key of the run itself, in dictionaries whose other keys are names of variables or outputs."""
 _BLOCK = 4096
 """Number of lanes whose numbers `row_digests` copies at a time, to limit its use of memory."""
-Channels = dict[str, dict[str, Quantity]]
-"""Quantities that outputs record, by name of the output and key of the quantity."""
 
 
 class Identity(NamedTuple):
@@ -198,91 +185,83 @@ class Identity(NamedTuple):
     lanes: Mapping[str, Int[np.ndarray, " n"]]
 
 
-def programs(
-    plan: Plan, folded_scene: ConstantFolded, state: State, start_time: float, channels: Channels
-) -> dict[str, str]:
+def programs(common: Common, state: State) -> dict[str, str]:
     """Return digests of the program of the run, by the key `RUN`, and of the programs that compute
     the variables of the outputs, by name of the variable. As each variable has a digest of its own,
-    an output can be added to a store without making the stored lanes invalid."""
-    numbers, structure = eqx.partition(folded_scene, eqx.is_array_like)
-    traced, time = _Traced(plan, channels, structure), jnp.asarray(start_time, dtype=float)
-    # The run itself is traced without outputs, so that its digest does not depend on them. A run
-    # begins a lane and then repeats one step: these two programs determine it. The lengths and end
-    # times of 1.0 s are arbitrary, since digests do not depend on the arguments' numbers.
-    start = numbers, state, time, 1.0
-    begun = fingerprints(lambda *start: {RUN: traced.begin(traced.run_plan, *start)}, *start)
-    lane: Lane = begun.shapes[RUN]
-    stepped = fingerprints(traced.step, numbers, lane, 1.0)
-    run = {RUN: digest(begun.digests[RUN], stepped.digests[RUN])}
-    # Outputs depend on a lane only through this snapshot, so that their digests don't change if
-    # another part of the step does.
-    snapshot = Snapshot(lane.run.step.t, lane.run.step.y, lane.run.step.entry_speeds)
-    tallies = jax.eval_shape(traced.tallies, numbers, snapshot)
-    # Only shapes matter, so that one snapshot stands for the end of a step and for inside of it.
-    outputs = fingerprints(traced.outputs, numbers, snapshot, snapshot, tallies)
-    if not plan.impacts:
-        return run | outputs.digests
-    # Records of impacts change the lane, so that they are traced in a lane of their own: a table
-    # that is added must not change the digest of the run.
-    with_impacts = jax.eval_shape(partial(traced.begin, traced.impacts_plan), *start)
-    tables = fingerprints(traced.impact_tables, numbers, with_impacts, 1.0)
-    return run | outputs.digests | tables.digests
+    an output can be added to a store without making the stored lanes invalid. `state`: an example
+    of the lanes' initial states."""
+    numbers, structure = eqx.partition(common.folded_scene, eqx.is_array_like)
+    # The run itself is traced without outputs, so that its digest does not depend on them.
+    run = Common(common.scheme, structure, common.start_time, common.max_steps)
+    with_impacts = replace(run, impacts=common.impacts)
 
+    def begin(batch: Common, numbers: PyTree, state: State, time: Scalar, length: Scalar) -> Lane:
+        task = Task(numbers.tree, state, time + length, length, None)
+        return replace(batch, start_time=time).begun(task)
 
-@dataclass(frozen=True)
-class _Traced:
-    """Parts of a lane's computation as functions that JAX can trace.
+    # A step does not depend on the initial state and on the first step's length.
+    def own(
+        numbers: PyTree, end_time: Scalar, wanted: Mapping[str, int] = {}
+    ) -> tuple[Task, LaneRequest]:
+        request = LaneRequest(end_time, end_time, jnp.full(WINDOW, jnp.inf), wanted)
+        return Task(numbers.tree, state, end_time, end_time, None), request
 
-    The argument `numbers` of these functions has the numbers of the folded scene, and `structure`
-    is this scene without them. `row` is the snapshot of the motion at one time (end of a step),
-    and `inside` a snapshot that stands for the motion inside of the step.
-    """
-
-    plan: Plan
-    channels: Channels
-    structure: ConstantFolded
-
-    def scene(self, numbers: PyTree) -> Scene:
-        return unpack(eqx.combine(numbers, self.structure))
-
-    @property
-    def run_plan(self) -> Plan:
-        return Plan(self.plan.scheme, {}, {}, False, self.plan.max_steps)
-
-    @property
-    def impacts_plan(self) -> Plan:
-        return replace(self.run_plan, impacts=self.plan.impacts)
-
-    def begin(
-        self, plan: Plan, numbers: PyTree, state: State, time: Scalar, length: Scalar
-    ) -> Lane:
-        """Return the lane before its first step, whose `length`, s, is that of the whole run."""
-        request = _request(time + length, length)
-        return begin_lane(plan, self.scene(numbers), state, time, request)
-
-    def step(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
+    def step(numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
         """Return the lane after one step, and the outcome of a run that ends before this step."""
-        plan, scene = self.run_plan, self.scene(numbers)
-        after = step_lane(plan, scene, lane, _request(end_time, end_time))
-        return {RUN: (after, outcome(plan, scene, lane, end_time))}
+        of_lane = own(numbers, end_time)
+        return {RUN: (run.after_turn(of_lane, lane), run.outcome(of_lane[0], lane))}
 
-    def impact_tables(self, numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
+    def impact_tables(numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
         """Return the impacts recorded after one step, by variable of the impact tables. All of a
         table's variables have the same entry, the whole record."""
         # A row is still wanted in each log, so that the code that records an impact is traced.
-        request = replace(_request(end_time, end_time), wanted=dict.fromkeys(lane.buffers(), 1))
-        after = step_lane(self.impacts_plan, self.scene(numbers), lane, request)
+        of_lane = own(numbers, end_time, dict.fromkeys(lane.buffers(), 1))
+        after = with_impacts.after_turn(of_lane, lane)
         return {
             variable_name(name, key): record
             for name, record in after.run.records[TABLES].items()
             for key in (*IMPACT_UNITS, "count")
         }
 
+    # A run begins a lane and then repeats one step: these two programs determine it. The lengths
+    # and end times of 1.0 s are arbitrary, since digests do not depend on the arguments' numbers.
+    start = numbers, state, jnp.asarray(common.start_time, dtype=float), 1.0
+    begun = fingerprints(lambda *start: {RUN: begin(run, *start)}, *start)
+    lane: Lane = begun.shapes[RUN]
+    stepped = fingerprints(step, numbers, lane, 1.0)
+    digests = {RUN: digest(begun.digests[RUN], stepped.digests[RUN])}
+    # Outputs depend on a lane only through this snapshot, so that their digests don't change if
+    # another part of the step does.
+    snapshot = Snapshot(lane.run.step.t, lane.run.step.y, lane.run.step.entry_speeds)
+    outputs = _Outputs(common, structure)
+    tallies = jax.eval_shape(outputs.tallies, numbers, snapshot)
+    # Only shapes matter, so that one snapshot stands for the end of a step and for inside of it.
+    digests |= fingerprints(outputs.values, numbers, snapshot, snapshot, tallies).digests
+    if not common.impacts:
+        return digests
+    # Records of impacts change the lane, so that they are traced in a lane of their own: a table
+    # that is added must not change the digest of the run.
+    lane = jax.eval_shape(partial(begin, with_impacts), *start)
+    return digests | fingerprints(impact_tables, numbers, lane, 1.0).digests
+
+
+@dataclass(frozen=True)
+class _Outputs:
+    """The computation of a sweep's outputs as functions that JAX can trace.
+
+    The argument `numbers` of these functions has the numbers of the folded scene, and `structure`
+    is this scene without them. `row` is the snapshot of the motion at one time (end of a step),
+    and `inside` a snapshot that stands for the motion inside of the step.
+    """
+
+    common: Common
+    structure: ConstantFolded
+
     def instant(self, numbers: PyTree, row: Snapshot, inside: Snapshot) -> Instant:
         """Return the instant of the snapshot `row`."""
         # A quantity may evaluate the dense output at a fraction of the step: here that is the
         # fraction times the snapshot `inside`, so that it appears in the program.
-        system = self.plan.scheme.system(self.scene(numbers))
+        system = self.common.scheme.system(unpack(eqx.combine(numbers, self.structure)))
 
         def at(fraction: Scalar) -> Instant:
             return jax.tree.map(lambda leaf: fraction * leaf, inside).instant(system)
@@ -292,21 +271,21 @@ class _Traced:
     def tallies(self, numbers: PyTree, row: Snapshot) -> dict[str, PyTree]:
         """Return what the reductions have accumulated at the start of the run, by name."""
         now = self.instant(numbers, row, row)
-        starts = {name: reduction.start(now) for name, reduction in self.plan.reductions.items()}
+        starts = {name: reduction.start(now) for name, reduction in self.common.reductions.items()}
         return jax.tree.map(jnp.asarray, starts)
 
-    def outputs(
+    def values(
         self, numbers: PyTree, row: Snapshot, inside: Snapshot, tallies: dict[str, PyTree]
     ) -> dict[str, PyTree]:
         """Return all values that are computed at the end of a step, by variable. `tallies` has what
         the reductions have accumulated before."""
         now, computed = self.instant(numbers, row, inside), {}
-        for name, reduction in self.plan.reductions.items():
+        for name, reduction in self.common.reductions.items():
             start, tally = reduction.start(now), tallies[name]
             parts = start, reduction.update(tally, now), reduction.results(tally, now)
             computed |= {variable_name(name, key): parts for key in reduction.units()}
-        for name, quantities in self.channels.items():
-            section = self.plan.sections.get(name)
+        for name, quantities in self.common.channels.items():
+            section = self.common.sections.get(name)
             # The times of a section's crossings depend on the crossing condition, so that every
             # variable of the section includes it.
             crossing = () if section is None else (section.quantity(now), section.after)
@@ -316,11 +295,6 @@ class _Traced:
                 for key, quantity in quantities.items()
             }
         return computed
-
-
-def _request(end_time: Scalar, first_step: Scalar) -> LaneRequest:
-    """Return a request without times to save at and without rows to record."""
-    return LaneRequest(end_time, first_step, jnp.full(WINDOW, jnp.inf), {})
 
 
 def identity_of(digests: Mapping[str, str], lanes: Lanes, tasks: Task) -> Identity:

@@ -10,7 +10,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint._math.vectors import fold_constants
-from clearjoint._simulation.lanes.lane import SAVED, Plan
+from clearjoint._simulation.lanes.lane import SAVED, Common
 from clearjoint._simulation.run import impact_recorder
 from clearjoint._simulation.run.impact_recorder import ImpactRecorder
 from clearjoint._simulation.run.outputs import requested_by
@@ -26,19 +26,21 @@ USUAL = cj.Settings(atol=1e-9)
 def of(scene, state, outputs: dict[str, Any] | None = None, settings=USUAL):
     """Programs of a sweep with the given outputs."""
     requested = requested_by(outputs, SAMPLED)
-    plan = Plan(
-        Scheme.of(settings),
-        requested.reductions,
-        {name: section.state_recorder for name, section in requested.sections.items()},
-        bool(requested.quantities),
-        np.asarray(1000),
-        {name: ImpactRecorder(table.joint) for name, table in requested.tables.items()},
-    )
     sections = requested.sections.items()
     channels = {n: {k: q for k, (q, _) in o.channels.items()} for n, o in sections}
     if requested.quantities:
         channels[SAVED] = sampled_channels(requested, scene)
-    return programs(plan, fold_constants(scene), state, 0.0, channels)
+    common = Common(
+        Scheme.of(settings),
+        fold_constants(scene),
+        start_time=np.zeros(()),
+        max_steps=np.asarray(1000),
+        reductions=requested.reductions,
+        sections={name: section.state_recorder for name, section in sections},
+        impacts={name: ImpactRecorder(table.joint) for name, table in requested.tables.items()},
+        channels=channels,
+    )
+    return programs(common, state)
 
 
 class Law(cj.laws.Hertz):
