@@ -1,7 +1,7 @@
 """Observation of a motion: contacts, reactions, accelerations, drift and energies."""
 
 import enum
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -40,6 +40,7 @@ from .solution import CONTACTS, LABELS, Solution, Trajectory, by_contact
 if TYPE_CHECKING:
     import xarray as xr
 
+Result = TypeVar("Result")
 VARIABLES = {
     "force": "reaction_force",
     "moment": "reaction_moment",
@@ -279,7 +280,6 @@ def _stacked(
     return Labelled(("time", dim, COMPONENT)[: values.ndim], values, unit, text, attributes)
 
 
-Parts = TypeVar("Parts")
 CHUNK = 512
 """Number of states in each call of a compiled program, so that one program serves any number of
 states. With fewer, there would be more calls; with more, more states to fill up the last call."""
@@ -320,105 +320,61 @@ def observe(
     remedy = "pass save=Saving(times) or Saving(steps=True) to simulate()"
     require(trajectory is not None, "solution", shown, expected, remedy)
     assert trajectory is not None
-    absolute, states = absolute_formulation(solution), trajectory.states
     # All but the energy ledger follows from each state alone. The ledger holds integrals over the
     # run (`work`), so it is left out here and its entries are added at the end.
-    times_and_states = (
-        np.asarray(trajectory.times),
-        State(states.bodies, states.entry_speeds, bristles=states.bristles, memory=states.memory),
+    states = trajectory.states
+    alone = State(
+        states.bodies, states.entry_speeds, bristles=states.bristles, memory=states.memory
     )
-    # The program is compiled for the exact zeros and ones of the scene, which need no operations.
-    folded_scene, unique = fold_constants(with_arrays(scene)), not solution.redundant_constraints
-    observation = in_chunks(observe_compiled, (folded_scene, absolute, unique), times_and_states)
+    observation = _along(scene, solution, _observed, trajectory.times, alone)
     integrals = {name: np.asarray(integral) for name, integral in states.work.items()}
     if "friction" in integrals:
         # The ledger counts the elastic energy of bristles as dissipated by friction until they
         # release it. The observation has it as "bristles", so it is not counted a second time.
         elastic = observation.energies.get("bristles", 0.0)
         integrals["friction"] = integrals["friction"] - elastic
-    energies = {**observation.energies, **integrals}
-    return replace(observation, energies=energies, interpolated=trajectory.interpolated)
+    return replace(
+        observation,
+        energies={**observation.energies, **integrals},
+        reactions_unique=not solution.redundant_constraints,
+        interpolated=trajectory.interpolated,
+    )
 
 
-def absolute_formulation(solution: Solution | NonsmoothSolution) -> Formulation:
-    used = solution.formulation
-    return Formulation(AbsoluteCoordinates(), used.stabilisation, used.redundant)
-
-
-def in_chunks(
-    program: Native[..., Parts], fixed: tuple[PyTree, ...], rows: tuple[np.ndarray, State]
-) -> Parts:
-    """Apply a compiled program to N times and states, `rows`, `CHUNK` in each call. The program
-    gets the arguments `fixed`, the number of rows to compute, and `CHUNK` times and states."""
-    count, rows = len(rows[0]), jax.tree.map(np.asarray, rows)
-
-    def chunk(rows: np.ndarray, first: int) -> np.ndarray:
-        # Repeats rows to fill up the last chunk; makes zeros if there is no row at all.
-        return np.resize(rows[first : first + CHUNK], (CHUNK, *rows.shape[1:]))
-
-    parts = []
-    for first in range(0, max(count, 1), CHUNK):
-        part = jax.tree.map(lambda leaf, first=first: chunk(leaf, first), rows)
-        here = np.asarray(min(CHUNK, count - first))
-        parts.append(jax.device_get(program(*fixed, here, *part)))
-    return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:count], *parts)
-
-
-# If native code cannot be made, XLA compiles this function. No warning is issued then, because an
-# observation takes little time compared with a run.
-@partial(Native, warns=False)
-def observe_compiled(
-    folded_scene: ConstantFolded,
-    absolute: Formulation,
-    unique: bool,
-    count: Scalar,
-    times: Numbers,
-    states: State,
-) -> Observation:
-    """Return the observation at the first `count` of N times and states, without the energy ledger.
-    `unique`: whether reactions are unique."""
-    scene = unpack(folded_scene)
-    system = System(scene, absolute)
-
-    def at(t: Scalar, state: State) -> Observation:
-        # The deflections of bristles are those of the state, and zero for contacts without any.
-        bristles = initial_bristles(scene, unpack(state.bristles))
-        variables = system.encode(unpack(state.bodies))
-        held = holding(system, initial_memories(system, variables, t, state.memory))
-        dynamics = held.dynamics(variables, state.entry_speeds, t, bristles=bristles)
-        motions, forces = dynamics.motions, dynamics.contact_forces
-        energies = mechanical_energy(scene, motions, t)
-        if (elastic := bristle_energy(scene, motions, forces, bristles)) is not None:
-            energies["bristles"] = elastic
-        # The sum is taken before the integrals of the ledger are added, in `observe`.
-        energies["mechanical"] = sum(energies.values())
-        drift, drift_rate = _drift(dynamics)
-        accelerations = {
-            name: AccelerationSeries(pack(part.linear), pack(part.angular))
-            for name, part in dynamics.accelerations.items()
+def _observed(now: Instant) -> Observation:
+    """Quantity: the observation at an instant in absolute coordinates, without the energy ledger.
+    Whether reactions are unique is not known here."""
+    dynamics, scene = now.dynamics, now.scene
+    motions, forces = dynamics.motions, dynamics.contact_forces
+    energies = mechanical_energy(scene, motions, now.time)
+    if (elastic := bristle_energy(scene, motions, forces, now.bristles)) is not None:
+        energies["bristles"] = elastic
+    # The sum is taken before the integrals of the ledger are added, in `observe`.
+    energies["mechanical"] = sum(energies.values())
+    drift, drift_rate = _drift(dynamics)
+    accelerations = {
+        name: AccelerationSeries(pack(part.linear), pack(part.angular))
+        for name, part in dynamics.accelerations.items()
+    }
+    reactions = {
+        joint: {
+            body: Load(pack(wrench.force), pack(wrench.moment))
+            for body, wrench in constraint_wrenches(dynamics, joint).items()
+            if body != GROUND
         }
-        reactions = {
-            joint: {
-                body: Load(pack(wrench.force), pack(wrench.moment))
-                for body, wrench in constraint_wrenches(dynamics, joint).items()
-                if body != GROUND
-            }
-            for joint in dynamics.rows
-        }
-        observation = Observation(
-            times=t,
-            contacts=_contacts(scene, dynamics),
-            modes=_modes(scene, dynamics),
-            reactions=reactions,
-            accelerations=accelerations,
-            drift=drift,
-            drift_rate=drift_rate,
-            energies=energies,
-            reactions_unique=unique,
-        )
-        return jax.tree.map(jnp.asarray, observation)
-
-    return over_rows(at, count, times, states)
+        for joint in dynamics.rows
+    }
+    return Observation(
+        times=now.time,
+        contacts=_contacts(scene, dynamics),
+        modes=_modes(scene, dynamics),
+        reactions=reactions,
+        accelerations=accelerations,
+        drift=drift,
+        drift_rate=drift_rate,
+        energies=energies,
+        reactions_unique=False,
+    )
 
 
 def _contacts(scene: Scene, dynamics: Dynamics) -> dict[str, dict[str, ContactObservation]]:
@@ -492,43 +448,72 @@ def values_along(
     total time derivatives, for which entry speeds, bristles, memories and the energy ledger count
     as constant. Raise a `ValueError` if the scene lacks an element that the quantity names."""
     check_quantity("quantity", quantity, scene)
-    fixed = fold_constants(with_arrays(scene)), absolute_formulation(solution), quantity, rates
-    rows = np.asarray(trajectory.times), trajectory.states
-    return np.asarray(in_chunks(along_compiled, fixed, rows))
+    values = _along(scene, solution, quantity, trajectory.times, trajectory.states, rates)
+    return np.asarray(values, float)
 
 
-@Native
-def along_compiled(
+def _along(
+    scene: Scene,
+    solution: Solution | NonsmoothSolution,
+    quantity: Callable[[Instant], Result],
+    times: Numbers,
+    states: State,
+    rates: bool = False,
+) -> Result:
+    """Return a function of an instant at N times and states, in absolute coordinates: its result, a
+    PyTree, with arrays of a first axis of length N. `rates`: as in `values_along`."""
+    used = solution.formulation
+    absolute = Formulation(AbsoluteCoordinates(), used.stabilisation, used.redundant)
+    # The program is compiled for the exact zeros and ones of the scene, which need no operations.
+    fixed = fold_constants(with_arrays(scene)), absolute, quantity, rates
+    count, rows = len(times), jax.tree.map(np.asarray, (times, states))
+
+    def chunk(rows: np.ndarray, first: int) -> np.ndarray:
+        # Repeats rows to fill up the last chunk; makes zeros if there is no row at all.
+        return np.resize(rows[first : first + CHUNK], (CHUNK, *rows.shape[1:]))
+
+    parts = []
+    for first in range(0, max(count, 1), CHUNK):
+        part = jax.tree.map(lambda leaf, first=first: chunk(leaf, first), rows)
+        here = np.asarray(min(CHUNK, count - first))
+        parts.append(jax.device_get(_along_compiled(*fixed, here, *part)))
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:count], *parts)
+
+
+# If native code cannot be made, XLA compiles this function. No warning is issued then, because it
+# takes little time compared with a run.
+@partial(Native, warns=False)
+def _along_compiled(
     folded_scene: ConstantFolded,
     absolute: Formulation,
-    quantity: Quantity,
+    quantity: Callable[[Instant], Result],
     rates: bool,
     count: Scalar,
     times: Numbers,
     states: State,
-) -> Numbers:
-    """Return the results of `values_along` at the first `count` of N times and states."""
+) -> Result:
+    """Return the results of `_along` at the first `count` of N times and states."""
     system = System(unpack(folded_scene), absolute)
 
-    def at(t: Scalar, state: State) -> Numbers:
+    def at(t: Scalar, state: State) -> Result:
         variables = system.encode(unpack(state.bodies))
+        # The deflections of bristles are those of the state, and zero for contacts without any.
         bristles = initial_bristles(system.scene, unpack(state.bristles))
         memory = initial_memories(system, variables, t, state.memory)
 
-        def value(t: Scalar, variables: MotionVariables) -> Numbers:
+        def value(t: Scalar, variables: MotionVariables) -> Result:
             parts = state.entry_speeds, unpack(state.work), bristles, memory
-            now = Instant(system, t, variables, *parts)
-            return jnp.asarray(quantity(now), dtype=float)
+            return quantity(Instant(system, t, variables, *parts))
 
         if not rates:
-            return value(t, variables)
+            return jax.tree.map(jnp.asarray, value(t, variables))
         held = holding(system, memory)
         speeds, _ = held.rates(variables, state.entry_speeds, t, bristles=bristles)
         # The direction of the derivative is that of the motion: time advances at the rate 1, and
         # the variables at their rates. `jax.jvp` demands floats, but components may be Python
         # numbers.
-        as_float = partial(jnp.asarray, dtype=float)
-        point, along = jax.tree.map(as_float, ((t, variables), (1.0, speeds)))
-        return jax.jvp(value, point, along)[1]
+        as_floats = partial(jax.tree.map, partial(jnp.asarray, dtype=float))
+        point, along = as_floats(((t, variables), (1.0, speeds)))
+        return jax.jvp(lambda *now: as_floats(value(*now)), point, along)[1]
 
     return over_rows(at, count, times, states)
