@@ -227,9 +227,9 @@ def experiment(
     settings = settings_or(settings, presets.derivatives)
     requested.check(scene, settings.ledger)
     scheme = derivative_scheme(scene, state, settings, start_time)
-    end_time = float(rising_times(times, "times")[-1])
+    end_time = float(rising_times(times)[-1])
     check_span(start_time, end_time)
-    rising = checked_times(start_time, end_time, times, "times")
+    rising = checked_times(start_time, end_time, times)
     sensors = sensor_errors(parameters, outputs)
     # The zeros are placeholders for coordinates that `Experiment.run` receives.
     family = parametrised(scene, state, in_scene(parameters), np.zeros(len(parameters)))

@@ -54,7 +54,7 @@ class Sensor:
         require(len(several) > 0, "channels", (), "one or more", "pass one of cj.quantities")
         for channel in several:
             require_quantity("channels", channel)
-        row = np.asarray(strictly_rising_times(times, "times"))
+        row = np.asarray(strictly_rising_times(times))
         deviation = np.asarray(as_number(noise, "noise"))
         fits, expected = deviation.shape in ((), row.shape), f"a number or of shape {row.shape}"
         require(fits, "noise", deviation.shape, expected, "pass one for each time")

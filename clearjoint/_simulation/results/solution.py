@@ -139,7 +139,7 @@ def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
 def states_between(times: Times, states: State, wanted: Wanted) -> State:
     """Interpolate states at the N `times` to the M `wanted` times, s, as `Trajectory.between` does.
     Of several states at one time, the last one counts."""
-    wanted = checked_times(times[0], times[-1], wanted, "times")
+    wanted = checked_times(times[0], times[-1], wanted)
     # The step of a wanted time begins at the last row whose time is not later. No step begins at
     # the last row of all, so for its time `left` is the start of the last step, and x is 1. If the
     # last time is repeated, the last step has the length zero, for which x is set to 1.

@@ -371,6 +371,6 @@ def predictor(
     if requested.quantities or times is not None:
         remedy = "pass the times at which quantities are evaluated"
         require(times is not None, "times", None, f"times for {list(requested.quantities)}", remedy)
-        checked = checked_times(start_time, end_time, times, "times")  # pyright: ignore
+        checked = checked_times(start_time, end_time, times)  # pyright: ignore
     span = float(start_time), float(end_time)
     return Predictor(scene, state, span, paths, requested, checked, settings)

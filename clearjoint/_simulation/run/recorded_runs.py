@@ -48,14 +48,14 @@ T = TypeVar("T")
 
 
 class _Segment(NamedTuple):
-    """M successive steps of a run. `start`: numbers of the `Step` before the first; `ends`: (M,) s
-    since the start of the run; `rows`: (M, n), a `step_row` for each step, or ``None`` if they are
-    not kept, but computed again from `start`; `picked`: by index of the step in the segment, single
-    rows that are kept nevertheless."""
+    """M successive steps of a run. `ends`: (M,) s since the start of the run; `rows`: (M, n), a
+    `step_row` for each step, or ``None`` if they are not kept, but computed again from `start`, the
+    `Step` before the first; `picked`: by index of the step in the segment, single rows that are
+    kept nevertheless."""
 
-    start: np.ndarray
     ends: np.ndarray
     rows: np.ndarray | None
+    start: Step | None = None
     picked: Mapping[int, np.ndarray] = MappingProxyType({})
 
 
@@ -157,9 +157,9 @@ class RecordedRun:
     def rows_of(self, segment: _Segment) -> np.ndarray:
         if segment.rows is not None:
             return segment.rows
-        start = like(self.example, segment.start)
+        assert segment.start is not None
         # Tallies do not influence the steps, so those of the end of the run serve here.
-        _, _, buffer = adjoint.segment(self.recorder.run, self.at, start, self._tallies)
+        _, _, buffer = adjoint.segment(self.recorder.run, self.at, segment.start, self._tallies)
         return np.asarray(buffer.filled())
 
     def solution(self, settings: Notes) -> Solution:
@@ -359,27 +359,23 @@ def _recorded(recorder: Recorder, at: PyTree) -> _Recording:
         after, tallies, buffer = adjoint.segment(run, at, step, tallies)
         rows = np.asarray(buffer.filled())
         kept += rows.nbytes
-        segments.append(_Segment(_numbers_of(step), rows[:, -1].copy(), rows))
+        segments.append(_Segment(rows[:, -1].copy(), rows))
         if kept > KEPT_BYTES:
-            segments[-1] = _without_rows(segments[-1], recorder.times)
+            segments[-1] = _without_rows(segments[-1], step, recorder.times)
         # The leaves are views of the memory of a whole call.
         step = jax.tree.map(np.array, after)
     return _Recording(segments, step, tallies)
 
 
-def _without_rows(segment: _Segment, times: np.ndarray) -> _Segment:
+def _without_rows(segment: _Segment, start: Step, times: np.ndarray) -> _Segment:
     """Return a segment without rows, except those of the steps in which `times`, s, lie, and that
     of its first step: the derivatives of the initial state need the row of the run's first step."""
     assert segment.rows is not None
     picked = np.unique([0, *np.searchsorted(segment.ends, times)])
     # Times after the segment lie in steps of later segments, and pick its last step here.
     picked = np.minimum(picked, len(segment.ends) - 1)
-    return segment._replace(rows=None, picked={int(k): segment.rows[k].copy() for k in picked})
-
-
-def _numbers_of(step: Step) -> np.ndarray:
-    leaves = jax.tree.leaves(step)
-    return np.concatenate([np.ravel(np.asarray(leaf, float)) for leaf in leaves])
+    kept = {int(k): segment.rows[k].copy() for k in picked}
+    return _Segment(segment.ends, None, start, kept)
 
 
 # Runs side by side.
@@ -480,9 +476,9 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
             return False
         last = state_cells.tree(column[loop.state_cells])
         rows = np.concatenate(rows_of_runs.pop(number))
-        # All rows are kept, so that no segment is computed again from a `start`.
+        # All rows are kept, so that no segment is computed again.
         pieces = (rows[k : k + adjoint.ROWS] for k in range(0, len(rows), adjoint.ROWS))
-        segments = [_Segment(np.zeros(0), piece[:, -1].copy(), piece) for piece in pieces]
+        segments = [_Segment(piece[:, -1].copy(), piece) for piece in pieces]
         recordings[number] = _Recording(segments, last.step, last.records[REDUCTIONS])
         return False
 

@@ -12,6 +12,7 @@ from typing import Generic, TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ..._dynamics.coordinates import MotionVariables
@@ -23,9 +24,10 @@ from ...quantities.base import Instant
 from ..step.dense_output import DenseStep, Snapshot
 from ..step.method import SystemFamily
 from ..step.rotation_limit import rotating_bodies
-from ..step.step_state import Attempt, Method, Step, Variables, choose
-from ..step.stepping import attempt, blank_attempt, running, start
-from ..step.trial_step import term_of
+from ..step.solvers import UnrolledExplicit
+from ..step.step_state import Attempt, Method, Step, TangentsInside, Variables, choose
+from ..step.stepping import attempt, running, start
+from ..step.trial_step import term_of, time_map_of
 
 R = TypeVar("R", bound=PyTree)
 
@@ -43,11 +45,30 @@ class RunStart:
 
     @cached_property
     def blank_attempt(self) -> Attempt:
-        """An `Attempt` that ends at the start with the initial state, otherwise of zeros."""
-        loop = self.loop
-        return blank_attempt(
-            loop.method, loop.system, self.step, loop.t_end, loop.family, loop.attempt
-        )
+        """The initial value of a loop over accepted attempts: an `Attempt` that ends at the start
+        with the initial state, ``rejected=None``, and otherwise zeros."""
+        loop, step, solver = self.loop, self.step, self.loop.method.solver
+        if isinstance(solver, UnrolledExplicit):
+            # The structure is known. To trace an attempt only for its shapes would take as long as
+            # tracing the whole loop.
+            like, inside = solver.information_like, None
+            if step.tangents is not None:
+                inside = TangentsInside(step.tangents.entry_speeds, like(step.tangents.y))
+            example = Attempt(
+                step=step,
+                accepted=False,
+                t_start=step.t,
+                entry_speeds_start=step.entry_speeds,
+                information=like(step.y),
+                time_map=time_map_of(loop.method, step, step.t),
+                tangents=inside,
+            )
+        else:
+            arguments = loop.method, loop.system, step, loop.t_end, loop.family
+            example = jax.eval_shape(lambda: loop.attempt(*arguments))
+        example = replace(example, rejected=None)
+        zeros = jax.tree.map(lambda s: jnp.zeros(jnp.shape(s), jnp.result_type(s)), example)
+        return replace(zeros, step=step)
 
 
 @dataclass(frozen=True, eq=False)

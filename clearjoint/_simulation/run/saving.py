@@ -58,7 +58,7 @@ class Saving:
 
     def times_between(self, scene: Scene, start_time: Scalar, end_time: Scalar) -> Numbers | None:
         times = self.at(scene)
-        return None if times is None else checked_times(start_time, end_time, times, "times")
+        return None if times is None else checked_times(start_time, end_time, times)
 
     def require_none(self, names: Sequence[str], where: str, remedy: str) -> None:
         """Raise a `ValueError` with the `remedy` if one of the fields `names` is set. `where`: the
@@ -81,7 +81,7 @@ def saving_or_nothing(save: Saving | None) -> Saving:
 def _checked(times: ArrayLike) -> Numbers:
     row = as_number(times, "times", "s")
     if concrete(row) is not None:
-        strictly_rising_times(row, "times")
+        strictly_rising_times(row)
     # Single precision is kept, because later checks allow for its rounding errors.
     return times if isinstance(times, np.ndarray) and times.dtype.kind == "f" else row
 

@@ -184,7 +184,7 @@ def sensitivities(
     settings = settings_or(settings, presets.derivatives)
     scheme = derivative_scheme(scene, state, settings, start_time)
     check_span(start_time, end_time)
-    sample_times = checked_times(start_time, end_time, times, "times")
+    sample_times = checked_times(start_time, end_time, times)
     requested.check(scene, settings.ledger)
     save, quantities = requested.save, requested.quantities
     saved = save.times_between(scene, start_time, end_time) if save.states else None

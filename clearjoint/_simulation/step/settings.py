@@ -224,48 +224,48 @@ def check_span(start: Scalar, end: Scalar) -> None:
         require(last - first >= shortest, "end_time", end, expected, remedy)
 
 
-def checked_times(start: Scalar, end: Scalar, times: ArrayLike, argument: str) -> Column:
+def checked_times(start: Scalar, end: Scalar, times: ArrayLike) -> Column:
     """Return `times`, (N,) s, of a run from `start` to `end`, s, in double precision, with those
     outside of the run by rounding errors alone moved to its start or end.
 
     If JAX traces the times, only their shape is checked; if it traces the start or the end of the
     run, the times are not compared with these. In both cases, the times are returned unchanged.
 
-    **Raises:** `ValueError` that names the `argument`, for times that decrease, are not finite, are
-    not one-dimensional or are outside of the run, and for an empty array.
+    **Raises:** `ValueError` that names the argument `times`, for times that decrease, are not
+    finite, are not one-dimensional or are outside of the run, and for an empty array.
     """
-    row = rising_times(times, argument)
+    row = rising_times(times)
     # `checkable` returns ``None`` if JAX traces one of the numbers.
     if (numbers := checkable(row, start, end)) is not None:
         row, first, last = numbers
         room = rounding(start, end, times)
         is_inside = (row[0] >= first - room) & (row[-1] <= last + room)
         expected = f"between start_time = {as_shown(start)} and end_time = {as_shown(end)}"
-        require(is_inside, argument, [row[0], row[-1]], expected, "leave out the times outside")
+        require(is_inside, "times", [row[0], row[-1]], expected, "leave out the times outside")
         return row.astype(float).clip(first, last)
     return row
 
 
-def rising_times(times: ArrayLike, argument: str) -> Column:
+def rising_times(times: ArrayLike) -> Column:
     """Return `times`, (N,) s, as an array, after the checks of `checked_times` that do not concern
     the run. Of traced times only the shape is checked."""
-    row = as_number(times, argument, "s")
+    row = as_number(times, "times", "s")
     expected = "a rising one-dimensional array of finite times"
     remedy = "sort the times, or pass for example numpy.linspace(0, 1, 101)"
-    require(row.ndim == 1 and row.size > 0, argument, row, expected, remedy)
+    require(row.ndim == 1 and row.size > 0, "times", row, expected, remedy)
     if (numbers := checkable(row)) is None:
         return row
     (row,) = numbers
     rises = row.__array_namespace__().isfinite(row).all() & (row[1:] >= row[:-1]).all()
-    require(rises, argument, row, expected, remedy)
+    require(rises, "times", row, expected, remedy)
     return row
 
 
-def strictly_rising_times(times: ArrayLike, argument: str) -> Column:
+def strictly_rising_times(times: ArrayLike) -> Column:
     """Return `times` as `rising_times`, but refuse repeated times too. JAX must not trace them."""
-    row = rising_times(times, argument)
+    row = rising_times(times)
     remedy = "remove repeated times, for example with numpy.unique"
-    require(bool((np.diff(row) > 0).all()), argument, times, "without repetition", remedy)
+    require(bool((np.diff(row) > 0).all()), "times", times, "without repetition", remedy)
     return row
 
 

@@ -52,7 +52,7 @@ from .step_state import (
     Variables,
     choose,
 )
-from .trial_step import Arguments, Trial, error_order, term_of, time_map_of, try_step
+from .trial_step import Arguments, Trial, error_order, term_of, try_step
 
 Shapes = TypeVar("Shapes")
 
@@ -341,39 +341,6 @@ def _second_rates(
     if gaps and isinstance(method.solver, UnrolledExplicit):
         return system.second_rates(y.motion, solver_state.motion)
     return each_label(lambda name, label: jnp.zeros_like(gaps[name][label].rate), gaps)
-
-
-def blank_attempt(
-    method: Method,
-    system: System,
-    step: Step,
-    t_end: Scalar,
-    family: SystemFamily | None = None,
-    attempt: Callable[..., Attempt] = attempt,
-) -> Attempt:
-    """Return the initial value of a loop over attempts: an `Attempt` with the given `step`, zeros
-    in all other arrays, and ``rejected=None``. `attempt` is the function that the loop calls; it is
-    at most traced here for its shapes."""
-    if isinstance(method.solver, UnrolledExplicit):
-        # The structure is known. To trace an attempt only for its shapes would take as long as
-        # tracing the whole loop.
-        like, inside = method.solver.information_like, None
-        if step.tangents is not None:
-            inside = TangentsInside(step.tangents.entry_speeds, like(step.tangents.y))
-        example = Attempt(
-            step=step,
-            accepted=False,
-            t_start=step.t,
-            entry_speeds_start=step.entry_speeds,
-            information=like(step.y),
-            time_map=time_map_of(method, step, step.t),
-            tangents=inside,
-        )
-    else:
-        example = jax.eval_shape(lambda: attempt(method, system, step, t_end, family))
-    example = replace(example, rejected=None)
-    zeros = jax.tree.map(lambda s: jnp.zeros(jnp.shape(s), jnp.result_type(s)), example)
-    return replace(zeros, step=step)
 
 
 def running(step: Step, t_end: Scalar, attempts: Scalar) -> Condition:

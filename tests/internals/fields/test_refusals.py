@@ -207,9 +207,9 @@ def test_mappings_are_accepted_as_dictionaries():
     ],
 )
 def test_times_outside_by_rounding_are_those_of_the_span(start, end, times):
-    found = checked_times(start, end, times, "times")
+    found = checked_times(start, end, times)
     assert found.dtype == np.float64
     assert float(start) <= found[0] and found[-1] == float(end)
     np.testing.assert_allclose(found, np.asarray(times, float), rtol=1e-6)
     with pytest.raises(ValueError, match="`times` must be between start_time"):
-        checked_times(start, end, [0.0, 1.00001 * float(end)], "times")
+        checked_times(start, end, [0.0, 1.00001 * float(end)])
