@@ -185,8 +185,8 @@ def _linear_step(
     s, as linear functions of the `tangents` at its start and of the parameters' `direction`."""
     method, systems = run.scheme.method, run.systems(values, direction)
     system, step = systems.system(), replace(step, tangents=tangents)
-    trial = with_gaps(system, solved_step(method, system, step, t1, systems))
-    end = accepted_state(method, system, systems, trial, jnp.asarray(True)).tangents
+    trial = with_gaps(solved_step(method, system, step, t1, systems))
+    end = accepted_state(trial, jnp.asarray(True)).tangents
     assert end is not None and trial.tangents is not None
     return end, TangentsInside(tangents.entry_speeds, trial.tangents.information)
 
@@ -204,8 +204,8 @@ def repeated(run: Adjoint, values: PyTree, example: Step, rows: Numbers) -> jax.
 
     def again(_: None, row: jax.Array) -> tuple[None, jax.Array]:
         step, t1 = _row_of(example, row)
-        trial = with_gaps(system, solved_step(method, system, step, t1, None))
-        after = accepted_state(method, system, None, trial, jnp.asarray(True))
+        trial = with_gaps(solved_step(method, system, step, t1, None))
+        after = accepted_state(trial, jnp.asarray(True))
         return None, in_one_array(_attempt(step, after, trial.outcome.information, trial.time_map))
 
     return jax.lax.scan(again, None, rows)[1]

@@ -9,7 +9,6 @@ from jaxtyping import Bool, PyTree
 
 from ..._dynamics.breakpoints import drivers_are_smooth, has_breakpoints, one_sided_time
 from ..._dynamics.contact_events import changes, time_since_onset, too_deep
-from ..._dynamics.system import System
 from ..._fields.types import Single
 from ..._math.stacked import stacked, unstacked
 from ..._math.vectors import Condition, Scalar
@@ -18,7 +17,7 @@ from . import step_length
 from .discontinuities import has_undeclared_jump, may_have_undeclared_jump
 from .rotation_limit import LARGEST, TARGET, rotation_in
 from .settings import DEFAULT_RTOL
-from .step_state import ControllerState, Method, Proposal, Rejection, Step, choose
+from .step_state import ControllerState, Proposal, Rejection, choose
 from .trial_step import Trial, error_order, may_jump, slopes_may_jump
 
 Flag: TypeAlias = Bool[Any, ""]
@@ -65,7 +64,7 @@ class _Decision(NamedTuple):
 
 
 def decide_step(
-    method: Method, system: System, trial: Trial, t_end: Scalar
+    trial: Trial, t_end: Scalar
 ) -> tuple[Condition, Proposal, RESULTS, dict[str, Condition]]:
     """Decide whether a trial step is accepted, in a run that ends at `t_end`, s. Return also the
     step to try next, the result code, and by `Rejection` whether the trial is rejected for it.
@@ -73,12 +72,12 @@ def decide_step(
     The step-size controller decides first. A trial that the controller accepts is still rejected if
     a driver is not smooth over the step, if a body rotates too far in it, or if it passes a contact
     event at which it must end. Such a trial is repeated with a shorter step, or up to the event."""
+    method, scene = trial.method, trial.system.scene
     step, t1, after = trial.step, trial.t1, trial.gaps
     last = step.proposal
-    decision = _controller_decision(method, system, trial)
-    decision = _with_smooth_drivers(decision, method, system, trial)
+    decision = _with_smooth_drivers(_controller_decision(trial), trial)
     if method.rotating:
-        decision = _with_limited_rotation(decision, method, system, trial)
+        decision = _with_limited_rotation(decision, trial)
     # Length of the next step. The controller's proposal assumes that the next step has the same
     # time map as this one. The map corrects the proposal, because the next step may have another.
     # The next step begins where this one ends, or where it began if it is rejected. `full_length`
@@ -99,15 +98,15 @@ def decide_step(
         )
         following = jnp.where(decision.keep, t1, step.t) + full_length
         decision = decision._replace(t_next=jnp.where(lands, landing_time, following))
-    elif has_breakpoints(system.scene) or method.rotating:
+    elif has_breakpoints(scene) or method.rotating:
         full_length = step_length.length_after_breakpoints(step, t1, decision.keep, full_length)
         start = jnp.where(decision.keep, t1, step.t)
         decision = decision._replace(t_next=start + full_length)
     keep = decision.keep
-    result = _result(system, step, trial, decision, t_end)
-    if trial.tangents is not None and may_have_undeclared_jump(system.scene):
+    result = _result(trial, decision, t_end)
+    if trial.tangents is not None and may_have_undeclared_jump(scene):
         # Across an undeclared jump the states stay correct, but the derivatives do not.
-        jumps = keep & has_undeclared_jump(method, system, trial)
+        jumps = keep & has_undeclared_jump(trial)
         result = RESULTS.where(jumps, RESULTS.force_jumped, result)
     # Time since the latest onset, which runs with tangents need for the next step's time map.
     since = last.time_since_onset
@@ -120,20 +119,18 @@ def decide_step(
         begins_contact=begins_contact,
         time_since_onset=since,
         entry_length=entry_length,
-        made_jump=_made_jump(decision, method, system, trial),
+        made_jump=_made_jump(decision, trial),
         controller_state=decision.controller_state,
     )
     return keep, proposal, result, decision.rejected
 
 
-def _with_smooth_drivers(
-    decision: _Decision, method: Method, system: System, trial: Trial
-) -> _Decision:
+def _with_smooth_drivers(decision: _Decision, trial: Trial) -> _Decision:
     """Repeat a trial over which a driver is not smooth (see `drivers_are_smooth`). Towards an
     undeclared kink or jump, steps become ever shorter, until `_result` stops the run."""
     step = trial.step
-    rtol = DRIVER_TOLERANCE * _relative_tolerance(method.controller)
-    smooth = drivers_are_smooth(system, trial.outcome.y.motion, step.t, trial.t1, rtol)
+    rtol = DRIVER_TOLERANCE * _relative_tolerance(trial.method.controller)
+    smooth = drivers_are_smooth(trial.system, trial.outcome.y.motion, step.t, trial.t1, rtol)
     if smooth is None:
         return decision
     repeats: Condition = decision.keep & ~smooth
@@ -141,22 +138,21 @@ def _with_smooth_drivers(
     return decision.repeated(Rejection.DRIVER, repeats, shorter, step.proposal)
 
 
-def _with_limited_rotation(
-    decision: _Decision, method: Method, system: System, trial: Trial
-) -> _Decision:
+def _with_limited_rotation(decision: _Decision, trial: Trial) -> _Decision:
     """Repeat a trial in which a body rotates by more than `LARGEST`. The rotation rates at the
     start, which have limited the length of the trial, may have grown in it."""
-    step, rotation = trial.step, rotation_in(method, system, trial)
+    step, rotation = trial.step, rotation_in(trial)
     repeats = decision.keep & (rotation > LARGEST)
     shorter = step.t + jnp.clip(TARGET / rotation, SHORTER, 1.0) * (trial.t1 - step.t)
     shorter = jax.lax.stop_gradient(shorter)
     return decision.repeated(Rejection.ROTATION, repeats, shorter, step.proposal)
 
 
-def _made_jump(decision: _Decision, method: Method, system: System, trial: Trial) -> Condition:
+def _made_jump(decision: _Decision, trial: Trial) -> Condition:
     """Return whether the next step must compute the rates at its start anew."""
-    step, jumps = trial.step, may_jump(method, system.scene)
-    if slopes_may_jump(method, system.scene):
+    step, method, scene = trial.step, trial.method, trial.system.scene
+    jumps = may_jump(method, scene)
+    if slopes_may_jump(method, scene):
         # Rates are continuous here. But where a contact begins or ends, their derivatives jump, so
         # that the tangents of the rates cannot be reused.
         jumps = changes(step.contact_gaps, trial.gaps)
@@ -171,11 +167,12 @@ def _relative_tolerance(controller: diffrax.AbstractStepSizeController) -> Scala
     return getattr(controller, "rtol", DEFAULT_RTOL)
 
 
-def _controller_decision(method: Method, system: System, trial: Trial) -> _Decision:
+def _controller_decision(trial: Trial) -> _Decision:
     """Return the decision of diffrax's step-size controller about a trial step. The controller gets
     the errors of variables and tangents together. Since it has one tolerance for both, errors of
     tangents are first divided by `method.derivative_tolerance`."""
-    step, has_bristles = trial.step, bool(system.scene.bristle_laws())
+    method, system, step = trial.method, trial.system, trial.step
+    has_bristles = bool(system.scene.bristle_laws())
 
     # Deflections of bristles are micrometres: they and their errors are divided by the deflection
     # at full friction, so that the same tolerance suits them.
@@ -212,13 +209,12 @@ def _controller_decision(method: Method, system: System, trial: Trial) -> _Decis
     return _Decision(keep, t_next, made_jump, state, result, reasons)
 
 
-def _result(
-    system: System, step: Step, trial: Trial, decision: _Decision, t_end: Scalar
-) -> RESULTS:
-    """Return the result code of the run after a trial step from the state `step`, in a run that
-    ends at `t_end`, s. If several checks fail, the last of these decides: the step is too small, a
-    journal is too deep in the wall, a driver or ideal joint is not followed, a variable is not
-    finite, the solver or the controller failed. If no check fails, the code in `step` stays."""
+def _result(trial: Trial, decision: _Decision, t_end: Scalar) -> RESULTS:
+    """Return the result code of the run after a trial step, in a run that ends at `t_end`, s. If
+    several checks fail, the last of these decides: the step is too small, a journal is too deep in
+    the wall, a driver or ideal joint is not followed, a variable is not finite, the solver or the
+    controller failed. If no check fails, the code before stays."""
+    system, step = trial.system, trial.step
     keep, t_next = decision.keep, decision.t_next
     now = jnp.where(keep, trial.t1, step.t)
     eps = jnp.finfo(now.dtype).eps

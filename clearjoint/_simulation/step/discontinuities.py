@@ -19,7 +19,6 @@ from jaxtyping import PyTree
 
 from ..._compilation import program_of
 from ..._dynamics.kinds import NOT_RENAMED, with_common_names
-from ..._dynamics.system import System
 from ..._fields.checks import is_of_package, require
 from ..._fields.objects import with_arrays
 from ..._math.vectors import Condition, Matrix, Scalar, Vector, fold_constants, unpack
@@ -36,7 +35,6 @@ from ..._native.functions import FlatArguments
 from ..._native.lowering import inner_jaxprs
 from ..._native.machine_code import RecentPrograms
 from .saltation import any_changes
-from .step_state import Method
 from .trial_step import Trial, term_of
 
 JUMPING = frozenset(["ceil", "floor", "rem", "round", "sign"])
@@ -196,11 +194,11 @@ def may_have_undeclared_jump(scene: Scene) -> bool:
     )
 
 
-def has_undeclared_jump(method: Method, system: System, trial: Trial) -> Condition:
+def has_undeclared_jump(trial: Trial) -> Condition:
     """Return whether any rate of the motion jumps within a trial step; ``False`` if the step ends
     at the onset or end of a contact where a force, or its slope, may jump."""
     step = trial.step
-    term, fixed = term_of(method, step), (system, step.entry_speeds)
+    term, fixed = term_of(trial.method, step), (trial.system, step.entry_speeds)
 
     def rates(t: Scalar, motion: object) -> object:
         y = eqx.tree_at(lambda y: y.motion, step.y, motion)
@@ -224,4 +222,4 @@ def has_undeclared_jump(method: Method, system: System, trial: Trial) -> Conditi
         return jnp.any(jnp.abs(b - a) > smooth + SMALLEST * size + NEGLIGIBLE * largest)
 
     jumping = jnp.any(jnp.stack([jumps(*row) for row in zip(*leaves, magnitudes, strict=True)]))
-    return jumping & ~any_changes(system.scene, step.contact_gaps, trial.gaps)
+    return jumping & ~any_changes(trial.system.scene, step.contact_gaps, trial.gaps)

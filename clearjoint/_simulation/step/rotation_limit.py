@@ -63,17 +63,17 @@ def fastest_rotation(method: Method, system: System, motion: MotionVariables) ->
     return jax.lax.stop_gradient(reduce(larger, [rates[b] for b in sorted(method.rotating)]))
 
 
-def rotation_in(method: Method, system: System, trial: Trial) -> Scalar:
+def rotation_in(trial: Trial) -> Scalar:
     """Return an estimate, rad, of the largest rotation of a body in a trial step: the length of the
     step times the fastest rotation rate.
 
     Rates are computed at both ends of the step and, with an `UnrolledExplicit` solver, also in the
     middle, since a motion may be at rest at both ends.
     """
-    start, outcome = trial.step, trial.outcome
+    method, start, outcome = trial.method, trial.step, trial.outcome
     motions = [start.y.motion, outcome.y.motion]
     if isinstance(method.solver, UnrolledExplicit):
         dense = method.solver.interpolation_cls(t0=start.t, t1=trial.t1, **outcome.information)
         motions.append(dense.at(0.5).motion)
-    rates = [fastest_rotation(method, system, motion) for motion in motions]
+    rates = [fastest_rotation(method, trial.system, motion) for motion in motions]
     return (trial.t1 - start.t) * reduce(larger, rates)

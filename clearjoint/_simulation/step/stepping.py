@@ -185,8 +185,8 @@ def attempt(
     the given state with a new proposal, result code and number of attempts.
     """
     trial = try_step(method, system, step, end_of_step(method, system, step, t_end), family)
-    keep, proposal, result, reasons = decide_step(method, system, trial, t_end)
-    accepted = accepted_state(method, system, family, trial, keep)
+    keep, proposal, result, reasons = decide_step(trial, t_end)
+    accepted = accepted_state(trial, keep)
     inside = None
     if step.tangents is not None and trial.tangents is not None:
         inside = TangentsInside(step.tangents.entry_speeds, trial.tangents.information)
@@ -206,12 +206,11 @@ def attempt(
     )
 
 
-def accepted_state(
-    method: Method, system: System, family: SystemFamily | None, trial: Trial, keep: Condition
-) -> Step:
+def accepted_state(trial: Trial, keep: Condition) -> Step:
     """Return the state after a trial step, with the `proposal`, `result` and `attempts` of the
     state before. If `keep` is false, the caller doesn't use it, and single runs skip parts of it.
     """
+    method, system, family = trial.method, trial.system, trial.family
     step, gaps = trial.step, trial.gaps
     y1, solver_state = trial.outcome.y, trial.outcome.solver_state
     second_rates = _second_rates(method, system, y1, solver_state, gaps)
@@ -231,7 +230,7 @@ def accepted_state(
             begun = keep & begins(before, gaps)
             at_onsets = jax.lax.cond(begun, end_second_rates, lambda: second_rates)
         entry_speeds = updated_entry_speeds(system.scene, entry_speeds, before, gaps, at_onsets)
-    y1, y_tangents = _across_discontinuities(method, system, family, trial, keep)
+    y1, y_tangents = _across_discontinuities(trial, keep)
     if any(name in system.scene.joints for name in breakpoints(system.scene)):
         # A driver with a kink makes velocities jump, and with them the rates of the gaps.
         gaps = system.contact_gaps(y1.motion)
@@ -270,9 +269,7 @@ Ends: TypeAlias = tuple[Variables, Variables | None]
 """Variables at the end of a step, and their tangents; ``None`` in a run without tangents."""
 
 
-def _across_discontinuities(
-    method: Method, system: System, family: SystemFamily | None, trial: Trial, keep: Condition
-) -> Ends:
+def _across_discontinuities(trial: Trial, keep: Condition) -> Ends:
     """Return the variables at the end of a trial step and their tangents, corrected for
     discontinuities of forces there (see `.saltation` and `.breakpoint_events`).
 
@@ -281,12 +278,13 @@ def _across_discontinuities(
     angle or distance that a driver prescribes has a kink, and bristle deflections become zero in
     open contacts. Tangents may change much.
     """
+    system, family = trial.system, trial.family
     step, t1, y1 = trial.step, trial.t1, trial.outcome.y
     y_tangents = None if trial.tangents is None else trial.tangents.y
     # Corrections that the scene cannot need are left out of the program. If only the slope of a
     # force jumps, the correction concerns the tangents alone, so a run without tangents skips it.
     slopes = family is not None and slopes_jump(system.scene)
-    lands = method.landing is not None
+    lands = trial.method.landing is not None
     corrects_contacts = lands and (slopes or contacts_jump(system.scene))
     corrects_breakpoints = has_breakpoints(system.scene)
     if not corrects_contacts and not corrects_breakpoints and not y1.bristles:

@@ -101,18 +101,26 @@ class SolverStep(eqx.Module):
 
 
 class Trial(eqx.Module):
-    """A trial step from the state `step` as the solver computed it: its end `t1`, s, results of the
-    solver, and the contact gaps at the end. If the solver's results are not `finite`, the variables
-    are those at the start of the step, and the errors are `REJECTED_ERROR`."""
+    """A trial step of a `system` from the state `step`, as the solver of a `method` computed it.
 
+    - `family`: the system as a function of parameters, if the step has tangents.
+    - `t1`: end of the step, s; `outcome`, `tangents`, `solver_result`: results of the solver.
+    - `gaps`: the contact gaps at the end.
+    - `finite`: whether the solver's results are finite; if not, the variables are those at the
+      start of the step, and the errors are `REJECTED_ERROR`.
+    """
+
+    method: Method
+    system: System
+    family: SystemFamily | None
     step: Step
     t1: Scalar
     time_map: AbstractTimeMap | None
     outcome: SolverStep
     tangents: SolverStep | None
-    gaps: ContactGaps
-    finite: Condition
     solver_result: diffrax.RESULTS
+    gaps: ContactGaps = eqx.field(default_factory=dict)
+    finite: Condition = True
 
 
 def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | None:
@@ -146,7 +154,7 @@ def try_step(
         tangents = _or_rejected(finite, tangents, step.tangents.y)
     outcome = _or_rejected(finite, outcome, step.y)
     trial = replace(trial, outcome=outcome, tangents=tangents, finite=finite)
-    return with_gaps(system, trial)
+    return with_gaps(trial)
 
 
 def solved_step(
@@ -197,11 +205,11 @@ def solved_step(
         assert step.tangents is not None
         along = step.tangents.y, step.tangents.entry_speeds, step.tangents.solver_state
         outcome, result, tangents = family.with_auxiliary(advance, start, along)
-    return Trial(step, t1, time_map, outcome, tangents, {}, jnp.asarray(True), result)
+    return Trial(method, system, family, step, t1, time_map, outcome, tangents, result)
 
 
-def with_gaps(system: System, trial: Trial) -> Trial:
-    return replace(trial, gaps=system.contact_gaps(trial.outcome.y.motion))
+def with_gaps(trial: Trial) -> Trial:
+    return replace(trial, gaps=trial.system.contact_gaps(trial.outcome.y.motion))
 
 
 def _without_drift(
