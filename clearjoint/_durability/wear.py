@@ -2,7 +2,7 @@
 
 import dataclasses
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
@@ -21,7 +21,6 @@ from .._fields.types import ArrayLike
 from .._model.bodies import BodyState, State
 from .._model.clearance_joints.clearance import ClearanceJoint
 from .._model.clearance_joints.journal_bases import require_bases_only
-from .._model.joints.base import AbstractConstraint, AbstractContactJoint
 from .._model.profiles import AbstractProfile, PeriodicSpline
 from .._model.scene import Scene
 from .._parametrisation.parameter import Parameter, check_parameters
@@ -197,7 +196,7 @@ def wear(
         depth=depth,
     )
     run.check(scene)
-    scene = _with_splines(scene, rates, samples)
+    scene = _with_splines(scene, run.rates_of_parts, samples)
     if parameters is not None:
         check_parameters(parameters)
         # The path to a parameter's number depends on the structure of the scene. So the profiles
@@ -250,13 +249,8 @@ def worn(scene: Scene, found: "xr.Dataset", stage: int = -1) -> Scene:
     # Depths (1, joints, 2, angles) of bearings and journals at the selected stage. There is one row
     # because derivatives are not selected.
     depths = _stacked(found[[f"{part}_depth" for part in PARTS]].isel(stage=[stage]), "depth")[0]
-    # Only whether a rate is positive matters to `_with_splines`.
-    rates_of_worn = {
-        name: WearRates(**{p: float(d.max() > 0.0) for p, d in zip(PARTS, of_joint, strict=True)})
-        for name, of_joint in zip(names, depths[0], strict=True)
-        if of_joint.max() > 0.0
-    }
-    return _with_depths(_with_splines(scene, rates_of_worn, depths.shape[-1]), names, depths)
+    deepest = dict(zip(names, depths[0].max(axis=2), strict=True))
+    return _with_depths(_with_splines(scene, deepest, depths.shape[-1]), names, depths)
 
 
 def cycles_to_depth(found: "xr.Dataset", depth: float, joint: str, part: Part = "bearing") -> float:
@@ -939,28 +933,21 @@ def _digest(scene: Scene, state: State, run: CycleRun) -> str:
     return digest(*parts, digits=LONG)
 
 
-def _with_splines(scene: Scene, rates: Mapping[str, WearRates], samples: int) -> Scene:
-    """Replace each profile that wears by a periodic spline through it at `samples` angles."""
-    joints = dict(scene.joints)
-    for name, of_joint in rates.items():
-        joint = joints[name]
-        splines: dict[str, PeriodicSpline] = {}
-        for part, field in zip(PARTS, PROFILES, strict=True):
-            if getattr(of_joint, part) > 0.0:
-                profile = getattr(joint, field)
-                # ``None`` is the profile of a circle.
-                values = 0.0 if profile is None else profile.at(_angles(samples)).value
-                splines[field] = PeriodicSpline.through(np.broadcast_to(values, samples))
-        joints[name] = _with_profiles(joint, splines)
-    return dataclasses.replace(scene, joints=joints)
+def _with_splines(
+    scene: Scene, wear: Mapping[str, Sequence[float] | np.ndarray], samples: int
+) -> Scene:
+    """Replace each profile that wears by a periodic spline through it at `samples` angles. `wear`
+    has, by name of the joint, a number for the bearing and one for the journal, positive if the
+    part wears."""
 
+    def spline(name: str, k: int, profile: AbstractProfile | None) -> AbstractProfile | None:
+        if not wear[name][k] > 0.0:
+            return profile
+        # ``None`` is the profile of a circle.
+        values = 0.0 if profile is None else profile.at(_angles(samples)).value
+        return PeriodicSpline.through(np.broadcast_to(values, samples))
 
-def _with_profiles(
-    joint: AbstractConstraint | AbstractContactJoint, profiles: Mapping[str, AbstractProfile]
-) -> ClearanceJoint:
-    assert isinstance(joint, ClearanceJoint)
-    with quiet():  # Cautions are for the profiles that a user gives.
-        return dataclasses.replace(joint, **profiles)
+    return _with_profiles(scene, wear, spline)
 
 
 def _angles(samples: int) -> np.ndarray:
@@ -977,21 +964,35 @@ def _with_depths(
     along these derivatives; without them, they are `PeriodicSpline`s. A part whose profile isn't a
     spline with one knot for each angle doesn't wear, and is unchanged.
     """
+
+    def worn_off(name: str, k: int, profile: AbstractProfile | None) -> AbstractProfile | None:
+        is_spline = isinstance(profile, PeriodicSpline | MovingSpline)
+        if not is_spline or len(profile.coefficients) != depths.shape[-1]:
+            return profile
+        # Wear enlarges the radius of the bearing and reduces that of the journal.
+        rows = (1.0, -1.0)[k] * depths[:, names.index(name), k]
+        # Interpolation is linear, so that it applies to derivatives as well.
+        changes = [np.asarray(PeriodicSpline.through(row).coefficients) for row in rows]
+        coefficients = np.asarray(profile.coefficients) + changes[0]
+        if len(rows) == 1:
+            return PeriodicSpline(coefficients)
+        # The shifts are zeros: derivatives are taken at the present parameters.
+        return MovingSpline(coefficients, np.concatenate(changes[1:]), np.zeros(len(rows) - 1))
+
+    return _with_profiles(scene, names, worn_off)
+
+
+def _with_profiles(
+    scene: Scene,
+    names: Iterable[str],
+    new: Callable[[str, int, AbstractProfile | None], AbstractProfile | None],
+) -> Scene:
+    """Replace the profiles of named joints by the results of a function of the name, the index of
+    the part in `PARTS`, and the profile."""
     joints = dict(scene.joints)
-    for j, name in enumerate(names):
-        for k, (field, sign) in enumerate(zip(PROFILES, (1.0, -1.0), strict=True)):
-            profile = getattr(joints[name], field)
-            # Wear enlarges the radius of the bearing and reduces that of the journal.
-            rows = sign * depths[:, j, k]
-            is_spline = isinstance(profile, PeriodicSpline | MovingSpline)
-            if is_spline and len(profile.coefficients) == len(rows[0]):
-                # Interpolation is linear, so that it applies to derivatives as well.
-                changes = [np.asarray(PeriodicSpline.through(row).coefficients) for row in rows]
-                coefficients = np.asarray(profile.coefficients) + changes[0]
-                new_profile: AbstractProfile = PeriodicSpline(coefficients)
-                if len(rows) > 1:
-                    # The shifts are zeros: derivatives are taken at the present parameters.
-                    shifts = np.zeros(len(rows) - 1)
-                    new_profile = MovingSpline(coefficients, np.concatenate(changes[1:]), shifts)
-                joints[name] = _with_profiles(joints[name], {field: new_profile})
+    for name in names:
+        joint = _clearance_joint(scene, name)
+        profiles = {f: new(name, k, getattr(joint, f)) for k, f in enumerate(PROFILES)}
+        with quiet():  # Cautions are for the profiles that a user gives.
+            joints[name] = dataclasses.replace(joint, **profiles)
     return dataclasses.replace(scene, joints=joints)

@@ -30,12 +30,18 @@ def test_steps_must_advance_before_the_end(ahead, end, expected, monkeypatch):
     now, success = jnp.asarray(1.0), diffrax.RESULTS.successful
     system = SimpleNamespace(constraints_violated=lambda motion, t: None)
     outcome = SimpleNamespace(y=SimpleNamespace(motion=None))
-    trial = SimpleNamespace(
-        t1=now, finite=jnp.asarray(True), outcome=outcome, gaps={}, solver_result=success
-    )
     step = SimpleNamespace(t=jnp.asarray(0.5), result=cj.RESULTS.successful)
+    trial = SimpleNamespace(
+        system=system,
+        step=step,
+        t1=now,
+        finite=jnp.asarray(True),
+        outcome=outcome,
+        gaps={},
+        solver_result=success,
+    )
     decision = acceptance._Decision(jnp.asarray(True), now + ahead, False, None, success, {})
-    found = acceptance._result(system, step, trial, decision, jnp.asarray(end))
+    found = acceptance._result(trial, decision, jnp.asarray(end))
     assert bool(found == getattr(cj.RESULTS, expected))
 
 
