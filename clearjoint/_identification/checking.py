@@ -18,7 +18,7 @@ from numpy.random import Generator
 
 from .._information.fisher_information import covariance
 from .._parametrisation.parameter import step_limits
-from .._simulation.run.terminal import ProgressBar, telling_of_compiling
+from .._simulation.run.terminal import ProgressBar
 from . import goodness_of_fit as statistics
 from .comparison import Comparison, OnFitIteration
 from .goodness_of_fit import RISE
@@ -430,8 +430,7 @@ def check(
     is called after each run of a local search; `show` tells whether to show a progress bar.
     """
     started = time.perf_counter()
-    bar = ProgressBar(desc="check of the covariance", unit=" runs", leave=False, disable=not show)
-    with telling_of_compiling(bar):
+    with ProgressBar(show, desc="check of the covariance", unit=" runs") as bar:
         # The seed is fixed: the check of the same fit always gives the same result.
         generator = np.random.default_rng(0)
         p = len(best.coordinates)

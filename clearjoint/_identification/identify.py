@@ -15,7 +15,7 @@ from .._measurements.series import Measurements
 from .._model.bodies import State
 from .._model.scene import Scene
 from .._parametrisation.parameter import Parameter, values_at
-from .._simulation.run.terminal import ProgressBar, telling_of_compiling
+from .._simulation.run.terminal import ProgressBar
 from .._simulation.step import presets
 from .._simulation.step.settings import Settings, settings_or
 from .checking import check
@@ -328,8 +328,7 @@ def iteration_callback(
         yield lambda _, iteration: progress(iteration)
         return
     name = "fit" if searches == 1 else f"{searches} fits"
-    bar = ProgressBar(desc=name, unit=" runs", leave=False, disable=not progress)
-    with telling_of_compiling(bar):
+    with ProgressBar(progress, desc=name, unit=" runs") as bar:
 
         def show(count: int, iteration: Iteration) -> None:
             values = values_at(parameters, iteration.coordinates)

@@ -4,14 +4,12 @@ import logging
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
 import numpy as np
-from tqdm import tqdm
 
 from .._simulation.lanes.scheduler import Running
-from .._simulation.run.terminal import ProgressBar, telling_of_compiling
+from .._simulation.run.terminal import ProgressBar
 from .executors import AbstractSubmitter, run_chunks
 from .outputs import PENDING, RESULT, LaneArrays
 from .store.store import SweepMemory, SweepStore
@@ -74,7 +72,9 @@ def compute_missing(
         store.write_grid()
 
 
-def _by_executor(chunks: Chunks, store: Store, executor: AbstractSubmitter, bar: tqdm) -> None:
+def _by_executor(
+    chunks: Chunks, store: Store, executor: AbstractSubmitter, bar: ProgressBar
+) -> None:
     missing, warned = chunks.lanes, False
 
     # `run_chunks` calls both functions in this thread, so the store and the bar need no lock.
@@ -96,7 +96,7 @@ def _by_executor(chunks: Chunks, store: Store, executor: AbstractSubmitter, bar:
 
 
 def _by_threads(
-    work: Work, missing: LanesOfChunks, store: Store, threads: int | None, bar: tqdm
+    work: Work, missing: LanesOfChunks, store: Store, threads: int | None, bar: ProgressBar
 ) -> None:
     # The writer decides when lanes are written. Lanes that are not written yet are written at the
     # end, also after an error or an interrupt.
@@ -124,7 +124,7 @@ class _Writer:
     **Arguments:** `missing`: the lanes to compute; `bar`: advances by the lanes that are written.
     """
 
-    def __init__(self, missing: LanesOfChunks, store: Store, bar: tqdm):
+    def __init__(self, missing: LanesOfChunks, store: Store, bar: ProgressBar):
         self._store, self._bar = store, bar
         self._chunk_of = {lane: chunk for chunk, lanes in missing.items() for lane in lanes}
         self._unwritten = {chunk: len(lanes) for chunk, lanes in missing.items()}
@@ -176,27 +176,18 @@ class _Writer:
                 self._bar.update(len(lanes))
 
 
-def lane_progress(lanes: int, done: int, show: bool) -> AbstractContextManager[tqdm]:
+def lane_progress(lanes: int, done: int, show: bool) -> ProgressBar:
     """Return a progress bar of a number of lanes, and print how many are stored already, `done`."""
     if show and done:
         rest = f"{lanes - done} are computed" if done < lanes else "none is computed"
         print(f"{done} of {lanes} lanes are in the store; {rest}", file=sys.stderr, flush=True)
     # While lanes run in this process, `show_running` sets the time left, from the progress of lanes
     # that still run. The delay keeps short sweeps from showing a bar.
-    bar = ProgressBar(
-        total=lanes,
-        initial=done,
-        desc=STORED,
-        bar_format="{l_bar}{bar}| {n_fmt}/{total_fmt} lanes [{elapsed}, left {left}{postfix}]",
-        delay=2.0,
-        leave=False,
-        disable=not show,
-    )
-    return telling_of_compiling(bar)
+    text = "{l_bar}{bar}| {n_fmt}/{total_fmt} lanes [{elapsed}, left {left}{postfix}]"
+    return ProgressBar(show, total=lanes, initial=done, desc=STORED, bar_format=text, delay=2.0)
 
 
-def show_running(bar: tqdm, running: Running) -> None:
-    assert isinstance(bar, ProgressBar)
+def show_running(bar: ProgressBar, running: Running) -> None:
     bar.seconds_left = running.seconds_left
     reached = f"{running.earliest:.4g} s to {running.latest:.4g} s"
     bar.set_postfix_str(f"{running.lanes} running lanes have reached {reached}")

@@ -14,7 +14,7 @@ from ..._measurements.series import Measurements
 from ..._model.bodies import State
 from ..._model.scene import Scene
 from ..._parametrisation.parameter import Parameter, check_parameters, values_of_points
-from ..._simulation.run.terminal import ProgressBar, telling_of_compiling
+from ..._simulation.run.terminal import ProgressBar
 from ..._simulation.step import presets
 from ..._simulation.step.settings import Settings, settings_or
 from ..comparison import Comparison, check_sets, comparison
@@ -163,8 +163,7 @@ def posterior(
     centre = start_coordinates(scene, state, parameters, guess, None)[0]
     box = centre - half, centre + half
     # The progress is shown as the time up to which the record is in the likelihood.
-    bar = ProgressBar(desc="posterior", unit=" steps", leave=False, disable=not progress)
-    with telling_of_compiling(bar):
+    with ProgressBar(progress, desc="posterior", unit=" steps") as bar:
 
         def on_step(time: float, runs: int) -> None:
             bar.set_postfix_str(f"to {time:.4g} s, {runs} runs")

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..._fields.checks import require, require_count
-from ..._simulation.run.terminal import ProgressBar, telling_of_compiling
+from ..._simulation.run.terminal import ProgressBar
 from .. import goodness_of_fit as statistics
 from ..comparison import Comparison
 from ..points import Point, chi_squared_over, drawn_among, far_apart, filled, reached
@@ -130,8 +130,7 @@ def screen(
     points = filled(*bounds, FIRST * screening.number, generator)
     ahead = max(int(FIRST_SHARE * lanes.count), 1)  # Number of times of the runs in this round.
     times, runs = [], 0
-    bar = ProgressBar(desc="screening", unit=" runs", leave=False, disable=not progress)
-    with telling_of_compiling(bar):
+    with ProgressBar(progress, desc="screening", unit=" runs") as bar:
         while True:
             curves = lanes.chi_squared(points, ahead, screening.smoothing)
             # Number of times over which enough points fit about as well as the best. It may be a

@@ -37,7 +37,7 @@ from .impact_recorder import ImpactRecorder, impact_rows_of
 from .outputs import REDUCTIONS, Requested
 from .recorders import ROWS, LatestAttempt, RowBuffer, StepRecorder, TimedState
 from .run_loop import Progress, Recorders, Records, RunLoop, begin_run, final_result
-from .terminal import ProgressBar, interruptions_deferred, telling_of_compiling
+from .terminal import ProgressBar, interruptions_deferred
 
 STEP_ROWS, IMPACT_ROWS = 4096, ROWS
 """Numbers of rows of the buffers of accepted steps, and of each contact's impacts. When one is
@@ -227,15 +227,9 @@ class Run:
         end = float(np.asarray(self.end, status.t.dtype))  # pyright: ignore
         saved = _SavedBySegments(self.save_at)
         # No bar is shown in the first two seconds of computing (`delay`).
-        bar = ProgressBar(
-            total=end - start,
-            desc="simulated",
-            bar_format="{l_bar}{bar}| {n:.4g} s of {total:.4g} s [{elapsed}<{remaining}]",
-            delay=2.0,
-            leave=False,
-            disable=not progress,
-        )
-        with telling_of_compiling(bar), interruptions_deferred() as stopped:
+        text = "{l_bar}{bar}| {n:.4g} s of {total:.4g} s [{elapsed}<{remaining}]"
+        bar = ProgressBar(progress, total=end - start, desc="simulated", bar_format=text, delay=2.0)
+        with bar, interruptions_deferred() as stopped:
             ended = interrupted = False
             while not (ended or interrupted):
                 # Segments are short, because the bar is updated and Ctrl-C is obeyed only between

@@ -276,8 +276,7 @@ def settle(
     # If the first run fails, the result has no periods.
     strobe = Strobe(np.zeros((0, 1)), np.ones(1))
     text = "{l_bar}{bar}| {n_fmt} of {total_fmt} periods [{elapsed}]"
-    shown = {"desc": "settle", "bar_format": text, "leave": False, "disable": not progress}
-    with ProgressBar(total=periods, **shown) as bar:
+    with ProgressBar(progress, total=periods, desc="settle", bar_format=text) as bar:
         while kind is None:
             # `PHASES` states in each of the `BLOCK` periods, the last one at the end.
             times = time + length * np.arange(1, PHASES * BLOCK + 1) / PHASES

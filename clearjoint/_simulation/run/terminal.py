@@ -9,9 +9,9 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from types import FrameType
-from typing import TextIO
+from typing import Self, TextIO
 from weakref import WeakSet
 
 from tqdm import tqdm
@@ -76,7 +76,12 @@ _watch = _Watch()
 
 class ProgressBar(tqdm):
     """A bar of tqdm in terminals and notebooks, and a line every `LINE_PERIOD` seconds elsewhere.
-    The field ``{left}`` in a `bar_format` shows `seconds_left`, s, which a caller may set."""
+
+    As a context, it has the text "compiling, 12 s" while JAX compiles, and disappears at the end.
+    The field ``{left}`` in a `bar_format` shows `seconds_left`, s, which a caller may set.
+
+    **Arguments:** `show`: whether anything is shown; `options`: those of tqdm.
+    """
 
     # The default lock of tqdm is a semaphore of the system, which a killed process leaves behind.
     _lock = threading.RLock()
@@ -86,6 +91,21 @@ class ProgressBar(tqdm):
     monitor_interval = 0
     seconds_left: float | None = None
     _latest_line: float | None = None
+
+    def __init__(self, show: bool, **options: object):
+        super().__init__(leave=False, disable=not show, **options)  # pyright: ignore
+
+    @override
+    def __enter__(self) -> Self:
+        if not self.disable:
+            _watch.add(self)
+        return super().__enter__()
+
+    @override
+    def __exit__(self, *error: object) -> None:
+        if not self.disable:
+            _watch.remove(self)
+        super().__exit__(*error)  # pyright: ignore
 
     @property
     @override
@@ -116,24 +136,9 @@ def is_live(stream: TextIO) -> bool:
     return stream.isatty() or type(stream).__module__.startswith("ipykernel")
 
 
-@contextmanager
-def telling_of_compiling(bar: tqdm) -> Iterator[tqdm]:
-    """Show a bar while the block runs, with the text "compiling, 12 s" while JAX compiles."""
-    with bar:
-        if bar.disable:
-            yield bar
-            return
-        _watch.add(bar)
-        try:
-            yield bar
-        finally:
-            _watch.remove(bar)
-
-
-def compiling_bar(show: bool) -> AbstractContextManager[tqdm]:
+def compiling_bar(show: bool) -> ProgressBar:
     """Return a context that shows the time spent compiling, for a call without other progress."""
-    bar = ProgressBar(bar_format="{desc}", delay=2.0, leave=False, disable=not show)
-    return telling_of_compiling(bar)
+    return ProgressBar(show, bar_format="{desc}", delay=2.0)
 
 
 class RunInterrupted(KeyboardInterrupt):

@@ -120,11 +120,11 @@ def test_a_bar_is_shown_if_progress_is_wanted(progress, monkeypatch):
     class Shown(Exception):  # noqa: N818 (it ends the run before its first step)
         pass
 
-    def shown(**options):
-        raise Shown(options["disable"])
+    def shown(show, **options):
+        raise Shown(show)
 
     monkeypatch.setattr(settle, "ProgressBar", shown)
-    with pytest.raises(Shown, match=str(not progress)):
+    with pytest.raises(Shown, match=str(progress)):
         cj.settle(*pendulum(), period=1.0, progress=progress)
 
 
