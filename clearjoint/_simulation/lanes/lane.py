@@ -19,7 +19,7 @@ from ..._result_codes import RESULTS
 from ...quantities.base import Quantity
 from ..reductions.base import AbstractReduction
 from ..results.solution import contact_label
-from ..run.host_run import LATEST, end_of
+from ..run.host_run import LATEST, Outcome, end_of
 from ..run.impact_recorder import ImpactRecorder
 from ..run.outputs import REDUCTIONS, SECTIONS, TABLES
 from ..run.recorders import ROWS, LatestDenseStep, ReductionRecorder, RowBuffer
@@ -80,18 +80,6 @@ def impact_log(name: str, joint: str, contact: str) -> str:
     """Return the name of the log of one contact's impacts in the output `name`, such as
     "hits/pin V" for "hits" and the contact V of "pin". Names of outputs contain no slash."""
     return f"{name}/{contact_label(joint, contact)}"
-
-
-class Outcome(eqx.Module):
-    """Results of a lane: end time, s, result code, numbers of steps that were tried and accepted,
-    final state, packed, and results[name][part] of the reductions."""
-
-    time: Scalar
-    result: RESULTS
-    attempts: Scalar
-    accepted: Scalar
-    final: State
-    results: dict[str, dict[str, Scalar]]
 
 
 class Task(eqx.Module):
@@ -213,9 +201,7 @@ class Common(eqx.Module):
 
     def outcome(self, task: Task, lane: Lane) -> Outcome:
         step, tallies = lane.run.step, lane.run.records[REDUCTIONS]
-        ended = end_of(self.system(task), self.reductions, tallies, step, task.end_time)
-        final, result, results = ended
-        return Outcome(step.t, result, step.attempts, step.accepted, final, results)
+        return end_of(self.system(task), self.reductions, tallies, step, task.end_time)
 
     def _runs(self, lane: Lane, request: LaneRequest) -> Condition:
         return running(lane.run.step, request.end_time, self.max_steps)

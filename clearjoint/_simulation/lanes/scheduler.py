@@ -28,11 +28,12 @@ from ..._native.compiled import report_fallback
 from ..._native.functions import BoundFunction
 from ..._native.lanes import made_lane_loop
 from ..._runtime import threads_of_sweeps
+from ..run.host_run import Outcome
 from ..run.impact_recorder import ImpactRow
 from ..run.terminal import interruptions_deferred
 from ..step.dense_output import Snapshot
 from ..step.types import Numbers
-from .lane import SAVED, WINDOW, Common, LaneRequest, Outcome, Task
+from .lane import SAVED, WINDOW, Common, LaneRequest, Task
 from .xla_lanes import XlaFunction, XlaLaneLoop, zeros_like
 
 PERIOD = 0.2

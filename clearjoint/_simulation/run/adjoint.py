@@ -24,10 +24,8 @@ from typing_extensions import override
 
 from ..._compilation import traced_once
 from ..._math.vectors import Condition, Scalar
-from ..._model.bodies import State
 from ..._native import Native
 from ..._parametrisation.parametrised_scene import DirectedScene
-from ..._result_codes import RESULTS
 from ..reductions.base import AbstractReduction
 from ..step.dense_output import Quantities, look_inside
 from ..step.method import Scheme, SystemFamily
@@ -37,7 +35,7 @@ from ..step.stepping import accepted_state, attempt
 from ..step.time_map import AbstractTimeMap
 from ..step.trial_step import solved_step, term_of, time_map_of, with_gaps
 from ..step.types import Integers, Numbers
-from .host_run import end_of
+from .host_run import Outcome, end_of
 from .outputs import REDUCTIONS
 from .recorders import ReductionRecorder, RowBuffer
 from .run_loop import AbstractRecorder, Progress, RunLoop, RunStart, StepOutcome
@@ -170,11 +168,8 @@ def segment(
 
 
 @Native
-def ended(
-    run: Adjoint, values: PyTree, step: Step, tallies: PyTree
-) -> tuple[State, RESULTS, dict[str, dict[str, Scalar]]]:
-    """Return the final state, packed, the result code, and results[name][part] of the reductions,
-    from the `step` and the `tallies` at the end of a run."""
+def ended(run: Adjoint, values: PyTree, step: Step, tallies: PyTree) -> Outcome:
+    """Return the outcome of a run from the `step` and the `tallies` at its end."""
     return end_of(run.systems(values).system(), run.reductions, tallies, step, run.own_end)
 
 

@@ -11,6 +11,7 @@ from functools import reduce
 from operator import and_
 from typing import NamedTuple, TypeAlias, TypeVar
 
+import equinox as eqx
 import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
@@ -59,11 +60,10 @@ def recorders_of(requested: Requested) -> dict[str, Recorders]:
 
 
 class Status(NamedTuple):
-    """What Python needs to know of a run after a segment: time `t`, s, step counts and result."""
+    """What Python needs to know of a run after a segment: time `t`, s, attempts and result."""
 
     t: Scalar
     attempts: Scalar
-    accepted: Scalar
     result: RESULTS
 
 
@@ -127,7 +127,7 @@ def segment(
 
 
 def _status(step: Step) -> Status:
-    return Status(step.t, step.attempts, step.accepted, step.result)
+    return Status(step.t, step.attempts, step.result)
 
 
 def emptied(records: Records) -> Records:
@@ -190,7 +190,7 @@ class Run:
         run = segment(*program, self.recorders, *rest)
         # JAX's own error about the loops of steps does not say what to call instead.
         step, _, _, saved = eqxi.nondifferentiable_backward(run, msg=REVERSE_MODE)
-        final, result, _, _ = _end_of(*program, {}, {}, step, self.end)
+        ended, _ = _end_of(*program, {}, {}, step, self.end)
         trajectory, count, values = None, None, {}
         if saved is not None:
             # Leave out the last row, the state at the end of the run, which was added above.
@@ -198,11 +198,11 @@ class Run:
             if self.requested.save.states:
                 trajectory, count = Trajectory(self.save_at, pack(states)), reached.sum()
         return Solution(
-            time=step.t,
-            final=final,
-            result=result,
-            attempts=step.attempts,
-            accepted=step.accepted,
+            time=ended.time,
+            final=ended.final,
+            result=ended.result,
+            attempts=ended.attempts,
+            accepted=ended.accepted,
             saved=trajectory,
             saved_count=count,
             steps=None,
@@ -249,33 +249,28 @@ class Run:
                 ended = ended or (float(status.t) >= end and saved.complete)
                 # Also in the last segment: otherwise a loop of short runs could not be interrupted.
                 interrupted = stopped()
-        solution, slid_out = self._solution(step, records, status, saved, notes)
+        solution, slid_out = self._solution(step, records, saved, notes)
         return solution, interrupted, slid_out
 
     def _solution(
-        self,
-        step: FlatArguments,
-        records: Records,
-        status: Status,
-        saved: "_SavedBySegments",
-        notes: Notes,
+        self, step: FlatArguments, records: Records, saved: "_SavedBySegments", notes: Notes
     ) -> tuple[Solution, bool]:
         """Return the solution of a run that has ended, and whether a journal has slid out."""
         reductions = self.requested.reductions, records[REDUCTIONS]
         ending = self.scheme, self.folded_scene, *reductions, step, self.end
-        final, result, slid_out, results = (part.tree for part in _end_compiled.in_parts(*ending))
-        time, attempts, accepted = jax.device_get((status.t, status.attempts, status.accepted))
+        ended, slid_out = (part.tree for part in _end_compiled.in_parts(*ending))
+        time, attempts, accepted = jax.device_get((ended.time, ended.attempts, ended.accepted))
         states, values = saved.samples()
         trajectory = states if self.requested.save.states else None
         reduced = {
             result_name(name, part): float(value)
-            for name, parts in jax.device_get(results).items()
+            for name, parts in jax.device_get(ended.results).items()
             for part, value in parts.items()
         }
         solution = Solution(
             time=time,
-            final=final,
-            result=result,
+            final=ended.final,
+            result=ended.result,
             attempts=attempts,
             accepted=accepted,
             saved=trajectory,
@@ -338,18 +333,16 @@ class _SavedBySegments:
         return Trajectory(rows.t, pack(rows.state))
 
 
-def _end_of(
-    scheme: Scheme,
-    folded_scene: ConstantFolded,
-    reductions: dict[str, AbstractReduction],
-    tallies: dict[str, PyTree],
-    step: Step,
-    end: Scalar,
-) -> tuple[State, RESULTS, Condition, dict[str, dict[str, Scalar]]]:
-    """Return the results of `end_of`, and whether a journal has slid out of its bearing."""
-    system = scheme.system(unpack(folded_scene))
-    final, result, results = end_of(system, reductions, tallies, step, end)
-    return final, result, any_slid_out(unpack(folded_scene), unpack(final.bodies)), results
+class Outcome(eqx.Module):
+    """How a run has ended: its end, s, result code, numbers of steps that were tried and accepted,
+    final state, packed, and results[name][part] of the reductions."""
+
+    time: Scalar
+    result: RESULTS
+    attempts: Scalar
+    accepted: Scalar
+    final: State
+    results: dict[str, dict[str, Scalar]]
 
 
 def end_of(
@@ -358,16 +351,30 @@ def end_of(
     tallies: dict[str, PyTree],
     step: Step,
     end: Scalar,
-) -> tuple[State, RESULTS, dict[str, dict[str, Scalar]]]:
-    """Return the packed final state, the result code, and results[name][part] of the reductions,
-    of a run whose last step is `step`. `tallies`: what the reductions have accumulated by then;
-    `end`: time at which the run should end, s."""
-    final = Snapshot.of(step)
-    instant = final.instant(system)
+) -> Outcome:
+    """Return the outcome of a run whose last step is `step`. `tallies`: what the reductions have
+    accumulated by then; `end`: time at which the run should end, s."""
+    last = Snapshot.of(step)
+    now, final = last.instant(system), pack(last.state(system))
     results = {
-        name: reduction.results(tallies[name], instant) for name, reduction in reductions.items()
+        name: reduction.results(tallies[name], now) for name, reduction in reductions.items()
     }
-    return pack(final.state(system)), final_result(step, end), results
+    result = final_result(step, end)
+    return Outcome(step.t, result, step.attempts, step.accepted, final, results)
+
+
+def _end_of(
+    scheme: Scheme,
+    folded_scene: ConstantFolded,
+    reductions: dict[str, AbstractReduction],
+    tallies: dict[str, PyTree],
+    step: Step,
+    end: Scalar,
+) -> tuple[Outcome, Condition]:
+    """Return the result of `end_of`, and whether a journal has slid out of its bearing."""
+    system = scheme.system(unpack(folded_scene))
+    outcome = end_of(system, reductions, tallies, step, end)
+    return outcome, any_slid_out(unpack(folded_scene), unpack(outcome.final.bodies))
 
 
 _end_compiled = Native(_end_of)

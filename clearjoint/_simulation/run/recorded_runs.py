@@ -151,8 +151,7 @@ class RecordedRun:
         self.segments, self.last, self._tallies = recording
         self.example = recorder.example_like(self.last)
         self.bytes_kept = sum(s.rows.nbytes for s in self.segments if s.rows is not None)
-        ended = adjoint.ended(recorder.run, at, self.last, self._tallies)
-        self._final, self._result, self._results = ended
+        self._ended = adjoint.ended(recorder.run, at, self.last, self._tallies)
 
     def rows_of(self, segment: _Segment) -> np.ndarray:
         if segment.rows is not None:
@@ -163,13 +162,13 @@ class RecordedRun:
         return np.asarray(buffer.filled())
 
     def solution(self, settings: Notes) -> Solution:
-        run = self.recorder.run
+        run, ended = self.recorder.run, self._ended
         return Solution(
-            time=float(run.origin) + float(self.last.t),
-            final=self._final,
-            result=self._result,
-            attempts=self.last.attempts,
-            accepted=self.last.accepted,
+            time=float(run.origin) + float(ended.time),
+            final=ended.final,
+            result=ended.result,
+            attempts=ended.attempts,
+            accepted=ended.accepted,
             saved=None,
             saved_count=None,
             steps=None,
@@ -184,7 +183,7 @@ class RecordedRun:
         run, instants = self.recorder.run, {}
         origin, end = float(run.origin), float(run.end)
         for name, reduction in self.recorder.outputs.reductions.items():
-            instants[name] = reduction.instants(self._results.get(name, {}), (origin, end))
+            instants[name] = reduction.instants(self._ended.results.get(name, {}), (origin, end))
             # Instants of a window that the run does not reach don't increase, or are not finite.
             row = np.asarray(instants[name])
             is_reached = bool((np.diff(row) > 0.0).all() and np.isfinite(row).all())
