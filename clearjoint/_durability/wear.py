@@ -30,7 +30,7 @@ from .._simulation.run.simulate import simulate
 from .._simulation.step.settings import Settings
 from .._sweeps.store.metadata import remove_abandoned, unfinished, write_dataset
 from ..quantities.base import require_known
-from .wear_depths import quadrature_times, wear_depths
+from .wear_depths import even_angles, quadrature_times, wear_depths
 from .wear_derivatives import MovingSpline, ParameterDirection, derivatives_in_spans, directions_of
 from .wear_growth import History, JointWear, contact_history, grow
 from .wear_rates import PARTS, PROFILES, Part, WearRates
@@ -772,7 +772,7 @@ class _Stages:
             coords={
                 "cycles": ("stage", self.cycles),
                 "joint": names,
-                "angle": ("angle", _angles(depths.shape[-1]), {"units": "rad"}),
+                "angle": ("angle", even_angles(depths.shape[-1]), {"units": "rad"}),
                 **({"parameter": [*self.run.directions]} if self.run.directions else {}),
                 "body": list(self.state.bodies),
             },
@@ -944,14 +944,10 @@ def _with_splines(
         if not wear[name][k] > 0.0:
             return profile
         # ``None`` is the profile of a circle.
-        values = 0.0 if profile is None else profile.at(_angles(samples)).value
+        values = 0.0 if profile is None else profile.at(even_angles(samples)).value
         return PeriodicSpline.through(np.broadcast_to(values, samples))
 
     return _with_profiles(scene, wear, spline)
-
-
-def _angles(samples: int) -> np.ndarray:
-    return np.arange(samples) * 2.0 * np.pi / samples
 
 
 def _with_depths(

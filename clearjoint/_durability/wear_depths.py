@@ -164,11 +164,15 @@ def _depths(
     return jnp.stack(depths)
 
 
+def even_angles(samples: int) -> Float[np.ndarray, " samples"]:
+    return np.arange(samples) * 2.0 * np.pi / samples
+
+
 def wall_angles(axes: PlanarAxes, samples: int) -> tuple[np.ndarray, jax.Array]:
     """Return the directions, rad, in the bearing's frame, of `samples` evenly spaced points of the
     wall, (samples,), and of the journal, which rotates in that frame, (T, samples). The points of
     the journal are spaced evenly from its own x axis."""
-    angles = np.arange(samples) * 2.0 * np.pi / samples
+    angles = even_angles(samples)
     along_x = axes.x_along_x * np.cos(angles) + axes.y_along_x * np.sin(angles)
     along_y = axes.x_along_y * np.cos(angles) + axes.y_along_y * np.sin(angles)
     return angles, jnp.arctan2(along_y, along_x)

@@ -110,7 +110,7 @@ def _by_threads(
         lanes = [lane for lanes in missing.values() for lane in lanes]
         work.run(lanes, writer.add, threads=threads, on_progress=on_progress)
     finally:
-        writer.write_all()
+        writer.write()
 
 
 class _Writer:
@@ -145,18 +145,16 @@ class _Writer:
         """Write complete chunks and, unless that would exceed `WRITE_SHARE`, incomplete ones."""
         # The time that the last write of incomplete chunks took is an estimate for the next one.
         since = time.monotonic() - self._last_write
-        if since * WRITE_SHARE >= self._write_seconds:
-            self.write_all()
-        else:
-            self._write([chunk for chunk in self._waiting if self._is_complete(chunk)])
+        self.write(incomplete=since * WRITE_SHARE >= self._write_seconds)
 
-    def write_all(self) -> None:
+    def write(self, incomplete: bool = True) -> None:
         self._write([chunk for chunk in self._waiting if self._is_complete(chunk)])
-        # Only writing incomplete chunks is timed: complete chunks are written at once in any case.
-        start = time.monotonic()
-        self._write(list(self._waiting))
-        self._last_write = time.monotonic()
-        self._write_seconds = self._last_write - start
+        if incomplete:
+            # Only this is timed: complete chunks are written at once in any case.
+            start = time.monotonic()
+            self._write(list(self._waiting))
+            self._last_write = time.monotonic()
+            self._write_seconds = self._last_write - start
 
     def _is_complete(self, chunk: int) -> bool:
         """Whether all unwritten lanes of a chunk have ended."""
