@@ -79,7 +79,7 @@ from importlib import import_module as _import_module
 from types import ModuleType as _ModuleType
 
 # First of all, so that the source files are noted before any other module is read from them.
-from ._compilation import remember_contents as _remember_contents
+from ._compilation.package_code import remember_contents as _remember_contents
 
 # isort: split
 from . import extend as extend

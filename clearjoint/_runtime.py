@@ -11,7 +11,7 @@ from pathlib import Path
 
 import jax
 
-from ._compilation import keep_programs, keeps_programs, prepare_folder
+from ._compilation.program_store import keep_programs, keeps_programs, prepare_folder
 from ._fields.checks import require_count
 
 XLA_FLAGS = (

@@ -25,7 +25,7 @@ from tests.support.shapes import check_shapes  # noqa: E402
 check_shapes()
 
 import clearjoint as cj  # noqa: E402
-from clearjoint._compilation import keep_programs  # noqa: E402
+from clearjoint._compilation.program_store import keep_programs  # noqa: E402
 
 _make_context = getattr(mlir, "make_ir_context", None)
 _of_thread = threading.local()

@@ -7,7 +7,7 @@ from functools import partial
 import jax
 import numpy as np
 
-from .._compilation import HostFirst
+from .._compilation.xla import HostFirst
 from .._fields.caching import cached_by_numbers
 from .._fields.cautions import UnusualValueWarning, caution
 from .._fields.checks import (

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from .._compilation import shared_by_many, traced_once
+from .._compilation.xla import shared_by_many, traced_once
 from .._math.smoothing import TURN, wrapped
 from .._math.vectors import Condition, Scalar
 from .._model.drives.drivers import AbstractRotationDriver

@@ -10,7 +10,7 @@ import jax
 import numpy as np
 from jaxtyping import Float, PyTree
 
-from .._compilation import HostFirst
+from .._compilation.xla import HostFirst
 from .._fields.objects import on_device
 from .._math.smoothing import where
 from .._math.vectors import Scalar, library, square_root, unpack

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .._compilation import HostFirst
+from .._compilation.xla import HostFirst
 from .._fields.cautions import LeftBearingWarning, UnusualValueWarning, caution, quiet
 from .._fields.checks import caution_unless, require
 from .._fields.objects import on_device

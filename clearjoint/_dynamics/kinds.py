@@ -14,7 +14,7 @@ from typing import TypeVar
 import equinox as eqx
 import jax
 
-from .._compilation import NotSharedError, are_many, traced_for_a_kind
+from .._compilation.xla import NotSharedError, are_many, traced_for_a_kind
 from .._fields.leaves import Module, with_fields
 from .._model.bodies import GROUND
 from .._model.joints.base import AbstractElement, Motions

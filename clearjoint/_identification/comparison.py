@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, PyTree
 
-from .._compilation import Compiled
+from .._compilation.xla import Compiled
 from .._fields.checks import require, require_type
 from .._math.vectors import fold_constants
 from .._measurements.series import Measurements

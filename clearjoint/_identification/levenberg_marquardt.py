@@ -19,7 +19,7 @@ import optimistix as optx
 from jaxtyping import Float, PyTree
 from typing_extensions import override
 
-from .._compilation import Compiled
+from .._compilation.xla import Compiled
 from .._fields.objects import on_device
 from .residuals import RunMisfit
 

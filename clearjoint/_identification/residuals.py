@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from .._compilation import Compiled
+from .._compilation.xla import Compiled
 from .._fields.checks import require
 from .._fields.objects import on_device
 from .._fields.types import ArrayLike

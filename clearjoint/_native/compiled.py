@@ -12,8 +12,7 @@ from jax.lax import dynamic_index_in_dim, dynamic_update_index_in_dim
 from jaxtyping import PyTree
 from numpy.typing import ArrayLike
 
-from .._compilation import Compiled, traced_once
-from .._compilation.xla import is_tracing
+from .._compilation.xla import Compiled, is_tracing, traced_once
 from .functions import FlatArguments, NativeFunction, flattened
 from .lowering import UnsupportedPrimitiveError
 from .machine_code import RecentPrograms

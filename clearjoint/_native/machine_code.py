@@ -28,11 +28,15 @@ import llvmlite.binding as llvm
 from jaxtyping import PyTree
 from typing_extensions import override
 
-from .._compilation import keeps_programs
 from .._compilation.digests import LONG, digest
 from .._compilation.package_code import ChangedCodeError, source_digest
 from .._compilation.plain_values import VERSIONED, NotPlainError, digest_of
-from .._compilation.program_store import ProgramStore, cache_in_use, system_errors_suppressed
+from .._compilation.program_store import (
+    ProgramStore,
+    cache_in_use,
+    keeps_programs,
+    system_errors_suppressed,
+)
 from .._compilation.xla import USUAL_ERRORS
 from .cells import Memory, Region
 from .llvm_text import llvm_text

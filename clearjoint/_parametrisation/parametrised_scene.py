@@ -12,7 +12,7 @@ from jax.core import Tracer
 from jaxtyping import PyTree
 from typing_extensions import override
 
-from .._compilation import tell_tangents
+from .._compilation.xla import tell_tangents
 from .._fields.objects import with_arrays
 from .._fields.types import ArrayLike
 from .._math.vectors import ConstantFolded, Scalar, fold_constants, unpack

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from .._compilation import Compiled
+from .._compilation.xla import Compiled
 from .._fields.checks import require
 from .._model.bodies import State
 from .._model.scene import Scene

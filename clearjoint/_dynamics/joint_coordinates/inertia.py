@@ -19,7 +19,7 @@ import jax
 from jaxtyping import PyTree
 from typing_extensions import override
 
-from ..._compilation import NotSharedError, traced_for_a_kind
+from ..._compilation.xla import NotSharedError, traced_for_a_kind
 from ..._math.linear_solvers import Factorisation
 from ..._math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector, add, multiply, subtract
 from ..._model.bodies import Body

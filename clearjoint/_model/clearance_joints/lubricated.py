@@ -10,7 +10,7 @@ import optimistix
 from jaxtyping import Complex, Float, PyTree
 from typing_extensions import override
 
-from ..._compilation import Compiled
+from ..._compilation.xla import Compiled
 from ..._fields.checks import require, require_positive, require_shape
 from ..._fields.objects import on_device, optional_quantity, quantity
 from ..._fields.types import ArrayLike, Single

@@ -17,8 +17,7 @@ import numpy as np
 from jaxtyping import PyTree
 from typing_extensions import override
 
-from ..._compilation import Compiled
-from ..._compilation.xla import in_one_function
+from ..._compilation.xla import Compiled, in_one_function
 from ..._native.cells import Cells, Memory, Region
 from ..._native.lanes import AbstractLaneLoop
 

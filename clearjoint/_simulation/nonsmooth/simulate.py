@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Float, Int
 
-from ..._compilation import Compiled
+from ..._compilation.xla import Compiled
 from ..._dynamics import breakpoints
 from ..._dynamics.coordinates import AbstractCoordinates, MotionVariables
 from ..._dynamics.formulation import Formulation

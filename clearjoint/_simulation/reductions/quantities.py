@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import PyTree
 from typing_extensions import override
 
-from ..._compilation import traced_once
+from ..._compilation.xla import traced_once
 from ..._fields.checks import as_number, require, require_finite
 from ..._math.interpolation import Parabola, Point, highest_after
 from ..._math.smoothing import where

@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import PyTree
 from typing_extensions import override
 
-from ..._compilation import traced_once
+from ..._compilation.xla import traced_once
 from ..._math.vectors import Condition, Scalar
 from ..._native import Native
 from ..._parametrisation.parametrised_scene import DirectedScene

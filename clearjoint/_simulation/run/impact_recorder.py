@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from typing_extensions import override
 
-from ..._compilation import shared_by_many
+from ..._compilation.xla import shared_by_many
 from ..._dynamics.sampled_forces import holding
 from ..._dynamics.system import System
 from ..._math.interpolation import (

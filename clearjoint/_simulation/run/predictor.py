@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from ..._compilation import SharedFunctions, one_call
+from ..._compilation.xla import SharedFunctions, one_call
 from ..._export.datasets import setting_notes
 from ..._fields.checks import require
 from ..._fields.objects import with_arrays

@@ -19,8 +19,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
 
-from ..._compilation import HostFirst
-from ..._compilation.xla import is_tracing
+from ..._compilation.xla import HostFirst, is_tracing
 from ..._dynamics import assembly, constraint_report
 from ..._dynamics.coordinates import AbstractCoordinates, MotionVariables
 from ..._dynamics.journals import FAR_OUTSIDE, FAST_APPROACH, require_in_bearings, starting_contacts

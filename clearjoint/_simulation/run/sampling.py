@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ..._compilation import one_call, traced_once
+from ..._compilation.xla import one_call, traced_once
 from ..._dynamics.bristles import initial_bristles
 from ..._dynamics.contact_events import initial_entry_speeds
 from ..._dynamics.contact_forces import EntrySpeeds

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._compilation import one_call
+from ..._compilation.xla import one_call
 from ..._dynamics.journals import overdamped_contacts, warn_of_journals_outside
 from ..._export.datasets import setting_notes
 from ..._fields.cautions import LawRangeWarning, caution

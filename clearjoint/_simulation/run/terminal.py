@@ -17,7 +17,7 @@ from weakref import WeakSet
 from tqdm import tqdm
 from typing_extensions import override
 
-from ..._compilation import seconds_of_compiling
+from ..._compilation.xla import seconds_of_compiling
 from ..results.solution import Solution
 
 TICK = 1.0

@@ -10,7 +10,7 @@ import numpy as np
 import optimistix
 from jaxtyping import Float
 
-from ..._compilation import Compiled
+from ..._compilation.xla import Compiled
 from ..._fields.checks import require, require_positive
 from ..._fields.types import Single
 from ..._math.interpolation import Parabola

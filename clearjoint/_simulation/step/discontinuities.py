@@ -17,7 +17,7 @@ from jax.extend.core import Jaxpr, Literal
 from jax.interpreters import partial_eval
 from jaxtyping import PyTree
 
-from ..._compilation import program_of
+from ..._compilation.xla import program_of
 from ..._dynamics.kinds import NOT_RENAMED, with_common_names
 from ..._fields.checks import is_of_package, require
 from ..._fields.objects import with_arrays

@@ -9,7 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..._compilation import shared_by_many
+from ..._compilation.xla import shared_by_many
 from ..._dynamics.contact_events import ContactGap, ContactGaps, any_of, gap_pairs
 from ..._math.interpolation import Slope, hermite_rate, hermite_root, hermite_value
 from ..._math.vectors import Condition, Scalar

@@ -20,7 +20,7 @@ from typing import TypeVar
 import jax
 import jax.numpy as jnp
 
-from ..._compilation import shared_by_many
+from ..._compilation.xla import shared_by_many
 from ..._dynamics.contact_events import ContactGap, ContactGaps, any_of, contact_gaps
 from ..._dynamics.contact_forces import EntrySpeeds, LoadedContact, contact_force, depth_at_wall
 from ..._dynamics.kinds import Kinds

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float, PyTree
 from typing_extensions import override
 
-from ..._compilation import elementwise
+from ..._compilation.xla import elementwise
 from ..._fields.checks import require
 from ..._fields.types import Single
 from ..._math.stacked import Stacked, stacked, unstacked

@@ -16,7 +16,7 @@ import diffrax
 import jax
 import jax.numpy as jnp
 
-from ..._compilation import traced_once
+from ..._compilation.xla import traced_once
 from ..._dynamics.breakpoints import breakpoints, has_breakpoints, one_sided_time
 from ..._dynamics.bristles import initial_bristles, updated_bristles
 from ..._dynamics.contact_events import (

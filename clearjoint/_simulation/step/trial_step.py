@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ..._compilation import traced_once
+from ..._compilation.xla import traced_once
 from ..._dynamics.breakpoints import has_breakpoints, one_sided_time
 from ..._dynamics.bristles import bristle_rates
 from ..._dynamics.contact_events import ContactGaps, closed, touches, uses_entry_speed

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._compilation import HostFirst
+from clearjoint._compilation.xla import HostFirst
 from clearjoint._dynamics import constraint_report
 from clearjoint._math.smoothing import cosine, polar_angle, sine, where
 from clearjoint._simulation.run import run_checks

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._compilation import keep_programs, package_code, plain_values
-from clearjoint._compilation.program_store import ProgramStore
+from clearjoint._compilation import package_code, plain_values
+from clearjoint._compilation.program_store import ProgramStore, keep_programs
 from clearjoint._dynamics.joint_coordinates.trees import topology
 from clearjoint._native import Native, NativeFunction, lanes
 from clearjoint._native.machine_code import RecentPrograms

@@ -12,8 +12,7 @@ from jax.interpreters import partial_eval
 
 import clearjoint as cj
 from clearjoint import GROUND, BodyState
-from clearjoint._compilation import program_of
-from clearjoint._compilation.xla import CALLS
+from clearjoint._compilation.xla import CALLS, program_of
 from clearjoint._dynamics.equations_of_motion import constraint_rows, flattened
 from clearjoint._dynamics.joint_coordinates import inertia
 from clearjoint._dynamics.joint_coordinates.coordinates import JointMechanics

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 from jax import lax
 
-from clearjoint._compilation import HostFirst, program_store
+from clearjoint._compilation import program_store
+from clearjoint._compilation.xla import HostFirst
 from clearjoint._native import Native, NativeFunction, machine_code
 from clearjoint._native.functions import FlatArguments
 

@@ -15,7 +15,7 @@ import pytest
 import clearjoint as cj
 from clearjoint import _native as native
 from clearjoint import extend
-from clearjoint._compilation import Compiled
+from clearjoint._compilation.xla import Compiled
 from clearjoint._native import NativeFallbackWarning
 from clearjoint._native.compiled import SWITCH, _reported
 from tests.support.one_body import one_body

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._compilation import program_of
+from clearjoint._compilation.xla import program_of
 from clearjoint._parametrisation.parametrised_scene import parametrised
 
 

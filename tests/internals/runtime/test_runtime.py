@@ -87,7 +87,7 @@ def test_adopted_settings_replace_those_of_the_process(sent, monkeypatch):
 
 CONFIGURE = """
 import jax, clearjoint
-from clearjoint._compilation import keeps_programs
+from clearjoint._compilation.program_store import keeps_programs
 before = jax.numpy.arange(3.0)
 clearjoint.configure(threads=3, cache="FOLDER")
 print(before.dtype, jax.numpy.zeros(1).dtype, clearjoint._runtime.threads_of_sweeps())

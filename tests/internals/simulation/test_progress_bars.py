@@ -8,8 +8,12 @@ import pytest
 from tqdm.std import TqdmDefaultWriteLock
 
 import clearjoint as cj
-from clearjoint._compilation import Compiled, seconds_of_compiling
-from clearjoint._compilation.xla import begins_a_program, program_is_made_inside
+from clearjoint._compilation.xla import (
+    Compiled,
+    begins_a_program,
+    program_is_made_inside,
+    seconds_of_compiling,
+)
 from clearjoint._simulation.lanes.scheduler import Running
 from clearjoint._simulation.run import host_run, sampling, terminal
 from clearjoint._simulation.run.terminal import compiling_bar

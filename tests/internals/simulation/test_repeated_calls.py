@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._compilation import HostFirst
+from clearjoint._compilation.xla import HostFirst
 from clearjoint._dynamics.joint_coordinates import trees
 from clearjoint._fields.objects import with_arrays
 from clearjoint._native import NativeFunction
