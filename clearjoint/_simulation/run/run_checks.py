@@ -89,7 +89,7 @@ def check_start(
     `start_time`, s, as `check_numbers` and `check_structure`, and return the names of the redundant
     constraints. `flat`: scene and state, if flattened already, with arrays of floats as leaves."""
     if not (isinstance(scene, Scene) and isinstance(state, State)):
-        check_numbers(scene, state)  # raises an error
+        check_numbers(scene, state)  # raises the error
     arguments = flat_start(scene, state, start_time, coordinates, flat)
     key = arguments.key, arguments.numbers
     redundant = starts.passed.recent(key)
@@ -101,7 +101,8 @@ def check_start(
         if redundant is None:
             check_numbers(scene, state)
             redundant = check_structure(scene, state, start_time, coordinates)
-        # A start that leads to a warning does so at each call.
+        # A start that leads to a warning must do so at each call, so it does not count as passed.
+        # Where warnings are suppressed, it is unknown whether it leads to one.
         if warns() and number_issued() == before:
             starts.passed.add(key, redundant)
     return redundant
