@@ -52,8 +52,8 @@ class RESULTS(eqx.Enumeration):
         "The motion does not follow a driver or an ideal joint. Either a driver's value has a step "
         "at the time reached, which no motion can follow, or a kink that its `breakpoints` do not "
         "declare: take `PiecewiseLinear`, or declare the times of kinks. Or the error of a joint "
-        "or driver exceeds 1e-3 m or rad, or a journal's clearance: tighten `rtol`, or take "
-        "`JointCoordinates()` or `Projection()`."
+        "or driver exceeds 1e-3 m or rad, or a journal's clearance: tighten `rtol`, shorten fixed "
+        "steps, or take `JointCoordinates()` or `Projection()`."
     )
     force_jumped = (
         "A force of a user-defined class jumped at a time that depends on the motion, and the "

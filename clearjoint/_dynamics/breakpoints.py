@@ -205,7 +205,9 @@ def drivers_are_smooth(
         speed = jnp.abs(first.time_rate) + jnp.abs(last.time_rate) + change
         allowed = (rtol + rounding) * speed
         is_smooth = jnp.abs(rate_jump) <= allowed + ROUNDED_RATE
-        is_smooth &= jnp.abs(value_jump) <= h * allowed + rounding * speed + ROUNDED_VALUE
+        # A driver that rests up to its breakpoint at the end has moved a little at `past_end`.
+        rounded = rounding * (speed + jnp.abs(beyond.time_rate)) + ROUNDED_VALUE
+        is_smooth &= jnp.abs(value_jump) <= h * allowed + rounded
         smooth = is_smooth if smooth is None else smooth & is_smooth
     return smooth
 

@@ -359,3 +359,11 @@ def test_an_undeclared_kink_of_a_driver_ends_a_run_with_rigid_contacts():
     solution = cj.simulate_nonsmooth(scene, state, 0.2, step=1e-3, throw=False)
     assert solution.result == cj.RESULTS.not_followed
     assert solution.time == pytest.approx(0.1, abs=1.1e-3)
+
+
+@pytest.mark.slow
+def test_steps_too_long_for_a_closed_loop_are_refused():
+    """The slider would part from the rod."""
+    scene, state = cj.mechanisms.slider_crank(clearance=None, speed=100.0)
+    solution = cj.simulate_nonsmooth(scene, state, 0.2, step=5e-3, throw=False)
+    assert solution.result == cj.RESULTS.not_followed
