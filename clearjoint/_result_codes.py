@@ -56,9 +56,11 @@ class RESULTS(eqx.Enumeration):
         "steps, or take `JointCoordinates()` or `Projection()`."
     )
     force_jumped = (
-        "A force of a user-defined class jumped at a time that depends on the motion, and the "
-        "derivatives would lack the term of the jump from there on. Let the force change over a "
-        "width, make it a contact law that jumps only at its onset, or take differences of runs."
+        "A force of a user-defined class, the torque of a torsional spring, bushing or motor at "
+        "half a revolution, or a spring between points that pass each other jumped at a time that "
+        "depends on the motion, and the derivatives would lack the term of the jump from there on. "
+        "Let the force change over a width, make it a contact law that jumps only at its onset, or "
+        "take differences of runs."
     )
     domain = (
         "A number of the scene, of the state, of the times or of the settings is NaN, infinite or "
