@@ -41,8 +41,8 @@ class RESULTS(eqx.Enumeration):
         "The initial state does not satisfy the ideal joints at these parameters. Assemble it."
     )
     step_too_long = (
-        "A fixed step went deeper into a rigid bearing than its clearance, so that the side of the "
-        "contact is unknown. Use a shorter step."
+        "A fixed step went deeper into a rigid contact than the clearance of its bearing, or than "
+        "its joint allows, so that the side of the contact is unknown. Use a shorter step."
     )
     left_bearing = (
         "A journal penetrates its bearing's wall by more than its radius, where no contact law "
