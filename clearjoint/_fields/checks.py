@@ -81,10 +81,9 @@ def as_shown(value: Any) -> Any:
     rounding errors of conversions of units: 0.3 for 0.30000000000000004."""
     if isinstance(value, list | tuple) and type(value) in (list, tuple):
         return type(value)(map(as_shown, value))
-    if isinstance(value, np.longdouble):  # of which `tolist` makes no Python number
-        return as_shown(float(value))
     if isinstance(value, np.ndarray | np.generic):
-        return as_shown(value.tolist())
+        plain = value.tolist()  # of a `longdouble`, no number of Python
+        return as_shown(float(plain) if isinstance(plain, np.floating) else plain)
     if not isinstance(value, float) or not np.isfinite(value):
         return value
     short = float(f"{value:.14g}")

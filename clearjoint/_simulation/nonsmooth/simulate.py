@@ -209,7 +209,7 @@ def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
     violated = rigid.system.constraints_violated(end.variables, time)
     if violated is not None:
         result = RESULTS.where(good & violated, RESULTS.not_followed, result)
-        good = good & ~violated
+        good = good & jnp.logical_not(violated)
     following = RigidRun(
         t=t + h,
         variables=end.variables,
