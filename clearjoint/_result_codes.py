@@ -41,8 +41,8 @@ class RESULTS(eqx.Enumeration):
         "The initial state does not satisfy the ideal joints at these parameters. Assemble it."
     )
     step_too_long = (
-        "A fixed step went deeper into a rigid bearing than its clearance, so that the side of the "
-        "contact is unknown. Use a shorter step."
+        "A fixed step went deeper into a rigid contact than the clearance of its bearing, or than "
+        "its joint allows, so that the side of the contact is unknown. Use a shorter step."
     )
     left_bearing = (
         "A journal penetrates its bearing's wall by more than its radius, where no contact law "
@@ -52,13 +52,15 @@ class RESULTS(eqx.Enumeration):
         "The motion does not follow a driver or an ideal joint. Either a driver's value has a step "
         "at the time reached, which no motion can follow, or a kink that its `breakpoints` do not "
         "declare: take `PiecewiseLinear`, or declare the times of kinks. Or the error of a joint "
-        "or driver exceeds 1e-3 m or rad, or a journal's clearance: tighten `rtol`, or take "
-        "`JointCoordinates()` or `Projection()`."
+        "or driver exceeds 1e-3 m or rad, or a journal's clearance: tighten `rtol`, shorten fixed "
+        "steps, or take `JointCoordinates()` or `Projection()`."
     )
     force_jumped = (
-        "A force of a user-defined class jumped at a time that depends on the motion, and the "
-        "derivatives would lack the term of the jump from there on. Let the force change over a "
-        "width, make it a contact law that jumps only at its onset, or take differences of runs."
+        "A force of a user-defined class, the torque of a torsional spring, bushing or motor at "
+        "half a revolution, or a spring between points that pass each other jumped at a time that "
+        "depends on the motion, and the derivatives would lack the term of the jump from there on. "
+        "Let the force change over a width, make it a contact law that jumps only at its onset, or "
+        "take differences of runs."
     )
     domain = (
         "A number of the scene, of the state, of the times or of the settings is NaN, infinite or "

@@ -19,15 +19,12 @@ from .._math.vectors import Condition, Scalar
 from .._model.drives.drivers import AbstractRotationDriver
 from .._model.drives.functions_of_time import Increasing
 from .._model.joints.base import AbstractElement, ByLabel, Row, each_label
-from .._model.joints.sampled_force import Periodic
+from .._model.joints.sampled_force import ROUNDINGS, Periodic
 from .._model.scene import Scene
 from .coordinates import MotionVariables
 from .sampled_forces import sampled_forces
 from .system import System
 
-ROUNDINGS = 8.0
-"""Difference, in units of rounding error, up to which a time counts as equal to a breakpoint: an
-element may compute the breakpoint in another order of operations."""
 SHORTEST = 1e-12
 """Time, s, much shorter than any step. The assumed rounding error of a breakpoint at a smaller time
 is the rounding error of this time, so that the error is positive for a breakpoint at zero too."""
@@ -205,7 +202,9 @@ def drivers_are_smooth(
         speed = jnp.abs(first.time_rate) + jnp.abs(last.time_rate) + change
         allowed = (rtol + rounding) * speed
         is_smooth = jnp.abs(rate_jump) <= allowed + ROUNDED_RATE
-        is_smooth &= jnp.abs(value_jump) <= h * allowed + rounding * speed + ROUNDED_VALUE
+        # A driver that rests up to its breakpoint at the end has moved a little at `past_end`.
+        rounded = rounding * (speed + jnp.abs(beyond.time_rate)) + ROUNDED_VALUE
+        is_smooth &= jnp.abs(value_jump) <= h * allowed + rounded
         smooth = is_smooth if smooth is None else smooth & is_smooth
     return smooth
 

@@ -15,6 +15,7 @@ from .._model.bodies import GROUND, GROUND_MOTION, BodyState, Motion
 from .._model.contact.laws import AbstractContactLaw, AbstractLawAround
 from .._model.joints.base import ByLabel, Motions, Row, each_label
 from .._model.joints.constraint_rows import row_rate
+from .._model.joints.couplings import JointCoupling
 from .._model.joints.ideal import AbstractDriveableJoint
 from .._model.scene import Scene
 from .contact_events import ContactGaps, contact_gaps
@@ -36,6 +37,9 @@ FARTHEST = 1e-3
 """Largest violation of a constraint, m or rad, at which a run continues, unless the smallest
 clearance of the scene, m, is less. With the default stabilisation and tolerances, violations are
 about a thousandth of this limit."""
+LEAST_JUMP = 2e-6
+"""Jump of a `JointCoupling`, m or rad, up to which it counts as a rounding error of the function: a
+run may start with half of it."""
 
 
 def _is_single_law(part: PyTree) -> bool:
@@ -307,11 +311,13 @@ class System(eqx.Module):
 
     def constraints_violated(self, variables: MotionVariables, t: Scalar) -> Condition | None:
         """Return whether a constraint's value is NaN or exceeds in magnitude 1e-3 (m, rad or 1) or,
-        if less, the smallest radial clearance in m; ``None`` if there are no constraints."""
+        if less, the smallest radial clearance in m; ``None`` if there are no constraints. A jump of
+        a `JointCoupling`, whose leader has passed half a revolution, counts as a violation too."""
         if not self.is_constrained(t):
             return None
         motions = self.motions(variables)
-        values = [jnp.abs(row.value) for row in flattened(self.rows(motions, t))]
+        rows = self.rows(motions, t)
+        values = [jnp.abs(row.value) for row in flattened(rows)]
         # A violation as large as a clearance would be as large as the motion in that joint.
         farthest: Scalar = FARTHEST
         for joint in self.scene.contact_joints().values():
@@ -319,4 +325,9 @@ class System(eqx.Module):
                 if contact.gap.clearance is not None:
                     farthest = jnp.minimum(farthest, contact.gap.clearance)
         # A violation that is not a number is larger than any limit.
-        return jnp.logical_not(functools.reduce(jnp.maximum, values) <= farthest)
+        violated = jnp.logical_not(functools.reduce(jnp.maximum, values) <= farthest)
+        for name, joint in self.scene.joints.items():
+            if isinstance(joint, JointCoupling):
+                (row,), jump = rows[name].values(), jnp.abs(joint.jump())
+                violated |= (jump > LEAST_JUMP) & (jnp.abs(row.value) > 0.5 * jump)
+        return violated

@@ -82,7 +82,8 @@ def as_shown(value: Any) -> Any:
     if isinstance(value, list | tuple) and type(value) in (list, tuple):
         return type(value)(map(as_shown, value))
     if isinstance(value, np.ndarray | np.generic):
-        return as_shown(value.tolist())
+        plain = value.tolist()  # of a `longdouble`, no number of Python
+        return as_shown(float(plain) if isinstance(plain, np.floating) else plain)
     if not isinstance(value, float) or not np.isfinite(value):
         return value
     short = float(f"{value:.14g}")

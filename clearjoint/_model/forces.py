@@ -10,7 +10,7 @@ from .._fields.checks import require_euler_parameters, require_numbers, require_
 from .._fields.objects import quantity
 from .._fields.types import ArrayLike, Quadruple, Single, Triple
 from .._math.rotations import RotationVector, rotation_matrix, rotation_vector
-from .._math.smoothing import TURN, norm_and_direction, wrapped
+from .._math.smoothing import TURN, norm_and_direction, where, wrapped
 from .._math.vectors import Matrix, Scalar, Vector, pack, unpack
 from .bodies import Wrench
 from .drives.drivers import SI, AbstractDriveAboutAxis, AbstractDriveTorque
@@ -71,6 +71,12 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
         return -self.damping * self._stretch(motions)[1] ** 2
 
     @override
+    def deviations(self, motions: Motions, t: Scalar) -> tuple[Scalar, ...]:
+        # The force at the free length's compression jumps where the points pass each other.
+        jumps = self.stiffness * self.free_length > 0.0
+        return tuple(where(jumps, 0.5 * TURN * part, 0.0) for part in self._stretch(motions)[2])
+
+    @override
     def draw(self, pen: AbstractPen) -> None:
         pen.spring(*self.ends())
 
@@ -113,6 +119,11 @@ class TorsionalSpring(AbstractDriveAboutAxis, AbstractDriveTorque):
 
     def _twist(self, angle: Scalar) -> Scalar:
         return wrapped(angle - self.rest_angle, TURN)
+
+    @override
+    def deviations(self, motions: Motions, t: Scalar) -> tuple[Scalar, ...]:
+        twist = self._twist(self.relative_angle(motions).value)
+        return (where(self.stiffness > 0.0, twist, 0.0),)
 
 
 class AppliedLoad(AbstractForce):
@@ -268,6 +279,11 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
         strain = self._strain(motions)
         power = _weighted(self.damping, strain.shift_rate)
         return -(power + _weighted(self.rotational_damping, strain.rotation_rate))
+
+    @override
+    def deviations(self, motions: Motions, t: Scalar) -> tuple[Scalar, ...]:
+        stiffness, rotation = self.rotational_stiffness, self._strain(motions).rotation.vector
+        return tuple(where(k > 0.0, r, 0.0) for k, r in zip(stiffness, rotation, strict=True))
 
     @override
     def draw(self, pen: AbstractPen) -> None:

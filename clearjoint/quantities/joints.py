@@ -407,7 +407,8 @@ class JointAngle(AbstractJointAngle):
     - Revolute joints with or without clearance, cylindrical, screw and planar joints, and
       `Backlash`: the angle about the axis of the first body. If the axis has the same components in
       both bodies, the angle is zero while the bodies' frames are parallel. In general it is zero
-      while these frames differ by the shortest rotation that makes the two axes parallel.
+      while these frames differ by the shortest rotation that makes the two axes parallel, or
+      opposite if their components enclose more than 170 degrees.
     - Drivers of rotations, drive torques and torsional springs: the second body's angle about their
       axis. It is zero while the orientation of the second body relative to the first is the
       argument `orientation` of the element.

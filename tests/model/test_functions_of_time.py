@@ -11,7 +11,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 import clearjoint as cj
 from clearjoint.extend import UNIT_X, ZERO, unpack
-from tests.support.shaft import INERTIA, ON_SHAFT, ORIGIN, Z, shaft, turned
+from tests.support.shaft import INERTIA, ON_SHAFT, ORIGIN, Z, angle_about, shaft, turned
 
 TIMES, LEVELS = [0.0, 0.2, 0.3], [2.0, -1.0, 0.5]
 
@@ -56,6 +56,15 @@ def test_a_driven_run_begins_at_the_first_time_of_its_table(start):
     solution = cj.simulate(scene, state, times[-1] - 0.05, start_time=start)
     assert solution.result == cj.RESULTS.successful
     np.testing.assert_allclose(solution.final.bodies["shaft"].spin, (0, 0, 1.2), rtol=1e-9)
+
+
+@pytest.mark.parametrize("start", [1e3, 1e6])
+def test_a_driver_begins_to_move_at_a_late_time(start):
+    """The time of a breakpoint has a rounding error, in which a fast driver moves a little."""
+    times, angles = start + np.array([0.1, 0.2, 0.3]), [0.1, 2.5, 1.0]
+    motor = cj.PrescribedAngle(*ON_SHAFT, cj.PiecewiseLinear(times, angles))
+    solution = cj.simulate(shaft(motor=motor), turned(0.1), start + 0.4, start_time=start)
+    assert angle_about(solution.final.bodies["shaft"]) == pytest.approx(1.0, abs=1e-8)
 
 
 def test_elements_have_the_breakpoints_of_their_tables():

@@ -3,6 +3,7 @@ machines beside each other, their motions, reactions and work."""
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -114,6 +115,41 @@ def test_gears_turn_by_their_teeth(turns, internal):
 def test_invalid_elements_are_refused(make, complaint):
     with pytest.raises(ValueError, match=complaint):
         make()
+
+
+RIGID = partial(cj.simulate_nonsmooth, step=1e-3)
+
+
+@pytest.mark.parametrize("run", [cj.simulate, pytest.param(RIGID, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("pitch", [1e-5, 1e-4, 0.1])
+def test_a_rack_is_not_followed_beyond_half_a_revolution(run, pitch):
+    """From there on, the angle of the pinion would be wrong, in a watch too."""
+    body = cj.Body(0.01, (1e-6, 1e-6, 1e-6))
+    pinion = cj.RevoluteJoint("ground", "pinion", ORIGIN, ORIGIN, Z, Z)
+    guide = cj.PrismaticJoint("ground", "rack", ORIGIN, ORIGIN, X)
+    rack = cj.JointCoupling(pinion, guide, cj.Polynomial((0.0, pitch)))  # m/rad
+    joints = {"pinion": pinion, "guide": guide, "rack": rack}
+    scene = cj.Scene({"pinion": body, "rack": body}, joints)
+    moving = cj.body_state((3.0 * pitch, 0.0, 0.0), velocity=(2.0 * pitch, 0.0, 0.0))
+    state = cj.State({"pinion": turned_about(Z, 3.0, 2.0), "rack": moving})
+    solution = run(scene, state, 1.0, throw=False)
+    assert solution.result == cj.RESULTS.not_followed
+    assert solution.time == pytest.approx(0.5 * (math.pi - 3.0), abs=1.1e-3)
+
+
+@pytest.mark.slow
+def test_a_hinge_follows_whole_ratios_over_many_revolutions():
+    body = cj.Body(1.0, (0.01, 0.01, 0.01))
+    leader, follower = (
+        cj.RevoluteJoint("ground", name, ORIGIN, ORIGIN, Z, Z) for name in ("leader", "follower")
+    )
+    coupling = cj.JointCoupling(leader, follower, cj.Polynomial((0.2, -3.0)))
+    joints = {"leader": leader, "follower": follower, "coupling": coupling}
+    scene = cj.Scene({"leader": body, "follower": body}, joints)
+    state = {"leader": turned_about(Z, 0.0, 2.0), "follower": turned_about(Z, 0.2, -6.0)}
+    final = cj.simulate(scene, cj.State(state), 20.0).final.bodies
+    assert np.cos(angle_about(final["leader"]) - 40.0) == pytest.approx(1.0, abs=1e-9)
+    assert np.cos(angle_about(final["follower"]) + 119.8) == pytest.approx(1.0, abs=1e-9)
 
 
 def test_splines_go_through_their_table_smoothly():

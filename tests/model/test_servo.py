@@ -61,6 +61,18 @@ def test_a_step_response_is_that_of_the_discrete_linear_system(delayed):
     np.testing.assert_allclose(outputs["speed"], speeds, rtol=0.0, atol=1e-9 * np.abs(speeds).max())
 
 
+def test_a_servo_starts_at_a_sample_of_any_time():
+    """After days too, when rounding errors of the time are a part of a period, and if the start is
+    a little before the sample."""
+    rate = 1000.0
+    scene, state = one_inertia(cj.Servo(*ON_SHAFT, 0.5, rate, 20.0, 0.3)), turned(speed=2.0)
+    starts = np.array([300, 300, *np.random.default_rng(0).integers(1e7, 1e9, 12)]) / rate
+    starts[1] -= 1e-14
+    runs = (cj.simulate(scene, state, t + 5.5 / rate, TIGHT, start_time=t) for t in starts)
+    ends = [run.final.bodies["shaft"].spin[2] for run in runs]
+    np.testing.assert_allclose(ends, ends[0], rtol=1e-7)
+
+
 def damped_rates(t, y, u):
     """Of the angle and the speed of the shaft in oil, under a torque u."""
     return [y[1], (u - 0.03 * y[1]) / INERTIA]

@@ -197,21 +197,31 @@ def test_angle_of_a_horizontal_body_axis_with_the_components_of_the_fixed_axis()
     assert angle(instant(scene, cj.State({"arm": body}))) == pytest.approx(0.3)
 
 
-def test_joint_angle_counts_from_the_shortest_turn_between_the_axes():
-    """About an axis with different components in the two frames."""
-    axis, here = np.array([1.0, -2.0, -2.0]) / 3.0, np.array([0.6, 0.0, -0.8])
-    across = np.cross(here, axis)
-    shortest = Rotation.from_rotvec(across / np.linalg.norm(across) * math.acos(here @ axis))
-    hinge = cj.CylindricalJoint("ground", "a", (0, 0, 0), (0, 0, 0), 2.0 * axis, 3.0 * here)
-    scene = cj.Scene({"a": BODY}, {"hinge": hinge})
-
-    def angle(turned):
-        turn = Rotation.from_rotvec(turned * axis) * shortest
-        body = cj.body_state((0, 0, 0), turn.as_quat(scalar_first=True))
-        return float(q.JointAngle("hinge")(instant(scene, cj.State({"a": body}))))
-
-    for turned in (-0.4, 0.0, 1.9):
-        assert angle(turned) == pytest.approx(turned, abs=1e-12)
+@pytest.mark.parametrize("enclosed", [20.0, 90.0 - 1e-14, 90.0 + 1e-14, 130.0, 165.0])
+def test_joint_angle_counts_from_the_shortest_turn_between_the_axes(enclosed):
+    """About an axis with different components in the two frames, which enclose any angle in degrees
+    that is not nearly 180. The advance of a screw counts from there too."""
+    axis, across = np.array([1.0, -2.0, -2.0]) / 3.0, np.array([2.0, 0.0, 1.0]) / math.sqrt(5.0)
+    shortest, lead = Rotation.from_rotvec(across * math.radians(enclosed)), 0.3
+    here = shortest.inv().apply(axis)
+    points, axes = ((0, 0, 0), (0, 0, 0)), (2.0 * axis, 3.0 * here)
+    joints = {
+        "hinge": cj.CylindricalJoint("ground", "a", *points, *axes),
+        "screw": cj.ScrewJoint("ground", "b", *points, *axes, lead=lead),
+    }
+    scene = cj.Scene(dict.fromkeys("ab", BODY), joints)
+    for angle in (-0.4, 0.0, 1.9):
+        turn = (Rotation.from_rotvec(angle * axis) * shortest).as_quat(scalar_first=True)
+        advance = lead * angle / (2.0 * math.pi) * axis
+        state = cj.State({"a": cj.body_state((0, 0, 0), turn), "b": cj.body_state(advance, turn)})
+        np.testing.assert_allclose(cj.constraint_report(scene, state).values, 0.0, atol=1e-13)
+        for name in joints:
+            assert q.JointAngle(name)(instant(scene, state)) == pytest.approx(angle, abs=1e-12)
+        scalars = unpack(state.bodies)
+        again = JOINT.coordinates.decode(
+            unpack(scene), JOINT.coordinates.encode(unpack(scene), scalars)
+        )
+        np.testing.assert_allclose(tuple(again["b"].position), advance, atol=1e-13)
 
 
 @pytest.mark.parametrize("axis", [(1.0, 0.0, 1e-17), (0.0, 0.0, 1.0), (0.6, -0.8, 0.0)])

@@ -359,3 +359,28 @@ def test_an_undeclared_kink_of_a_driver_ends_a_run_with_rigid_contacts():
     solution = cj.simulate_nonsmooth(scene, state, 0.2, step=1e-3, throw=False)
     assert solution.result == cj.RESULTS.not_followed
     assert solution.time == pytest.approx(0.1, abs=1.1e-3)
+
+
+@pytest.mark.slow
+def test_steps_too_long_for_a_closed_loop_are_refused():
+    """The slider would part from the rod."""
+    scene, state = cj.mechanisms.slider_crank(clearance=None, speed=100.0)
+    solution = cj.simulate_nonsmooth(scene, state, 0.2, step=5e-3, throw=False)
+    assert solution.result == cj.RESULTS.not_followed
+
+
+@pytest.mark.slow
+def test_a_ball_does_not_pass_through_another_in_long_steps():
+    """Two balls of 10 mm radius at any speed: they strike, or the run ends."""
+    ball, sizes = cj.Body.sphere(0.02, mass=1.0), {"radius_first": 0.01, "radius_second": 0.01}
+    touch = cj.BallOnBall("a", "b", **sizes, law=cj.laws.ExactRestitution(0.5, 1e9))
+    scene = cj.Scene({"a": ball, "b": ball}, {"touch": touch})
+    ends = set()
+    for speed in (1.0, 10.0, 40.0, 50.0):
+        flying = cj.body_state((0.0731, 1e-3, 0.0), velocity=(-speed, 0.0, 0.0))
+        state = cj.State({"a": cj.body_state((0, 0, 0)), "b": flying})
+        solution = cj.simulate_nonsmooth(scene, state, 0.2 / speed, step=1e-3, throw=False)
+        struck = solution.final.bodies["a"].velocity[0] == pytest.approx(-0.75 * speed, rel=0.01)
+        assert struck or solution.result == cj.RESULTS.step_too_long
+        ends.add(struck)
+    assert ends == {True, False}

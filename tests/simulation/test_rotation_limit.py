@@ -81,6 +81,19 @@ def test_only_rotations_that_outputs_depend_on_limit_steps():
     assert found.attempts < 10 < TURNS * 2 * np.pi < free_run().attempts
 
 
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_an_angle_that_jumps_by_a_revolution_does_not_cross_zero(sign):
+    angle = cj.quantities.JointAngle("axle")
+    motion = {"velocity": (0.0, sign * RADIUS * SPEED, 0.0), "spin": (0.0, 0.0, sign * SPEED)}
+    up, each = cj.Section(angle, {"angle": angle}, count=99), cj.Statistics(angle, "rad")
+    outputs = {"up": up, "angle": each}
+    found = cj.simulate(*rotor(**motion), 0.99 * DURATION, outputs=outputs).outputs
+    exact = np.arange(1, TURNS) * DURATION / TURNS if sign > 0 else []
+    assert found["up"].times == pytest.approx(exact, abs=1e-12)
+    extremes = found["angle_smallest"], found["angle_largest"]
+    assert extremes == pytest.approx((-np.pi, np.pi), rel=1e-12)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("driven", [False, True])

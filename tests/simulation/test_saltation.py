@@ -1,5 +1,6 @@
 """Derivatives across force discontinuities: at the onset and end of contacts, and in time."""
 
+import math
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -20,6 +21,7 @@ from tests.support.difference_quotients import (
 from tests.support.one_body import ORIGIN, X, bearing, one_body
 from tests.support.planes import Plane
 from tests.support.push import Push
+from tests.support.shaft import ON_SHAFT, Z, shaft, turned
 
 Q = cj.quantities
 GRAVITY, DROP, MASS = 9.81, 5e-4, 1.0
@@ -296,6 +298,40 @@ def test_derivatives_end_where_a_force_jumps_with_the_motion(threshold, position
         assert result.result == cj.RESULTS.force_jumped
         np.testing.assert_allclose(result.time, np.sqrt(position), rtol=1e-3)
         np.testing.assert_allclose(result.derivatives["x"], [[0.2**2 / 4.0]], rtol=1e-8)
+
+
+ENDS = ("ground", "shaft", (0.5, 0.0, 0.0), (-0.5, 0.0, 0.0))
+"""Of a spring, whose points pass each other at half a revolution of the shaft."""
+
+
+@pytest.mark.parametrize(
+    ("force", "jumps"),
+    [
+        (cj.TorsionalSpring(*ON_SHAFT, 0.01), True),
+        pytest.param(cj.Motor(*ON_SHAFT, 0.0, 0.01, 0.0), True, marks=pytest.mark.slow),
+        pytest.param(cj.SpringDamper(*ENDS, 0.01, 0.0, 0.1), True, marks=pytest.mark.slow),
+        pytest.param(cj.SpringDamper(*ENDS, 0.01), False, marks=pytest.mark.slow),
+        pytest.param(
+            cj.Bushing("ground", "shaft", Z, Z, (1, 1, 1), rotational_stiffness=(0, 0, 0.01)),
+            True,
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            cj.Motor(*ON_SHAFT, cj.Polynomial((0.0, 5.0)), 0.0, 0.01), False, marks=pytest.mark.slow
+        ),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_derivatives_end_where_an_angle_jumps_by_a_revolution(force, jumps):
+    """And a force with it: the shaft turns past half a revolution, where a spring begins to help
+    it. A spring without free length, and a motor that controls the speed, don't jump."""
+    scene, outputs = shaft(force=force), {"speed": Q.AngularVelocity("shaft", "z")}
+    inertia = {"inertia": cj.Parameter(lambda s: s.bodies["shaft"].inertia[2])}
+    runs = turned(0.0, 5.0), 1.0, inertia, outputs, [0.3, 1.0]
+    result = cj.sensitivities(scene, *runs, throw=False)
+    assert result.result == (cj.RESULTS.force_jumped if jumps else cj.RESULTS.successful)
+    if jumps:  # at about 5 rad/s
+        assert result.time == pytest.approx(math.pi / 5.0, rel=0.1)
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from ..._fields.checks import require_axis, require_euler_parameters
 from ..._fields.objects import optional_quantity, quantity
 from ..._fields.types import Quadruple, Single, Triple
 from ..._math.rotations import unit
-from ..._math.smoothing import TURN, ramp, wrapped
+from ..._math.smoothing import TURN, ramp, where, wrapped
 from ..._math.vectors import Scalar
 from ..bodies import Wrench
 from ..joints.base import (
@@ -335,11 +335,20 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
     @override
     def torque_at(self, angle: Scalar, speed: Scalar, t: Scalar) -> Scalar:
         target, target_speed = value_and_rate(self.target, t)
-        # Within half a revolution: `angle` is known only up to whole revolutions.
-        error = wrapped(target - angle, TURN)
+        error = self._error(target, angle)
         torque = self.proportional * error + self.derivative * (target_speed - speed)
         limit = self.torque_limit
         return torque if limit is None else limited(torque, -limit, limit, ROUNDING * limit)
+
+    def _error(self, target: Scalar, angle: Scalar) -> Scalar:
+        # Within half a revolution: `angle` is known only up to whole revolutions.
+        return wrapped(target - angle, TURN)
+
+    @override
+    def deviations(self, motions: Motions, t: Scalar) -> tuple[Scalar, ...]:
+        target = value_at(as_function_of_time(self.target), t)
+        error = self._error(target, self.relative_angle(motions).value)
+        return (where(self.proportional > 0.0, error, 0.0),)
 
     @override
     def breakpoints(self) -> PyTree:

@@ -191,6 +191,12 @@ class AbstractForce(AbstractElement):
             power = power + motions[name].power(wrench)
         return power
 
+    def deviations(self, motions: Motions, t: Scalar) -> tuple[Scalar, ...]:
+        """Return numbers of which one changes by more than pi in a step where the wrenches jump,
+        such as an angle within half a revolution, at time `t` in s; none by default. Runs with
+        derivatives, which lack the effect of the jump, end there with `RESULTS.force_jumped`."""
+        return ()
+
 
 @tree_dataclass
 class SideForce:

@@ -4,6 +4,7 @@
 that describes a quantity, such as an angle, the quantity takes the place of Phi.
 """
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import reduce
 
@@ -31,6 +32,8 @@ from .base import Motions, Row
 
 Pair = tuple[str, str]
 """Names of the first and the second body of a joint."""
+NEARLY_OPPOSITE = math.cos(math.radians(170.0))
+"""Scalar product of unit vectors below which `reversed_if_opposite` takes them as opposite."""
 
 
 def _along(motion: Motion, local: Vector, direction: Vector) -> tuple[Wrench, Scalar]:
@@ -175,19 +178,26 @@ def row_rate(row: Row, motions: Motions) -> Scalar:
     return reduce(add, parts, row.time_rate)
 
 
+def reversed_if_opposite(a: Vector, b: Vector) -> Vector:
+    """Return the unit vector b, or -b if it is nearly opposite to the unit vector a.
+
+    An axis and its opposite define the same joint, but opposite vectors have no shortest rotation.
+    The limit is far from perpendicular axes, of which rounding errors would decide the sign.
+    """
+    return b * where(a.dot(b) < NEARLY_OPPOSITE, -1.0, 1.0)
+
+
 def relative_angle_row(
     names: Pair, first: Motion, second: Motion, axis_first: Vector, axis_second: Vector
 ) -> Row:
     """Return the angle of the second body relative to the first about a common axis, rad in [-pi,
     pi], as a row: right-handed about the first body's axis, and zero if the frames differ by the
-    shortest rotation that makes the axes parallel, or antiparallel if their scalar product is
-    negative."""
+    shortest rotation that makes the axes parallel, or antiparallel by `reversed_if_opposite`."""
     a, b = unit(axis_first), unit(axis_second)
     start, _ = transverse_axes(a)
-    # An axis and its opposite define the same joint. Of b and -b, the one nearer to a is used, so
-    # that the shortest rotation from a to b exists. `direction` is `start`, which is perpendicular
-    # to a, after this rotation: at angle zero, it is `start` in the second body's axes.
-    b = b * where(a.dot(b) < 0.0, -1.0, 1.0)
+    # `direction` is `start`, which is perpendicular to a, after the shortest rotation from a to b:
+    # at angle zero, it is `start` in the second body's axes.
+    b = reversed_if_opposite(a, b)
     direction = start - (a + b) * (start.dot(b) / (1.0 + a.dot(b)))
     return turning_angle(names, first, second, a, direction)
 

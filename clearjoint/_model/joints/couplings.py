@@ -21,12 +21,18 @@ from ..._fields.checks import (
 from ..._fields.objects import quantity
 from ..._fields.types import ArrayLike, Quadruple, Single, Triple
 from ..._math.rotations import composed, rotation_matrix, transverse_axes, unit, within_two_turns
-from ..._math.smoothing import TURN, cosine, polar_angle, sine, where, wrapped
+from ..._math.smoothing import TURN, cosine, polar_angle, sine, wrapped
 from ..._math.vectors import ZERO, EulerParameters, Scalar, Vector
 from ..drives.functions_of_time import FunctionOfTime, as_function_of_time, require_continuous
 from ..pen import AbstractPen
 from .base import PARALLEL, AbstractConstraint, Motions, Row, require_distinct
-from .constraint_rows import angle_about, plus_multiple, row_rate, slope_and_curvature
+from .constraint_rows import (
+    angle_about,
+    plus_multiple,
+    reversed_if_opposite,
+    row_rate,
+    slope_and_curvature,
+)
 from .ideal import AbstractAxisJoint, AbstractPairJoint, PrismaticJoint, RevoluteJoint
 from .motion_subspaces import (
     AbstractMotionAtPoints,
@@ -166,7 +172,7 @@ class ScrewJoint(AbstractAxisJoint):
       mass in its axes. The two points coincide at angle zero.
     - `axis_first`, `axis_second`: direction of the axis on each body, (3,) in its axes, any length.
       At angle zero, the bodies' frames differ by the shortest rotation that makes the two
-      directions parallel.
+      directions parallel, or opposite if they enclose more than 170 degrees.
     - `lead`: advance of the second body per revolution, m, positive for a right-handed thread and
       negative for a left-handed one.
 
@@ -192,9 +198,9 @@ class ScrewJoint(AbstractAxisJoint):
 
     @override
     def motion_subspace(self, parent: str) -> ScrewMotion:
-        first, second = unit(self.axis_first), unit(self.axis_second)
-        # Opposite axes have no shortest rotation: reverse the second one, as in `relative_angle`.
-        second = second * where(first.dot(second) < 0.0, -1.0, 1.0)
+        first = unit(self.axis_first)
+        # As in `relative_angle`.
+        second = reversed_if_opposite(first, unit(self.axis_second))
         in_parent, in_child = self._ordered(parent, first, second)
         # Euler parameters, of any norm, of the shortest rotation from the child's axis to the
         # parent's.
@@ -321,8 +327,8 @@ class JointCoupling(AbstractConstraint):
     Lagrange multiplier is the moment (N m) or force (N) on the second body of the follower.
 
     A leader's angle is taken within half a revolution. Only if the follower is a hinge with a whole
-    number of revolutions for each revolution of the leader, the leader may turn further. For gears
-    of any ratio, use `GearJoint`.
+    number of revolutions for each revolution of the leader, the leader may turn further; otherwise
+    a run ends there with `RESULTS.not_followed`. For gears of any ratio, use `GearJoint`.
 
     **Arguments:**
 
@@ -366,9 +372,22 @@ class JointCoupling(AbstractConstraint):
         x = jnp.asarray(leader.value, dtype=float)
         slope, curvature = slope_and_curvature(function, x)
         row = plus_multiple(follower, leader, -slope)
-        value = follower.value - function(x)
-        # Angles are known up to whole revolutions.
-        if isinstance(self.follower, RevoluteJoint):
-            value = wrapped(value, TURN)
+        value = self._known(follower.value - function(x))
         bias = row.bias - curvature * row_rate(leader, motions) ** 2
         return {"coupling": replace(row, value=value, bias=bias)}
+
+    def _known(self, difference: Scalar) -> Scalar:
+        """Return a difference of positions of the follower, rad or m; angles are known up to whole
+        revolutions."""
+        is_angle = isinstance(self.follower, RevoluteJoint)
+        return wrapped(difference, TURN) if is_angle else difference
+
+    def jump(self) -> Scalar:
+        """Return by how much the value of the row jumps where the leader's angle passes half a
+        revolution, rad or m; zero for a slider."""
+        if isinstance(self.leader, PrismaticJoint):
+            return 0.0
+        function = as_function_of_time(self.function)
+        ends = (jnp.asarray(angle, dtype=float) for angle in (math.pi, -math.pi))
+        after, before = map(function, ends)
+        return self._known(after - before)

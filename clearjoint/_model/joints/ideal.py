@@ -129,7 +129,8 @@ class AbstractAxisJoint(AbstractPairJoint):
 
     def relative_angle(self, motions: Motions) -> Row:
         """Return the second body's angle about the first's axis, rad in [-pi, pi], as a `Row`. It
-        is zero if the frames differ by the shortest rotation that makes the axes parallel."""
+        is zero if the frames differ by the shortest rotation that makes the axes parallel, or
+        antiparallel if their components enclose more than 170 degrees."""
         return relative_angle_row(*self._between(motions), self.axis_first, self.axis_second)
 
 

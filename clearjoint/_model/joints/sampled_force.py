@@ -14,6 +14,9 @@ from .base import AbstractForce, Motions
 
 ForceMemory: TypeAlias = Mapping[str, Scalar]
 """Memory of a sampled force: numbers by name, in SI units."""
+ROUNDINGS = 8.0
+"""Difference, in units of rounding error, up to which a time counts as equal to a breakpoint or
+instant: an element may compute it in another order of operations."""
 
 
 class Periodic(eqx.Module):
@@ -33,7 +36,12 @@ class Periodic(eqx.Module):
     def latest(self, t: Scalar) -> Scalar:
         """Return the latest instant, s, that is not later than the time t, s. Here an instant that
         is later by a rounding error counts as not later."""
-        return self.instant(jnp.floor((t - self.offset) / self.period + 1e-9))
+        # As a run decides which instants are after its start. A tolerance in periods would be less
+        # than rounding errors at late times, and at early ones make an instant count twice.
+        nearest = jnp.round((t - self.offset) / self.period)
+        rounding = ROUNDINGS * jnp.finfo(jnp.result_type(float)).eps * jnp.abs(t)
+        is_later = self.instant(nearest) > t + rounding
+        return self.instant(jnp.where(is_later, nearest - 1.0, nearest))
 
 
 class AbstractSampledForce(AbstractForce):

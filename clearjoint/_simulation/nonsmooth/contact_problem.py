@@ -16,7 +16,7 @@ unilateral contact and friction boundary value problem, 1975). One computation o
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
+from functools import partial, reduce
 from typing import NamedTuple
 
 import jax
@@ -84,7 +84,8 @@ class Touch(NamedTuple):
     both bodies, and an impulse along it acts on both.
 
     - `gap`: m, negative if the surfaces overlap.
-    - `clearance`: m, radial clearance of the bearing; ``None`` without a bearing.
+    - `deepest`: m, penetration beyond which the side of the contact is unknown: the clearance of a
+      bearing, or what the joint allows; ``None`` without such limits.
     - `normal`: a `Row` whose rate is the opening velocity, m/s.
     - `slip`: two `Row`s whose rates are the velocities, m/s, of the second body relative to the
       first: along the slip at the given velocities, and across it; empty without friction.
@@ -94,7 +95,7 @@ class Touch(NamedTuple):
     joint: str
     label: str
     gap: Scalar
-    clearance: Scalar | None
+    deepest: Scalar | None
     normal: Row
     slip: tuple[Row, ...] = ()
     coefficient: Scalar = 0.0
@@ -143,7 +144,10 @@ def _touch(
     if contact.turning is not None or contact.side is not None:
         unit_force = LoadedContact(contact, 1.0, 1.0, None)
         normal = Row(0.0, dict(contact_wrenches(joint, unit_force, motions)), 0.0)
-    touch = Touch(name, label, -contact.gap.depth, contact.gap.clearance, normal)
+    limits = [contact.gap.clearance, joint.deepest().get(label)]
+    limits = [limit for limit in limits if limit is not None]
+    deepest = reduce(jnp.minimum, limits) if limits else None
+    touch = Touch(name, label, -contact.gap.depth, deepest, normal)
     if contact.slip is None:
         return touch
     along = _slip_direction(contact.slip, contact.normal)

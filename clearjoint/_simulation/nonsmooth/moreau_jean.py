@@ -67,7 +67,8 @@ class StepEnd(eqx.Module):
 
     - `contacts[joint][contact]`: the `ContactStep` of each contact.
     - `residual`: largest relative residual of the contact problem and of the projection.
-    - `shallow`: whether no penetration in the middle of the step exceeds its bearing's clearance.
+    - `shallow`: whether no penetration in the middle of the step exceeds the clearance of a bearing
+      or what its joint allows.
     """
 
     variables: MotionVariables
@@ -136,12 +137,12 @@ def _smooth_step(
 
 
 def _is_shallow(contacts: list[Touch]) -> Condition:
-    """Return whether no penetration exceeds its bearing's clearance. With a larger penetration, the
-    side of the wall on which the contact is would be unknown."""
+    """Return whether no penetration exceeds its limit, beyond which the side of the wall on which
+    the contact is would be unknown."""
     shallow = jnp.asarray(True)
     for touch in contacts:
-        if touch.clearance is not None:
-            shallow = shallow & (touch.gap > -touch.clearance)
+        if touch.deepest is not None:
+            shallow = shallow & (touch.gap > -touch.deepest)
     return shallow
 
 

@@ -204,6 +204,12 @@ def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
     if smooth is not None:
         result = RESULTS.where(good & ~smooth, RESULTS.not_followed, result)
         good = good & smooth
+    # At a breakpoint at the end of the step, drivers have the values just before it.
+    time = breakpoints.one_sided_time(rigid.system, t, t + h)
+    violated = rigid.system.constraints_violated(end.variables, time)
+    if violated is not None:
+        result = RESULTS.where(good & violated, RESULTS.not_followed, result)
+        good = good & jnp.logical_not(violated)
     following = RigidRun(
         t=t + h,
         variables=end.variables,
@@ -270,8 +276,10 @@ def simulate_nonsmooth(
     **Raises:** `ValueError` for invalid arguments, such as a law without the method
     `delivered_restitution`, a thrust face whose friction has a moment, or a sampled force, such as
     a `Servo`, and if JAX computes in 32 bits; `SimulationError` for a run that fails, because the
-    contact problem of a step was not solved, a penetration exceeds the bearing's clearance, a
-    driver has an undeclared kink or jump inside a step, or the state is not finite.
+    contact problem of a step was not solved, a penetration exceeds the bearing's clearance or
+    the depth at which `simulate` would end, a driver has an undeclared kink or jump inside a step,
+    the error of an ideal joint exceeds 1e-3 m or rad, or the smallest clearance, or the state is
+    not finite.
 
     **Warns:** `LeftBearingWarning` if a journal without axial support has slid out of its bearing
     in a saved state or at the end; `UnusualValueWarning` for a journal that starts deep in the wall

@@ -243,7 +243,8 @@ class Statistics(AbstractIntegralReduction):
 
     The results are named "mean", "rms", "smallest" and "largest", all in the unit of the quantity.
     In each step the quantity is approximated by the parabola through both ends and the middle. A
-    `clearjoint.predictor`, which has only "mean" and "rms", integrates them with the motion.
+    `clearjoint.predictor`, which has only "mean" and "rms", integrates them with the motion. Both
+    are inexact for an angle that jumps at half a revolution: take those of its sine.
 
     **Arguments:** `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit;
     `after`, `until`: s, the window of time, by default the whole run; see `Peak`.
@@ -277,6 +278,9 @@ class Statistics(AbstractIntegralReduction):
         integrals, (smallest, largest) = tally
         integrals, arc, a, b = self._updated(integrals, now)
         inside, (low, high) = b > a, arc.extremes(a, b)
+        period = getattr(self.quantity, "period", None)
+        if period is not None:  # the parabola goes beyond both ends of the jump of an angle
+            low, high = (jnp.clip(value, -0.5 * period, 0.5 * period) for value in (low, high))
         smallest = jnp.where(inside, jnp.minimum(smallest, low), smallest)
         largest = jnp.where(inside, jnp.maximum(largest, high), largest)
         return integrals, (smallest, largest)

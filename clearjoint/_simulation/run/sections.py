@@ -72,6 +72,10 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         after = self._level(now)
         start, end = self._bracket(now, before, after)
         rises = accepted & (start.value < 0.0) & (end.value >= 0.0)
+        period = getattr(self.quantity, "period", None)
+        if period is not None:
+            # An angle that falls below -pi jumps to pi without a crossing.
+            rises &= end.value - start.value < 0.5 * period
         if self.channels is None:
             # In lanes, which cannot branch one by one, the root is searched for in every step.
             row = self._crossing(step_outcome, start, end)
@@ -147,6 +151,8 @@ class Section:
     **Arguments:**
 
     - `crossing`: the quantity whose rise through zero is a crossing, a function of an `Instant`.
+      For an angle other than zero, take a sine, which has no jump at half a revolution:
+      ``lambda now: jnp.sin(angle(now) - 0.5)``.
     - `channels`: the quantities to evaluate at each crossing, by name; for a function without an
       attribute `unit`, a pair (function, unit).
       The names become those of arrays in results and files. At the onset or end of a contact,

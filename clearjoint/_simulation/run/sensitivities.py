@@ -165,7 +165,9 @@ def sensitivities(
     or have a kink at some time (it compares, rounds or clips a number that depends on time) but
     declares no `breakpoints`, because derivatives would lack the effect of a shift of these times;
     `SimulationError` for a run that fails, if `throw` is true. Its result is `RESULTS.force_jumped`
-    if the force of a user-defined class jumps at a time that depends on the motion.
+    if the force of a user-defined class jumps at a time that depends on the motion, or the torque
+    of a torsional spring, bushing or motor at half a revolution, or the force of a spring between
+    two points that pass each other.
 
     **Warns:** `UnusualValueWarning` for a journal that starts deep in the wall of its bearing, and
     for derivatives so much larger in an impact than after it that a loose `rtol` may spoil them.

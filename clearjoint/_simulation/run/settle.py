@@ -5,6 +5,7 @@ numbers for each period, whose last rows are compared with those some periods ea
 """
 
 import enum
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import jax
@@ -118,16 +119,21 @@ bound of the scales of the times between crossings, s, and of the channels, each
 @dataclass(frozen=True)
 class Strobe:
     """A motion as D numbers for each of n periods, `rows`, (n, D), in which `settle` looks for
-    repetition. Changes in each column are divided by `scales`, (D,)."""
+    repetition. Changes in each column are divided by `scales`, (D,), and are known up to multiples
+    of `periods`, (D,), if these are given: of an angle 2 pi, otherwise infinity."""
 
     rows: Float[np.ndarray, "n D"]
     scales: Float[np.ndarray, " D"]
+    periods: Float[np.ndarray, " D"] | None = None
 
     def change(self, multiple: int) -> Float[np.ndarray, " changes"]:
         """Return the largest scaled change of each row since `multiple` rows earlier; there are n -
         `multiple` such rows."""
-        difference = np.abs(self.rows[multiple:] - self.rows[:-multiple])
-        return np.max(difference / self.scales, axis=1, initial=0.0)
+        difference = self.rows[multiple:] - self.rows[:-multiple]
+        if self.periods is not None:
+            turns = np.round(difference / self.periods)
+            difference = difference - turns * np.where(turns == 0.0, 0.0, self.periods)
+        return np.max(np.abs(difference) / self.scales, axis=1, initial=0.0)
 
     def multiple(self, largest: int, tolerance: float) -> int | None:
         """Return the smallest number m of periods, up to `largest`, after which the motion repeats,
@@ -194,15 +200,19 @@ def stillness(states: State, last: int) -> float:
     )
 
 
-def section_strobe(times: Float[np.ndarray, " n"], values: list[np.ndarray]) -> Strobe:
+def section_strobe(
+    times: Float[np.ndarray, " n"], values: list[np.ndarray], periods: Sequence[float | None]
+) -> Strobe:
     """Return a motion as a table with a row for each crossing of a section except the first: the
-    time since the previous crossing, s, and the value of each channel. The scales are the mean time
-    (1 s with fewer than two crossings), and the largest magnitude of each channel."""
+    time since the previous crossing, s, and the value of each channel, of which angles have a
+    period. The scales are the mean time (1 s with fewer than two crossings), and the largest
+    magnitude of each channel."""
     waits = np.diff(times)
     rows = np.stack([waits, *(value[1:] for value in values)], axis=1)
     wait = np.mean(waits) if len(waits) else 1.0
     sizes = [wait, *(np.max(np.abs(channel), initial=0.0) for channel in values)]
-    return Strobe(rows, np.maximum(sizes, STILL))
+    known_up_to = np.array([np.inf, *(np.inf if p is None else p for p in periods)])
+    return Strobe(rows, np.maximum(sizes, STILL), known_up_to)
 
 
 def settle(
@@ -300,7 +310,9 @@ def settle(
             else:
                 _require_few_crossings(block, span)
                 crossings = motion.outputs[SECTION]
-                strobe = section_strobe(crossings.times, [*crossings.values.values()])
+                periods_of = [getattr(q, "period", None) for q, _ in section.pairs.values()]
+                values = [*crossings.values.values()]
+                strobe = section_strobe(crossings.times, values, periods_of)
                 # The transient has other times between crossings than the last periods.
                 waits = np.diff(crossings.times[-CONFIRMING * BLOCK :])
                 period = np.mean(waits) if len(waits) else None

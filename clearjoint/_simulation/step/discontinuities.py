@@ -6,8 +6,10 @@ The derivative of the motion then lacks a term, and no run would show it. Likewi
 at some angle: the instant of the jump depends on the parameters (see `.saltation`).
 """
 
+import math
 from contextlib import suppress
 from functools import reduce
+from operator import or_
 
 import equinox as eqx
 import jax
@@ -18,6 +20,8 @@ from jax.interpreters import partial_eval
 from jaxtyping import PyTree
 
 from ..._compilation.xla import program_of
+from ..._dynamics.breakpoints import one_sided_time
+from ..._dynamics.coordinates import MotionVariables
 from ..._dynamics.kinds import NOT_RENAMED, with_common_names
 from ..._fields.checks import is_of_package, require
 from ..._fields.objects import with_arrays
@@ -163,6 +167,24 @@ def _depends_on_primitive(program: Jaxpr, chosen: list[bool], primitives: frozen
                 return True
         causes.update(equation.outvars)
     return False
+
+
+def changes_side(system: System, trial: Trial) -> Condition | None:
+    """Return whether a force of the scene jumps in a trial step, as its `deviations` tell, for
+    example since an angle passes half a revolution; ``None`` without any deviations."""
+    step = trial.step
+
+    def deviations(motion: MotionVariables, t: Scalar) -> list[Scalar]:
+        # A function of time has at a breakpoint the value inside of the step.
+        t = system.clock(one_sided_time(system, step.t, t))
+        motions = system.motions(motion)
+        forces = system.scene.forces.values()
+        return [angle for force in forces for angle in force.deviations(motions, t)]
+
+    before = deviations(step.y.motion, step.t)
+    after = deviations(trial.outcome.y.motion, trial.t1)
+    jumps = [jnp.abs(b - a) > math.pi for a, b in zip(before, after, strict=True)]
+    return reduce(or_, jumps) if jumps else None
 
 
 STEEPEST = 4.0

@@ -20,6 +20,7 @@ def test_rounding_errors_are_not_printed():
     hertz = repr(cj.laws.Hertz(rounded * 1e12))
     assert hertz == "Hertz(stiffness=GivenStiffness(stiffness=5000000.0))"
     assert as_shown([rounded, 1 / 3, -0.0, np.nan, "a", 3]) == [5e-6, 1 / 3, 0.0, ANY, "a", 3]
+    assert as_shown(np.array([2.0, 0.5], np.longdouble)) == [2.0, as_shown(np.longdouble(0.5))]
 
 
 @pytest.mark.parametrize(

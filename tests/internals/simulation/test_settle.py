@@ -79,11 +79,20 @@ def test_a_crank_repeats_itself_after_a_turn_though_euler_parameters_need_two():
 
 def test_crossings_are_compared_by_their_channels_and_waits():
     times, flips = np.cumsum(np.tile([1.0, 1.1], 10)), np.tile([0.5, -0.5], 10)
-    assert section_strobe(times, [flips]).multiple(4, 1e-9) == 2
-    assert section_strobe(times, [np.abs(flips)]).multiple(4, 1e-9) == 2
-    assert section_strobe(np.arange(20.0), [np.abs(flips)]).multiple(4, 1e-9) == 1
-    assert section_strobe(np.arange(20.0), [1e-3 * flips]).multiple(4, 1e-2) == 2
-    assert section_strobe(np.zeros(0), [np.zeros(0)]).multiple(4, 1e-9) is None
+    assert section_strobe(times, [flips], [None]).multiple(4, 1e-9) == 2
+    assert section_strobe(times, [np.abs(flips)], [None]).multiple(4, 1e-9) == 2
+    assert section_strobe(np.arange(20.0), [np.abs(flips)], [None]).multiple(4, 1e-9) == 1
+    assert section_strobe(np.arange(20.0), [1e-3 * flips], [None]).multiple(4, 1e-2) == 2
+    assert section_strobe(np.zeros(0), [np.zeros(0)], [None]).multiple(4, 1e-9) is None
+
+
+def test_crossings_at_half_a_revolution_are_equal():
+    """Rounding errors decide the sign of the angle."""
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], 20)
+    signs[-4:] = [1.0, -1.0, -1.0, 1.0]
+    angles = signs * (np.pi - 1e-12)
+    assert section_strobe(np.arange(20.0), [angles], [2.0 * np.pi]).multiple(4, 1e-9) == 1
+    assert section_strobe(np.arange(20.0), [angles], [None]).multiple(4, 1e-9) != 1
 
 
 MISTAKEN = {
