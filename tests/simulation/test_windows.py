@@ -34,7 +34,7 @@ class Fake:
 
     time: jax.Array
     before: float = 0.0
-    bristle_energy = memory = None
+    bristle_energy = memory = jumps = None
 
     def inside(self, place):
         return Fake(self.before + place * (self.time - self.before))

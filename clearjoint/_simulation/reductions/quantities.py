@@ -39,10 +39,14 @@ class AbstractQuantityReduction(AbstractWindowedReduction):
         return jnp.asarray(self.quantity(now), dtype=float)
 
     def _at_end(self, now: Instant) -> tuple[Scalar, Scalar]:
-        """Return the quantity's values at the end of a step, just before and just after sampled
-        forces change there; both are equal in scenes without sampled forces."""
+        """Return the quantity's values at the end of a step, just before and just after it may jump
+        there; both are equal in scenes without jumps."""
         value = self._value(now)
-        return self._value(now.just_before) if now.memory else value, value
+        if now.memory:
+            return self._value(now.just_before), value
+        if now.jumps is None:
+            return value, value
+        return where(now.jumps, self._value(now.just_before), value), value
 
 
 class PeakTally(NamedTuple):
