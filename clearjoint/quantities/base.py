@@ -115,6 +115,16 @@ class Instant:
         """The fraction of the step at which it is just before a jump at its end, otherwise 1."""
         return 1.0 if self.jumps is None else where(self.jumps, 1.0 - NEAR, 1.0)
 
+    def before_and_after(self, value_of: "Callable[[Instant], Scalar]") -> tuple[Scalar, Scalar]:
+        """Return a number at the end of the step, just before and just after it may jump there;
+        both are equal in scenes without jumps."""
+        value = value_of(self)
+        if self.memory:
+            return value_of(self.just_before), value
+        if self.jumps is None:
+            return value, value
+        return where(self.jumps, value_of(self.just_before), value), value
+
     @cached_property
     def memory(self) -> Memories:
         """Numbers that sampled forces, such as a `Servo`, remember, ``memory[force][name]``; if

@@ -105,3 +105,40 @@ def test_a_journal_with_a_dashpot_wears_by_its_impulse():
     np.testing.assert_allclose(found["wear"], expected, rtol=2e-3)
     later = sliding * mass * (speeds - found["speed"].values[:, 0] + GRAVITY * (end - 0.01))
     np.testing.assert_allclose(found["late"], later, rtol=2e-3)
+
+
+def rises_of_acceleration(times, loads, rate, place, speed, end):
+    """Times at which the acceleration of an oscillator of unit mass under switched loads rises
+    through zero, from the solution in closed form on a fine grid."""
+    found = []
+    last = -1.0 if loads[0] < rate**2 * place else 1.0
+    for start, stop, load in zip(times, [*times[1:], end], loads, strict=True):
+        elapsed = np.linspace(0.0, stop - start, 20001)
+        cosine, sine, middle = np.cos(rate * elapsed), np.sin(rate * elapsed), load / rate**2
+        path = middle + (place - middle) * cosine + speed / rate * sine
+        acceleration = np.concatenate([[last], -(rate**2) * (path - middle)])
+        rises = np.flatnonzero((acceleration[:-1] < 0.0) & (acceleration[1:] >= 0.0))
+        found += list(start + elapsed[rises])
+        speed = speed * cosine[-1] - rate * (place - middle) * sine[-1]
+        place, last = path[-1], acceleration[-1]
+    return found
+
+
+def test_sections_find_rises_before_and_at_jumps():
+    """The acceleration of an oscillator with switched loads: one of eight motions has a
+    rise in the same step as a jump back below zero."""
+    rng, rate, end = np.random.default_rng(8), np.sqrt(300.0), 0.3
+    spring = cj.SpringDamper("ground", "b", (-50, 0, 0), (0, 0, 0), stiffness=300.0, free_length=50)
+    section = cj.Section(
+        cj.quantities.Acceleration("b", "x"), {"x": cj.quantities.Position("b", "x")}
+    )
+    for _ in range(8):
+        times, loads = np.sort([0.0, *rng.uniform(0.02, 0.28, 5)]), rng.uniform(-10.0, 10.0, 6)
+        place, speed = rng.uniform(-0.05, 0.05), rng.uniform(-0.5, 0.5)
+        load = cj.AppliedLoad("b", force=(cj.PiecewiseConstant(times, loads), 0.0, 0.0))
+        body = cj.Body(1.0, (1.0, 1.0, 1.0))
+        scene = cj.Scene({"b": body}, forces={"spring": spring, "load": load})
+        start = cj.State({"b": cj.body_state((place, 0, 0), velocity=(speed, 0, 0))})
+        found = cj.simulate(scene, start, end, outputs={"rises": section}).outputs["rises"].times
+        expected = rises_of_acceleration(times, loads, rate, place, speed, end)
+        np.testing.assert_allclose(found, expected, atol=2e-5)

@@ -34,7 +34,7 @@ class Fake:
 
     time: jax.Array
     before: float = 0.0
-    bristle_energy = memory = jumps = None
+    bristle_energy = memory = None
 
     def inside(self, place):
         return Fake(self.before + place * (self.time - self.before))
@@ -42,6 +42,10 @@ class Fake:
     @property
     def middle(self):
         return self.inside(0.5)
+
+    def before_and_after(self, value_of):
+        value = value_of(self)
+        return value, value
 
     @property
     def work(self):
