@@ -1,6 +1,7 @@
 """Reductions of quantities that jump at the end of a step: at a breakpoint of a load, or where a
 contact of a dashpot begins or ends. They are compared with the change of momentum."""
 
+import jax
 import numpy as np
 import pytest
 
@@ -142,3 +143,39 @@ def test_sections_find_rises_before_and_at_jumps():
         found = cj.simulate(scene, start, end, outputs={"rises": section}).outputs["rises"].times
         expected = rises_of_acceleration(times, loads, rate, place, speed, end)
         np.testing.assert_allclose(found, expected, atol=2e-5)
+
+
+def test_gradients_of_peaks_at_moving_events_are_refused():
+    """The speed of a body is largest when its load is switched over: its derivative by a mass is
+    that at a fixed time, but not that by the time of the switch."""
+    load = cj.AppliedLoad("b", force=(cj.PiecewiseConstant([0.0, 0.1], [4.0, -6.0]), 0.0, 0.0))
+    scene = cj.Scene({"b": cj.Body(2.0, (1.0, 1.0, 1.0))}, forces={"load": load})
+    start = cj.State({"b": cj.body_state((0.0, 0.0, 0.0))})
+    paths = {
+        "mass": lambda scene: scene.bodies["b"].mass,
+        "switch": lambda scene: scene.forces["load"].force[0].times[1],
+    }
+    fastest = {"speed": cj.Peak(cj.quantities.Velocity("b", "x"), "m/s")}
+    predict = cj.predictor(scene, start, 0.2, {"mass": paths["mass"]}, fastest)
+    slope = jax.grad(lambda values: predict(values)["speed"])(predict.values)["mass"]
+    assert float(slope) == pytest.approx(-4.0 * 0.1 / 2.0**2, rel=1e-6)
+    predict = cj.predictor(scene, start, 0.2, paths, fastest)
+    with pytest.raises(ValueError, match="at an event at 0.1 s"):
+        jax.grad(lambda values: predict(values)["speed"])(predict.values)
+
+
+@pytest.mark.filterwarnings("ignore::clearjoint.UnusualValueWarning")
+def test_gradients_of_peaks_at_an_onset_are_refused():
+    """The force of an overdamped contact is largest at the onset, whose time depends on gravity."""
+    law = cj.laws.SpringDashpot(1e5, 3e3)
+    floor = cj.Stop("ground", "b", normal=(0, 0, 1), law=law, thickness=1.0)
+    down = (0.0, 0.0, -GRAVITY)
+    scene = cj.Scene({"b": cj.Body(2.0, (1.0, 1.0, 1.0))}, {"floor": floor}, gravity=down)
+    start = cj.State({"b": cj.body_state((0.0, 0.0, 0.02))})
+    paths = {"gravity": lambda scene: scene.gravity[2]}
+    outputs = {"force": cj.Peak(FORCE, "N")}
+    predict = cj.predictor(scene, start, 0.1, paths, outputs)
+    largest = np.sqrt(2.0 * GRAVITY * 0.02)
+    assert float(predict(predict.values)["force"]) == pytest.approx(3e3 * largest, rel=1e-6)
+    with pytest.raises(ValueError, match=r"outputs\['force'\].*at an event at 0.0638"):
+        jax.grad(lambda values: predict(values)["force"])(predict.values)
