@@ -259,8 +259,12 @@ class Fit(AbstractTabular):
         went_up = self.coordinates > self.searches[0].start
         scales = [parameter.scale for parameter in self.parameters.values()]
         ends, intervals = checking.interval_ends(minima, self.chi_squared), []
+        # A parameter without any effect on the data may have any value. Its standard deviation is
+        # finite, because the covariance is that of an invertible matrix.
+        has_effect = self.best.best.jacobian.any(axis=0)
         for low, high in zip(ends[::2], ends[1::2], strict=True):  # two rows for each minimum
             middle, half = 0.5 * (low + high), 0.5 * (high - low) * self._interval_widening
+            half = np.where(has_effect, half, math.inf)
             is_up = np.where(self._is_gone, went_up, middle > self.coordinates)
             rows = zip(scales, middle, half, is_up, strict=True)
             intervals.append(np.array([scale.interval(*row) for scale, *row in rows]).T)
@@ -560,6 +564,8 @@ class Fit(AbstractTabular):
 def limit_text(low: float, high: float, unit: str) -> str:
     """Return a text on an interval that begins at zero or ends at infinity, for example "at most
     0.1 N m (95 %): a smaller value fits as well."."""
+    if low in (0.0, -math.inf) and math.isinf(high):
+        return "not determined by the data: any value fits as well."
     limit, others = f"at most {high:.3g}", "smaller"
     if math.isinf(high):
         limit, others = f"at least {low:.3g}", "larger"

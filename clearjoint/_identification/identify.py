@@ -177,6 +177,9 @@ def identify_many(
     check_sets(scene, measurements)
     first_set = measurements[0]
     ends = (*grow, float(first_set.times()[-1]))
+    expected = f"later than the start of the run, {start_time} s"
+    remedy = "pass start_time, or later samples"
+    require(ends[-1] > start_time, "measurements", ends[-1], expected, remedy)
     rising = all(a < b for a, b in pairwise((start_time, *ends)))
     expected = f"rising times between the start, {start_time} s, and the last sample, {ends[-1]} s"
     remedy = "leave out the time of the last sample, which is added"

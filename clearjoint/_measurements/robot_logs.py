@@ -230,7 +230,9 @@ def _since_first(column: TableColumn, unit: str | None) -> Float[np.ndarray, " N
     without one, in `unit`, which is s if ``None``; dates are converted."""
     import pandas as pd
 
-    if not pd.api.types.is_numeric_dtype(column.values):
+    # Numbers that were read as texts, such as "1000", would also be dates: the year 1000.
+    is_date = pd.api.types.is_datetime64_any_dtype(column.values)
+    if is_date or np.isnan(column.numbers()).any():
         with suppress(ValueError, TypeError):
             dates = pd.Series(pd.to_datetime(column.values, format="ISO8601"))
             seconds = (dates - dates.iloc[0]).dt.total_seconds()

@@ -12,6 +12,7 @@ from typing_extensions import override
 
 from .._fields.checks import as_number, require
 from .._fields.leaves import with_leaves
+from .._fields.objects import with_arrays
 from .._math.vectors import Scalar
 from .._model.bodies import State
 from .._model.scene import Scene
@@ -105,7 +106,11 @@ class MadeByFunction(AbstractVariation):
 
     @override
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
-        return self.make
+        return self
+
+    def __call__(self, scene: Scene, state: State, value: Scalar) -> tuple[Scene, State]:
+        # Users write whole numbers as integers, of which JAX has no derivatives.
+        return with_arrays(self.make(scene, state, value))
 
 
 @dataclass(frozen=True)

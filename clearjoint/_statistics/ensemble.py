@@ -25,7 +25,7 @@ from .._simulation.run.outputs import Output, requested_by
 from .._simulation.run.sensitivities import sensitivities
 from .._simulation.step import presets
 from .._simulation.step.settings import Settings
-from .._sweeps.axes import Axis
+from .._sweeps.axes import Axis, Values, lanes_of
 from .._sweeps.outputs import NOT_OUTPUTS
 from .._sweeps.sweep import SweepOptions, sweep
 
@@ -115,11 +115,15 @@ def disturbed_axes(
     block = len(along) if shared else draws
     velocities, nominal = np.empty_like(along), np.empty_like(along)
     bodies = tuple(scene.bodies)
+    values = {} if shared else {name: axis.values[::block] for name, axis in axes.items()}
+    blocks = range(0, len(along), block)
     # All lanes of a block have the same Jacobian.
-    for begin in range(0, len(along), block):
+    for begin, pair in zip(blocks, at_points(scene, state, axes, values, len(blocks)), strict=True):
         rows = slice(begin, begin + block)
-        values = [] if shared else [(a.variation, a.values[begin]) for a in axes.values()]
-        of_block, start = with_values(scene, state, values)
+        if pair is None:  # The sweep does not run these lanes.
+            velocities[rows] = nominal[rows] = velocities_of(bodies, state)
+            continue
+        of_block, start = pair
         velocities[rows] = disturbed_velocities(
             bodies, of_block, start, size, along[rows], start_time
         )
@@ -135,6 +139,17 @@ def disturbed_axes(
             require(name not in axes, "axes", name, "names of no disturbed velocity", "rename it")
             disturbed[name] = Axis.initial(path, velocities[:, column])
     return disturbed
+
+
+def at_points(
+    scene: Scene, state: State, axes: Mapping[str, Axis], values: Values, count: int
+) -> list[tuple[Scene, State] | None]:
+    """Return scene and state with the values of the axes at each of `count` points; ``None`` for
+    values that a scene can't have."""
+    if not values:
+        return [(scene, state)] * count
+    lanes = lanes_of(scene, state, axes, values)
+    return [None if k in lanes.bad else lanes.of(k) for k in range(count)]
 
 
 def _component(state: State, body: str, part: str, k: int) -> float:
@@ -264,11 +279,12 @@ def ensemble(
     statistics = _statistics(results, labels, (*shape, draws), levels, quantities)
     if exponents:
         rates = np.empty((count, 2))
-        for k in range(count):
-            pairs = zip(axes.values(), points, strict=True)
-            # Scene and initial state at this point, without disturbance.
-            values = [(axis.variation, column[k]) for axis, column in pairs]
-            changed, start = with_values(scene, state, values)
+        values = dict(zip(axes, points, strict=True))
+        for k, pair in enumerate(at_points(scene, state, axes, values, count)):
+            if pair is None:
+                rates[k] = math.nan
+                continue
+            changed, start = pair
             end = end_time(changed) if callable(end_time) else end_time
             span, progress = (start_time, end), options.get("progress", True)
             rates[k] = _lyapunov_exponent(

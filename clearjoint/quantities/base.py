@@ -22,10 +22,14 @@ from .._dynamics.sampled_forces import NO_MEMORIES, Memories, holding, initial_m
 from .._dynamics.system import System
 from .._fields.checks import as_number, errors_about, nearest, require
 from .._fields.types import ArrayLike
-from .._math.smoothing import norm_and_direction
-from .._math.vectors import Scalar, Vector
+from .._math.smoothing import norm_and_direction, where
+from .._math.vectors import Condition, Scalar, Vector
 from .._model.bodies import BodyState
 from .._model.scene import Scene
+
+NEAR = 1e-6
+"""Part of a step by which an instant just before a jump at its end is earlier: more than rounding
+errors of times and penetrations."""
 
 
 class Instant:
@@ -63,6 +67,7 @@ class Instant:
         bristles: Bristles = NO_BRISTLES,
         memory: Memories = NO_MEMORIES,
         inside: "Callable[[Scalar], Instant] | None" = None,
+        jumps: Condition | None = None,
     ):
         self.time, self.work = system.clock(own_time), work
         self.scene = system.scene
@@ -78,6 +83,9 @@ class Instant:
         out."""
         self._system, self._own_time, self._variables = system, own_time, variables
         self._inside = inside
+        self.jumps = jumps
+        """Whether the step that ends here ends at a breakpoint, or at an onset or end of a contact,
+        where quantities may jump; ``None`` in a scene without jumps."""
         # What JAX may trace of an instant.
         self._parts = system, own_time, variables, entry_speeds, work, bristles, memory
 
@@ -98,9 +106,24 @@ class Instant:
 
     @property
     def just_before(self) -> "Instant":
-        """The instant at the end of the same step, before sampled forces, such as a `Servo`, and
-        with them accelerations, jump there."""
-        return self.inside(1.0)
+        """The instant at the end of the same step, before sampled forces, such as a `Servo`, loads
+        or contact forces, and with them accelerations, jump there."""
+        return self.inside(self.last_fraction)
+
+    @property
+    def last_fraction(self) -> Scalar:
+        """The fraction of the step at which it is just before a jump at its end, otherwise 1."""
+        return 1.0 if self.jumps is None else where(self.jumps, 1.0 - NEAR, 1.0)
+
+    def before_and_after(self, value_of: "Callable[[Instant], Scalar]") -> tuple[Scalar, Scalar]:
+        """Return a number at the end of the step, just before and just after it may jump there;
+        both are equal in scenes without jumps."""
+        value = value_of(self)
+        if self.memory:
+            return value_of(self.just_before), value
+        if self.jumps is None:
+            return value, value
+        return where(self.jumps, value_of(self.just_before), value), value
 
     @cached_property
     def memory(self) -> Memories:

@@ -201,6 +201,7 @@ def test_growing_windows_lead_back_a_guess_from_which_a_single_run_goes_astray(f
         ({"guess": {"clearance": -1.0}}, "Parameter 'clearance': .*must be positive, but is -1.0"),
         ({"grow": (0.02, 0.01)}, "`grow` must be rising times between the start, 0.0 s, and the"),
         ({"grow": (0.03,)}, r"the last sample, 0.03 s, but is \[0.03\]: leave out the time"),
+        ({"start_time": 0.03}, r"`measurements` must be later than the start of the run, 0.03 s"),
         ({"max_iterations": 0}, "`max_iterations` must be a whole .* but is 0: allow one run"),
         ({"check_runs": 10}, "`check_runs` must be None, 0, or a whole number from 50, but is 10"),
         ({"tolerance": 0.0}, "`tolerance` must be positive, but is 0.0: 1e-3 standard deviations"),

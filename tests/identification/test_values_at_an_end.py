@@ -45,6 +45,24 @@ def test_intervals_are_those_of_linear_least_squares(change, scale, limits):
     assert any("value is at" in warning for warning in fit.warnings)
 
 
+def without_effect(scene, state, value):
+    return cj.set_value(scene, lambda s: s.bodies["puck"].inertia[1], 1.0 + value**2), state
+
+
+@pytest.mark.parametrize(
+    "scale, limits",
+    [
+        (cj.Log(), (0.0, np.inf)),
+        (cj.Linear(), (-np.inf, np.inf)),
+        (cj.Bounded(0.0, 10.0), (0.0, 10.0)),
+    ],
+)
+def test_without_effect_any_value_is_in_the_interval(scale, limits):
+    fit = fitted(without_effect, scale, 0.0 * TIMES)
+    assert fit.intervals["value"] == limits
+    assert not any("at most" in warning or "at least" in warning for warning in fit.warnings)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("truth", [0.0, 0.5, 1.0, 3.0])
 def test_intervals_hold_small_values_in_36_of_40_draws(truth):

@@ -128,3 +128,12 @@ def read_good(**options):
 def test_wrong_columns_are_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+@pytest.mark.parametrize("first", ["1000", "20240101", "5"])
+def test_times_may_be_numbers_in_texts(first):
+    """As `csv.DictReader` returns them. "1000" and "20240101" could also be dates."""
+    milliseconds = int(first) + np.arange(5)
+    table = pd.DataFrame({"t": [str(t) for t in milliseconds], "q [rad]": np.arange(5.0)})
+    log = cj.RobotLog.read(table, time="t [ms]", angles={"elbow": "q"})
+    np.testing.assert_allclose(log.angles["elbow"].times, 1e-3 * np.arange(5), atol=1e-12)

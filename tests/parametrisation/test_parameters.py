@@ -1,5 +1,7 @@
 """Paths of numbers: listing, replacing and tying numbers, and paths that lead to no number."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -100,3 +102,22 @@ def test_the_limit_of_information_between_bounds():
     assert scale.uninformative_std(0.0) == pytest.approx(np.std(logit(uniform)), rel=0.01)
     errors = [scale.uninformative_std(u) * scale.slope(u) for u in (-7.0, 0.0, 3.0)]
     np.testing.assert_allclose(errors, errors[1], rtol=1e-12)
+
+
+def test_a_function_may_return_integers():
+    """A free body whose velocity is an array of integers, in a sweep and with derivatives."""
+    scene = cj.Scene({"b": cj.Body(1.0, (1.0, 1.0, 1.0))})
+    start = cj.State({"b": cj.body_state((0.0, 0.0, 0.0))})
+
+    def thrown(scene, state, x):
+        body = replace(state.bodies["b"], velocity=np.array([1, 2, 3]))
+        place = cj.set_value(cj.State({"b": body}), lambda s: s.bodies["b"].position[0], x)
+        return scene, place
+
+    axes, z = {"x": cj.Axis.change(thrown, [0.5, 2.0])}, cj.quantities.Position("b", "z")
+    swept = cj.sweep(scene, start, 0.5, axes, progress=False)
+    expected = [[1.0, 1.0, 1.5], [2.5, 1.0, 1.5]]
+    np.testing.assert_allclose(swept["final_position"].sel(body="b"), expected)
+    x = {"x": cj.Parameter.change(thrown, 0.5)}
+    found = cj.sensitivities(scene, start, 0.5, x, {"z": z}, [0.5], progress=False)
+    np.testing.assert_allclose(found.derivatives["z"], 0.0, atol=1e-12)

@@ -43,6 +43,10 @@ class Fake:
     def middle(self):
         return self.inside(0.5)
 
+    def before_and_after(self, value_of):
+        value = value_of(self)
+        return value, value
+
     @property
     def work(self):
         return {"friction": self.time**2, "film": jnp.sin(self.time)}

@@ -79,6 +79,29 @@ def test_points_share_their_starts_and_failed_runs_are_counted():
     assert found["v"].dims == ("stiffness", "draw")
 
 
+@pytest.mark.filterwarnings("ignore:.*lanes failed")
+@pytest.mark.parametrize(
+    ("by_function", "exponents"),
+    [(False, 0), (True, 0), pytest.param(False, 2, marks=pytest.mark.slow)],
+)
+def test_values_that_a_scene_cannot_have_are_failed_points(by_function, exponents):
+    """Each point has the mean of the sweep without disturbances, to first order."""
+    scene, state = on_spring()
+
+    def heavier(scene, state, mass):
+        return cj.set_value(scene, lambda s: s.bodies["ball"].mass, mass), state
+
+    masses, path = [-1.0, 1.0, 2.0], lambda s: s.bodies["ball"].mass
+    axes = {"m": cj.Axis.change(heavier, masses) if by_function else cj.Axis(path, masses)}
+    options = {"draws": 4, "progress": False, "exponents": exponents}
+    found = cj.ensemble(scene, state, 0.2, axes, SPEED, **options)
+    assert found["failed"].values.tolist() == [4, 0, 0]
+    swept = cj.sweep(scene, state, 0.2, axes, SPEED, progress=False)
+    np.testing.assert_allclose(found["v_mean"], swept["v"], atol=1e-7)
+    if exponents:
+        assert np.isnan(found["lyapunov_exponent"].values).tolist() == [True, False, False]
+
+
 @pytest.mark.slow
 def test_seeds_threads_and_stores_give_the_same_bits(tmp_path):
     scene, state = cj.mechanisms.slider_crank(0.1e-3)

@@ -1,6 +1,7 @@
 """Reductions of joints: number of impacts, dissipated energy, and wear."""
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -9,7 +10,7 @@ import jax.numpy as jnp
 from typing_extensions import override
 
 from ..._fields.checks import require_count, require_positive
-from ..._math.smoothing import norm_and_direction
+from ..._math.smoothing import norm_and_direction, where
 from ..._math.vectors import Condition, Scalar, Vector, add
 from ..._model.clearance_joints.journal_bases import BASES, HasJournal, require_bases_only
 from ..._model.contact.laws import slip_velocity
@@ -264,9 +265,12 @@ class ArchardWear(AbstractWindowedReduction):
         before, at_start, volumes = tally
         latest = at_end = self._rates(now)
         window, length, middle = self._window(now), now.time - before, now.middle
+        if now.jumps is not None:
+            at_end = jax.tree.map(partial(where, now.jumps), self._rates(now.just_before), latest)
         if not window.is_whole:
             a, b = window.fractions(before, now.time)
-            at_start, at_end = self._rates(now.inside(a)), self._rates(now.inside(b))
+            at_start = self._rates(now.inside(a))
+            at_end = self._rates(now.inside(jnp.minimum(b, now.last_fraction)))
             length, middle = length * (b - a), now.inside(0.5 * (a + b))
         # Simpson's rule: rates at both ends and in the middle of the part in the window.
         at_middle, sixth = self._rates(middle), length / 6.0

@@ -38,12 +38,6 @@ class AbstractQuantityReduction(AbstractWindowedReduction):
     def _value(self, now: Instant) -> Scalar:
         return jnp.asarray(self.quantity(now), dtype=float)
 
-    def _at_end(self, now: Instant) -> tuple[Scalar, Scalar]:
-        """Return the quantity's values at the end of a step, just before and just after sampled
-        forces change there; both are equal in scenes without sampled forces."""
-        value = self._value(now)
-        return self._value(now.just_before) if now.memory else value, value
-
 
 class PeakTally(NamedTuple):
     """Tally of `Peak`: points with a time, s, as x, and the value there. `highest`: the peak in the
@@ -113,7 +107,7 @@ class Peak(AbstractQuantityReduction):
         length = now.time - tally.end.x
         position = (tally.start.x - tally.end.x) / jnp.where(length > 0.0, length, 1.0)
         before = Point(position, tally.start.value)
-        value_before, value = self._at_end(now)
+        value_before, value = now.before_and_after(self._value)
         start, end = Point(0.0, tally.end.value), Point(1.0, value_before)
         # The quantity is evaluated at several instants, but traced only once.
         value_of = traced_once(self._value)
@@ -172,7 +166,7 @@ class AbstractIntegralReduction(AbstractQuantityReduction):
     ) -> tuple[IntegralTally, Parabola, Scalar, Scalar]:
         """Return the tally after the step that ends at `now`, the parabola of the quantity in this
         step, and the fractions of the step between which it is in the window."""
-        t0, t1, (end, value) = tally.time, now.time, self._at_end(now)
+        t0, t1, (end, value) = tally.time, now.time, now.before_and_after(self._value)
         # The parabola's variable is 0 at t0 and 1 at t1. A rejected attempt has t1 = t0; its tally
         # is computed too, and discarded.
         arc = Parabola.through(tally.value, self._value(now.middle), end)
@@ -362,7 +356,7 @@ class Quantiles(AbstractQuantityReduction):
     @override
     def update(self, tally: QuantilesTally, now: Instant) -> QuantilesTally:
         (before, value), duration, below = tally
-        (end, latest), length = self._at_end(now), now.time - before
+        (end, latest), length = now.before_and_after(self._value), now.time - before
         arc = Parabola.through(value, self._value(now.middle), end)
         a, b = self._window(now).fractions(before, now.time)
         inside = jnp.where(b > a, length, 0.0)

@@ -347,12 +347,14 @@ def predictor(
       element all arrays of floats are parameters.
     - `outputs`: quantities by name, as in `sensitivities`, and reductions `Integral`, `Statistics`
       (mean and root mean square), `Peak` (the value), `DissipatedEnergy` and `MeanPowerLost`.
-      Integrated quantities must be continuous in time, and windows must have fixed edges.
+      Integrated quantities must be continuous in time, and windows must have fixed edges. A peak
+      must be smooth, or at a fixed time.
     - `times`: (N,) s, not decreasing, between start and end, at which quantities are evaluated; may
       be left out if the outputs have no quantity.
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.derivatives` unless given.
 
-    **Raises:** `ValueError` for invalid arguments, as `sensitivities`.
+    **Raises:** `ValueError` for invalid arguments, as `sensitivities`. Gradients raise one for a
+    peak at a contact event, or at a breakpoint that depends on the parameters.
     """
     requested = requested_by(outputs, None)
     expected = "a quantity or a reduction in reverse mode"

@@ -17,6 +17,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
+from ..._dynamics.breakpoints import since_breakpoints
+from ..._dynamics.contact_events import changes
 from ..._dynamics.system import System
 from ..._export.datasets import Notes
 from ..._fields.checks import require
@@ -30,6 +32,7 @@ from ..._result_codes import result_number
 from ...quantities.base import Instant, Quantity
 from ..reductions.base import AbstractReduction, result_name
 from ..results.solution import SUCCESSFUL, Solution
+from ..step.method import SystemFamily
 from ..step.step_state import Step
 from ..step.stepping import running
 from ..step.types import Numbers
@@ -249,6 +252,7 @@ class RecordedRun:
         """Pull cotangents of the outputs, (N,) for a quantity and numbers for a reduction, back to
         the steps in which the outputs are evaluated."""
         recorder, samples = self.recorder, self._samples
+        self._require_still_instants(cotangents)
         # First from the outputs to the values of quantities at all times of `_samples`.
         if recorder.outputs.reductions:
             (cotangents,) = jax.device_get(jax.vjp(self._combined, self._sampled)[1](cotangents))
@@ -260,6 +264,33 @@ class RecordedRun:
             pulled.append(np.asarray(of_piece))
             total = jax.tree.map(np.add, total, by_direction)
         return Seeds(total, np.concatenate(pulled)[: len(samples.times)], samples.places)
+
+    def _require_still_instants(self, cotangents: dict[str, np.ndarray]) -> None:
+        """Raise a `ValueError` if an instant that the run has found, such as that of a peak, is
+        that of a contact event, or of a breakpoint that depends on the parameters. A shift of such
+        an instant changes the value to first order, unlike that of a smooth peak."""
+        run, ends = self.recorder.run, np.concatenate([s.ends for s in self.segments])
+        origin, resolution = float(run.origin), 8.0 * np.finfo(float).eps
+        for name, reduction in run.reductions.items():
+            parts = [cotangents[result_name(name, part)] for part in reduction.differentiated]
+            if not np.any(parts):
+                continue
+            for time in self._samples.instants[name]:
+                own = time - origin
+                k = int(np.abs(ends - own).argmin())
+                is_end = abs(ends[k] - own) <= resolution * max(abs(origin), abs(own))
+                if not is_end or k + 1 == len(ends):
+                    continue
+                rows = self._rows_at(np.array([k, k + 1]))
+                (before, t1), (after, _) = (
+                    like(adjoint.step_row(self.example, self.example.t), row) for row in rows
+                )
+                moves = bool(changes(before.contact_gaps, after.contact_gaps))
+                moves = moves or _breakpoint_moves(run.systems(self.at), before.t, t1)
+                expected = "a peak that is smooth, or at a fixed time"
+                remedy = "take the difference of two runs"
+                argument = f"outputs[{name!r}]"
+                require(not moves, argument, f"at an event at {time:.6g} s", expected, remedy)
 
     @property
     def places(self) -> np.ndarray:
@@ -295,6 +326,20 @@ class RecordedRun:
         (first_row,) = self._rows_at(np.zeros(1, int))
         of_start = adjoint.pulled_start(self.recorder.run, self.at, self.example, first_row, before)
         return jax.tree.map(np.add, start.total, of_start)
+
+
+def _breakpoint_moves(systems: SystemFamily, start: Scalar, t: Scalar) -> bool:
+    """Return whether a step from `start` to `t`, s, ends at a breakpoint that depends on the
+    parameters."""
+    landings = since_breakpoints(systems.system(), start, t)
+    if not any(bool(lands) for lands, _ in landings.values()):
+        return False
+
+    def since(system: System) -> dict[str, Scalar]:
+        return {name: time for name, (_, time) in since_breakpoints(system, start, t).items()}
+
+    _, along = systems.with_derivatives(since, (), ())
+    return any(bool((np.asarray(slope) != 0.0).any()) for slope in jax.tree.leaves(along))
 
 
 def _pieces(rows: np.ndarray, times: np.ndarray, *cotangents: PyTree) -> Iterator[tuple]:

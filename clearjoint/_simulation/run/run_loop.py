@@ -15,6 +15,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from ..._dynamics.breakpoints import since_breakpoints
+from ..._dynamics.contact_events import any_of, changes
 from ..._dynamics.coordinates import MotionVariables
 from ..._dynamics.system import System
 from ..._math.vectors import Condition, Scalar, unpack
@@ -24,6 +26,7 @@ from ...quantities.base import Instant
 from ..step.dense_output import DenseStep, Snapshot
 from ..step.method import SystemFamily
 from ..step.rotation_limit import rotating_bodies
+from ..step.saltation import contacts_jump
 from ..step.solvers import UnrolledExplicit
 from ..step.step_state import Attempt, Method, Step, TangentsInside, Variables, choose
 from ..step.stepping import attempt, running, start
@@ -95,7 +98,16 @@ class StepOutcome:
         def inside(x: Scalar) -> Instant:
             return self.dense_step.within(self.method, x).instant(self.system)
 
-        return Snapshot.of(self.after).instant(self.system, inside)
+        return Snapshot.of(self.after).instant(self.system, inside, self._jumps)
+
+    @property
+    def _jumps(self) -> Condition | None:
+        """The `Instant.jumps` of `now`."""
+        scene, before, after = self.system.scene, self.before, self.after
+        events = [lands for lands, _ in since_breakpoints(self.system, before.t, after.t).values()]
+        if contacts_jump(scene):
+            events.append(changes(before.contact_gaps, after.contact_gaps))
+        return any_of(events) if events else None
 
 
 class AbstractRecorder(eqx.Module, Generic[R]):

@@ -69,8 +69,12 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
     @override
     def after(self, record: SectionRecord, step_outcome: StepOutcome) -> SectionRecord:
         accepted, now, before = step_outcome.accepted, step_outcome.now, record.level
-        after = self._level(now)
-        start, end = self._bracket(now, before, after)
+        last, after = now.before_and_after(self._level)
+        start, end = self._bracket(now, before, last)
+        if last is not after:
+            leaps = (last < 0.0) & (after >= 0.0)  # The level rises by a jump at the end.
+            at_end = Point(1.0, last), Point(1.0, after)
+            start, end = choose(leaps, at_end, (start, end))
         rises = accepted & (start.value < 0.0) & (end.value >= 0.0)
         period = getattr(self.quantity, "period", None)
         if period is not None:

@@ -103,23 +103,15 @@ def decide_step(
         start = jnp.where(decision.keep, t1, step.t)
         decision = decision._replace(t_next=start + full_length)
     keep = decision.keep
-<<<<<<< HEAD
     result = _result(trial, decision, t_end)
-    if trial.tangents is not None and may_have_undeclared_jump(scene):
-        # Across an undeclared jump the states stay correct, but the derivatives do not.
-        jumps = keep & has_undeclared_jump(trial)
-        result = RESULTS.where(jumps, RESULTS.force_jumped, result)
-=======
-    result = _result(system, step, trial, decision, t_end)
     if trial.tangents is not None:
         # Across an undeclared jump the states stay correct, but the derivatives do not.
-        if may_have_undeclared_jump(system.scene):
-            jumps = keep & has_undeclared_jump(method, system, trial)
+        if may_have_undeclared_jump(scene):
+            jumps = keep & has_undeclared_jump(trial)
             result = RESULTS.where(jumps, RESULTS.force_jumped, result)
-        jumps = changes_side(system, trial)
+        jumps = changes_side(trial)
         if jumps is not None:
             result = RESULTS.where(keep & jumps, RESULTS.force_jumped, result)
->>>>>>> w_h1
     # Time since the latest onset, which runs with tangents need for the next step's time map.
     since = last.time_since_onset
     if since is not None:

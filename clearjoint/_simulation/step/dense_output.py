@@ -105,12 +105,18 @@ class Snapshot(eqx.Module):
     def of(step: Step) -> "Snapshot":
         return Snapshot(step.t, step.y, step.entry_speeds)
 
-    def instant(self, system: System, inside: Callable[[Scalar], Instant] | None = None) -> Instant:
+    def instant(
+        self,
+        system: System,
+        inside: Callable[[Scalar], Instant] | None = None,
+        jumps: Condition | None = None,
+    ) -> Instant:
         """Return the snapshot as an `Instant`. `inside`: function that returns the instant after a
-        part, 0 to 1, of the step that ends here; ``None`` if no quantity needs such instants."""
+        part, 0 to 1, of the step that ends here; ``None`` if no quantity needs such instants.
+        `jumps`: see `Instant.jumps`."""
         y = self.y
         parts = y.motion, self.entry_speeds, y.work, y.bristles, y.memory
-        return Instant(system, self.t, *parts, inside)
+        return Instant(system, self.t, *parts, inside, jumps)
 
     def state(self, system: System) -> State:
         y = self.y

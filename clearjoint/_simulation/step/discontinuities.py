@@ -169,10 +169,10 @@ def _depends_on_primitive(program: Jaxpr, chosen: list[bool], primitives: frozen
     return False
 
 
-def changes_side(system: System, trial: Trial) -> Condition | None:
+def changes_side(trial: Trial) -> Condition | None:
     """Return whether a force of the scene jumps in a trial step, as its `deviations` tell, for
     example since an angle passes half a revolution; ``None`` without any deviations."""
-    step = trial.step
+    step, system = trial.step, trial.system
 
     def deviations(motion: MotionVariables, t: Scalar) -> list[Scalar]:
         # A function of time has at a breakpoint the value inside of the step.
