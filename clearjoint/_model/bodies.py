@@ -93,10 +93,10 @@ def _require_inertia(argument: str, value: ArrayLike) -> None:
         return
     (inertia,) = numbers
     # The tests of the symmetry and of the largest moment allow for the rounding of given numbers:
-    # the largest moment is at most (1 + 1e-9) times the sum of the other two, which is the sum of
-    # all less itself.
+    # the largest moment is at most (1 + 1e-6) times the sum of the other two, which is the sum of
+    # all less itself. For a plate both are equal, but for rounding in single precision.
     total = inertia.sum() if inertia.ndim == 1 else inertia.trace()
-    largest = total * (1 + 1e-9) / (2 + 1e-9)
+    largest = total * (1 + 1e-6) / (2 + 1e-6)
     if inertia.ndim == 1:
         positive, is_rigid = inertia.min() > 0, inertia.max() <= largest
     else:

@@ -4,6 +4,7 @@ import math
 import warnings
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -88,6 +89,15 @@ def test_measures_may_be_design_variables():
 
     exact = STEEL * math.pi * 1e-4 * (0.25 * 0.01**2 + 0.25 * 0.4**2)
     assert float(jax.grad(moment)(0.4)) == pytest.approx(exact, rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", [np.float32, jnp.float32])
+def test_plates_in_single_precision_are_bodies(kind):
+    """The largest moment of a plate is the sum of the other two, but for rounding."""
+    generator = np.random.default_rng(0)
+    for first, second in generator.uniform(0.1, 1.0, (20, 2)):
+        inertia = kind(np.array([first, second, first + second]))
+        np.testing.assert_allclose(cj.Body(1.0, inertia).inertia, inertia, rtol=1e-7)
 
 
 def test_an_inertia_matrix_may_be_asymmetric_by_rounding():
