@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, TypeVar
+from typing import Annotated
 
 import equinox as eqx
 import jax
@@ -32,7 +32,6 @@ from .._math.vectors import IDENTITY, ZERO, Matrix, Scalar, Vector, add
 from .densities import STEEL
 from .tree_dataclass import tree_dataclass
 
-T = TypeVar("T")
 AXES = ("x", "y", "z")
 Number = PyTree
 """A number from the user, which JAX may trace, or ``None``."""
@@ -317,18 +316,6 @@ class BodyState(AbstractReadable):
     spin: Triple = described("rad/s", "angular velocity in body axes")
 
 
-def _body_states(bodies: Mapping[str, BodyState]) -> dict[str, BodyState]:
-    # The numbers are not checked here: `body_state` checks those that it gets, and a run checks
-    # all numbers of its initial state.
-    remedy = "pass State({name: body_state(...)})"
-    require_types("bodies", bodies, BodyState, "a BodyState", remedy)
-    return dict(bodies)
-
-
-def _or_empty(by_name: dict[str, T] | None) -> dict[str, T]:
-    return {} if by_name is None else by_name
-
-
 class State(AbstractReadable):
     """State of all bodies of a scene, and of its contacts, at one time.
 
@@ -355,11 +342,29 @@ class State(AbstractReadable):
     array([0.5, 0. , 0. ])
     """
 
-    bodies: dict[str, BodyState] = eqx.field(converter=_body_states)
-    entry_speeds: dict[str, dict[str, Single]] = eqx.field(default=None, converter=_or_empty)
-    work: dict[str, Single] = eqx.field(default=None, converter=_or_empty)
-    bristles: dict[str, dict[str, Triple]] = eqx.field(default=None, converter=_or_empty)
-    memory: dict[str, dict[str, Single]] = eqx.field(default=None, converter=_or_empty)
+    bodies: dict[str, BodyState]
+    entry_speeds: dict[str, dict[str, Single]]
+    work: dict[str, Single]
+    bristles: dict[str, dict[str, Triple]]
+    memory: dict[str, dict[str, Single]]
+
+    def __init__(
+        self,
+        bodies: Mapping[str, BodyState],
+        entry_speeds: dict[str, dict[str, Single]] | None = None,
+        work: dict[str, Single] | None = None,
+        bristles: dict[str, dict[str, Triple]] | None = None,
+        memory: dict[str, dict[str, Single]] | None = None,
+    ):
+        remedy = "pass State({name: body_state(...)})"
+        # The numbers are not checked here: `body_state` checks those that it gets, and a run checks
+        # all numbers of its initial state.
+        require_types("bodies", bodies, BodyState, "a BodyState", remedy)
+        self.bodies = dict(bodies)
+        self.entry_speeds = {} if entry_speeds is None else entry_speeds
+        self.work = {} if work is None else work
+        self.bristles = {} if bristles is None else bristles
+        self.memory = {} if memory is None else memory
 
 
 @tree_dataclass
