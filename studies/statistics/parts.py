@@ -22,7 +22,13 @@ SHIFTS, WEIGHTS = (-1.5, -0.5, 0.5, 1.5), np.array([1.0, -27.0, 27.0, -1.0]) / 2
 """Central difference of fourth order: shifts of the clearance in deviations, and weights. One of
 second order over a deviation would include a third derivative that is not small."""
 SHOWN = ("force", "load_mean", "load_rms")
-CLEARANCES = cj.Axis(lambda scene: scene.joints[PIN].clearance, np.geomspace(2e-5, 2e-4, 8))
+
+
+def _clearance(scene: cj.Scene) -> Scalar:
+    return scene.joints[PIN].clearance
+
+
+CLEARANCES = cj.Axis(_clearance, np.geomspace(2e-5, 2e-4, 8))
 
 
 def outputs() -> dict[str, cj.extend.AbstractReduction]:
@@ -79,7 +85,7 @@ def ensemble(output: Output) -> list[str]:
 def manufactured(clearance: float, draws: int, seed: int) -> xr.Dataset:
     """Return the derivatives by a nominal clearance, m, from a number of runs."""
     scene, state = cj.mechanisms.slider_crank(clearance)
-    uncertain = {"clearance": cj.Uncertain(CLEARANCES.variation.function, deviation=TOLERANCE)}
+    uncertain = {"clearance": cj.Uncertain(_clearance, deviation=TOLERANCE)}
     return cj.statistics_derivatives(
         scene, state, 2 * PERIOD, uncertain, outputs(), draws=draws, seed=seed, progress=False
     )
@@ -137,7 +143,7 @@ def derivatives(output: Output) -> list[str]:
 def _other_methods(draws: int) -> list[str]:
     """Return derivatives of the mean pin force by the score method and from tangents."""
     scene, state = cj.mechanisms.slider_crank(CLEARANCE)
-    tolerance = cj.Uncertain(CLEARANCES.variation.function, deviation=TOLERANCE)
+    tolerance = cj.Uncertain(_clearance, deviation=TOLERANCE)
     axes = cj.design(scene, state, {"clearance": tolerance}, draws, "random")
     runs = cj.sweep(
         scene, state, 2 * PERIOD, axes, {"load": outputs()["load"]}, zipped=True, progress=False
@@ -162,7 +168,7 @@ def _by_tangents(clearances: np.ndarray, draws: int) -> list[str]:
         scene,
         state,
         long * PERIOD,
-        {"clearance": cj.Uncertain(CLEARANCES.variation.function, deviation=TOLERANCE)},
+        {"clearance": cj.Uncertain(_clearance, deviation=TOLERANCE)},
         {"load": outputs()["load"]},
         draws=draws,
         progress=False,
@@ -197,7 +203,7 @@ def sensitivity(output: Output) -> list[str]:
         CLEARANCE, friction=cj.frictions.RegularisedCoulomb(0.05)
     )
     uncertain = {
-        "clearance": cj.Uncertain(CLEARANCES.variation.function, between=(5e-5, 2e-4)),
+        "clearance": cj.Uncertain(_clearance, between=(5e-5, 2e-4)),
         "restitution": cj.Uncertain(lambda s: s.joints[PIN].law.restitution, between=(0.6, 0.95)),
         "stiffness": cj.Uncertain(
             lambda s: s.joints[PIN].law.stiffness.young_modulus, between=(100e9, 210e9)

@@ -49,11 +49,12 @@ STEPS = (1e-2, 1e-3, 1e-4)
 TIGHT = cj.Settings(rtol=1e-10, landing_tolerance=1e-13, derivative_tolerance=10.0)
 AFTER = np.array([1e5, 3e5])
 """Numbers of cycles after which depths are compared."""
-PARAMETERS = {
-    "clearance": cj.Parameter(lambda scene: scene.joints[PIN].clearance),
-    "slider's mass": cj.Parameter(lambda scene: scene.bodies["slider"].mass),
-    "load": cj.Parameter(lambda scene: scene.forces["press"].force[0]),
+PATHS = {
+    "clearance": lambda scene: scene.joints[PIN].clearance,
+    "slider's mass": lambda scene: scene.bodies["slider"].mass,
+    "load": lambda scene: scene.forces["press"].force[0],
 }
+PARAMETERS = {name: cj.Parameter(path) for name, path in PATHS.items()}
 
 
 def press() -> tuple[cj.Scene, cj.State]:
@@ -173,9 +174,8 @@ def life(output: Output) -> list[str]:
     derivatives = cj.life_derivatives(mean, depth, PIN)
     end = cj.cycles_to_depth(mean, depth, PIN)
     lines = [f"life to a mean depth of {depth * 1e6:.2f} µm: {end:.4g} cycles"]
-    for name, parameter in PARAMETERS.items():
-        path, lives = parameter.variation.function, []
-        value = float(path(scene))
+    for name, path in PATHS.items():
+        lives, value = [], float(path(scene))
         for sign in (1.0, -1.0):
             other = cj.set_value(scene, path, value * (1.0 + sign * DIFFERENCE))
             cycles = found["cycles"].values[1:]
@@ -192,7 +192,7 @@ def steps(output: Output) -> list[str]:
     """Compare the derivative of the mean depth by the clearance with central differences, for two
     settings; all are multiplied by the clearance and divided by the depth."""
     scene, clearance = press()[0], {"clearance": PARAMETERS["clearance"]}
-    path, lines = clearance["clearance"].variation.function, []
+    path, lines = PATHS["clearance"], []
     for name, settings in {"derivatives": cj.presets.derivatives, "tight": TIGHT}.items():
         options = {"settings": settings, "stages": 4, **FIXED}
         found = _means(worn(scene, AFTER, True, parameters=clearance, **options))

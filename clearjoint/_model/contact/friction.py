@@ -324,23 +324,7 @@ FrictionLaw: TypeAlias = AbstractFriction | AbstractBristleFriction
 """Law of the friction in a joint, without or with bristles."""
 
 
-class AbstractElasticBristles(AbstractBristleFriction):
-    """Base class of bristles with a `stiffness`, 1/m, over the normal force. The rate is that of
-    `Dahl` and `LuGre`, with the `sliding_ratio` in place of mu or g(v)."""
-
-    stiffness: eqx.AbstractVar[Single]
-
-    @override
-    def rate(self, deflection: Vector, slip: Vector) -> Vector:
-        speed, _ = norm_and_direction(slip)
-        return slip - deflection * (self.stiffness * speed / self.sliding_ratio(speed))
-
-    @override
-    def stored_energy(self, deflection: Vector) -> Scalar:
-        return 0.5 * self.stiffness * deflection.dot(deflection)
-
-
-class Dahl(AbstractElasticBristles):
+class Dahl(AbstractBristleFriction):
     r"""Bristles without damping (P. R. Dahl 1968, with the exponent one).
 
     $$\dot z = v - \frac{\sigma_0 |v|}{\mu} z, \quad \frac{F_t}{F_n} = \sigma_0 z$$
@@ -357,6 +341,11 @@ class Dahl(AbstractElasticBristles):
     stiffness: Single = quantity("1/m", default=1e5, positive=True, remedy="give sigma0 in 1/m")
 
     @override
+    def rate(self, deflection: Vector, slip: Vector) -> Vector:
+        speed, _ = norm_and_direction(slip)
+        return slip - deflection * (self.stiffness * speed / self.coefficient)
+
+    @override
     def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
         return deflection * self.stiffness
 
@@ -365,14 +354,19 @@ class Dahl(AbstractElasticBristles):
         return self.coefficient
 
     @override
+    def stored_energy(self, deflection: Vector) -> Scalar:
+        return 0.5 * self.stiffness * deflection.dot(deflection)
+
+    @override
     def full_deflection(self) -> Scalar:
         return self.coefficient / self.stiffness
 
 
-class AbstractDampedBristles(AbstractElasticBristles):
+class AbstractDampedBristles(AbstractBristleFriction):
     """Base class of damped bristles whose friction in steady sliding follows Stribeck's curve.
     Formulas and arguments are those of `LuGre`."""
 
+    stiffness: eqx.AbstractVar[Single]
     damping: eqx.AbstractVar[Single]
     viscosity: eqx.AbstractVar[Single]
     breakaway: Single = quantity("1", positive=True, remedy="give mu_S")
@@ -386,6 +380,10 @@ class AbstractDampedBristles(AbstractElasticBristles):
     @override
     def ratio(self, deflection: Vector, rate: Vector, slip: Vector) -> Vector:
         return deflection * self.stiffness + rate * self.damping + slip * self.viscosity
+
+    @override
+    def stored_energy(self, deflection: Vector) -> Scalar:
+        return 0.5 * self.stiffness * deflection.dot(deflection)
 
     @override
     def sliding_ratio(self, slip_speed: Scalar) -> Scalar:
@@ -419,6 +417,11 @@ class LuGre(AbstractDampedBristles):
     stiffness: Single = quantity("1/m", default=1e5, positive=True, remedy="give sigma0 in 1/m")
     damping: Single = quantity("s/m", default=0.0, positive=True, zero=True)
     viscosity: Single = quantity("s/m", default=0.0, positive=True, zero=True)
+
+    @override
+    def rate(self, deflection: Vector, slip: Vector) -> Vector:
+        speed, _ = norm_and_direction(slip)
+        return slip - deflection * (self.stiffness * speed / self.sliding_ratio(speed))
 
 
 class ElastoPlastic(AbstractDampedBristles):
