@@ -59,3 +59,17 @@ def test_a_run_that_cannot_look_inside_steps_refuses_sections():
         cj.simulate(*rotor(), 1.0, outputs=LOST)
     with pytest.raises(ValueError, match=r"`outputs\['zero'\]`.*under a transformation"):
         jax.jit(lambda end: cj.simulate(*rotor(), end, outputs=LOST).time)(1.0)
+
+
+def test_names_may_be_strings_of_numpy(tmp_path):
+    """A store with such a name is extended by another output: x = t."""
+    scene = cj.Scene({"b": cj.Body(1.0, (1.0, 1.0, 1.0))})
+    start = cj.State({"b": cj.body_state((0.0, 0.0, 0.0), velocity=(1.0, 0.0, 0.0))})
+    axes = {"mass": cj.Axis(lambda scene: scene.bodies["b"].mass, [1.0, 2.0])}
+    place = cj.Peak(cj.quantities.Position("b", "x"), "m")
+    options = {"path": tmp_path / "runs.zarr", "progress": False}
+    cj.sweep(scene, start, 0.5, axes, {np.array(["place"])[0]: place}, **options)
+    outputs = {"place": place, "speed": cj.Peak(cj.quantities.Velocity("b"), "m/s")}
+    extended = cj.sweep(scene, start, 0.5, axes, outputs, **options)
+    np.testing.assert_allclose(extended["place"], 0.5)
+    np.testing.assert_allclose(extended["speed"], 1.0)

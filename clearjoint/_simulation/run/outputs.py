@@ -112,6 +112,8 @@ class Requested:
 
     def __post_init__(self) -> None:
         require_names("outputs", self.outputs, EXAMPLE)
+        # NumPy's strings, which are equal to these, have other digests in the stores of sweeps.
+        object.__setattr__(self, "outputs", {str(n): o for n, o in self.outputs.items()})
         expected = "a quantity, a reduction, a Section, an ImpactTable or RejectedSteps"
         for name, output in self.outputs.items():
             is_quantity = callable(output) and not isinstance(output, type)
