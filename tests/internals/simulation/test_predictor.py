@@ -504,7 +504,7 @@ class Paraboloid:
     """An objective whose first step is 200 times too long, and which JAX can't trace: a run inside
     of a program of XLA waits for ever on a machine with one core."""
 
-    parameters: ClassVar[dict[str, object]] = {"x": None}
+    scales: ClassVar[dict[str, object]] = {}
     curvature = 1e3 * np.linspace(1.0, 4.0, 20)
 
     def start(self):
