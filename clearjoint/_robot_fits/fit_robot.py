@@ -47,6 +47,7 @@ from .problem import (
     backlash_name,
     continuous,
     drive_name,
+    is_hinge,
     robot_problem,
 )
 
@@ -241,7 +242,7 @@ class RobotFit(AbstractTabular):
             torque, position, by_name = f"{joint} torque", f"{side} position", self.predictions
             times = np.asarray(measured[position if position in measured else torque].times)
             logged = (
-                np.interp(times, angles.times, continuous(self.robot, side, angles)),
+                np.interp(times, angles.times, continuous(angles, is_hinge(self.robot, side))),
                 np.interp(times, torques.times, torques.values),
             )
             predicted = [
@@ -573,7 +574,10 @@ def _reason(
             return f"{head}: the motion never reverses its load."
     samples = problem.log.angles.get(joint)
     noise = 0.0 if samples is None or samples.noise is None else samples.noise
-    if samples is not None and continuous(problem.robot, joint, samples).std() <= STILL * noise:
+    if (
+        samples is not None
+        and continuous(samples, is_hinge(problem.robot, joint)).std() <= STILL * noise
+    ):
         return f"{head}: the joint does not move."
     if report.deviations_alone[k] > report.limits[k]:
         size = number(float(report.deviations_alone[k]))

@@ -321,7 +321,9 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
     following = {motor_of(robot, joint) for joint, mode in driven_by.items() if mode == "angle"}
     q = {name: float(spline.values[1]) for name, spline in positions.items()}
     at_rest = {
-        n for n in log.angles if n not in following and _begins_at_rest(robot, n, log.angles[n])
+        n
+        for n in log.angles
+        if n not in following and _begins_at_rest(log.angles[n], is_hinge(robot, n))
     }
     qd = {n: 0.0 if n in at_rest else float(spline.rates[1]) for n, spline in positions.items()}
     for name in log.angles:
@@ -387,9 +389,9 @@ def is_hinge(robot: Robot, joint: str) -> bool:
     return not isinstance(robot.scene.joints[joint], PrismaticJoint)
 
 
-def continuous(robot: Robot, joint: str, samples: Logged) -> Float[np.ndarray, " N"]:
+def continuous(samples: Logged, is_angle: bool) -> Float[np.ndarray, " N"]:
     """Return logged positions of a joint; angles without jumps by a revolution."""
-    return np.unwrap(samples.values) if is_hinge(robot, joint) else samples.values
+    return np.unwrap(samples.values) if is_angle else samples.values
 
 
 def _other_side(robot: Robot, log: RobotLog, name: str) -> str | None:
@@ -399,11 +401,11 @@ def _other_side(robot: Robot, log: RobotLog, name: str) -> str | None:
     return None if other in log.angles else other
 
 
-def _begins_at_rest(robot: Robot, joint: str, samples: Logged) -> bool:
+def _begins_at_rest(samples: Logged, is_angle: bool) -> bool:
     """Return whether the line through the first samples is flat, see `SLOPE`."""
     if samples.noise is None:
         return False
-    times, values = samples.times[:REST], continuous(robot, joint, samples)[:REST]
+    times, values = samples.times[:REST], continuous(samples, is_angle)[:REST]
     offsets = times - times.mean()
     error = samples.noise / np.linalg.norm(offsets)  # of the slope
     return bool(abs(offsets @ values) / (offsets @ offsets) <= SLOPE * error)
@@ -430,7 +432,7 @@ def _smoothed(robot: Robot, joint: str, samples: Logged) -> Spline:
     from scipy.interpolate import CubicSpline, UnivariateSpline
 
     _require_unit(f"log.angles[{joint!r}]", samples, "rad" if is_hinge(robot, joint) else "m")
-    values = continuous(robot, joint, samples)
+    values = continuous(samples, is_hinge(robot, joint))
     if samples.noise is None or len(values) < 5:
         # A natural spline has no acceleration at its ends, where the joint may have one.
         spline, knots = CubicSpline(samples.times, values), samples.times

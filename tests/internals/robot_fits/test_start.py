@@ -22,7 +22,7 @@ def share_at_rest(speed, start=0.4):
     rest; angles are from -pi to pi."""
     noise = NOISE * np.random.default_rng(0).standard_normal((2000, len(TIMES)))
     angles = (start + speed * TIMES + noise + np.pi) % (2.0 * np.pi) - np.pi
-    return np.mean([_begins_at_rest(Logged(TIMES, row, NOISE, "rad")) for row in angles])
+    return np.mean([_begins_at_rest(Logged(TIMES, row, NOISE, "rad"), True) for row in angles])
 
 
 @pytest.mark.parametrize("start", [0.4, np.pi])
@@ -40,7 +40,7 @@ def test_a_speed_is_found_where_least_squares_determines_it():
 
 
 def test_unknown_noise_leaves_the_speed_open():
-    assert not _begins_at_rest(Logged(TIMES, np.zeros(10), None, "rad"))
+    assert not _begins_at_rest(Logged(TIMES, np.zeros(10), None, "rad"), True)
 
 
 def geared(folder, play="0.5 deg", axis="0 1 0"):
