@@ -51,8 +51,9 @@ class _Decision(NamedTuple):
     def repeated(
         self, reason: Rejection, repeats: Condition, t_next: Scalar, last: Proposal
     ) -> "_Decision":
-        """Return the decision to repeat the trial up to `t_next`, s, if `repeats`, which may be
-        true only if `keep` is; otherwise this decision. `last`: the proposal of the trial."""
+        """Return the decision to repeat the trial, for a `reason`, up to `t_next`, s, if `repeats`
+        is true; otherwise this decision. `repeats` may be true only if `keep` is. `last`: the
+        `Proposal` that led to the trial."""
         return self._replace(
             keep=self.keep & ~repeats,
             t_next=jnp.where(repeats, t_next, self.t_next),
@@ -67,7 +68,8 @@ def decide_step(
     trial: Trial, t_end: Scalar
 ) -> tuple[Condition, Proposal, RESULTS, dict[str, Condition]]:
     """Decide whether a trial step is accepted, in a run that ends at `t_end`, s. Return also the
-    step to try next, the result code, and by `Rejection` whether the trial is rejected for it.
+    step to try next, the run's result code, and by `Rejection` whether the trial is rejected for
+    this reason.
 
     The step-size controller decides first. A trial that the controller accepts is still rejected if
     a driver is not smooth over the step, if a body rotates too far in it, or if it passes a contact
@@ -85,7 +87,7 @@ def decide_step(
     full_length = decision.t_next - jnp.where(decision.keep, t1, step.t)
     if trial.time_map is not None:
         full_length = trial.time_map.next_length(full_length, decision.keep)
-    # Without contacts only breakpoints and rotations can have cut the step short.
+    # Without landing at contact events only breakpoints and rotations can have cut the step short.
     begins_contact, entry_length = last.begins_contact, last.entry_length
     if method.landing is not None and after:
         # A trial that passes a contact event is repeated up to it: its set of closed contacts was
@@ -165,6 +167,7 @@ def _made_jump(decision: _Decision, trial: Trial) -> Condition:
 
 
 def _relative_tolerance(controller: diffrax.AbstractStepSizeController) -> Scalar:
+    # A controller such as `diffrax.ClipStepSizeController` contains the one with the tolerances.
     inner = getattr(controller, "controller", None)
     if inner is not None:
         return _relative_tolerance(inner)
@@ -183,7 +186,8 @@ def _controller_decision(trial: Trial) -> _Decision:
     def scaled(y: PyTree) -> PyTree:
         return step_length.with_relative_bristles(unstacked(y), system.scene) if has_bristles else y
 
-    # `before`, `after` and `error` have a second part in a run with tangents: that of the tangents.
+    # `before` and `after` are magnitudes of the variables at both ends of the step. In a run with
+    # tangents, these and `error` are pairs, whose second part is for the tangents.
     before, after = (step_length.magnitudes(scaled(y)) for y in (step.y, trial.outcome.y))
     error = scaled(trial.outcome.error)
     if trial.tangents is not None:

@@ -160,11 +160,11 @@ def _past_samples(
     after: Scalar,
     differentiated: bool,
 ) -> Variables:
-    """Return the variables with the memories that forces have after the instants, at the end t of
-    the step, s, at which they sample the motion. If an instant depends on parameters, the motion
-    sampled there, and the time for which the changed forces have acted at t, have derivatives,
-    which are added if `differentiated`. `before` and `after` are times just before and after t, s.
-    """
+    """Return the variables at the end t, s, of a step with the memories that forces have after the
+    instants, of those in `sampled`, that lie there. Forces sample the motion at these instants. If
+    an instant depends on parameters, the sampled motion, and the time for which the changed forces
+    have acted at t, have derivatives, which are added if `differentiated`. `before` and `after` are
+    times just before and just after t, s."""
     # The times since the instants are zero except for rounding. So are the products of these times
     # with derivatives of the rates, which are therefore left out.
     fixed, still, speeds = constant((system, y, entry_speeds))
@@ -192,7 +192,7 @@ def _past_samples(
     y = replace(y, memory=memories)
     if not differentiated:
         return y
-    # Only the times keep their derivatives.
+    # Only the times keep their derivatives: products of a time and a derivative are left out.
     changes = [(*constant((name, old, new)), since) for name, old, new, since in changes]
     forces = sampled_forces(fixed.scene)
 

@@ -168,6 +168,8 @@ class DenseOutput(eqx.Module):
 
 
 def _by_leaf(function: Callable[..., Scalar], numbers: PyTree[Scalar], *trees: Y) -> Y:
+    # Apply `function` to `numbers` and corresponding leaves of `trees`. A leaf of a `Stacked` is an
+    # array of many variables, for which `elementwise` makes one loop.
     if isinstance(trees[0], Stacked):
         function = partial(elementwise, function)
     return jax.tree.map(partial(function, numbers), *trees)

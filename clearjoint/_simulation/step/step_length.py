@@ -25,9 +25,9 @@ disregards cuts as small as rounding errors."""
 
 
 SHARE_OF_SPEED = 0.2
-"""Part of each speed that `tangent_sizes` adds to the size of the speed's derivative, divided by
-the ratio of the largest derivative of a position to the largest position. With smaller values,
-derivatives of a fall from 50 m on a contact of 1e13 N/m^1.5 could not be computed."""
+"""`tangent_sizes` adds to the derivative of each speed this number times the speed and the ratio of
+the largest derivative of a position to the largest position. With smaller values, derivatives of a
+fall from 50 m on a contact of 1e13 N/m^1.5 could not be computed."""
 
 
 def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Scalar:
@@ -81,8 +81,8 @@ def lengths_after_contacts(
 
 
 def length_after_breakpoints(step: Step, t1: Scalar, keep: Condition, proposed: Scalar) -> Scalar:
-    """Return `full_length` of the next `Proposal` in a scene without contacts. The arguments are
-    those of `lengths_after_contacts`."""
+    """Return `full_length` of the next `Proposal`, s, in a run whose steps do not end at contact
+    events. The arguments are those of `lengths_after_contacts`."""
     is_cut = t1 - step.t < CUT * step.proposal.full_length
     return jnp.where(keep, _uncut(step.proposal, is_cut, proposed), proposed)
 
@@ -96,7 +96,8 @@ def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
 def magnitudes(y: Variables) -> Variables:
     """Return the numbers to which the step-size controller relates the errors of the variables y.
 
-    - Positions and velocities of bodies: for each component, the largest magnitude of the three.
+    - Positions and velocities of bodies: for each component of a vector, the largest magnitude of
+      its three components.
     - Bristle deflections, from `with_relative_bristles`: the absolute value, but at least 1.
     - All other variables: the variable itself; the controller takes absolute values.
     """
@@ -133,6 +134,7 @@ def tangent_sizes(system: System, sizes: Variables, along: Variables) -> Variabl
     # rate of this rise has the relative error of the tiny depth, of which few digits are known far
     # from the origin. The error relative to the derivative itself could therefore not become small
     # enough, and steps shrank until the run failed.
+    # Speeds are set to zero here, so that `largest` finds the largest position.
     def positions(motion: MotionVariables) -> MotionVariables:
         return system.with_speeds(motion, jax.tree.map(jnp.zeros_like, motion))
 
@@ -148,7 +150,8 @@ def tangent_sizes(system: System, sizes: Variables, along: Variables) -> Variabl
 
 
 def largest(tree: PyTree[Scalar]) -> Scalar:
-    """Return the largest magnitude among a PyTree's leaves, of one shape, element by element."""
+    """Return, element by element, the largest magnitude among the leaves of a PyTree, all of which
+    have the same shape."""
     return reduce(jnp.maximum, [jnp.abs(leaf) for leaf in jax.tree.leaves(tree)])
 
 

@@ -104,7 +104,9 @@ class Trial(eqx.Module):
     """A trial step of a `system` from the state `step`, as the solver of a `method` computed it.
 
     - `family`: the system as a function of parameters, if the step has tangents.
-    - `t1`: end of the step, s; `outcome`, `tangents`, `solver_result`: results of the solver.
+    - `t1`: end of the step, s; `time_map`: ``None`` if time is uniform in the step.
+    - `outcome`, `tangents`, `solver_result`: results of the solver, their derivatives by the
+      parameters (``None`` in runs without tangents), and the solver's result code.
     - `gaps`: the contact gaps at the end.
     - `finite`: whether the solver's results are finite; if not, the variables are those at the
       start of the step, and the errors are `REJECTED_ERROR`.
@@ -125,8 +127,10 @@ class Trial(eqx.Module):
 
 def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | None:
     """Return the time map of the step from `step` to `t1`, s; ``None`` if the run has none."""
+    # Only if steps end at contact events does an onset coincide with the start of a step.
     if method.landing is None or not step.contact_gaps:
         return None
+    # The `step` of other solvers takes no time map.
     if not isinstance(method.solver, UnrolledExplicit):
         return None
     begins, since = step.proposal.begins_contact, step.proposal.time_since_onset
@@ -143,7 +147,8 @@ def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | Non
 def try_step(
     method: Method, system: System, step: Step, t1: Scalar, family: SystemFamily | None
 ) -> Trial:
-    """Compute `solved_step`, and have the controller reject numbers that are not finite."""
+    """Compute the trial step from `step` to `t1`, s. If a number in the solver's result is not
+    finite, the trial gets errors with which the step-size controller will reject it."""
     trial = solved_step(method, system, step, t1, family)
     outcome, tangents = trial.outcome, trial.tangents
     if tangents is None:
@@ -257,13 +262,13 @@ def slopes_may_jump(method: Method, scene: Scene) -> bool:
 def all_finite(tree: PyTree[Scalar]) -> Condition:
     """Return whether all numbers of a PyTree are finite. 0 times a NaN or an infinity is NaN, so
     the sum of 0 times each number is 0 only if all numbers are finite."""
-    families: dict[tuple[int, ...], list[Scalar]] = {}
+    zeros_by_shape: dict[tuple[int, ...], list[Scalar]] = {}
     for leaf in jax.tree.leaves(tree):
         # Leaves of one shape are added elementwise first, so that there is one reduction for each
         # shape.
-        families.setdefault(jnp.shape(leaf), []).append(leaf * 0.0)
-    sums = [_pairwise_sum(family) for family in families.values()]
-    return sum(part if jnp.ndim(part) == 0 else jnp.sum(part) for part in sums) == 0.0
+        zeros_by_shape.setdefault(jnp.shape(leaf), []).append(leaf * 0.0)
+    sums = [_pairwise_sum(zeros) for zeros in zeros_by_shape.values()]
+    return sum(total if jnp.ndim(total) == 0 else jnp.sum(total) for total in sums) == 0.0
 
 
 def _pairwise_sum(terms: list[Scalar]) -> Scalar:
