@@ -121,7 +121,7 @@ class _Writer:
     written are added in the next call of `add`; `Batch.run` begins no further lanes if writing
     lasts long.
 
-    **Arguments:** `missing`: the lanes to compute; `bar`: advances by the lanes that are written.
+    **Arguments:** `missing`: the lanes to compute; `bar`: shows how many lanes are written.
     """
 
     def __init__(self, missing: LanesOfChunks, store: Store, bar: ProgressBar):
@@ -133,12 +133,12 @@ class _Writer:
         self._write_seconds = 0.0
 
     def add(self, lanes: np.ndarray, results: LaneArrays) -> None:
-        """Add the numbers, (n,), and results of n lanes that have ended; call `write_if_due`."""
+        """Add the numbers, (n,), and results of n lanes that have ended, and write what is due."""
         chunks = np.array([self._chunk_of[lane] for lane in lanes.tolist()])
         for chunk in np.unique(chunks).tolist():
-            rows = chunks == chunk
-            part = lanes[rows], {name: values[rows] for name, values in results.items()}
-            self._waiting.setdefault(chunk, []).append(part)
+            in_chunk = chunks == chunk
+            of_chunk = {name: values[in_chunk] for name, values in results.items()}
+            self._waiting.setdefault(chunk, []).append((lanes[in_chunk], of_chunk))
         self.write_if_due()
 
     def write_if_due(self) -> None:
@@ -175,10 +175,11 @@ class _Writer:
 
 
 def lane_progress(lanes: int, done: int, show: bool) -> ProgressBar:
-    """Return a progress bar of a number of lanes, and print how many are stored already, `done`."""
+    """Return a progress bar of a number of `lanes`, of which the number `done` is stored already,
+    and print these numbers. Show nothing unless `show`."""
     if show and done:
-        rest = f"{lanes - done} are computed" if done < lanes else "none is computed"
-        print(f"{done} of {lanes} lanes are in the store; {rest}", file=sys.stderr, flush=True)
+        left = f"{lanes - done} are computed" if done < lanes else "none is computed"
+        print(f"{done} of {lanes} lanes are in the store; {left}", file=sys.stderr, flush=True)
     # While lanes run in this process, `show_running` sets the time left, from the progress of lanes
     # that still run. The delay keeps short sweeps from showing a bar.
     text = "{l_bar}{bar}| {n_fmt}/{total_fmt} lanes [{elapsed}, left {left}{postfix}]"

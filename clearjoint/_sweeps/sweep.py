@@ -111,7 +111,7 @@ def _variables_of_output(
             variable_name(name, key): Variable(unit=unit, description=texts[key])
             for key, unit in output.units().items()
         }
-    if not isinstance(output, Section | ImpactTable):
+    if not isinstance(output, Section | ImpactTable):  # a quantity, at the times to save at
         unit = getattr(output, "unit", None) or ""
         return {name: Variable(*sampled, unit=unit, description=name)}
     # The other outputs are tables of impacts or crossings. They have a variable for each column,

@@ -102,8 +102,9 @@ class Touch(NamedTuple):
 
 
 def touches(scene: Scene, motions: Motions) -> list[Touch]:
-    """Return all contacts, open or closed. Raise a `ValueError` for a thrust face whose friction
-    has a moment, and for friction of an ideal joint."""
+    """Return all contacts of a scene, open or closed, at given `motions` of the bodies. Raise a
+    `ValueError` for a thrust face whose friction has a moment, and for friction of an ideal joint.
+    """
     return [
         _touch(name, label, joint, contact, motions)
         for name, joint in scene.contact_joints().items()

@@ -68,8 +68,7 @@ def decide_step(
     trial: Trial, t_end: Scalar
 ) -> tuple[Condition, Proposal, RESULTS, dict[str, Condition]]:
     """Decide whether a trial step is accepted, in a run that ends at `t_end`, s. Return also the
-    step to try next, the run's result code, and by `Rejection` whether the trial is rejected for
-    this reason.
+    step to try next, the run's result code, and by `Rejection` whether it rejects the trial.
 
     The step-size controller decides first. A trial that the controller accepts is still rejected if
     a driver is not smooth over the step, if a body rotates too far in it, or if it passes a contact

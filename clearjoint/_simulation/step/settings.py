@@ -250,9 +250,8 @@ def checked_times(start: Scalar, end: Scalar, times: ArrayLike) -> Column:
 
 
 def rising_times(times: ArrayLike) -> Column:
-    """Return `times`, (N,) s, as an array. Raise a `ValueError` for an empty array, and for times
-    that decrease, are not finite or not one-dimensional. Of traced times only the shape is checked.
-    """
+    """Return `times`, (N,) s, as an array. Raise a `ValueError` unless it is one-dimensional and not
+    empty, its times are finite, and none decreases. Of traced times only the shape is checked."""
     rising = as_number(times, "times", "s")
     expected = "a rising one-dimensional array of finite times"
     remedy = "sort the times, or pass for example numpy.linspace(0, 1, 101)"
@@ -267,8 +266,7 @@ def rising_times(times: ArrayLike) -> Column:
 
 
 def strictly_rising_times(times: ArrayLike) -> Column:
-    """Return `times` as `rising_times` does, but refuse repeated times too. JAX must not trace the
-    times."""
+    """Return `times` as `rising_times` does, but refuse repeated times. JAX must not trace times."""
     rising = rising_times(times)
     remedy = "remove repeated times, for example with numpy.unique"
     require(bool((np.diff(rising) > 0).all()), "times", times, "without repetition", remedy)

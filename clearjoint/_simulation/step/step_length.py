@@ -96,8 +96,7 @@ def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
 def magnitudes(y: Variables) -> Variables:
     """Return the numbers to which the step-size controller relates the errors of the variables y.
 
-    - Positions and velocities of bodies: for each component of a vector, the largest magnitude of
-      its three components.
+    - Positions and velocities of bodies: in each component, the largest magnitude of the three.
     - Bristle deflections, from `with_relative_bristles`: the absolute value, but at least 1.
     - All other variables: the variable itself; the controller takes absolute values.
     """
@@ -150,8 +149,7 @@ def tangent_sizes(system: System, sizes: Variables, along: Variables) -> Variabl
 
 
 def largest(tree: PyTree[Scalar]) -> Scalar:
-    """Return, element by element, the largest magnitude among the leaves of a PyTree, all of which
-    have the same shape."""
+    """Return, element by element, the largest magnitude among a PyTree's leaves of equal shape."""
     return reduce(jnp.maximum, [jnp.abs(leaf) for leaf in jax.tree.leaves(tree)])
 
 
