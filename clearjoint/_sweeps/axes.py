@@ -59,17 +59,15 @@ class Axis:
     def __init__(
         self, path: NumberPath | AbstractVariation, values: ArrayLike, unit: str | None = None
     ):
-        # `Axis.initial`, `Axis.change` and other functions here pass a variation in place of a path.
+        # `Axis.initial`, `Axis.change` and other callers pass a variation in place of a path.
         is_variation = isinstance(path, AbstractVariation)
         remedy = "leave it out, since the variation has its own unit"
         has_one_unit = unit is None or not is_variation
         require(has_one_unit, "unit", repr(unit), "None for a variation", remedy)
         variation = path if is_variation else variations.SceneNumber(path, unit)
         numbers = np.asarray(as_number(values, "values"))
-        is_row, remedy = (
-            numbers.ndim == 1 and numbers.size > 0,
-            "pass shape (n,), one number at least",
-        )
+        is_row = numbers.ndim == 1 and numbers.size > 0
+        remedy = "pass shape (n,), one number at least"
         require(is_row, "values", numbers, "a row of numbers", remedy)
         require_finite("values", numbers)
         # The class is frozen, so its fields are set in the dictionary of the object.

@@ -178,8 +178,9 @@ def lane_progress(lanes: int, done: int, show: bool) -> ProgressBar:
     """Return a progress bar of a number of `lanes`, of which the number `done` is stored already,
     and print these numbers. Show nothing unless `show`."""
     if show and done:
-        left = f"{lanes - done} are computed" if done < lanes else "none is computed"
-        print(f"{done} of {lanes} lanes are in the store; {left}", file=sys.stderr, flush=True)
+        remaining = f"{lanes - done} are computed" if done < lanes else "none is computed"
+        text = f"{done} of {lanes} lanes are in the store; {remaining}"
+        print(text, file=sys.stderr, flush=True)
     # While lanes run in this process, `show_running` sets the time left, from the progress of lanes
     # that still run. The delay keeps short sweeps from showing a bar.
     text = "{l_bar}{bar}| {n_fmt}/{total_fmt} lanes [{elapsed}, left {left}{postfix}]"

@@ -43,7 +43,7 @@ class _Pickler(cloudpickle.Pickler):
             return reduced
         if not issubclass(value, eqx.Module):
             return reduced
-        # `make(*arguments)` makes the class, and `state` has the attributes that are set afterwards.
+        # `make(*arguments)` makes the class, and `state` has the attributes to set afterwards.
         make, arguments, *state = reduced
         # Inherited fields, which `fields` returns too, come from the base classes.
         annotated = inspect.get_annotations(value)

@@ -139,8 +139,8 @@ class Chunks:
 
 
 _confirmed_programs: set[tuple[tuple[str, str], ...]] = set()
-"""`Common.programs` of the sweeps for which this process was found to trace equal programs. This is
-kept, because tracing the programs takes long."""
+"""Values of `Common.programs` that this process has compared with its own programs and found equal;
+kept because tracing the programs takes long."""
 
 
 def concatenated(parts: Sequence[tuple[np.ndarray, LaneArrays]]) -> tuple[np.ndarray, LaneArrays]:

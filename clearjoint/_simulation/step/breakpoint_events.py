@@ -160,9 +160,9 @@ def _past_samples(
     after: Scalar,
     differentiated: bool,
 ) -> Variables:
-    """Return the variables at the end t, s, of a step with the memories that forces have after the
-    instants, of those in `sampled`, that lie there. Forces sample the motion at these instants. If
-    an instant depends on parameters, the sampled motion, and the time for which the changed forces
+    """Return the variables at the end t, s, of a step, with new memories of the forces that sample
+    the motion at t: `sampled` has the latest instant of each force, and whether it is at t. If an
+    instant depends on parameters, the sampled motion, and the time for which the changed forces
     have acted at t, have derivatives, which are added if `differentiated`. `before` and `after` are
     times just before and just after t, s."""
     # The times since the instants are zero except for rounding. So are the products of these times

@@ -171,7 +171,7 @@ class DenseStep(eqx.Module):
         return Snapshot(t, self.inside(method, elapsed), self.start.entry_speeds)
 
     def at(self, method: Method, system: System, t: Scalar) -> Snapshot:
-        """Return the snapshot at a time t, s, of the step, with the corrections of `look_inside`."""
+        """Return the snapshot at a time t, s, that `look_inside` returns for the step's attempt."""
         start, end = self.start, self.end
         length = end.t - start.t
         elapsed = (t - start.t) / jnp.where(length > 0.0, length, 1.0)

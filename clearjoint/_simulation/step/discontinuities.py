@@ -105,7 +105,7 @@ def compares_time(part: AbstractFunctionOfTime | AbstractElement) -> bool:
 
 def _recently_compared(part: AbstractFunctionOfTime | AbstractElement) -> bool:
     flat = FlatArguments.of((fold_constants(with_arrays(part)),))
-    # While JAX traces numbers of the part, it is searched anew, and the result is not kept.
+    # A part with numbers that JAX traces is searched at each call, and its result is not kept.
     compares = None if flat.traced else _COMPARES.recent(flat.key)
     if compares is None:
         unpacked = unpack(part)

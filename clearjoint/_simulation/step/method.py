@@ -99,7 +99,7 @@ class SystemFamily(eqx.Module):
         self, function: Callable[..., Value], primals: Trees, tangents: Trees
     ) -> tuple[Value, Value]:
         """Return the value of a function of the system and of `primals`, and its derivatives with
-        respect to the parameters, as `with_auxiliary` does. `tangents`: those of `primals`."""
+        respect to the parameters. `tangents` are the derivatives of `primals`."""
         value, _, derivatives = self.with_auxiliary(
             lambda *arguments: (function(*arguments), None), primals, tangents
         )

@@ -54,10 +54,10 @@ class Settings:
       because impacts amplify errors of variables that are nearly zero, such as the misalignment of
       a journal. Give a smaller `atol` if all speeds of the motion are below 1e4 `atol`.
     - `first_step`: length of the first step, s; by default a millionth of the run's duration.
-    - `landing_tolerance`: m. A step ends at each onset and end of a contact, where the penetration
-      passes zero. At the end of this step, the penetration is past zero by at most this value; in
-      slow contacts, the step ends at most 1e-11 s after the event. With ``None``, steps go across
-      onsets and ends. Runs with derivatives and an `rtol` of 1e-10 or less need 1e-13.
+    - `landing_tolerance`: m. A step ends at each onset and end of a contact. The penetration at the
+      end of this step differs by at most this value from the penetration at the event; in slow
+      contacts, the step ends at most 1e-11 s after the event. With ``None``, steps go across onsets
+      and ends. Runs with derivatives and an `rtol` of 1e-10 or less need 1e-13.
     - `derivative_tolerance`: factor by which the tolerances of derivatives are larger than those of
       the variables. The table shows its effect on the double pendulum after five impacts at each
       base of the journal, with three parameters and an `rtol` of 1e-9. Errors are relative. A run
@@ -250,8 +250,8 @@ def checked_times(start: Scalar, end: Scalar, times: ArrayLike) -> Column:
 
 
 def rising_times(times: ArrayLike) -> Column:
-    """Return `times`, (N,) s, as an array. Raise a `ValueError` unless it is one-dimensional and not
-    empty, its times are finite, and none decreases. Of traced times only the shape is checked."""
+    """Return `times`, (N,) s, as an array. Raise a `ValueError` unless they are one-dimensional, at
+    least one, finite, and never decrease. Of traced times only the shape is checked."""
     rising = as_number(times, "times", "s")
     expected = "a rising one-dimensional array of finite times"
     remedy = "sort the times, or pass for example numpy.linspace(0, 1, 101)"
@@ -266,7 +266,7 @@ def rising_times(times: ArrayLike) -> Column:
 
 
 def strictly_rising_times(times: ArrayLike) -> Column:
-    """Return `times` as `rising_times` does, but refuse repeated times. JAX must not trace times."""
+    """Return `times` as `rising_times` does, but refuse repeated times. They must not be traced."""
     rising = rising_times(times)
     remedy = "remove repeated times, for example with numpy.unique"
     require(bool((np.diff(rising) > 0).all()), "times", times, "without repetition", remedy)

@@ -25,9 +25,9 @@ disregards cuts as small as rounding errors."""
 
 
 SHARE_OF_SPEED = 0.2
-"""`tangent_sizes` adds to the derivative of each speed this number times the speed and the ratio of
-the largest derivative of a position to the largest position. With smaller values, derivatives of a
-fall from 50 m on a contact of 1e13 N/m^1.5 could not be computed."""
+"""`tangent_sizes` adds to the size of a speed's derivative this number times the speed, times the
+ratio of the largest derivative of a position to the largest position. With smaller values,
+derivatives of a fall from 50 m on a contact of 1e13 N/m^1.5 could not be computed."""
 
 
 def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Scalar:
@@ -96,7 +96,7 @@ def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
 def magnitudes(y: Variables) -> Variables:
     """Return the numbers to which the step-size controller relates the errors of the variables y.
 
-    - Positions and velocities of bodies: in each component, the largest magnitude of the three.
+    - Positions and velocities of bodies: in each component, the largest of the three magnitudes.
     - Bristle deflections, from `with_relative_bristles`: the absolute value, but at least 1.
     - All other variables: the variable itself; the controller takes absolute values.
     """

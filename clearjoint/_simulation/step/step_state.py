@@ -172,7 +172,7 @@ class Attempt(eqx.Module):
 
 
 class TangentsInside(eqx.Module):
-    """Derivatives of the fields of an `Attempt` with the same names by the parameters."""
+    """Derivatives, by the parameters, of the fields of an `Attempt` that have the same names."""
 
     entry_speeds_start: EntrySpeeds
     information: DenseInformation

@@ -103,7 +103,7 @@ class WithinContact(AbstractTimeMap):
 
     @override
     def elapsed(self, x: float) -> Scalar:
-        # The square of start + (end - start) x, less that at x = 0, over the value at x = 1.
+        # (root(x)^2 - root(0)^2)/(root(1)^2 - root(0)^2), with root(x) = start + (end - start) x.
         pace = self._initial_slope()
         return x * (pace + (1.0 - pace) * x)
 

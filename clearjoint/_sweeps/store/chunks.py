@@ -133,7 +133,7 @@ def read_chunk(path: Path, array: "zarr.Array", chunk: int) -> np.ndarray | str:
     decoded = bytes(Zstd().decode(content))
     entries = codec.decode(decoded) if codec else np.frombuffer(decoded, _dtype(array))
     rows = np.asarray(entries).reshape(array.chunks)
-    # The file has a chunk of full size, of which the array may end inside.
+    # A file has the rows of a full chunk, also if the array ends inside the chunk.
     rows_left = array.shape[0] - chunk * array.chunks[0]
     return rows[tuple(map(slice, (min(rows_left, len(rows)), *array.shape[1:])))]
 
