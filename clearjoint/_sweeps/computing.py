@@ -75,6 +75,7 @@ def compute_missing(
 def _by_executor(
     chunks: Chunks, store: Store, executor: AbstractSubmitter, bar: ProgressBar
 ) -> None:
+    # Without a progress bar, a slow start is logged once.
     missing, warned = chunks.lanes, False
 
     # `run_chunks` calls both functions in this thread, so the store and the bar need no lock.
@@ -183,8 +184,8 @@ def lane_progress(lanes: int, done: int, show: bool) -> ProgressBar:
         print(text, file=sys.stderr, flush=True)
     # While lanes run in this process, `show_running` sets the time left, from the progress of lanes
     # that still run. The delay keeps short sweeps from showing a bar.
-    text = "{l_bar}{bar}| {n_fmt}/{total_fmt} lanes [{elapsed}, left {left}{postfix}]"
-    return ProgressBar(show, total=lanes, initial=done, desc=STORED, bar_format=text, delay=2.0)
+    form = "{l_bar}{bar}| {n_fmt}/{total_fmt} lanes [{elapsed}, left {left}{postfix}]"
+    return ProgressBar(show, total=lanes, initial=done, desc=STORED, bar_format=form, delay=2.0)
 
 
 def show_running(bar: ProgressBar, running: Running) -> None:

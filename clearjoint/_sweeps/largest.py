@@ -487,8 +487,10 @@ class _Search:
         return known
 
     def _result(self, known: LaneMargins, unit: str) -> LargestFeasible:
+        # If no margin is negative, `violation` is the number of values, and `value` the last one.
         violation, values = first_violation(known.margins), self._values(known)
         met, value = violation < len(values), values[violation - 1]
+        # Index of the largest value that satisfies the limits, which may be above the violation.
         last_pass = int(np.flatnonzero(known.margins >= 0.0)[-1])
         return LargestFeasible(
             value=value,

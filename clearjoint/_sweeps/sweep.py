@@ -75,6 +75,7 @@ def variables_of(
     for name, table in requested.tables.items():
         labels = [contact_label(*contact) for contact in table.contacts(scene)]
         coordinates.append(Coordinate(variable_name(name, CONTACT), np.array(labels)))
+    # `along` are the name and the size of the dimension of sample times, empty without these.
     along, times = ((), ()), requested.save.at(scene)
     if times is not None:
         # Sample times are labels of a dimension if all lanes have the same. Otherwise every lane
@@ -132,6 +133,7 @@ def _variables_of_output(
 def _states(
     scene: Scene, name: str, description: str, along: Along = ((), ())
 ) -> dict[str, Variable]:
+    # One variable for each part, such as the positions, along the bodies and the components.
     dims, shape = along
     return {
         variable_name(name, part): Variable(

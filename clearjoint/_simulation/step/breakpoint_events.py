@@ -196,7 +196,8 @@ def _past_samples(
     changes = [(*constant((name, old, new)), since) for name, old, new, since in changes]
     forces = sampled_forces(fixed.scene)
 
-    # The rates depend linearly on the shares of the changes of forces, as above.
+    # The rates depend linearly on the shares of the changes of forces, as in `across_breakpoints`.
+    # Each force in `held` gets its own changes, with the share of each.
     def changed_rates(shares: Sequence[Scalar]) -> Variables:
         held = {
             name: HeldForce(

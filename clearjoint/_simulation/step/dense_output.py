@@ -63,9 +63,11 @@ def stabilised(system: System, y: Variables, t: Scalar) -> Variables:
     constraints. The energy that a projection onto the constraints removes, J, is added to the
     integral "stabilisation" of the energy ledger, if the run has one."""
 
+    # Total energy, kinetic and stored.
     def energy(motion: MotionVariables) -> Scalar:
         return sum(system.energies(motion, t).values())
 
+    # A stabilisation that does not project, such as `Baumgarte`, does not call this function.
     def project(y: Variables) -> Variables:
         motion, work = system.project(y.motion, t), y.work
         if system.formulation.ledger and "stabilisation" in work:

@@ -16,9 +16,9 @@ from ..._math.vectors import Condition, Scalar
 from ..._model.joints.base import ByLabel
 
 LATEST = 1e-11
-"""Longest time past an event at which a step may end, s. In slow contacts, this time multiplied by
-the penetration rate is a smaller depth than the landing tolerance, and steps must land within the
-smaller depth. A contact in which a step lands past the onset has an elastic energy that no work has
+"""Longest time past an event at which a step may end, s. The depth within which a step must land is
+the landing tolerance or, if it is smaller, as in slow contacts, the depth that the surfaces cover
+in this time. A contact in which a step lands past the onset has an elastic energy that no work has
 supplied: a large error in an impact so slow that its penetration may not reach the tolerance."""
 CLOSEST = 1e-4
 """Smallest depth within which a step must land, relative to the landing tolerance. Otherwise

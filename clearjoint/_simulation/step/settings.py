@@ -212,17 +212,19 @@ def check_span(start: Scalar, end: Scalar) -> None:
     start by at least `SHORTEST` times the smallest normal number: 2.2e-298 s in double precision.
     """
     for name, value in (("start_time", start), ("end_time", end)):
-        number = np.shape(as_number(value, name, "s")) == ()
-        require(number, name, value, "a single number", "pass one time in s")
-    if (ends := checkable(start, end)) is not None:
-        first, last = ends
+        is_single = np.shape(as_number(value, name, "s")) == ()
+        require(is_single, name, value, "a single number", "pass one time in s")
+    if (times := checkable(start, end)) is not None:  # JAX traces neither of them
+        start_number, end_number = times
         after = f"after start_time = {as_shown(start)}"
-        is_span = (abs(first) < np.inf) & (abs(last) < np.inf) & (last > first)
+        are_finite = (abs(start_number) < np.inf) & (abs(end_number) < np.inf)
+        is_span = are_finite & (end_number > start_number)
         require(is_span, "end_time", end, f"finite and {after}", "give times in s")
         shortest = SHORTEST * float(jnp.finfo(jnp.result_type(float)).tiny)
         expected = f"at least {shortest:.1g} s {after}"
         remedy = "give times in s; the processor takes shorter spans as zero"
-        require(last - first >= shortest, "end_time", end, expected, remedy)
+        is_long_enough = end_number - start_number >= shortest
+        require(is_long_enough, "end_time", end, expected, remedy)
 
 
 def checked_times(start: Scalar, end: Scalar, times: ArrayLike) -> Column:

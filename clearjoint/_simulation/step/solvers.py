@@ -156,8 +156,10 @@ class DenseOutput(eqx.Module):
         c are given. Without a time map, x is the elapsed part of the step's time; with a time map,
         that part is `time_map.elapsed(x)`."""
         h = self.t1 - self.t0
+        # Of y0 + h sum b_i(x) f_i, the factors h b_i(x).
         weights = [h * _horner(row, x) for row in dense_weights(self.method)]
 
+        # One variable at x, from its value at the start and its rate in each stage.
         def leaf(weights: list[Scalar], y0: Scalar, *stages: Scalar) -> Scalar:
             for weight, stage in zip(weights, stages, strict=True):
                 y0 = add(y0, multiply(weight, stage))

@@ -40,6 +40,7 @@ def rates_of(
     """Return the rates of all integrated variables `y` at the time t, s, as arrays of the dtype of
     `t`; `Stacked` if the variables are. By default those contacts that penetrate are `closed`."""
     are_stacked, y = isinstance(y, Stacked), unstacked(y)
+    # The system with its sampled forces as they were determined at their latest instants.
     held = holding(system, y.memory)
     dynamics = held.dynamics(y.motion, entry_speeds, t, closed, y.bristles)
     integrands = {

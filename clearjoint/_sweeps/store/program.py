@@ -58,6 +58,7 @@ def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTr
     that computes it, and its shape. Digests depend on the arguments' structure, shapes and types,
     not on their numbers. Raise a `ValueError` for a Python function that JAX doesn't trace."""
     program, shapes, _ = program_of(function, *arguments)
+    # An input is known by its path in the arguments, and by its type and shape.
     named = jax.tree_util.tree_flatten_with_path(arguments)[0]
     inputs = [
         digest("argument", jax.tree_util.keystr(path), _kind(variable))
