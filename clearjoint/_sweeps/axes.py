@@ -34,8 +34,8 @@ index of the leaf in the order of `jax.tree.leaves`."""
 class Axis:
     """A number of the scene, and the values that a sweep gives it.
 
-    `Axis.initial` makes an axis of a number of the initial state, `Axis.change` one of a parameter
-    on which several numbers depend, such as a length.
+    `Axis.initial` makes an axis of a number of the initial state, and `Axis.change` an axis of a
+    parameter on which several numbers depend, such as a length.
 
     **Arguments:**
 
@@ -83,15 +83,15 @@ class Axis:
     def change(make: Change, values: ArrayLike, unit: str = "1") -> "Axis":
         """Return an axis whose values change the scene and the initial state by a function.
 
-        ``make(scene, state, value)`` returns the changed pair (scene, state), from one in which the
-        axes before this one have set their values. It may change numbers only, not names or shapes
-        of arrays. A lane in which it changes more, or raises a `ValueError`, is not run.
+        ``make(scene, state, value)`` gets a scene and a state in which the preceding axes have set
+        their values, and returns both, changed. It may change numbers only, not names or shapes of
+        arrays. A lane in which it changes more, or raises a `ValueError`, is not run.
         """
         return Axis(variations.MadeByFunction(make, unit), values)
 
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Return the unit of the values: the given one or that of the number in the scene or state;
-        raise a `ValueError` if the path selects none."""
+        """Return the unit of the values: the given unit, or that of the number in the scene or
+        state; raise a `ValueError` if the path selects no number."""
         return self.variation.unit_in(scene, state)
 
     def setter(self, scene: Scene, state: State) -> Change:

@@ -143,7 +143,7 @@ class _Writer:
         self.write_if_due()
 
     def write_if_due(self) -> None:
-        """Write complete chunks and, unless that would exceed `WRITE_SHARE`, incomplete ones."""
+        """Write complete chunks, and incomplete chunks if this takes at most `WRITE_SHARE`."""
         # The time that the last write of incomplete chunks took is an estimate for the next one.
         since = time.monotonic() - self._last_write
         self.write(incomplete=since * WRITE_SHARE >= self._write_seconds)

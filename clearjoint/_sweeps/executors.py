@@ -81,7 +81,7 @@ RETRIES = 3
 TICK = 1.0
 """Time between two calls of the argument `on_start` of `run_chunks`, s."""
 QUEUED = 2
-"""Number of chunks submitted for each worker, so that it can begin the next one at once."""
+"""Number of chunks submitted for each worker, which can then begin its next chunk at once."""
 
 
 class AbstractSubmitter(Protocol):

@@ -267,7 +267,7 @@ class LaneMargins:
     def doubtful(self) -> Bool[np.ndarray, " m"]:
         """Return for each interval between neighbouring values whether it may hide a violation: it
         is below the first violation, and the smaller margin at its ends is below the largest change
-        of the margin over it and over the `NEIGHBOURS` intervals on each side."""
+        of the margin over one of these intervals: itself and the `NEIGHBOURS` ones on each side."""
         count = min(first_violation(self.margins), len(self.margins) - 1)
         ends = self.margins[: count + 1]
         # The infinite margin of a failed run or of a zero peak tells nothing about the rate at
@@ -506,7 +506,7 @@ class _Search:
 
     def _interval(self, known: LaneMargins) -> tuple[float, float]:
         """Return two values between which the first violation begins, by the confidence intervals
-        of the margins: the value before the first one whose interval reaches below zero, or else
+        of the margins: the value before the first value whose interval reaches below zero, or else
         the smallest value; and the first value whose whole interval is below zero, or else the
         largest value."""
         possible, certain = first_violation(known.low), first_violation(known.high)

@@ -99,7 +99,7 @@ def variables_of(
 
 
 Along = tuple[tuple[str, ...], tuple[int, ...]]
-"""Names and sizes of dimensions, such as sample times, before those of a variable's own values."""
+"""Names and sizes of dimensions of a variable, such as sample times, besides those of one value."""
 
 
 def _variables_of_output(

@@ -111,8 +111,8 @@ class Common(eqx.Module):
     - `channels[log][name]`: quantities to report at each state of a log of crossings, or of saved
       states, `SAVED`.
     - `tables[name]`: for each table of impacts, the names of the logs of its contacts.
-    - `programs`: name and digest of each traced program, or empty if unknown. A saved program is
-      reused only if these agree.
+    - `programs`: name and digest of each traced program, or empty if unknown. A compiled program on
+      disk is reused only if these agree.
     """
 
     scheme: Scheme

@@ -26,9 +26,8 @@ DRIVER_TOLERANCE = 3.0
 """Tolerance of `drivers_are_smooth`, as a multiple of the relative tolerance of the step-size
 controller. The multiple leaves room for the error of the quadrature in that function."""
 SHORTER = 0.2
-"""Length of a trial over that of the trial which it repeats, if a driver was not smooth; if a body
-rotated too far, the lower bound of this ratio. diffrax's PID controller has the same lower bound.
-"""
+"""Length of a repeated trial over the length of the rejected one, if a driver was not smooth. If a
+body rotated too far, lower bound of this ratio, which diffrax's PID controller has too."""
 
 
 class _Decision(NamedTuple):
@@ -131,8 +130,8 @@ def decide_step(
 
 
 def _with_smooth_drivers(decision: _Decision, trial: Trial) -> _Decision:
-    """Repeat a trial over which a driver is not smooth (see `drivers_are_smooth`). Towards an
-    undeclared kink or jump, steps become ever shorter, until `_result` stops the run."""
+    """Return the `decision`, changed so that a trial over which a driver is not smooth is repeated.
+    Towards an undeclared kink or jump, steps become ever shorter, until `_result` stops the run."""
     step = trial.step
     rtol = DRIVER_TOLERANCE * _relative_tolerance(trial.method.controller)
     smooth = drivers_are_smooth(trial.system, trial.outcome.y.motion, step.t, trial.t1, rtol)
@@ -144,8 +143,8 @@ def _with_smooth_drivers(decision: _Decision, trial: Trial) -> _Decision:
 
 
 def _with_limited_rotation(decision: _Decision, trial: Trial) -> _Decision:
-    """Repeat a trial in which a body rotates by more than `LARGEST`. The rotation rates at the
-    start, which have limited the length of the trial, may have grown in it."""
+    """Return the `decision`, changed so that a trial in which a body rotates by more than `LARGEST`
+    is repeated. Rates of rotation, whose start values limit the length, may grow in the trial."""
     step, rotation = trial.step, rotation_in(trial)
     repeats = decision.keep & (rotation > LARGEST)
     shorter = step.t + jnp.clip(TARGET / rotation, SHORTER, 1.0) * (trial.t1 - step.t)

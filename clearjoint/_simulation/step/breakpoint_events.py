@@ -32,8 +32,8 @@ T = TypeVar("T")
 
 class SwitchedForce(AbstractForce):
     """A force whose wrenches and power are interpolated linearly, by `share`, 0 to 1, between their
-    values at two times of the scene, s, `before` and `after`. If these are just before and just
-    after a breakpoint, the derivative of the motion's rates by `share` is their change there."""
+    values at two times of the scene, s, `before` and `after`. If these two are just before and
+    just after a breakpoint, the derivative of the motion's rates by `share` is their jump there."""
 
     force: AbstractForce
     before: Scalar

@@ -214,7 +214,7 @@ def check_span(start: Scalar, end: Scalar) -> None:
     for name, value in (("start_time", start), ("end_time", end)):
         is_single = np.shape(as_number(value, name, "s")) == ()
         require(is_single, name, value, "a single number", "pass one time in s")
-    if (times := checkable(start, end)) is not None:  # JAX traces neither of them
+    if (times := checkable(start, end)) is not None:  # JAX traces neither time
         start_number, end_number = times
         after = f"after start_time = {as_shown(start)}"
         are_finite = (abs(start_number) < np.inf) & (abs(end_number) < np.inf)

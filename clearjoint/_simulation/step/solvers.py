@@ -72,8 +72,8 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         return terms.vf(t0, y0, args)
 
     def information_like(self, y: PyTree) -> "DenseInformation":
-        """Return a placeholder, with the structure and shapes of the data for dense output of a
-        step with the variables `y`, which a loop needs as its initial value."""
+        """Return data with the structure and shapes of those for dense output of a step with the
+        variables `y`. A loop needs such data as an initial value; the numbers have no meaning."""
         return {"y0": y, "stages": (stacked(y),) * self.method.tableau.num_stages}  # pyright: ignore[reportAttributeAccessIssue]
 
     @override

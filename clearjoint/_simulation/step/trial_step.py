@@ -167,8 +167,8 @@ def solved_step(
     method: Method, system: System, step: Step, t1: Scalar, family: SystemFamily | None
 ) -> Trial:
     """Compute the solver's step from `step` to `t1`, s, correct its result by the stabilisation of
-    the constraints, and normalise the variables. All numbers are taken to be finite. The contact
-    gaps are left out, see `with_gaps`."""
+    the constraints, and normalise the variables. The result is not checked for numbers that are not
+    finite, and has no contact gaps, which `with_gaps` adds."""
     # With the Python value False, the solver reuses the rates of the last step without a branch.
     made_jump = step.proposal.made_jump if may_jump(method, system.scene) else False
     time_map = time_map_of(method, step, t1)
@@ -247,7 +247,7 @@ def may_jump(method: Method, scene: Scene) -> bool:
     has kept must be computed anew. Rates are discontinuous at breakpoints and where a contact
     begins to drag bristles. If steps end at contact events, rates also jump if the force jumps at
     the onset or end of a contact; a force that does not jump is zero at the onset, so that a new
-    entry speed does not change the rates. If steps go across events, it does change the rates."""
+    entry speed changes no rates. If steps go across events, a new entry speed changes rates."""
     if has_breakpoints(scene) or bool(scene.bristle_laws()):
         return True
     return uses_entry_speed(scene) if method.landing is None else contacts_jump(scene)

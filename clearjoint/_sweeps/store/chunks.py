@@ -69,8 +69,8 @@ def _key(array: "zarr.Array", chunk: int) -> str:
 
 
 def compressors() -> "tuple[BytesBytesCodec, ...]":
-    """Return the compressors of `read_chunk` and `write_chunk`: Zarr's default ones when the first
-    stores were written."""
+    """Return the compressors that `read_chunk` and `write_chunk` use. They were Zarr's default when
+    the first stores were written."""
     from zarr.codecs import ZstdCodec
 
     return (ZstdCodec(level=0, checksum=False),)

@@ -53,7 +53,7 @@ _REMOVALS, _REMOVAL_PERIOD = 10, 0.05
 
 
 def move(file: Path, to: Path) -> None:
-    """Move a file; replace an earlier one and make missing folders."""
+    """Move a file to the path `to`, in place of an earlier file, and make missing folders."""
     make_folder(to.parent)
     file.replace(to)
 
@@ -99,7 +99,7 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
 def _move_all(new: Path, path: Path) -> None:
     """Move the files of the group at `new` to the folder `path`, except those that the folder has
     already with the same content. Result codes are moved after all other arrays, and the file
-    `ROOT`, which lists the arrays, last, so that until then readers find the arrays of before."""
+    `ROOT`, which lists the arrays, last, so that readers find the earlier arrays until then."""
     files = [file.relative_to(new) for file in new.rglob("*") if file.is_file()]
     for file in sorted(files, key=lambda file: (file == Path(ROOT), file.parts[0] == RESULT)):
         if not _same(new / file, path / file):
