@@ -34,8 +34,8 @@ index of the leaf in the order of `jax.tree.leaves`."""
 class Axis:
     """A number of the scene, and the values that a sweep gives it.
 
-    `Axis.initial` makes an axis of a number of the initial state, `Axis.change` one of a parameter
-    on which several numbers depend, such as a length.
+    `Axis.initial` makes an axis of a number of the initial state, and `Axis.change` an axis of a
+    parameter on which several numbers depend, such as a length.
 
     **Arguments:**
 
@@ -59,17 +59,19 @@ class Axis:
     def __init__(
         self, path: NumberPath | AbstractVariation, values: ArrayLike, unit: str | None = None
     ):
+        # `Axis.initial`, `Axis.change` and other callers pass a variation in place of a path.
         is_variation = isinstance(path, AbstractVariation)
         remedy = "leave it out, since the variation has its own unit"
         has_one_unit = unit is None or not is_variation
         require(has_one_unit, "unit", repr(unit), "None for a variation", remedy)
         variation = path if is_variation else variations.SceneNumber(path, unit)
-        row = np.asarray(as_number(values, "values"))
-        is_row, remedy = row.ndim == 1 and row.size > 0, "pass shape (n,), one number at least"
-        require(is_row, "values", row, "a row of numbers", remedy)
-        require_finite("values", row)
+        numbers = np.asarray(as_number(values, "values"))
+        is_row = numbers.ndim == 1 and numbers.size > 0
+        remedy = "pass shape (n,), one number at least"
+        require(is_row, "values", numbers, "a row of numbers", remedy)
+        require_finite("values", numbers)
         # The class is frozen, so its fields are set in the dictionary of the object.
-        vars(self).update(variation=variation, values=row)
+        vars(self).update(variation=variation, values=numbers)
 
     @staticmethod
     def initial(path: NumberPath, values: ArrayLike, unit: str | None = None) -> "Axis":
@@ -81,15 +83,15 @@ class Axis:
     def change(make: Change, values: ArrayLike, unit: str = "1") -> "Axis":
         """Return an axis whose values change the scene and the initial state by a function.
 
-        ``make(scene, state, value)`` returns the changed pair (scene, state), from one in which the
-        axes before this one have set their values. It may change numbers only, not names or shapes
-        of arrays. A lane in which it changes more, or raises a `ValueError`, is not run.
+        ``make(scene, state, value)`` gets a scene and a state in which the preceding axes have set
+        their values, and returns both, changed. It may change numbers only, not names or shapes of
+        arrays. A lane in which it changes more, or raises a `ValueError`, is not run.
         """
         return Axis(variations.MadeByFunction(make, unit), values)
 
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Return the unit of the values: the given one or that of the number in the scene or state;
-        raise a `ValueError` if the path selects none."""
+        """Return the unit of the values: the given unit, or that of the number in the scene or
+        state; raise a `ValueError` if the path selects no number."""
         return self.variation.unit_in(scene, state)
 
     def setter(self, scene: Scene, state: State) -> Change:
@@ -113,8 +115,8 @@ class Lanes:
     """The scenes and initial states of all lanes of a sweep.
 
     - `scene`, `state`: as the user passed them.
-    - `varied`: PyTree like `scene`, of bools: whether the leaf has other numbers than that of
-      `scene` in any lane.
+    - `varied`: PyTree like `scene`, of bools: whether the leaf has, in at least one lane, other
+      numbers than in `scene`.
     - `scenes`: PyTree like `scene`; a leaf is an array (lanes, ...) if it is `varied`, else
       ``None``.
     - `states`: PyTree like `state`; every leaf is an array (lanes, ...).
@@ -151,8 +153,8 @@ class Lanes:
 
 
 def lanes_of(scene: Scene, state: State, axes: Mapping[str, Axis], values: Values) -> Lanes:
-    """Return all lanes, from the `values` of each axis in every lane. Those whose values are
-    refused, by a constructor or by a function of `Axis.change`, are in `Lanes.bad`."""
+    """Return all lanes, from the `values` of each axis in every lane. Lanes with values that a
+    constructor or a function of `Axis.change` refuses have an error message in `Lanes.bad`."""
     changes = {name: axis.setter(scene, state) for name, axis in axes.items()}
     base, structure = jax.tree.flatten((scene, state))
     bad: dict[int, str] = {}
@@ -199,7 +201,8 @@ def lanes_of(scene: Scene, state: State, axes: Mapping[str, Axis], values: Value
 def _columns_by_setters(
     scene: Scene, base: list[PyTree], changes: Mapping[str, Change], values: Values
 ) -> Columns:
-    """Return the columns without a loop over lanes, for axes that only set numbers in `base`."""
+    """Return the numbers of the leaves that axes change, without a loop over lanes, for axes that
+    only set numbers. `base`: all leaves of (scene, state)."""
     columns: Columns = {}
     scene_leaves = len(jax.tree.leaves(scene))
     for name, setter in changes.items():
@@ -218,8 +221,9 @@ def _columns_by_setters(
 def _columns_by_functions(
     scene: Scene, state: State, changes: Mapping[str, Change], values: Values, bad: dict[int, str]
 ) -> Columns:
-    """Return the columns by calling the axes' functions for every lane. A lane keeps its leaves and
-    gets an entry in `bad` if a function raises a `ValueError`, or changes more than numbers."""
+    """Return the numbers of the leaves that axes change, by a call of their functions for every
+    lane. If a function raises a `ValueError`, or changes more than numbers, the lane gets an error
+    message in `bad`, and has the leaves of `scene` and `state`."""
     base, structure = jax.tree.flatten((scene, state))
     rows: list[list[PyTree]] = []
     for lane in range(len(next(iter(values.values())))):
@@ -232,10 +236,10 @@ def _columns_by_functions(
                     changed = change(*changed, values[name][lane])
             leaves, changed_structure = jax.tree.flatten(changed)
             # The numbers of leaves may differ here; then the structures differ too.
-            pairs = zip(leaves, base, strict=False)
+            new_and_old = zip(leaves, base, strict=False)
             # All lanes run in one compiled program, which needs equal structure and shapes.
             alike = changed_structure == structure and all(
-                a is b or np.shape(a) == np.shape(b) for a, b in pairs
+                new is old or np.shape(new) == np.shape(old) for new, old in new_and_old
             )
             fault, expected = "a change of the structure", "functions that change numbers only"
             remedy = "keep the names, kinds and shapes of arrays of scene and state in all lanes"
@@ -255,11 +259,11 @@ def _columns_by_functions(
 
 
 def variable_leaves(lanes: Lanes, axes: Mapping[str, Axis]) -> PyTree[bool]:
-    """Return a PyTree like the scene: whether an axis can change each leaf.
+    """Return a PyTree like the scene, of bools: whether an axis can change the leaf.
 
-    In contrast to `Lanes.varied`, this includes leaves that are equal in all present lanes. These
-    leaves must be arguments of the programs, not constants, so that further values of an axis don't
-    change the digests by which a store recognises its sweep.
+    In contrast to `Lanes.varied`, this is true also for a leaf that an axis sets to equal numbers
+    in all present lanes. Such leaves must be arguments of the programs, not constants, so that
+    further values of an axis don't change the digests by which a store recognises its sweep.
     """
     scene, state = lanes.scene, lanes.state
     for axis in axes.values():

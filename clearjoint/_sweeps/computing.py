@@ -75,6 +75,7 @@ def compute_missing(
 def _by_executor(
     chunks: Chunks, store: Store, executor: AbstractSubmitter, bar: ProgressBar
 ) -> None:
+    # Without a progress bar, a slow start is logged once.
     missing, warned = chunks.lanes, False
 
     # `run_chunks` calls both functions in this thread, so the store and the bar need no lock.
@@ -121,7 +122,7 @@ class _Writer:
     written are added in the next call of `add`; `Batch.run` begins no further lanes if writing
     lasts long.
 
-    **Arguments:** `missing`: the lanes to compute; `bar`: advances by the lanes that are written.
+    **Arguments:** `missing`: the lanes to compute; `bar`: shows how many lanes are written.
     """
 
     def __init__(self, missing: LanesOfChunks, store: Store, bar: ProgressBar):
@@ -133,16 +134,16 @@ class _Writer:
         self._write_seconds = 0.0
 
     def add(self, lanes: np.ndarray, results: LaneArrays) -> None:
-        """Add the numbers, (n,), and results of n lanes that have ended; call `write_if_due`."""
+        """Add the numbers, (n,), and results of n lanes that have ended, and write what is due."""
         chunks = np.array([self._chunk_of[lane] for lane in lanes.tolist()])
         for chunk in np.unique(chunks).tolist():
-            rows = chunks == chunk
-            part = lanes[rows], {name: values[rows] for name, values in results.items()}
-            self._waiting.setdefault(chunk, []).append(part)
+            in_chunk = chunks == chunk
+            of_chunk = {name: values[in_chunk] for name, values in results.items()}
+            self._waiting.setdefault(chunk, []).append((lanes[in_chunk], of_chunk))
         self.write_if_due()
 
     def write_if_due(self) -> None:
-        """Write complete chunks and, unless that would exceed `WRITE_SHARE`, incomplete ones."""
+        """Write complete chunks, and incomplete chunks if this takes at most `WRITE_SHARE`."""
         # The time that the last write of incomplete chunks took is an estimate for the next one.
         since = time.monotonic() - self._last_write
         self.write(incomplete=since * WRITE_SHARE >= self._write_seconds)
@@ -175,14 +176,16 @@ class _Writer:
 
 
 def lane_progress(lanes: int, done: int, show: bool) -> ProgressBar:
-    """Return a progress bar of a number of lanes, and print how many are stored already, `done`."""
+    """Return a progress bar of a number of `lanes`, of which the number `done` is stored already,
+    and print these numbers. Show nothing unless `show`."""
     if show and done:
-        rest = f"{lanes - done} are computed" if done < lanes else "none is computed"
-        print(f"{done} of {lanes} lanes are in the store; {rest}", file=sys.stderr, flush=True)
+        remaining = f"{lanes - done} are computed" if done < lanes else "none is computed"
+        text = f"{done} of {lanes} lanes are in the store; {remaining}"
+        print(text, file=sys.stderr, flush=True)
     # While lanes run in this process, `show_running` sets the time left, from the progress of lanes
     # that still run. The delay keeps short sweeps from showing a bar.
-    text = "{l_bar}{bar}| {n_fmt}/{total_fmt} lanes [{elapsed}, left {left}{postfix}]"
-    return ProgressBar(show, total=lanes, initial=done, desc=STORED, bar_format=text, delay=2.0)
+    form = "{l_bar}{bar}| {n_fmt}/{total_fmt} lanes [{elapsed}, left {left}{postfix}]"
+    return ProgressBar(show, total=lanes, initial=done, desc=STORED, bar_format=form, delay=2.0)
 
 
 def show_running(bar: ProgressBar, running: Running) -> None:

@@ -38,11 +38,14 @@ class _Pickler(cloudpickle.Pickler):
         # attributes, and sets these afterwards. An equinox module needs its fields when it is made,
         # because its metaclass turns it into a dataclass at that time.
         reduced = super().reducer_override(value)
+        # `NotImplemented` stands for objects that are pickled as usual, such as imported classes.
         if reduced is NotImplemented or not isinstance(value, type):
             return reduced
         if not issubclass(value, eqx.Module):
             return reduced
+        # `make(*arguments)` makes the class, and `state` has the attributes to set afterwards.
         make, arguments, *state = reduced
+        # Inherited fields, which `fields` returns too, come from the base classes.
         annotated = inspect.get_annotations(value)
         statics = {
             f.name: f.metadata.get("static", False) for f in fields(value) if f.name in annotated
@@ -78,7 +81,7 @@ RETRIES = 3
 TICK = 1.0
 """Time between two calls of the argument `on_start` of `run_chunks`, s."""
 QUEUED = 2
-"""Number of chunks submitted for each worker, so that it can begin the next one at once."""
+"""Number of chunks submitted for each worker, which can then begin its next chunk at once."""
 
 
 class AbstractSubmitter(Protocol):
@@ -124,10 +127,11 @@ def run_chunks(
     done, started = 0, time.monotonic()
     try:
         while running or (waiting and not failed):
-            room = 0 if failed else pool.room() - len(running)
-            for _ in range(min(room, len(waiting))):
+            free = 0 if failed else pool.room() - len(running)
+            for _ in range(min(free, len(waiting))):
                 chunk = waiting.popleft()
                 running[pool.submit(chunk)] = chunk
+            # Until the first result, return every `TICK` to call `on_start`.
             timeout = None if done else TICK
             ended = futures.wait(running, timeout, return_when=futures.FIRST_COMPLETED).done
             if not done and not ended:

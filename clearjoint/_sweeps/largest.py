@@ -243,19 +243,22 @@ class LaneMargins:
     def with_others(self, others: "LaneMargins") -> "LaneMargins":
         """Return these margins merged with `others`, in the order of rising coordinates; at a
         coordinate that both have, the margin of this object is kept."""
-        both = [np.concatenate(pair) for pair in zip(self._rows, others._rows, strict=True)]
-        # `np.unique` gives the first place of each coordinate, and those of this object come first.
-        first_places = np.unique(both[0], return_index=True)[1]
-        return LaneMargins(*(row[first_places] for row in both), peak=self.peak)
+        joined = [np.concatenate(pair) for pair in zip(self._rows, others._rows, strict=True)]
+        # `np.unique` gives the first place of each coordinate, in rising order. The coordinates of
+        # this object come before those of `others`.
+        first_places = np.unique(joined[0], return_index=True)[1]
+        return LaneMargins(*(values[first_places] for values in joined), peak=self.peak)
 
     def lowered_by(self, others: "LaneMargins") -> "LaneMargins":
-        """Return these margins, replaced at the coordinates of `others`, all of which this object
-        has too, by the smaller of both margins, or by NaN if one of them is NaN."""
-        at = np.searchsorted(self.coordinates, others.coordinates)
-        rows = [row.copy() for row in self._rows]
-        for row, other in zip(rows, others._rows, strict=True):
-            row[at] = np.minimum(row[at], other)
-        return LaneMargins(*rows, peak=others.peak if 0 in at else self.peak)
+        """Return these margins with, at each coordinate of `others`, the smaller of both margins,
+        or NaN if one of them is NaN. This object must have all coordinates of `others`."""
+        indices = np.searchsorted(self.coordinates, others.coordinates)
+        lowered = [values.copy() for values in self._rows]
+        # The coordinates, the first of the rows, are equal, so that their minimum changes nothing.
+        for values, other_values in zip(lowered, others._rows, strict=True):
+            values[indices] = np.minimum(values[indices], other_values)
+        # The text `peak` is about the value of index 0.
+        return LaneMargins(*lowered, peak=others.peak if 0 in indices else self.peak)
 
     @property
     def _rows(self) -> tuple[np.ndarray, ...]:
@@ -264,7 +267,7 @@ class LaneMargins:
     def doubtful(self) -> Bool[np.ndarray, " m"]:
         """Return for each interval between neighbouring values whether it may hide a violation: it
         is below the first violation, and the smaller margin at its ends is below the largest change
-        of the margin over it and over the `NEIGHBOURS` intervals on each side."""
+        of the margin over one of these intervals: itself and the `NEIGHBOURS` ones on each side."""
         count = min(first_violation(self.margins), len(self.margins) - 1)
         ends = self.margins[: count + 1]
         # The infinite margin of a failed run or of a zero peak tells nothing about the rate at
@@ -280,9 +283,11 @@ class LaneMargins:
         return doubtful
 
     def falls(self, tolerance: float) -> bool:
-        """Return whether the margins only fall as the coordinate rises, see
-        `LargestFeasible.monotone`."""
+        """Return whether the margins only fall: the low end of none of their confidence intervals
+        exceeds the high end of an interval at a smaller coordinate by more than `tolerance`."""
+        # A margin that is NaN cannot be compared.
         is_number = ~np.isnan(self.margins)
+        # The smallest high end up to each coordinate.
         least = np.minimum.accumulate(np.where(is_number, self.high, np.inf))
         return bool(np.all(self.low[is_number][1:] <= least[is_number][:-1] + tolerance))
 
@@ -482,8 +487,10 @@ class _Search:
         return known
 
     def _result(self, known: LaneMargins, unit: str) -> LargestFeasible:
+        # If no margin is negative, `violation` is the number of values, and `value` the last one.
         violation, values = first_violation(known.margins), self._values(known)
         met, value = violation < len(values), values[violation - 1]
+        # Index of the largest value that satisfies the limits, which may be above the violation.
         last_pass = int(np.flatnonzero(known.margins >= 0.0)[-1])
         return LargestFeasible(
             value=value,
@@ -499,7 +506,7 @@ class _Search:
 
     def _interval(self, known: LaneMargins) -> tuple[float, float]:
         """Return two values between which the first violation begins, by the confidence intervals
-        of the margins: the value before the first one whose interval reaches below zero, or else
+        of the margins: the value before the first value whose interval reaches below zero, or else
         the smallest value; and the first value whose whole interval is below zero, or else the
         largest value."""
         possible, certain = first_violation(known.low), first_violation(known.high)
@@ -507,10 +514,12 @@ class _Search:
         return values[max(possible - 1, 0)], values[min(certain, len(values) - 1)]
 
     def _widths(self, known: LaneMargins) -> Float[np.ndarray, " m"]:
-        """Return the relative distances of neighbouring values, see `LargestFeasible.spacing`."""
+        """Return the relative distances of neighbouring values: their difference over the larger of
+        their magnitudes."""
         values = np.array(self._values(known))
         low, high = values[0], values[-1]
-        # The distance from zero to its neighbour is as large as the neighbour, however small.
+        # Without a least divisor, the distance of zero from its neighbour would be 1, however close
+        # the neighbour is.
         least = self.tolerance * (high - low) if low <= 0.0 <= high else np.finfo(float).tiny
         sizes = np.maximum(np.maximum(abs(values[1:]), abs(values[:-1])), least)
         return np.abs(np.diff(values)) / sizes

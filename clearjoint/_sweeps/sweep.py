@@ -75,6 +75,7 @@ def variables_of(
     for name, table in requested.tables.items():
         labels = [contact_label(*contact) for contact in table.contacts(scene)]
         coordinates.append(Coordinate(variable_name(name, CONTACT), np.array(labels)))
+    # `along` are the name and the size of the dimension of sample times, empty without these.
     along, times = ((), ()), requested.save.at(scene)
     if times is not None:
         # Sample times are labels of a dimension if all lanes have the same. Otherwise every lane
@@ -98,7 +99,7 @@ def variables_of(
 
 
 Along = tuple[tuple[str, ...], tuple[int, ...]]
-"""Names and sizes of dimensions, such as sample times, before those of a variable's own values."""
+"""Names and sizes of dimensions of a variable, such as sample times, besides those of one value."""
 
 
 def _variables_of_output(
@@ -111,7 +112,7 @@ def _variables_of_output(
             variable_name(name, key): Variable(unit=unit, description=texts[key])
             for key, unit in output.units().items()
         }
-    if not isinstance(output, Section | ImpactTable):
+    if not isinstance(output, Section | ImpactTable):  # a quantity, at the times to save at
         unit = getattr(output, "unit", None) or ""
         return {name: Variable(*sampled, unit=unit, description=name)}
     # The other outputs are tables of impacts or crossings. They have a variable for each column,
@@ -132,6 +133,7 @@ def _variables_of_output(
 def _states(
     scene: Scene, name: str, description: str, along: Along = ((), ())
 ) -> dict[str, Variable]:
+    # One variable for each part, such as the positions, along the bodies and the components.
     dims, shape = along
     return {
         variable_name(name, part): Variable(

@@ -22,7 +22,7 @@ class Work:
     - `common`, `tasks`: what all lanes share, and the data of each lane, such as its end time.
     - `bodies`: names along the dimension "body".
     - `bad`: numbers of the lanes in `Lanes.bad`, which are not run.
-    - `variables`: results of a lane by name.
+    - `variables`: units, shapes and types of the results of a lane, by name.
     """
 
     common: Common
@@ -82,15 +82,15 @@ class Work:
                 results[variable_name(name, key)] = np.asarray(value)
         for name, logs in self._recorded(ended).items():
             results |= {variable_name(name, key): values for key, values in logs.items()}
-        rows: LaneArrays = {}
+        arrays: LaneArrays = {}
         for name, variable in self.variables.items():
             values = np.asarray(results[name], variable.dtype)
-            # A result that is the same in all lanes may have no dimension for them.
-            rows[name] = np.broadcast_to(values, (len(ended.lanes), *variable.shape))
-        return rows
+            # A result that is the same in all lanes may have no dimension of lanes.
+            arrays[name] = np.broadcast_to(values, (len(ended.lanes), *variable.shape))
+        return arrays
 
     def _recorded(self, ended: Ended) -> dict[str, LaneArrays]:
-        """Return the columns of recorded rows of each output, by key, with the number of rows as
+        """Return by output the columns of its recorded rows, by key, with the number of rows as
         "count". Columns of impact tables have a dimension of contacts after that of the lanes."""
         logs = {name: {**rows, "count": counts} for name, (rows, counts) in ended.logs.items()}
         # A log has the rows of one section, of the saved states, or of one contact of an impact
@@ -139,7 +139,8 @@ class Chunks:
 
 
 _confirmed_programs: set[tuple[tuple[str, str], ...]] = set()
-"""Digests that were equal to those of this process's programs; tracing the programs takes long."""
+"""Values of `Common.programs` that this process has compared with its own programs and found equal;
+kept because tracing the programs takes long."""
 
 
 def concatenated(parts: Sequence[tuple[np.ndarray, LaneArrays]]) -> tuple[np.ndarray, LaneArrays]:

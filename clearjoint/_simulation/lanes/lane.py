@@ -60,12 +60,13 @@ class Lane(eqx.Module):
     saved: RowBuffer[Snapshot] | None
 
     def buffers(self) -> dict[str, RowBuffer]:
+        # Buffers of crossings and impacts, by log. The states have the buffer `saved`.
         records = self.run.records
         buffers: dict[str, RowBuffer] = {n: record.rows for n, record in records[SECTIONS].items()}
-        for name, record in records[TABLES].items():
-            for joint, family in record.items():
-                for contact, contact_record in family.items():
-                    buffers[impact_log(name, joint, contact)] = contact_record.rows
+        for name, record_by_joint in records[TABLES].items():
+            for joint, record_by_contact in record_by_joint.items():
+                for contact, record in record_by_contact.items():
+                    buffers[impact_log(name, joint, contact)] = record.rows
         return buffers
 
 
@@ -103,15 +104,15 @@ class Common(eqx.Module):
     """Data that all lanes of a batch share: the integration method, the scene, and the outputs.
 
     - `folded_scene`: the scene, of which each lane replaces the leaves in `Task.varied`.
-    - `reductions`, `sections`, `impacts`: outputs by name, or their recorders; `impacts` are the
-      recorders of tables of impacts.
+    - `reductions`: by name of the output; `sections`, `impacts`: the recorders of sections and of
+      tables of impacts, by name of the output.
     - `saves`: whether states are saved at given times.
     - `capacity[log]`: largest number of rows of each log of crossings or impacts.
     - `channels[log][name]`: quantities to report at each state of a log of crossings, or of saved
       states, `SAVED`.
     - `tables[name]`: for each table of impacts, the names of the logs of its contacts.
-    - `programs`: name and digest of each traced program, or empty if unknown. A saved program is
-      reused only if these agree.
+    - `programs`: name and digest of each traced program, or empty if unknown. A compiled program on
+      disk is reused only if these agree.
     """
 
     scheme: Scheme
@@ -171,28 +172,31 @@ class Common(eqx.Module):
         step = begin_run(method, system, task.state, t0, task.end_time, task.first_step)
         step = replace(step, result=RESULTS.where(fits, step.result, RESULTS.not_assembled))
         saved = RowBuffer.like(Snapshot.of(step), ROWS) if self.saves else None
+        # This request only starts the recorders. The lane's turns get requests from the host, which
+        # have the times to save at.
         window = jnp.full(WINDOW, jnp.inf)
         request = LaneRequest(task.end_time, task.first_step, window, self.capacity)
         return without_weak_types(Lane(self._loop(system, request).start(step), saved))
 
     def after_turn(self, own: tuple[Task, LaneRequest], lane: Lane) -> Lane:
-        """Return a lane after one turn. The lane tries one step, unless its run has ended, the lane
-        waits for the host, or a state within its latest step is still to be saved. After that the
-        lane saves one state, if it has reached a time to save at."""
+        """Return a lane with the data `own` after one turn. The lane tries one step, unless its run
+        has ended, the lane waits for the host, or a state within its latest step is still to be
+        saved. After that the lane saves one state, if it has reached a time to save at."""
         task, request = own
         system = self.system(task)
         run = self._loop(system, request).advance(lane.run, goes=self._tries_step(lane, request))
         if lane.saved is None:  # a batch that saves no states
             return Lane(run, None)
-        saved, lane = lane.saved, Lane(run, lane.saved)
+        advanced = Lane(run, lane.saved)
         # The dense output is evaluated in every turn, because lanes side by side cannot branch. If
-        # no state is due, the row is not written.
-        row = run.records[LATEST].at(self.scheme.method, system, _next_save(lane, request))
-        return Lane(run, saved.with_row(row, _saves(lane, request)))
+        # no state is due, the snapshot is not written.
+        save_time = _next_save(advanced, request)
+        snapshot = run.records[LATEST].at(self.scheme.method, system, save_time)
+        return Lane(run, lane.saved.with_row(snapshot, _saves(advanced, request)))
 
     def status(self, own: tuple[Task, LaneRequest], lane: Lane) -> dict[str, PyTree]:
-        """Return "time", s, "runs", whether the run goes on, and "moves", whether the next turn
-        changes the lane; if not, it has ended or waits for the host."""
+        """Return by name: "time", s; "runs", whether the run goes on; and "moves", whether the next
+        turn changes the lane. If not, the lane has ended or waits for the host."""
         _, request = own
         moves = self._tries_step(lane, request)
         if lane.saved is not None:
@@ -213,9 +217,9 @@ class Common(eqx.Module):
             # states at all times within that step are saved. Nor does it while the buffer of states
             # is full, unless no more are to be saved: then the window's last time, which is the one
             # after those of a full buffer, is infinite.
-            more = request.window[ROWS] < jnp.inf
+            more_to_save = request.window[ROWS] < jnp.inf
             goes = goes & jnp.logical_not(_next_save(lane, request) <= lane.run.step.t)
-            goes = goes & jnp.logical_not(lane.saved.is_full() & more)
+            goes = goes & jnp.logical_not(lane.saved.is_full() & more_to_save)
         # If further rows are wanted, a full buffer of crossings or impacts must be emptied first,
         # or the next row would be lost.
         for log, rows in lane.buffers().items():

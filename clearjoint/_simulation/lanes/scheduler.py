@@ -217,6 +217,7 @@ class _Programs:
             # A block need not be longer than the log. It has at least one row, because `_log`
             # divides by the number of its rows.
             self.blocks[name] = max(min(length, BLOCK_ROWS), 1), self.buffers[name][0].shape[1]
+            # An example of a record, whose numbers do not matter.
             record = jax.tree.map(lambda leaf: leaf[0], common.logs(lane)[name].rows)
             block = np.zeros(self.blocks[name])
             self.columns[name] = bound(_columns, (common, name, record), task, block)
@@ -350,10 +351,10 @@ class _Group:
         return len(numbers) > 0 or len(empty) < len(self._slots)
 
     def _serve(self) -> None:
-        """Empty the buffers of lanes that take no step, and end those of them that are finished."""
+        """Empty the buffers of lanes that wait, and record the results of those that have ended."""
         status = self._loop.status_of(self._columns)
-        # A lane runs until its end or a failure. It moves unless it has ended or its buffer is
-        # full.
+        # A lane runs until the end of its run or a failure. A lane that does not move has ended, or
+        # has a full buffer.
         times, moving, running = (status[name].tolist() for name in ("time", "moves", "runs"))
         ended: list[int] = []
         for column, slot in enumerate(self._slots):
@@ -363,7 +364,8 @@ class _Group:
             if moving[column]:
                 continue
             self._take_rows(column, slot)
-            # A lane at its end may still have times to save at within its last step.
+            # A lane at the end of its run may still have times to save at within its last step. It
+            # saves these states in further turns, and has not ended yet.
             if not running[column] and self._next_saves(slot)[0] > times[column]:
                 ended.append(column)
         if ended:
@@ -374,6 +376,7 @@ class _Group:
         taken = False
         for name, (cells, counter) in self._programs.buffers.items():
             if count := integers[counter, column]:
+                # Indices in an array copy the rows, so that the lane may write over them.
                 slot.rows[name].append(floats[cells[:count], column])
                 integers[counter, column], taken = 0, True
         # The lane counts the rows in its buffers, which are now empty. The request must therefore
@@ -455,18 +458,21 @@ def _ended(shared: _Shared, records: Sequence[_Record]) -> Ended:
     # The blocks of all lanes are converted at once, and then divided again by lane. The last block
     # of a lane may contain rows of zeros, which are cut off.
     for name, length in shared.batch.lengths.items():
-        tables = [of_lane[name] for of_lane in logs_of_lanes]
-        read = programs.column_cells[name].trees(np.concatenate([cells for cells, _ in tables]))
+        # For each lane, the cells of its blocks, and the number of its rows.
+        recorded = [logs_of_lane[name] for logs_of_lane in logs_of_lanes]
+        cells_of_all = np.concatenate([cells for cells, _ in recorded])
+        blocks_by_column = programs.column_cells[name].trees(cells_of_all)
         # For each lane but the last, the index of the block after the lane's last block.
-        ends = np.cumsum([len(cells) for cells, _ in tables])[:-1]
+        ends = np.cumsum([len(cells) for cells, _ in recorded])[:-1]
         columns = {}
         # Blocks (blocks, rows a block, ...) of one column, of all lanes.
-        for key, blocks in read.items():
+        for key, blocks in blocks_by_column.items():
             columns[key] = np.full((len(records), length, *blocks.shape[2:]), np.nan)
-            parts = np.split(blocks, ends)
-            for rows, part, (_, count) in zip(columns[key], parts, tables, strict=True):
-                rows[:count] = part.reshape(-1, *blocks.shape[2:])[:count]
-        logs[name] = columns, np.array([count for _, count in tables])
+            blocks_by_lane = np.split(blocks, ends)
+            lanes = zip(columns[key], blocks_by_lane, recorded, strict=True)
+            for lane_rows, lane_blocks, (_, count) in lanes:
+                lane_rows[:count] = lane_blocks.reshape(-1, *blocks.shape[2:])[:count]
+        logs[name] = columns, np.array([count for _, count in recorded])
     return Ended(np.array(numbers), programs.outcome_cells.trees(np.stack(outcomes)), logs)
 
 

@@ -25,7 +25,7 @@ OnLane: TypeAlias = Callable[..., PyTree]
 ON_CPU, ON_ACCELERATOR = 64, 4096
 """Number of lanes of one program. An accelerator has many more arithmetic units to occupy."""
 TURNS = 256
-"""Largest number of turns between two returns to Python, which shows progress and obeys Ctrl-C."""
+"""Largest number of turns between two returns to Python, where progress and Ctrl-C are handled."""
 WAITING = 8
 """A loop returns to Python as soon as the fraction 1/`WAITING` of its lanes waits. Returning later
 would leave more lanes idle, and returning earlier would copy the lanes more often."""
@@ -49,7 +49,8 @@ class XlaLaneLoop(AbstractLaneLoop):
         self.width, self._functions = width(), (turn, status)
         self._take_turns = _TURNS_IN_ONE_FUNCTION
         self._shared, self._own, self._state = shared, Cells(own), Cells(state)
-        # The column of a lane: its constant data | its state | occupied | status, a cell a name.
+        # The cells of a lane's column are, in this order: its constant data, its state, one cell
+        # that tells whether the column is occupied, and one cell for each name of the status.
         self.own_cells = slice(0, self._own.size)
         self.state_cells = slice(self._own.size, self._own.size + self._state.size)
         self.occupied = self.state_cells.stop
@@ -99,7 +100,9 @@ class XlaFunction:
         self.results = Cells(zeros_like(shapes))
 
     def __call__(self, rows: np.ndarray) -> np.ndarray:
+        # The empty array is the result for no rows, which `np.concatenate` could not make.
         results, width = [np.zeros((0, self.results.size))], self._width
+        # Columns of `rows` between the cells of one argument and those of the next.
         ends = np.cumsum([cells.size for cells in self._arguments])[:-1]
         # The program has a fixed number of lanes. Too few lanes are repeated to fill it up, and the
         # results of the repeated ones are dropped.

@@ -70,9 +70,9 @@ class BoxProblem:
 
         # Begin with the impulses nearest to zero. In most steps all contacts are open and their
         # impulses fixed at zero, so that the residual is zero and no iteration is made.
-        nothing = [jnp.clip(0.0, *bounds) for bounds in self._bounds]
-        residual = self._residual(nothing, start) / scale
-        begin: tuple[Impulses, Scalar, Scalar] = nothing, residual, jnp.zeros((), int)
+        smallest = [jnp.clip(0.0, *bounds) for bounds in self._bounds]
+        residual = self._residual(smallest, start) / scale
+        begin: tuple[Impulses, Scalar, Scalar] = smallest, residual, jnp.zeros((), int)
         x, residual, _ = jax.lax.while_loop(goes, go, begin)
         return x, residual
 
@@ -143,13 +143,15 @@ class BoxProblem:
         n = len(right)
         full = [[matrix[max(i, j)][min(i, j)] for j in range(n)] for i in range(n)]
         identity = [[float(i == j) for j in range(n)] for i in range(n)]
+        # The product with the identity is W itself, in the form that `Exact` solves.
         return Exact().solving(gram_matrix(full, identity))(right)
 
     def _shares(self, x: Impulses, change: Impulses) -> list[Scalar]:
         """Return for each row the part, 0 to 1, of its `change` that the row's bounds allow."""
         shares: list[Scalar] = []
         for a, d, (lower, upper) in zip(x, change, self._bounds, strict=True):
-            # Distance to the bound towards which the impulse moves.
+            # Distance to the bound towards which the impulse moves, and length of the change. Where
+            # nothing changes, the divisor 1 avoids 0/0, although the quotient is not used there.
             room, length = jnp.where(d < 0.0, a - lower, upper - a), jnp.abs(d)
             shares.append(jnp.where(length > room, room / jnp.where(d == 0.0, 1.0, length), 1.0))
         return shares

@@ -102,8 +102,9 @@ class Touch(NamedTuple):
 
 
 def touches(scene: Scene, motions: Motions) -> list[Touch]:
-    """Return all contacts, open or closed. Raise a `ValueError` for a thrust face whose friction
-    has a moment, and for friction of an ideal joint."""
+    """Return all contacts of a scene, open or closed, at given `motions` of the bodies. Raise a
+    `ValueError` for a thrust face whose friction has a moment, and for friction of an ideal joint.
+    """
     return [
         _touch(name, label, joint, contact, motions)
         for name, joint in scene.contact_joints().items()
@@ -161,7 +162,7 @@ def _touch(
 
 
 def _slip_direction(slip: Vector, normal: Vector) -> Vector:
-    """Return the direction of the slip velocity; at zero slip, one across the `normal`."""
+    """Return the direction of the slip velocity; at zero slip, a direction across `normal`."""
     speed, direction = norm_and_direction(slip)
     other, _ = transverse_axes(normal)
     return jax.tree.map(partial(where, speed == 0.0), other, direction)
@@ -260,7 +261,7 @@ class ContactProblem:
         impulses are divided by the largest velocity at closed contacts that these impulses have to
         change, but at least by `ROUNDED` times the largest of both kinds, and by `NEGLIGIBLE`. The
         third is the opening velocity by which normal and friction impulses do not fit each other,
-        divided by the largest velocity of both kinds. `aims`: as in `normal_impulses`; `slips`:
+        divided by the largest velocity of both kinds. `aims`: as for `normal_impulses`; `slips`:
         slip velocities without impulses, m/s, in the order of the slip directions in `rows`.
         """
         if not slips:  # without friction
@@ -349,7 +350,7 @@ def require_restitution(scene: Scene, restitution: Scalar | None) -> None:
 
 def restitutions(scene: Scene, restitution: Scalar | None) -> dict[str, dict[str, Scalar]]:
     """Return Newton's coefficient of restitution of each contact, as restitutions[joint][contact]:
-    the given one, or for ``None`` those of the contact laws."""
+    the given `restitution` or, if that is ``None``, the coefficient of the contact's law."""
     laws = scene.laws()
     if restitution is not None:
         return each_label(lambda name, label: restitution, laws)

@@ -41,7 +41,7 @@ for this problem aim at much smaller residuals; a larger one means that they did
 
 
 class Rigid(eqx.Module):
-    """A system with rigid contacts, and Newton's coefficients, restitution[joint][contact]."""
+    """A system with rigid contacts, and `restitution[joint][contact]`, Newton's coefficients."""
 
     system: System
     restitution: dict[str, dict[str, Scalar]]
@@ -84,6 +84,8 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
     system, middle_time = rigid.system, t + 0.5 * h
     # At a breakpoint, the time just after it.
     t = one_sided_time(system, t, t)
+    # Both have the positions in the middle of the step: `middle` with the speeds at the start of
+    # the step, and `last` with the speeds at its end, at first without impulses.
     middle, last = _smooth_step(rigid, variables, t, middle_time, h)
     mechanics = system.mechanics(last)
     contacts = touches(system.scene, mechanics.motions)
@@ -125,8 +127,8 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
 def _smooth_step(
     rigid: Rigid, variables: MotionVariables, t: Scalar, middle_time: Scalar, h: Scalar
 ) -> tuple[MotionVariables, MotionVariables]:
-    """Return the variables without contact forces, twice: the positions in the middle of the step,
-    at `middle_time`, s, with the speeds at the start of the step, and with those at its end."""
+    """Return variables of the motion without contact forces, with positions in the middle of the
+    step, at `middle_time`, s, twice: with the speeds at the start of the step, and at its end."""
     # `predicted` has estimated speeds in the middle of the step. Evaluated at these, forces that
     # depend on speeds are integrated to second order.
     half = 0.5 * h
@@ -213,6 +215,7 @@ def _accelerated(
 
 def _plus(start: MotionVariables, rate: MotionVariables, time: Scalar) -> MotionVariables:
     def move(a: PyTree, b: PyTree) -> PyTree:
+        # A finite change along the rate does not keep the unit norm of Euler parameters.
         if isinstance(a, EulerParameters):
             return normalised(jax.tree.map(lambda x, y: x + time * y, a, b))
         return add(a, multiply(time, b))

@@ -35,13 +35,13 @@ from .contact_problem import require_restitution, restitutions
 from .moreau_jean import SOLVED, Rigid, advance
 
 DRIVER_TOLERANCE = 1e-5
-"""Relative tolerance of `drivers_are_smooth`, far above the differences of smooth drivers."""
+"""Relative tolerance of `drivers_are_smooth`, far above the error of the quadrature there."""
 
 
 class RigidRun(eqx.Module):
     """A run between two steps. `touching`: whether each contact had an impulse in the last step;
-    `totals`: of each contact since the start of the run; `residual`, `steps`: largest relative
-    residual, and number, of the steps that did not fail."""
+    `totals`: numbers of each contact since the start of the run; `residual`: largest relative
+    residual of the contact problems; `steps`: number of steps; both without a step that failed."""
 
     t: Scalar
     variables: MotionVariables
@@ -79,20 +79,21 @@ def run(
     """
     system = System(unpack(folded_scene), formulation)
     rigid = Rigid(system, restitutions(system.scene, restitution))
-    first = _first(rigid, system.encode(unpack(state.bodies)), stops[0])
+    start = _first(rigid, system.encode(unpack(state.bodies)), stops[0])
     if admissible is not None:
-        first = replace(first, result=RESULTS.where(admissible, first.result, RESULTS.domain))
-    times, rows = _with_breakpoints(system.scene, stops)
+        start = replace(start, result=RESULTS.where(admissible, start.result, RESULTS.domain))
+    times, stop_indices = _with_breakpoints(system.scene, stops)
 
+    # Continue the run over a `span`, from one of `times` to the next.
     def to_stop(now: RigidRun, span: tuple[Scalar, Scalar]) -> tuple[RigidRun, RigidStop]:
         now = _past_kink(system, _to_stop(rigid, now, *span, longest), *span)
         bodies = pack(system.decode(now.variables))
         return now, RigidStop(bodies=bodies, totals=now.totals, result=now.result)
 
     # The scan goes from breakpoint to breakpoint too; only the states at stops are kept.
-    end, states = jax.lax.scan(to_stop, first, (times[:-1], times[1:]))
-    if rows is not None:
-        states = jax.tree.map(lambda leaf: leaf[rows], states)
+    end, states = jax.lax.scan(to_stop, start, (times[:-1], times[1:]))
+    if stop_indices is not None:
+        states = jax.tree.map(lambda leaf: leaf[stop_indices], states)
     return end, states
 
 
@@ -181,6 +182,8 @@ def _after_step(rigid: Rigid, now: RigidRun, t: Scalar, h: Scalar) -> RigidRun:
     finite = all_finite(end.variables)
     contacts, solved = end.contacts, end.residual <= SOLVED
 
+    # Totals of one contact after this step. An impact is counted if the contact has an impulse, and
+    # had none in the step before.
     def total(name: str, label: str) -> ContactTotals:
         totals, step = now.totals[name][label], contacts[name][label]
         pushes = step.impulse > 0.0
@@ -259,7 +262,7 @@ def simulate_nonsmooth(
     **Arguments:**
 
     - `scene`, `state`: the mechanism, and its initial state, which must satisfy the constraints.
-    - `end_time`, `start_time`: s.
+    - `end_time`, `start_time`: end and start of the run, s.
     - `save`: the times at which to save the state. Nothing else can be saved.
     - `step`: s, length of the longest step. Steps end at the times to save at and at breakpoints;
       between two such times, all steps are equal.
@@ -321,13 +324,14 @@ def simulate_nonsmooth(
         redundant_constraints = check_start(scene, state, start_time, coordinates)
     are_redundant = bool(redundant_constraints) if redundant is None else redundant
     formulation = Formulation(coordinates, redundant=are_redundant)
-    between = jnp.asarray([] if times is None else times)
-    stops = jnp.concatenate([_array(start_time)[None], between, _array(end_time)[None]])
-    chosen = None if restitution is None else _array(restitution)
-    numbers = state, stops, _array(step), chosen, admissible
-    run = run_compiled(fold_constants(scene), formulation, *numbers)
-    inner = None if times is None else stops[1:-1]
-    solution = _solution(*run, inner, formulation, redundant_constraints)
+    save_times = jnp.asarray([] if times is None else times)
+    stops = jnp.concatenate([_array(start_time)[None], save_times, _array(end_time)[None]])
+    coefficient = None if restitution is None else _array(restitution)
+    numbers = state, stops, _array(step), coefficient, admissible
+    end, states = run_compiled(fold_constants(scene), formulation, *numbers)
+    # Without times to save at, the solution has no saved states, rather than none of 0 times.
+    save_times = None if times is None else stops[1:-1]
+    solution = _solution(end, states, save_times, formulation, redundant_constraints)
     if traced:
         return solution
     solution = jax.device_get(solution)
@@ -349,13 +353,13 @@ def _solution(
     saved, history, count = None, None, None
     if times is not None:
         # The last stop is the end of the run, which is not a saved state.
-        rows = jax.tree.map(lambda leaf: leaf[:-1], stops)
-        # If the run failed, all rows from the failure on have its result code and no meaning.
-        history, count = rows.totals, (rows.result == RESULTS.successful).sum()
+        saved_stops = jax.tree.map(lambda leaf: leaf[:-1], stops)
+        # If the run failed, all stops from the failure on have its result code and no meaning.
+        history = totals = saved_stops.totals
+        count = (saved_stops.result == RESULTS.successful).sum()
         # Rigid contacts have no entry speeds, but a saved state lists one for each contact.
-        laws = rows.totals
-        zeros = each_label(lambda name, label: jnp.zeros_like(laws[name][label].impulse), laws)
-        saved = Trajectory(times, State(rows.bodies, zeros))
+        zeros = each_label(lambda name, label: jnp.zeros_like(totals[name][label].impulse), totals)
+        saved = Trajectory(times, State(saved_stops.bodies, zeros))
     return NonsmoothSolution(
         time=end.t,
         final=State(jax.tree.map(lambda leaf: leaf[-1], stops.bodies)),

@@ -26,9 +26,8 @@ DRIVER_TOLERANCE = 3.0
 """Tolerance of `drivers_are_smooth`, as a multiple of the relative tolerance of the step-size
 controller. The multiple leaves room for the error of the quadrature in that function."""
 SHORTER = 0.2
-"""Length of a trial over that of the trial which it repeats, if a driver was not smooth; if a body
-rotated too far, the lower bound of this ratio. diffrax's PID controller has the same lower bound.
-"""
+"""Length of a repeated trial over the length of the rejected one, if a driver was not smooth. If a
+body rotated too far, lower bound of this ratio, which diffrax's PID controller has too."""
 
 
 class _Decision(NamedTuple):
@@ -38,7 +37,7 @@ class _Decision(NamedTuple):
     - `t_next`: end of the next trial, s.
     - `made_jump`: whether the rates may jump at the start of the next trial.
     - `controller_state`, `controller_result`: new state and result of the step-size controller.
-    - `rejected`: whether the trial is rejected, by `Rejection`; at most one is true.
+    - `rejected`: by `Rejection`, whether it rejects the trial; at most one is true.
     """
 
     keep: Flag
@@ -51,8 +50,9 @@ class _Decision(NamedTuple):
     def repeated(
         self, reason: Rejection, repeats: Condition, t_next: Scalar, last: Proposal
     ) -> "_Decision":
-        """Return the decision to repeat the trial up to `t_next`, s, if `repeats`, which may be
-        true only if `keep` is; otherwise this decision. `last`: the proposal of the trial."""
+        """Return the decision to repeat the trial, for a `reason`, up to `t_next`, s, if `repeats`
+        is true; otherwise this decision. `repeats` may be true only if `keep` is. `last`: the
+        `Proposal` that led to the trial."""
         return self._replace(
             keep=self.keep & ~repeats,
             t_next=jnp.where(repeats, t_next, self.t_next),
@@ -67,7 +67,7 @@ def decide_step(
     trial: Trial, t_end: Scalar
 ) -> tuple[Condition, Proposal, RESULTS, dict[str, Condition]]:
     """Decide whether a trial step is accepted, in a run that ends at `t_end`, s. Return also the
-    step to try next, the result code, and by `Rejection` whether the trial is rejected for it.
+    step to try next, the run's result code, and by `Rejection` whether it rejects the trial.
 
     The step-size controller decides first. A trial that the controller accepts is still rejected if
     a driver is not smooth over the step, if a body rotates too far in it, or if it passes a contact
@@ -85,7 +85,7 @@ def decide_step(
     full_length = decision.t_next - jnp.where(decision.keep, t1, step.t)
     if trial.time_map is not None:
         full_length = trial.time_map.next_length(full_length, decision.keep)
-    # Without contacts only breakpoints and rotations can have cut the step short.
+    # Without landing at contact events only breakpoints and rotations can have cut the step short.
     begins_contact, entry_length = last.begins_contact, last.entry_length
     if method.landing is not None and after:
         # A trial that passes a contact event is repeated up to it: its set of closed contacts was
@@ -130,8 +130,8 @@ def decide_step(
 
 
 def _with_smooth_drivers(decision: _Decision, trial: Trial) -> _Decision:
-    """Repeat a trial over which a driver is not smooth (see `drivers_are_smooth`). Towards an
-    undeclared kink or jump, steps become ever shorter, until `_result` stops the run."""
+    """Return the `decision`, changed so that a trial over which a driver is not smooth is repeated.
+    Towards an undeclared kink or jump, steps become ever shorter, until `_result` stops the run."""
     step = trial.step
     rtol = DRIVER_TOLERANCE * _relative_tolerance(trial.method.controller)
     smooth = drivers_are_smooth(trial.system, trial.outcome.y.motion, step.t, trial.t1, rtol)
@@ -143,8 +143,8 @@ def _with_smooth_drivers(decision: _Decision, trial: Trial) -> _Decision:
 
 
 def _with_limited_rotation(decision: _Decision, trial: Trial) -> _Decision:
-    """Repeat a trial in which a body rotates by more than `LARGEST`. The rotation rates at the
-    start, which have limited the length of the trial, may have grown in it."""
+    """Return the `decision`, changed so that a trial in which a body rotates by more than `LARGEST`
+    is repeated. Rates of rotation, whose start values limit the length, may grow in the trial."""
     step, rotation = trial.step, rotation_in(trial)
     repeats = decision.keep & (rotation > LARGEST)
     shorter = step.t + jnp.clip(TARGET / rotation, SHORTER, 1.0) * (trial.t1 - step.t)
@@ -165,6 +165,7 @@ def _made_jump(decision: _Decision, trial: Trial) -> Condition:
 
 
 def _relative_tolerance(controller: diffrax.AbstractStepSizeController) -> Scalar:
+    # A controller such as `diffrax.ClipStepSizeController` contains the one with the tolerances.
     inner = getattr(controller, "controller", None)
     if inner is not None:
         return _relative_tolerance(inner)
@@ -183,7 +184,8 @@ def _controller_decision(trial: Trial) -> _Decision:
     def scaled(y: PyTree) -> PyTree:
         return step_length.with_relative_bristles(unstacked(y), system.scene) if has_bristles else y
 
-    # `before`, `after` and `error` have a second part in a run with tangents: that of the tangents.
+    # `before` and `after` are magnitudes of the variables at both ends of the step. In a run with
+    # tangents, these and `error` are pairs, whose second part is for the tangents.
     before, after = (step_length.magnitudes(scaled(y)) for y in (step.y, trial.outcome.y))
     error = scaled(trial.outcome.error)
     if trial.tangents is not None:

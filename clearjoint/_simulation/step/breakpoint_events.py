@@ -32,8 +32,8 @@ T = TypeVar("T")
 
 class SwitchedForce(AbstractForce):
     """A force whose wrenches and power are interpolated linearly, by `share`, 0 to 1, between their
-    values at two times of the scene, s, `before` and `after`. If these are just before and just
-    after a breakpoint, the derivative of the motion's rates by `share` is their change there."""
+    values at two times of the scene, s, `before` and `after`. If these two are just before and
+    just after a breakpoint, the derivative of the motion's rates by `share` is their jump there."""
 
     force: AbstractForce
     before: Scalar
@@ -160,11 +160,11 @@ def _past_samples(
     after: Scalar,
     differentiated: bool,
 ) -> Variables:
-    """Return the variables with the memories that forces have after the instants, at the end t of
-    the step, s, at which they sample the motion. If an instant depends on parameters, the motion
-    sampled there, and the time for which the changed forces have acted at t, have derivatives,
-    which are added if `differentiated`. `before` and `after` are times just before and after t, s.
-    """
+    """Return the variables at the end t, s, of a step, with new memories of the forces that sample
+    the motion at t: `sampled` has the latest instant of each force, and whether it is at t. If an
+    instant depends on parameters, the sampled motion, and the time for which the changed forces
+    have acted at t, have derivatives, which are added if `differentiated`. `before` and `after` are
+    times just before and just after t, s."""
     # The times since the instants are zero except for rounding. So are the products of these times
     # with derivatives of the rates, which are therefore left out.
     fixed, still, speeds = constant((system, y, entry_speeds))
@@ -192,11 +192,12 @@ def _past_samples(
     y = replace(y, memory=memories)
     if not differentiated:
         return y
-    # Only the times keep their derivatives.
+    # Only the times keep their derivatives: products of a time and a derivative are left out.
     changes = [(*constant((name, old, new)), since) for name, old, new, since in changes]
     forces = sampled_forces(fixed.scene)
 
-    # The rates depend linearly on the shares of the changes of forces, as above.
+    # The rates depend linearly on the shares of the changes of forces, as in `across_breakpoints`.
+    # Each force in `held` gets its own changes, with the share of each.
     def changed_rates(shares: Sequence[Scalar]) -> Variables:
         held = {
             name: HeldForce(

@@ -29,9 +29,9 @@ Quantities: TypeAlias = Mapping[str, Quantity]
 
 def look_inside(method: Method, system: System, attempt: Attempt, t: Scalar) -> "Snapshot":
     """Return the snapshot at a time t, s, of the accepted step of an `attempt`, corrected by the
-    stabilisation. Before the end of the step, entry speeds are those of `entry_speeds_inside`. At
-    the end, variables and entry speeds are those in `attempt.step`, which contain the corrections
-    for events there."""
+    stabilisation. Before the end of the step, contacts have the entry speeds of the step's start
+    or, after an onset, of its end. At the end, variables and entry speeds are those in
+    `attempt.step`, which contain the corrections for events there."""
     step, end = attempt.step, attempt.step.t
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=end, **attempt.information)
     is_end = at_end(system, end, t)
@@ -63,9 +63,11 @@ def stabilised(system: System, y: Variables, t: Scalar) -> Variables:
     constraints. The energy that a projection onto the constraints removes, J, is added to the
     integral "stabilisation" of the energy ledger, if the run has one."""
 
+    # Total energy, kinetic and stored.
     def energy(motion: MotionVariables) -> Scalar:
         return sum(system.energies(motion, t).values())
 
+    # A stabilisation that does not project, such as `Baumgarte`, does not call this function.
     def project(y: Variables) -> Variables:
         motion, work = system.project(y.motion, t), y.work
         if system.formulation.ledger and "stabilisation" in work:
@@ -113,7 +115,8 @@ class Snapshot(eqx.Module):
     ) -> Instant:
         """Return the snapshot as an `Instant`. `inside`: function that returns the instant after a
         part, 0 to 1, of the step that ends here; ``None`` if no quantity needs such instants.
-        `jumps`: see `Instant.jumps`."""
+        `jumps`: whether this is the end of a step at which quantities may jump; ``None`` in a scene
+        without jumps."""
         y = self.y
         parts = y.motion, self.entry_speeds, y.work, y.bristles, y.memory
         return Instant(system, self.t, *parts, inside, jumps)
@@ -170,7 +173,7 @@ class DenseStep(eqx.Module):
         return Snapshot(t, self.inside(method, elapsed), self.start.entry_speeds)
 
     def at(self, method: Method, system: System, t: Scalar) -> Snapshot:
-        """Return the snapshot at a time t, s, as `look_inside` does."""
+        """Return the snapshot at a time t, s, that `look_inside` returns for the step's attempt."""
         start, end = self.start, self.end
         length = end.t - start.t
         elapsed = (t - start.t) / jnp.where(length > 0.0, length, 1.0)

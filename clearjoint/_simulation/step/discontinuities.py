@@ -96,7 +96,8 @@ def compares_time(part: AbstractFunctionOfTime | AbstractElement) -> bool:
     """Return whether a `part`, in packed form, may have a jump or a kink in time: a function of
     time, or the forces or constraint rates of an element."""
     if isinstance(part, AbstractElement):
-        # Elements of a kind are traced once. Errors for other names are raised for the true ones.
+        # Elements that differ only in names are traced once, with common names. If that fails, the
+        # element is traced with its own names, so that an error message has these.
         with suppress(*NOT_RENAMED):
             return _recently_compared(with_common_names(part)[0])
     return _recently_compared(part)
@@ -104,9 +105,12 @@ def compares_time(part: AbstractFunctionOfTime | AbstractElement) -> bool:
 
 def _recently_compared(part: AbstractFunctionOfTime | AbstractElement) -> bool:
     flat = FlatArguments.of((fold_constants(with_arrays(part)),))
+    # A part with numbers that JAX traces is searched at each call, and its result is not kept.
     compares = None if flat.traced else _COMPARES.recent(flat.key)
     if compares is None:
         unpacked = unpack(part)
+        # The time is the first argument of each program. Comparisons of the motion, the second
+        # argument of an element's program, do not count.
         if isinstance(unpacked, AbstractFunctionOfTime):
             program, chosen = program_of(unpacked, 0.0).jaxpr.jaxpr, [True]
         else:
@@ -170,8 +174,9 @@ def _depends_on_primitive(program: Jaxpr, chosen: list[bool], primitives: frozen
 
 
 def changes_side(trial: Trial) -> Condition | None:
-    """Return whether a force of the scene jumps in a trial step, as its `deviations` tell, for
-    example since an angle passes half a revolution; ``None`` without any deviations."""
+    """Return whether a force of the scene jumps in a trial step because one of its `deviations`
+    changes by more than pi, such as an angle that passes half a revolution; ``None`` if no force
+    has deviations."""
     step, system = trial.step, trial.system
 
     def deviations(motion: MotionVariables, t: Scalar) -> list[Scalar]:

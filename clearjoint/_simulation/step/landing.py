@@ -16,9 +16,9 @@ from ..._math.vectors import Condition, Scalar
 from ..._model.joints.base import ByLabel
 
 LATEST = 1e-11
-"""Longest time past an event at which a step may end, s. In slow contacts, this time multiplied by
-the penetration rate is a smaller depth than the landing tolerance, and steps must land within the
-smaller depth. A contact in which a step lands past the onset has an elastic energy that no work has
+"""Longest time past an event at which a step may end, s. The depth within which a step must land is
+the landing tolerance or, if it is smaller, as in slow contacts, the depth that the surfaces cover
+in this time. A contact in which a step lands past the onset has an elastic energy that no work has
 supplied: a large error in an impact so slow that its penetration may not reach the tolerance."""
 CLOSEST = 1e-4
 """Smallest depth within which a step must land, relative to the landing tolerance. Otherwise
@@ -77,10 +77,11 @@ class Landing(eqx.Module):
     def retry(
         self, before: ContactGaps, after: ContactGaps, t0: Scalar, t1: Scalar
     ) -> tuple[Condition, Scalar]:
-        """Decide whether a step from `t0` to `t1` must be repeated because it passes an event by
-        more than the tolerance, and return this and the time at which the step must end then."""
+        """Return whether a step from `t0` to `t1`, s, must be repeated because it passes an event
+        by more than the tolerance, and the time, s, at which the repeated step must end. `before`,
+        `after`: contact gaps at the start and end of the step."""
         h = t1 - t0
-        # Times that differ by less are not distinguished, because of rounding errors.
+        # Because of rounding errors, times that differ by less than this are not distinguished.
         resolution = 4.0 * jnp.finfo(jnp.result_type(t1)).eps * jnp.maximum(jnp.abs(t1), h)
         pairs = list(gap_pairs(before, after))
         may_pass = any_of(shared_by_many(len(pairs), _may_pass, *pair) for pair in pairs)

@@ -81,8 +81,9 @@ class SystemFamily(eqx.Module):
     """A scene's equations of motion (`System`) and initial state as functions of the coordinates of
     p parameters, such as the logarithm of a parameter on a logarithmic scale.
 
+    - `family`: the scene as a function of the parameters, with their present values.
     - `origin`: the scene's time, s, at which the systems' time is zero; ``None`` if both are equal.
-    - `is_transposed`: whether JAX will transpose the derivatives.
+    - `is_transposed`: whether JAX will transpose the derivatives, as for a gradient.
     """
 
     family: AbstractSceneFamily
@@ -97,8 +98,8 @@ class SystemFamily(eqx.Module):
     def with_derivatives(
         self, function: Callable[..., Value], primals: Trees, tangents: Trees
     ) -> tuple[Value, Value]:
-        """Return the value of a function, and the derivatives of this value, as `with_auxiliary`
-        does for a function that also has an auxiliary result."""
+        """Return the value of a function of the system and of `primals`, and its derivatives with
+        respect to the parameters. `tangents` are the derivatives of `primals`."""
         value, _, derivatives = self.with_auxiliary(
             lambda *arguments: (function(*arguments), None), primals, tangents
         )

@@ -59,7 +59,8 @@ def rotating_bodies(
 
 def fastest_rotation(method: Method, system: System, motion: MotionVariables) -> Scalar:
     rates = system.formulation.coordinates.rotation_rates(system.scene, motion)
-    # Step sizes are not differentiated: the solution does not depend on them.
+    # Step sizes are not differentiated: the solution does not depend on them. Names are sorted,
+    # because a set has another order in each process, and the traced program would differ.
     return jax.lax.stop_gradient(reduce(larger, [rates[b] for b in sorted(method.rotating)]))
 
 

@@ -106,7 +106,7 @@ def across_contacts(
 
 def constant(tree: T) -> T:
     """Return a PyTree with the same numbers, whose derivatives are zero."""
-    # JAX would make arrays of the numbers that are folded into formulas.
+    # Python numbers, which are folded into formulas, have no derivatives, and would become arrays.
     return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if isinstance(x, jax.Array) else x, tree)
 
 
@@ -154,6 +154,7 @@ def _contact_times(scene: Scene, before: ContactGaps, after: ContactGaps) -> ByL
 
 
 def _contact_time(start: ContactGap, end: ContactGap) -> Scalar:
+    # At a rate of zero the quotient is undefined; the divisor 1 keeps its derivatives finite.
     moves = _changes(start, end) & (end.rate != 0.0)
     since = end.depth / jnp.where(moves, end.rate, 1.0)
     # After an end, the solver has assumed the force for too long, by the time since the end.

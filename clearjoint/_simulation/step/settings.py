@@ -54,10 +54,10 @@ class Settings:
       because impacts amplify errors of variables that are nearly zero, such as the misalignment of
       a journal. Give a smaller `atol` if all speeds of the motion are below 1e4 `atol`.
     - `first_step`: length of the first step, s; by default a millionth of the run's duration.
-    - `landing_tolerance`: m; steps end at each onset and end of a contact. The penetration there
-      differs from that of the event by at most this value; in slow contacts, steps end at most
-      1e-11 s after the event. With ``None``, steps go across onsets and ends. Runs with derivatives
-      and an `rtol` of 1e-10 or less need 1e-13.
+    - `landing_tolerance`: m. A step ends at each onset and end of a contact. The penetration at the
+      end of this step differs by at most this value from the penetration at the event; in slow
+      contacts, the step ends at most 1e-11 s after the event. With ``None``, steps go across onsets
+      and ends. Runs with derivatives and an `rtol` of 1e-10 or less need 1e-13.
     - `derivative_tolerance`: factor by which the tolerances of derivatives are larger than those of
       the variables. The table shows its effect on the double pendulum after five impacts at each
       base of the journal, with three parameters and an `rtol` of 1e-9. Errors are relative. A run
@@ -163,11 +163,12 @@ class Settings:
 
     @property
     def numbers(self) -> tuple[float | None, ...]:
-        """The settings whose values JAX may trace."""
+        """The settings `rtol`, `atol`, `first_step`, `landing_tolerance`, which JAX may trace."""
         return self.rtol, self.atol, self.first_step, self.landing_tolerance
 
     def length_of_first_step(self, start_time: Scalar, end_time: Numbers) -> Numbers:
-        """Return the length of the first step, s: `first_step`, or a default for each end time."""
+        """Return the length of the first step, s, of a run to each of the end times, s:
+        `first_step` or, if that is ``None``, the part `FIRST_SHARE` of the run's duration."""
         length = self.first_step
         return FIRST_SHARE * (end_time - start_time) if length is None else length
 
@@ -211,22 +212,24 @@ def check_span(start: Scalar, end: Scalar) -> None:
     start by at least `SHORTEST` times the smallest normal number: 2.2e-298 s in double precision.
     """
     for name, value in (("start_time", start), ("end_time", end)):
-        number = np.shape(as_number(value, name, "s")) == ()
-        require(number, name, value, "a single number", "pass one time in s")
-    if (ends := checkable(start, end)) is not None:
-        first, last = ends
+        is_single = np.shape(as_number(value, name, "s")) == ()
+        require(is_single, name, value, "a single number", "pass one time in s")
+    if (times := checkable(start, end)) is not None:  # JAX traces neither time
+        start_number, end_number = times
         after = f"after start_time = {as_shown(start)}"
-        is_span = (abs(first) < np.inf) & (abs(last) < np.inf) & (last > first)
+        are_finite = (abs(start_number) < np.inf) & (abs(end_number) < np.inf)
+        is_span = are_finite & (end_number > start_number)
         require(is_span, "end_time", end, f"finite and {after}", "give times in s")
         shortest = SHORTEST * float(jnp.finfo(jnp.result_type(float)).tiny)
         expected = f"at least {shortest:.1g} s {after}"
         remedy = "give times in s; the processor takes shorter spans as zero"
-        require(last - first >= shortest, "end_time", end, expected, remedy)
+        is_long_enough = end_number - start_number >= shortest
+        require(is_long_enough, "end_time", end, expected, remedy)
 
 
 def checked_times(start: Scalar, end: Scalar, times: ArrayLike) -> Column:
-    """Return `times`, (N,) s, of a run from `start` to `end`, s, in double precision, with those
-    outside of the run by rounding errors alone moved to its start or end.
+    """Return the `times`, (N,) s, of a run from `start` to `end`, s, in double precision. Times
+    that are outside of the run by rounding errors alone are moved to its start or end.
 
     If JAX traces the times, only their shape is checked; if it traces the start or the end of the
     run, the times are not compared with these. In both cases, the times are returned unchanged.
@@ -234,39 +237,42 @@ def checked_times(start: Scalar, end: Scalar, times: ArrayLike) -> Column:
     **Raises:** `ValueError` that names the argument `times`, for times that decrease, are not
     finite, are not one-dimensional or are outside of the run, and for an empty array.
     """
-    row = rising_times(times)
+    rising = rising_times(times)
     # `checkable` returns ``None`` if JAX traces one of the numbers.
-    if (numbers := checkable(row, start, end)) is not None:
-        row, first, last = numbers
-        room = rounding(start, end, times)
-        is_inside = (row[0] >= first - room) & (row[-1] <= last + room)
+    if (numbers := checkable(rising, start, end)) is not None:
+        rising, first, last = numbers
+        tolerance = rounding(start, end, times)
+        # The times rise, so that only the first and the last one can be outside.
+        is_inside = (rising[0] >= first - tolerance) & (rising[-1] <= last + tolerance)
         expected = f"between start_time = {as_shown(start)} and end_time = {as_shown(end)}"
-        require(is_inside, "times", [row[0], row[-1]], expected, "leave out the times outside")
-        return row.astype(float).clip(first, last)
-    return row
+        remedy = "leave out the times outside"
+        require(is_inside, "times", [rising[0], rising[-1]], expected, remedy)
+        return rising.astype(float).clip(first, last)
+    return rising
 
 
 def rising_times(times: ArrayLike) -> Column:
-    """Return `times`, (N,) s, as an array, after the checks of `checked_times` that do not concern
-    the run. Of traced times only the shape is checked."""
-    row = as_number(times, "times", "s")
+    """Return `times`, (N,) s, as an array. Raise a `ValueError` unless they are one-dimensional, at
+    least one, finite, and never decrease. Of traced times only the shape is checked."""
+    rising = as_number(times, "times", "s")
     expected = "a rising one-dimensional array of finite times"
     remedy = "sort the times, or pass for example numpy.linspace(0, 1, 101)"
-    require(row.ndim == 1 and row.size > 0, "times", row, expected, remedy)
-    if (numbers := checkable(row)) is None:
-        return row
-    (row,) = numbers
-    rises = row.__array_namespace__().isfinite(row).all() & (row[1:] >= row[:-1]).all()
-    require(rises, "times", row, expected, remedy)
-    return row
+    require(rising.ndim == 1 and rising.size > 0, "times", rising, expected, remedy)
+    if (numbers := checkable(rising)) is None:  # JAX traces the times
+        return rising
+    (rising,) = numbers
+    are_finite = rising.__array_namespace__().isfinite(rising).all()
+    rises = are_finite & (rising[1:] >= rising[:-1]).all()
+    require(rises, "times", rising, expected, remedy)
+    return rising
 
 
 def strictly_rising_times(times: ArrayLike) -> Column:
-    """Return `times` as `rising_times`, but refuse repeated times too. JAX must not trace them."""
-    row = rising_times(times)
+    """Return `times` as `rising_times` does, but refuse repeated times. They must not be traced."""
+    rising = rising_times(times)
     remedy = "remove repeated times, for example with numpy.unique"
-    require(bool((np.diff(row) > 0).all()), "times", times, "without repetition", remedy)
-    return row
+    require(bool((np.diff(rising) > 0).all()), "times", times, "without repetition", remedy)
+    return rising
 
 
 def rounding(start: Scalar, end: Scalar, times: ArrayLike) -> Scalar:

@@ -72,8 +72,8 @@ class UnrolledExplicit(diffrax.AbstractSolver):
         return terms.vf(t0, y0, args)
 
     def information_like(self, y: PyTree) -> "DenseInformation":
-        """Return a placeholder, with the structure and shapes of the data for dense output of a
-        step with the variables `y`, which a loop needs as its initial value."""
+        """Return data with the structure and shapes of those for dense output of a step with the
+        variables `y`. A loop needs such data as an initial value; the numbers have no meaning."""
         return {"y0": y, "stages": (stacked(y),) * self.method.tableau.num_stages}  # pyright: ignore[reportAttributeAccessIssue]
 
     @override
@@ -156,8 +156,10 @@ class DenseOutput(eqx.Module):
         c are given. Without a time map, x is the elapsed part of the step's time; with a time map,
         that part is `time_map.elapsed(x)`."""
         h = self.t1 - self.t0
+        # Of y0 + h sum b_i(x) f_i, the factors h b_i(x).
         weights = [h * _horner(row, x) for row in dense_weights(self.method)]
 
+        # One variable at x, from its value at the start and its rate in each stage.
         def leaf(weights: list[Scalar], y0: Scalar, *stages: Scalar) -> Scalar:
             for weight, stage in zip(weights, stages, strict=True):
                 y0 = add(y0, multiply(weight, stage))
@@ -168,6 +170,8 @@ class DenseOutput(eqx.Module):
 
 
 def _by_leaf(function: Callable[..., Scalar], numbers: PyTree[Scalar], *trees: Y) -> Y:
+    # Apply `function` to `numbers` and corresponding leaves of `trees`. A leaf of a `Stacked` is an
+    # array of many variables, for which `elementwise` makes one loop.
     if isinstance(trees[0], Stacked):
         function = partial(elementwise, function)
     return jax.tree.map(partial(function, numbers), *trees)

@@ -25,8 +25,8 @@ disregards cuts as small as rounding errors."""
 
 
 SHARE_OF_SPEED = 0.2
-"""Part of each speed that `tangent_sizes` adds to the size of the speed's derivative, divided by
-the ratio of the largest derivative of a position to the largest position. With smaller values,
+"""`tangent_sizes` adds to the size of a speed's derivative this number times the speed, times the
+ratio of the largest derivative of a position to the largest position. With smaller values,
 derivatives of a fall from 50 m on a contact of 1e13 N/m^1.5 could not be computed."""
 
 
@@ -81,8 +81,8 @@ def lengths_after_contacts(
 
 
 def length_after_breakpoints(step: Step, t1: Scalar, keep: Condition, proposed: Scalar) -> Scalar:
-    """Return `full_length` of the next `Proposal` in a scene without contacts. The arguments are
-    those of `lengths_after_contacts`."""
+    """Return `full_length` of the next `Proposal`, s, in a run whose steps do not end at contact
+    events. The arguments are those of `lengths_after_contacts`."""
     is_cut = t1 - step.t < CUT * step.proposal.full_length
     return jnp.where(keep, _uncut(step.proposal, is_cut, proposed), proposed)
 
@@ -96,7 +96,7 @@ def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
 def magnitudes(y: Variables) -> Variables:
     """Return the numbers to which the step-size controller relates the errors of the variables y.
 
-    - Positions and velocities of bodies: for each component, the largest magnitude of the three.
+    - Positions and velocities of bodies: in each component, the largest of the three magnitudes.
     - Bristle deflections, from `with_relative_bristles`: the absolute value, but at least 1.
     - All other variables: the variable itself; the controller takes absolute values.
     """
@@ -133,6 +133,7 @@ def tangent_sizes(system: System, sizes: Variables, along: Variables) -> Variabl
     # rate of this rise has the relative error of the tiny depth, of which few digits are known far
     # from the origin. The error relative to the derivative itself could therefore not become small
     # enough, and steps shrank until the run failed.
+    # Speeds are set to zero here, so that `largest` finds the largest position.
     def positions(motion: MotionVariables) -> MotionVariables:
         return system.with_speeds(motion, jax.tree.map(jnp.zeros_like, motion))
 
@@ -148,7 +149,7 @@ def tangent_sizes(system: System, sizes: Variables, along: Variables) -> Variabl
 
 
 def largest(tree: PyTree[Scalar]) -> Scalar:
-    """Return the largest magnitude among a PyTree's leaves, of one shape, element by element."""
+    """Return, element by element, the largest magnitude among a PyTree's leaves of equal shape."""
     return reduce(jnp.maximum, [jnp.abs(leaf) for leaf in jax.tree.leaves(tree)])
 
 

@@ -36,7 +36,7 @@ class Method(eqx.Module):
     - `landing`: the rule by which steps end at contact events; ``None`` if steps go across events.
     - `derivative_tolerance`: factor by which the tolerances of tangents are larger than those of
       the variables; ``None`` in runs without tangents.
-    - `rotating`: names of the bodies whose rotations a step limits (see `.rotation_limit`).
+    - `rotating`: names of the bodies whose rotation in a step is limited (see `.rotation_limit`).
     """
 
     solver: diffrax.AbstractSolver
@@ -64,7 +64,7 @@ class Variables(eqx.Module):
 class Tangents(eqx.Module):
     """Derivatives of three fields of a `Step` with respect to the coordinates of p parameters, such
     as the logarithm of a parameter on a logarithmic scale. Coordinates are pure numbers, so that
-    each leaf has the unit of the variable. It has a first axis of length p."""
+    each derivative has the unit of its variable. Each array has a first axis of length p."""
 
     y: Variables
     entry_speeds: EntrySpeeds
@@ -156,6 +156,7 @@ class Attempt(eqx.Module):
     - `step`: the new state if the trial was `accepted`; otherwise the old one with a new
       proposal, result code and number of attempts.
     - `t_start`, `entry_speeds_start`: time, s, and entry speeds, m/s, at the start of the trial.
+    - `information`: data for dense output; `time_map`: ``None`` if time is uniform in the step.
     - `tangents`: derivatives of the data for dense output; ``None`` in runs without tangents.
     - `rejected`: whether and why the trial was rejected; ``None`` in a record of accepted attempts.
     """
@@ -171,7 +172,7 @@ class Attempt(eqx.Module):
 
 
 class TangentsInside(eqx.Module):
-    """Derivatives of the fields of an `Attempt` with the same names."""
+    """Derivatives, by the parameters, of the fields of an `Attempt` that have the same names."""
 
     entry_speeds_start: EntrySpeeds
     information: DenseInformation

@@ -208,8 +208,8 @@ def attempt(
 
 def accepted_state(trial: Trial, keep: Condition) -> Step:
     """Return the state after a trial step, with the `proposal`, `result` and `attempts` of the
-    state before. If `keep` is false, the caller doesn't use it, and single runs skip parts of it.
-    """
+    state before. If `keep` is false, the trial is rejected, the caller doesn't use the result, and
+    single runs skip parts of its computation."""
     method, system, family = trial.method, trial.system, trial.family
     step, gaps = trial.step, trial.gaps
     y1, solver_state = trial.outcome.y, trial.outcome.solver_state
@@ -320,9 +320,9 @@ def _across_discontinuities(trial: Trial, keep: Condition) -> Ends:
     ends = y1, y_tangents
     if corrects_contacts:
         changes = keep & any_changes(system.scene, step.contact_gaps, trial.gaps)
-        # JAX needs less time to trace derivatives inside of a branch than those of a branch. To
-        # transpose a branch, it divides it into its linear part and the rest twice, unless the
-        # branch is a call, whose division is kept.
+        # `corrected` takes derivatives inside of the branch, because JAX needs longer to trace the
+        # derivatives of a branch. To transpose a branch, JAX divides it twice into a linear part
+        # and the rest, unless the branch is a call of a function, whose division JAX keeps.
         is_transposed = family is not None and family.is_transposed
         correct = traced_once(partial(corrected, contacts_corrected), is_transposed)
         ends = jax.lax.cond(changes, correct, lambda ends: ends, ends)

@@ -72,7 +72,7 @@ class WithinContact(AbstractTimeMap):
     time since the contact's onset, or of the time until its end.
 
     **Arguments:** `length`: of the step, s; `start`, `end`: the square root at the start and end of
-    the step, s^0.5; both 1, so that time is uniform, without contact or known onset or end.
+    the step, s^0.5. In flight, or if onset and end are unknown, both are 1: time is uniform.
     """
 
     length: Scalar
@@ -103,6 +103,7 @@ class WithinContact(AbstractTimeMap):
 
     @override
     def elapsed(self, x: float) -> Scalar:
+        # (root(x)^2 - root(0)^2)/(root(1)^2 - root(0)^2), with root(x) = start + (end - start) x.
         pace = self._initial_slope()
         return x * (pace + (1.0 - pace) * x)
 
@@ -120,10 +121,10 @@ class WithinContact(AbstractTimeMap):
 
     @override
     def next_length(self, proposed: Scalar, keep: Condition) -> Scalar:
-        """Return the length of the step to try next, s. The rates are smooth in the square root of
-        time, so the controller's ratio, `proposed` over `length`, is applied to the difference of
-        the roots over this step. If the next step would then pass the contact's end, return
-        `proposed`."""
+        """Return the length of the step to try next, s. Rates are smooth in the square root of
+        time, so the ratio by which the controller changes the length, `proposed` over `length`, is
+        applied to the difference of the roots at both ends of the step. If the next step would then
+        pass the contact's end, return `proposed`."""
         change = proposed / self.length * (self.end - self.start)
         # The square root at the start of the next step.
         root = jnp.where(keep, self.end, self.start)

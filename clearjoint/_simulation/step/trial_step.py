@@ -40,6 +40,7 @@ def rates_of(
     """Return the rates of all integrated variables `y` at the time t, s, as arrays of the dtype of
     `t`; `Stacked` if the variables are. By default those contacts that penetrate are `closed`."""
     are_stacked, y = isinstance(y, Stacked), unstacked(y)
+    # The system with its sampled forces as they were determined at their latest instants.
     held = holding(system, y.memory)
     dynamics = held.dynamics(y.motion, entry_speeds, t, closed, y.bristles)
     integrands = {
@@ -104,7 +105,9 @@ class Trial(eqx.Module):
     """A trial step of a `system` from the state `step`, as the solver of a `method` computed it.
 
     - `family`: the system as a function of parameters, if the step has tangents.
-    - `t1`: end of the step, s; `outcome`, `tangents`, `solver_result`: results of the solver.
+    - `t1`: end of the step, s; `time_map`: ``None`` if time is uniform in the step.
+    - `outcome`, `tangents`, `solver_result`: results of the solver, their derivatives by the
+      parameters (``None`` in runs without tangents), and the solver's result code.
     - `gaps`: the contact gaps at the end.
     - `finite`: whether the solver's results are finite; if not, the variables are those at the
       start of the step, and the errors are `REJECTED_ERROR`.
@@ -125,8 +128,10 @@ class Trial(eqx.Module):
 
 def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | None:
     """Return the time map of the step from `step` to `t1`, s; ``None`` if the run has none."""
+    # Only if steps end at contact events does an onset coincide with the start of a step.
     if method.landing is None or not step.contact_gaps:
         return None
+    # The `step` of other solvers takes no time map.
     if not isinstance(method.solver, UnrolledExplicit):
         return None
     begins, since = step.proposal.begins_contact, step.proposal.time_since_onset
@@ -143,7 +148,8 @@ def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | Non
 def try_step(
     method: Method, system: System, step: Step, t1: Scalar, family: SystemFamily | None
 ) -> Trial:
-    """Compute `solved_step`, and have the controller reject numbers that are not finite."""
+    """Compute the trial step from `step` to `t1`, s. If a number in the solver's result is not
+    finite, the trial gets errors with which the step-size controller will reject it."""
     trial = solved_step(method, system, step, t1, family)
     outcome, tangents = trial.outcome, trial.tangents
     if tangents is None:
@@ -161,8 +167,8 @@ def solved_step(
     method: Method, system: System, step: Step, t1: Scalar, family: SystemFamily | None
 ) -> Trial:
     """Compute the solver's step from `step` to `t1`, s, correct its result by the stabilisation of
-    the constraints, and normalise the variables. All numbers are taken to be finite. The contact
-    gaps are left out, see `with_gaps`."""
+    the constraints, and normalise the variables. The result is not checked for numbers that are not
+    finite, and has no contact gaps, which `with_gaps` adds."""
     # With the Python value False, the solver reuses the rates of the last step without a branch.
     made_jump = step.proposal.made_jump if may_jump(method, system.scene) else False
     time_map = time_map_of(method, step, t1)
@@ -241,7 +247,7 @@ def may_jump(method: Method, scene: Scene) -> bool:
     has kept must be computed anew. Rates are discontinuous at breakpoints and where a contact
     begins to drag bristles. If steps end at contact events, rates also jump if the force jumps at
     the onset or end of a contact; a force that does not jump is zero at the onset, so that a new
-    entry speed does not change the rates. If steps go across events, it does change the rates."""
+    entry speed changes no rates. If steps go across events, a new entry speed changes rates."""
     if has_breakpoints(scene) or bool(scene.bristle_laws()):
         return True
     return uses_entry_speed(scene) if method.landing is None else contacts_jump(scene)
@@ -257,13 +263,13 @@ def slopes_may_jump(method: Method, scene: Scene) -> bool:
 def all_finite(tree: PyTree[Scalar]) -> Condition:
     """Return whether all numbers of a PyTree are finite. 0 times a NaN or an infinity is NaN, so
     the sum of 0 times each number is 0 only if all numbers are finite."""
-    families: dict[tuple[int, ...], list[Scalar]] = {}
+    zeros_by_shape: dict[tuple[int, ...], list[Scalar]] = {}
     for leaf in jax.tree.leaves(tree):
         # Leaves of one shape are added elementwise first, so that there is one reduction for each
         # shape.
-        families.setdefault(jnp.shape(leaf), []).append(leaf * 0.0)
-    sums = [_pairwise_sum(family) for family in families.values()]
-    return sum(part if jnp.ndim(part) == 0 else jnp.sum(part) for part in sums) == 0.0
+        zeros_by_shape.setdefault(jnp.shape(leaf), []).append(leaf * 0.0)
+    sums = [_pairwise_sum(zeros) for zeros in zeros_by_shape.values()]
+    return sum(total if jnp.ndim(total) == 0 else jnp.sum(total) for total in sums) == 0.0
 
 
 def _pairwise_sum(terms: list[Scalar]) -> Scalar:

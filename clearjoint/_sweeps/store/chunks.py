@@ -69,8 +69,8 @@ def _key(array: "zarr.Array", chunk: int) -> str:
 
 
 def compressors() -> "tuple[BytesBytesCodec, ...]":
-    """Return the compressors of `read_chunk` and `write_chunk`: Zarr's default ones when the first
-    stores were written."""
+    """Return the compressors that `read_chunk` and `write_chunk` use. They were Zarr's default when
+    the first stores were written."""
     from zarr.codecs import ZstdCodec
 
     return (ZstdCodec(level=0, checksum=False),)
@@ -133,6 +133,7 @@ def read_chunk(path: Path, array: "zarr.Array", chunk: int) -> np.ndarray | str:
     decoded = bytes(Zstd().decode(content))
     entries = codec.decode(decoded) if codec else np.frombuffer(decoded, _dtype(array))
     rows = np.asarray(entries).reshape(array.chunks)
+    # A file has the rows of a full chunk, also if the array ends inside the chunk.
     rows_left = array.shape[0] - chunk * array.chunks[0]
     return rows[tuple(map(slice, (min(rows_left, len(rows)), *array.shape[1:])))]
 

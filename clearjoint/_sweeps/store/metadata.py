@@ -53,7 +53,7 @@ _REMOVALS, _REMOVAL_PERIOD = 10, 0.05
 
 
 def move(file: Path, to: Path) -> None:
-    """Move a file; replace an earlier one and make missing folders."""
+    """Move a file to the path `to`, in place of an earlier file, and make missing folders."""
     make_folder(to.parent)
     file.replace(to)
 
@@ -99,7 +99,7 @@ def write_grid(path: Path, results: "xr.Dataset") -> None:
 def _move_all(new: Path, path: Path) -> None:
     """Move the files of the group at `new` to the folder `path`, except those that the folder has
     already with the same content. Result codes are moved after all other arrays, and the file
-    `ROOT`, which lists the arrays, last, so that until then readers find the arrays of before."""
+    `ROOT`, which lists the arrays, last, so that readers find the earlier arrays until then."""
     files = [file.relative_to(new) for file in new.rglob("*") if file.is_file()]
     for file in sorted(files, key=lambda file: (file == Path(ROOT), file.parts[0] == RESULT)):
         if not _same(new / file, path / file):
@@ -181,9 +181,10 @@ def contents_of(path: Path) -> Contents:
     # `order` is the lane in each row, and `row_of` its inverse, the row of each lane.
     order = _values(path, group, stored["sweep_order"])
     row_of = np.argsort(order)
-    names, further, digests = (stored[_OWN + part] for part in ("axes", "coordinates", "digests"))
+    parts = "axes", "coordinates", "digests"
+    axis_names, label_names, digests = (stored[_OWN + part] for part in parts)
     axes, zipped = [], stored["sweep_zipped"]
-    for dim, name in enumerate(names):
+    for dim, name in enumerate(axis_names):
         axis = _labels(path, group, name)
         values = axis.values[row_of]
         if not zipped:
@@ -193,9 +194,9 @@ def contents_of(path: Path) -> Contents:
             values = np.moveaxis(values.reshape(shape), dim, -1).reshape(-1, shape[dim])[0]
         axes.append(axis._replace(values=values))
     # All arrays that are not labels are variables.
-    labels = {*names, *further, *digests.values(), stored["sweep_order"]}
+    labels = {*axis_names, *label_names, *digests.values(), stored["sweep_order"]}
     variables = {name: _variable(array) for name, array in group.arrays() if name not in labels}
-    chunk, coordinates = stored["sweep_chunk"], tuple(_labels(path, group, n) for n in further)
+    chunk, coordinates = stored["sweep_chunk"], tuple(_labels(path, group, n) for n in label_names)
     layout = Layout(tuple(axes), chunk, variables, coordinates, settings, zipped, notes)
     lanes = {name: _values(path, group, array)[row_of] for name, array in digests.items()}
     identity = Identity(stored["sweep_programs"], lanes)

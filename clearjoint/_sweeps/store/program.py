@@ -46,8 +46,8 @@ _WITHOUT_RESULT = {"debug_callback", "debug_print"}
 
 
 class Fingerprints(NamedTuple):
-    """Digests and shapes of the entries of the dictionary that a function returns, by key. The
-    shape of an entry is the entry with `jax.ShapeDtypeStruct` in place of its arrays."""
+    """For each entry of the dictionary that a function returns, by key: a digest of the traced code
+    that computes the entry, and the entry with `jax.ShapeDtypeStruct` in place of its arrays."""
 
     digests: dict[str, str]
     shapes: dict[str, PyTree]
@@ -58,6 +58,7 @@ def fingerprints(function: Callable[..., Mapping[str, PyTree]], *arguments: PyTr
     that computes it, and its shape. Digests depend on the arguments' structure, shapes and types,
     not on their numbers. Raise a `ValueError` for a Python function that JAX doesn't trace."""
     program, shapes, _ = program_of(function, *arguments)
+    # An input is known by its path in the arguments, and by its type and shape.
     named = jax.tree_util.tree_flatten_with_path(arguments)[0]
     inputs = [
         digest("argument", jax.tree_util.keystr(path), _kind(variable))
@@ -78,6 +79,7 @@ def _results(jaxpr: Jaxpr, constants: Sequence[str], inputs: Sequence[str]) -> l
     digests = dict(zip(jaxpr.invars, inputs, strict=True))
     digests |= zip(jaxpr.constvars, constants, strict=True)
 
+    # Digest of an operand or result: a number that is written in the program, or a variable.
     def of(atom: Var | Literal) -> str:
         if isinstance(atom, Literal):
             return _constant(np.asarray(atom.val, _shape(atom).dtype))
@@ -199,8 +201,9 @@ def programs(common: Common, state: State) -> dict[str, str]:
         task = Task(numbers.tree, state, time + length, length, None)
         return replace(batch, start_time=time).begun(task)
 
-    # A step does not depend on the initial state and on the first step's length.
-    def own(
+    # Data of a lane for one step. The step does not depend on the initial state and on the length
+    # of the first step, so that the example `state` and any length serve.
+    def data_of_lane(
         numbers: PyTree, end_time: Scalar, wanted: Mapping[str, int] = {}
     ) -> tuple[Task, LaneRequest]:
         request = LaneRequest(end_time, end_time, jnp.full(WINDOW, jnp.inf), wanted)
@@ -208,15 +211,15 @@ def programs(common: Common, state: State) -> dict[str, str]:
 
     def step(numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
         """Return the lane after one step, and the outcome of a run that ends before this step."""
-        of_lane = own(numbers, end_time)
-        return {RUN: (run.after_turn(of_lane, lane), run.outcome(of_lane[0], lane))}
+        task, request = data_of_lane(numbers, end_time)
+        return {RUN: (run.after_turn((task, request), lane), run.outcome(task, lane))}
 
     def impact_tables(numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
         """Return the impacts recorded after one step, by variable of the impact tables. All of a
         table's variables have the same entry, the whole record."""
         # A row is still wanted in each log, so that the code that records an impact is traced.
-        of_lane = own(numbers, end_time, dict.fromkeys(lane.buffers(), 1))
-        after = with_impacts.after_turn(of_lane, lane)
+        data = data_of_lane(numbers, end_time, dict.fromkeys(lane.buffers(), 1))
+        after = with_impacts.after_turn(data, lane)
         return {
             variable_name(name, key): record
             for name, record in after.run.records[TABLES].items()

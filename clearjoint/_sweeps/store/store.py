@@ -376,6 +376,7 @@ def _missing(codes: np.ndarray, order: np.ndarray, chunk: int) -> dict[int, list
 
 
 def _labelled(path: Path, contents: Contents) -> "xr.Dataset":
+    # Arrays are in the order of the rows, and are sorted into the order of the lanes.
     arrays = _arrays(path, chunks.opened_group(path / BY_LANE), contents)
     row_of = np.argsort(contents.order)
     return dataset(contents.layout, {name: values[row_of] for name, values in arrays.items()})
