@@ -73,7 +73,7 @@ class TableColumn:
 
     def samples(self, missing: Missing) -> tuple[np.ndarray, np.ndarray]:
         """Return the values that are finite numbers, and whether each value is such a number. If
-        `missing` is "refuse", all values must be."""
+        `missing` is "refuse", raise a `ValueError` unless all values are."""
         choices = ("refuse", "drop")
         require(missing in choices, "missing", missing, f"one of {choices}", "name one of them")
         numbers = self.numbers()
@@ -230,8 +230,8 @@ def from_xarray(
     """Return measurements from the variables of an xarray dataset.
 
     Each variable has one dimension, whose coordinate contains the times, in s or in the unit of its
-    attribute "units". A variable's attribute "units" is the unit of its values. Arguments are as in
-    `read_csv`.
+    attribute "units". A variable's attribute "units" is the unit of its values. `channels` has a
+    `Channel` by name of the variable; `noise` and `missing` are as in `read_csv`.
 
     **Raises:** `ValueError` as `read_csv`, and for a variable with more or less than one dimension
     or without a coordinate of times.
@@ -251,7 +251,7 @@ def from_xarray(
         label = f"variable {name!r} of the dataset"
         return TableColumn(label, pd.Series(np.asarray(array)), array.attrs.get("units"))
 
-    # Each variable may have a time coordinate of its own, so times are read for each of them.
+    # Each variable may have its own coordinate of times.
     series = {}
     for name, channel in channels.items():
         variables = [str(variable) for variable in dataset.data_vars]

@@ -41,8 +41,8 @@ def scene_properties(catalogue: "Catalogue") -> Schema:
 @dataclass(frozen=True)
 class Catalogue:
     """Makes the schema of a file that may name the user-defined `classes`. `definitions`: schemas
-    to which others refer, of makers by their names in files, and of numbers under `ROWS`. The
-    schema of a maker is added when it is first needed."""
+    to which other schemas refer: of makers (the classes and static methods that files may name), by
+    name, each added when it is first needed; and of numbers, by the name `ROWS`."""
 
     classes: Classes
     definitions: Schema = field(
@@ -65,7 +65,7 @@ class Catalogue:
     def _value(self, expected: Expectation) -> Schema:
         if expected.allows_anything:
             return {}
-        ways: list[Schema] = []
+        ways: list[Schema] = []  # schemas of which a value must match one
         if expected.options is not None:
             ways.append({"enum": list(expected.options)})
         if expected.by_name is not None:
@@ -84,8 +84,8 @@ class Catalogue:
         return _any_of(ways)
 
     def _references(self, families: tuple[type, ...]) -> list[Schema]:
-        """Return references to the definitions of all makers (classes and static methods that files
-        may name) of objects of the classes `families`. Add the definitions that are missing."""
+        """Return references to the definitions of all makers of objects of the classes `families`.
+        Add the definitions that are missing."""
         # A user-defined class has two names; the last one, with its module, names its definition.
         names: dict[Maker, list[str]] = {}
         for name, make in makers(families, self.classes).items():
