@@ -284,8 +284,8 @@ def array_leaves(
     leaves: list[PyTree],
     structure: jax.tree_util.PyTreeDef,  # pyright: ignore
 ) -> list[PyTree]:
-    """Return the `leaves` of a tree with its numbers as float64 arrays, as `with_arrays` converts
-    them; the same list if no leaf is to be converted. `structure`: that of the tree."""
+    """Return the `leaves` of a tree of the given `structure` with numbers replaced by float64
+    arrays, in the same cases as in `with_arrays`; the same list if nothing is to be replaced."""
     # Usually few leaves are not yet NumPy arrays. These few are found by comparisons without a
     # function call, because a scene of thirty joints has a thousand leaves.
     others = [

@@ -37,7 +37,7 @@ class Channel:
     - `quantity`: a scalar function of an `Instant` (the scene with its motion at one time), such as
       those of `clearjoint.quantities`.
     - `noise`: standard deviation of the samples in the column's unit: a number, or one for each
-      row. For ``None``, the reader's argument `noise` applies.
+      row. ``None`` stands for the argument `noise` of `read_csv` or `from_xarray`.
     - `unit`: unit of the column, any that pint knows. It may be left out if the table has one; if
       both have one, the spelling must be the same.
 

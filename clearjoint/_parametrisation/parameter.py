@@ -86,7 +86,7 @@ class AbstractScale(abc.ABC):
         `half` is the half width of the coordinate's interval. A scale whose coordinate runs to
         infinity if the data say that a value is at an end of its range, such as a friction of zero,
         overrides this method, because the derivative of the value by the coordinate then vanishes.
-        `rising` is whether the fit has raised the coordinate from the first guess.
+        `rising` is whether the fit moves the coordinate up, for example from its first guess.
         """
         return float(self.value(coordinate - half)), float(self.value(coordinate + half))
 

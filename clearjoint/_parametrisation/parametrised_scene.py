@@ -170,6 +170,7 @@ class ParametrisedScene(AbstractSceneFamily):
         structure, in_scene = jax.tree.structure(self.base[0]), [s for s in setters if s.in_scene]
         leaves = {number.leaf for setter in in_scene for number in setter.numbers}
         varied = [k in leaves for k in range(structure.num_leaves)]
+        # None: all changes, since `make_all` makes them in one call.
         return jax.tree.unflatten(structure, varied), None
 
     @override

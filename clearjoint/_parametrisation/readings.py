@@ -70,7 +70,7 @@ def with_sensor_errors(
     # Without duplicates, since a sensor may have several errors.
     with_errors = dict.fromkeys(name for _, error in sensors.errors for name in error.series)
     for name in with_errors:
-        # `name` is a default value: a plain closure would see the name of a later turn of the loop.
+        # As a default value, `name` belongs to this turn of the loop, whenever JAX calls it.
         def reading(quantity: Row, coordinates: Row, name: str = name) -> jax.Array:
             return sensors.reading(name, quantity, elapsed, coordinates)
 
@@ -123,7 +123,7 @@ def sensor_errors(
 
 
 def in_scene(parameters: Mapping[str, Parameter]) -> dict[str, Parameter]:
-    """Return the parameters, with each error of sensors replaced by one that changes nothing."""
+    """Return the parameters, each error of sensors replaced by a parameter that changes nothing."""
     still = MadeByFunction(unchanged, "1")
     return {
         name: Parameter(still, parameter.scale, value=parameter.value)

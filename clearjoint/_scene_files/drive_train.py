@@ -176,7 +176,7 @@ def _numbers(drive: Drive, is_slider: bool) -> dict[str, np.ndarray]:
         value = getattr(drive, field.name)
         if field.name not in UNITS or value is None:  # the law, or an omitted number
             continue
-        unit = UNITS[field.name][is_slider]  # True is the index 1
+        unit = UNITS[field.name][is_slider]  # False and True are the indices 0 and 1
         if isinstance(value, str):
             value = number_of_text(value, unit, FileLocation("drive").at(field.name))
         number = as_number(value, f"drive.{field.name}", unit)

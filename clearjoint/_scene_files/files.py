@@ -77,7 +77,7 @@ class Writer:
     def _value(self, value: object, expected: Expectation, location: FileLocation) -> object:
         if isinstance(value, Tracer):
             location.refuse(value, "a number", "call `save` outside functions that JAX transforms")
-        self.units[location.keys] = expected.unit or "1"
+        self.units[location.keys] = expected.unit or "1"  # unused for texts and tables
         if isinstance(value, np.ndarray | np.generic | jax.Array):
             return self._value(np.asarray(value).tolist(), expected, location)
         if isinstance(value, Enum):

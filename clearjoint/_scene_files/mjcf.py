@@ -132,7 +132,8 @@ def _joint(model: Model, j: int, parent: str, child: str, pose: np.ndarray) -> r
     `pose`: (4, 4) m, of the child in the parent's frame while the joint is at MuJoCo's `qpos0`."""
     name, kind = _joint_name(model, j), KINDS[model.jnt_type[j]]
     axis, point = model.jnt_axis[j].copy(), model.jnt_pos[j].copy()
-    if kind in (robots.FLOATING, robots.BALL):  # without the numbers of which `_resisted` tells
+    # Limits, springs, damping and so on of these joints are left out (see `_resisted`).
+    if kind in (robots.FLOATING, robots.BALL):
         return robots.RobotJoint(name, kind, parent, child, pose, axis, point=point)
     # Indices of the joint's position and speed in MuJoCo's arrays of these.
     position_index, speed_index = model.jnt_qposadr[j], model.jnt_dofadr[j]

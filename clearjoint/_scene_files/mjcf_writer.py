@@ -508,7 +508,7 @@ class MjcfWriter:
     def _equate(self, name: str, ends: list[FileJoint], coefficients: np.ndarray) -> None:
         """Make the displacement of the first of two `ends`, joints or tendons, from the pose of the
         file a polynomial of the displacement of the second, with `coefficients` from the constant
-        on. The displacement of a single end is made constant, by one coefficient."""
+        on; make the displacement of a single end the only coefficient."""
         # MuJoCo couples two joints or two tendons, not one of each.
         tags = {end.element.tag for end in ends}
         if len(tags) > 1 or len(coefficients) > LARGEST_DEGREE + 1:
@@ -644,8 +644,8 @@ def _damping_ratio(restitution: float) -> float:
 
 
 def _with_ideal_joints(scene: Scene) -> tuple[Scene, list[str]]:
-    """Return the scene with an ideal joint in place of each clearance, if a tree can have this
-    joint, and the names of the joints that are replaced."""
+    """Return the scene with an ideal joint in place of each clearance, if a tree of joints can have
+    the ideal joint, and the names of the replaced joints."""
     centring = centring_joints(scene, scene.contact_joints()).items()
     ideal = {n: j for n, j in centring if unpack(j).motion_subspace(j.body_names()[0])}
     return with_ideal(scene, ideal), [*ideal]

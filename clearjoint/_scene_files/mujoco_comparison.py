@@ -33,8 +33,8 @@ class MujocoComparison:
     - `timesteps`: (n,) s, of MuJoCo.
     - `times`: (N,) s, from zero, at which the runs are compared.
     - `positions`: of each hinge and slider in the run of the scene, (N,) rad or m, by name.
-    - `in_mujoco`: of the same joints in MuJoCo, (n, N) rad or m, by name. If the motion diverges,
-      because the step is too long for a flank, they are NaN or arbitrary from then on.
+    - `in_mujoco`: positions of the same joints in MuJoCo, (n, N) rad or m, by name. If a motion
+      diverges, because the step is too long for a flank, its later numbers are NaN or arbitrary.
     - `largest_difference`: between `positions` and `in_mujoco` over all times, (n,) rad or m, by
       name of the joint; infinite after divergence.
 
@@ -129,6 +129,7 @@ def compare_with_mujoco(
     mechanism = scene.scene if isinstance(scene, Robot) else scene
     solution = simulate(mechanism, state, end_time, settings, Saving(times), progress=False)
     motion = writer.motion(solution.states)
+    # Hinges and sliders have one number, balls four and free joints seven.
     positions = {name: q[:, 0] for name, (q, _) in motion.items() if q.shape[1] == 1}
     expected, remedy = "one with a hinge or slider", "add one; other joints are not compared"
     require(bool(positions), "scene", [*writer.joints], expected, remedy)

@@ -227,6 +227,7 @@ class Robot:
         bodies = decoded(written_out(self._branches), self._moved(q, qd, free))
         shape = np.broadcast_shapes(*map(np.shape, jax.tree.leaves(bodies)))
 
+        # Every number gets the shape of all entries together, such as (N,) for N states.
         def broadcast(number: Scalar) -> Scalar:
             return library((number,)).broadcast_to(number, shape)
 
@@ -281,7 +282,7 @@ class Robot:
         **Raises:** `ValueError` as `state`.
         """
         variables = self._moved(q, qd, NOTHING)
-        rates = self._by_joint("qdd", qdd, speeds=True)
+        rates = self._by_joint("qdd", qdd, speeds=True)  # of the speeds: accelerations
         # Accelerations of followers, by the chain rule; leaders come before their followers. A
         # follower without a leader stays at a constant position.
         slopes = {}
@@ -364,7 +365,8 @@ class Robot:
         """Return the variables of all bodies, by name, for positions and speeds of joints and for
         the states `free` of free bodies; all three may be incomplete, as in `state`."""
         positions, speeds = self._by_joint("q", q, False), self._by_joint("qd", qd, True)
-        # Complete the numbers of followers, after those of their leaders, and of motors.
+        # Complete the numbers of followers, after those of their leaders, and of motors. A follower
+        # without a leader is at a constant position; the text "" names no joint.
         for name, mimic in self._mimics.items():
             y, slope, _ = _polynomial(mimic, positions.get(mimic.leader or "", (0.0,))[0])
             rate = slope * speeds.get(mimic.leader or "", (0.0,))[0]

@@ -84,8 +84,8 @@ class Catalogue:
         return _any_of(ways)
 
     def _references(self, families: tuple[type, ...]) -> list[Schema]:
-        """Return references to the definitions of all makers of objects of the classes `families`.
-        Add the definitions that are missing."""
+        """Return references to the definitions of all makers (classes and static methods that files
+        may name) of objects of the classes `families`. Add the definitions that are missing."""
         # A user-defined class has two names; the last one, with its module, names its definition.
         names: dict[Maker, list[str]] = {}
         for name, make in makers(families, self.classes).items():
