@@ -87,10 +87,10 @@ class FileJoint(NamedTuple):
     """A joint or fixed tendon of the file, the XML `element`, which stands for a joint of the scene
     or on which an element of the scene acts.
 
-    `sign` is 1 if the position of the scene's joint or element grows with the position in the file,
-    else -1. The other fields are for the pose of the file: `axis`, of the scene's joint or element,
-    (3,) in global axes; `position`, of the file's joint or tendon, rad or m; and `start`, position
-    of the scene's joint in joint coordinates, ``None`` for a tendon or a free joint.
+    `sign` is 1 if the joint coordinate of the scene's joint, or the position of its element, grows
+    with the position in the file, else -1. The other fields are for the pose of the file: `axis`,
+    (3,) in global axes, of the file's joint or the scene's element; `position` in the file, rad or
+    m; and `start`, the joint coordinate, ``None`` for a tendon or a free joint.
     """
 
     element: Element
@@ -198,7 +198,7 @@ class MjcfWriter:
             if joint.kind == FREE:
                 place = variable.position, variable.orientation
                 parts = place, (variable.velocity, variable.spin)
-            elif joint.kind == BALL:
+            elif joint.kind == BALL:  # MuJoCo measures a ball's rotation from the pose of the file
                 parts = composed(conjugate(joint.start), variable.position), variable.speeds
             else:
                 (speed,) = variable.speeds
@@ -211,6 +211,7 @@ class MjcfWriter:
                     # In a row of states, the angle continues over whole turns.
                     position = np.unwrap(position) if np.ndim(position) else position
                 parts = position, joint.sign * speed
+            # The numbers of positions, and those of speeds, side by side along a last axis.
             rows = (np.broadcast_arrays(*jax.tree.leaves(part)) for part in parts)
             numbers[joint.name] = tuple(np.stack(row, axis=-1) for row in rows)
         return numbers
@@ -253,8 +254,9 @@ class MjcfWriter:
             ball = _child(element, "joint", type=BALL, **common)
             return FileJoint(ball, np.zeros(3), start=start)
         assert isinstance(subspace, Hinge | Slider)
-        # A position in the file is that of the child relative to the parent; in the scene, it is
-        # that of the joint's second body relative to the first, which may be the child.
+        # A joint coordinate, and a position in the file, are those of the child relative to the
+        # parent; a joint's position in the scene is that of its second body relative to the first,
+        # which may be the child. With the opposite axis, the file then has the scene's position.
         sign = 1.0 if joint.body_names()[0] == branch.parent else -1.0
         axis, position, armature = subspace.axis * sign, sign * float(start), None
         if isinstance(joint, HingeOrSlider):
@@ -354,7 +356,7 @@ class MjcfWriter:
             self.omitted["wider limits"].append(name if other.play < play else other.name)
             if other.play < play:
                 return
-        middle = on.position - on.sign * offset
+        middle = on.position - on.sign * offset  # position in the file at the middle of the play
         on.element.set("range", _text((middle - 0.5 * play, middle + 0.5 * play)))
         # MuJoCo's limits are linear springs. The spring stores the same energy as the law at
         # `depth`; for a nonlinear law, the stiffness from half the depth differs.
@@ -389,7 +391,7 @@ class MjcfWriter:
     def bushing(self, name: str, force: Bushing, on: FileJoint) -> None:
         """Add the spring and damper of a bushing to a slider, whose motion strains the bushing."""
         first, second = (self._motions[body] for body in force.pair())
-        # The bushing's own axes may be oblique to that of the slider.
+        # The bushing's own axes may be oblique to the slider's axis.
         axes = _array(rotation_matrix(composed(self._turns[force.first], force.orientation_first)))
         # Components of the slider's axis along the bushing's axes: a displacement of 1 m along the
         # slider strains each spring of the bushing by its component, m, and the energies add up.
@@ -431,9 +433,9 @@ class MjcfWriter:
         if stiffness:
             # The forces of this and an earlier spring add up: the common rest position is the mean
             # of both rest positions, weighted by stiffness.
-            moment = stiffness * (on.position - on.sign * stretch)
-            moment += earlier * float(on.element.get(rest, "0").split()[0])
-            on.element.set(rest, _text(np.full(count, moment / (earlier + stiffness))))
+            weighted = stiffness * (on.position - on.sign * stretch)
+            weighted += earlier * float(on.element.get(rest, "0").split()[0])
+            on.element.set(rest, _text(np.full(count, weighted / (earlier + stiffness))))
         for key, value in {"stiffness": stiffness, **others}.items():
             if value:
                 on.element.set(key, _text(float(on.element.get(key, 0.0)) + value))
@@ -534,7 +536,7 @@ class MjcfWriter:
     def add_robot(self, robot: Robot) -> None:
         joints = {joint.name: joint.element for joint in self.joints.values()}
         for name, limits in robot.limits.items():
-            if name not in joints:
+            if name not in joints:  # the file has no such joint
                 self.omitted["limits"].append(name)
                 continue
             # A range that flanks or stops of the scene have set stays, since it is not wider.
@@ -588,7 +590,7 @@ class MjcfWriter:
         squares = [(TURN / STEPS_A_PERIOD / LONGEST_STEP) ** 2]
         for element, flanks in self._flanks.items():
             inverse = inverse_inertia(element)
-            # The coefficients -k and -b of the docstring of this module.
+            # The coefficients -k and -b, which the docstring of this module explains.
             numbers = -flanks.stiffness * inverse, -flanks.damping(1.0 / inverse) * inverse
             element.attrib |= {"solreflimit": _text(numbers), "solimplimit": SOFT}
             squares.append(flanks.stiffness * inverse)

@@ -305,6 +305,7 @@ class Robot:
             if getattr(joint, "armature", None) is not None and name in torques:
                 (of_bodies,), (rate,) = torques[name], rates.get(name, (0.0,))
                 torques[name] = [of_bodies + joint.armature * rate]
+        # The drive of a joint also moves the rotor, whose torque is none of its own.
         for name, motor in self._motors().items():
             (of_link,), (of_rotor,) = torques[name], torques.pop(motor)
             torques[name] = [of_link + of_rotor]
