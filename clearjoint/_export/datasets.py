@@ -222,7 +222,7 @@ def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
 
 
 def _columns(name: str, array: "xr.DataArray", rows: str) -> dict[str, np.ndarray]:
-    others = [str(dim) for dim in array.dims if dim != rows]
+    others = [str(dim) for dim in array.dims if dim != rows]  # dimensions other than the rows
     values, attributes = array.transpose(rows, *others).values, array.attrs
     if "flag_meanings" in attributes:  # the texts of the meanings have no unit
         values, attributes = _meanings(values, attributes), {}

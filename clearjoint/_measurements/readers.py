@@ -305,6 +305,7 @@ def _read_parquet(path: str | Path, options: dict[str, PyTree]) -> "pd.DataFrame
             f"File {str(path)!r} needs a reader of Parquet for pandas: `pip install pyarrow`, or "
             "convert the file to CSV."
         ) from error
+    # The rows of all columns are joined by position, not by the labels of an index in the file.
     parts = []
     for name, values in table.items():
         if len(values) and isinstance(values.iloc[0], list | np.ndarray):

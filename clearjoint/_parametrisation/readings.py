@@ -105,7 +105,7 @@ def sensor_errors(
 ) -> SensorErrors:
     """Return the `SensorErrors` of a run, whose `outputs` are given by name; raise a `ValueError`
     for an unknown output, and for two errors of the same kind for one output."""
-    errors, taken = [], set()
+    errors, taken = [], set()  # `taken`: pairs of a kind of error and the name of an output
     for number, (label, parameter) in enumerate(parameters.items()):
         error = parameter.variation
         if isinstance(error, AbstractSeriesVariation):
@@ -141,6 +141,7 @@ def units_of(
     for name, parameter in parameters.items():
         error = parameter.variation
         if isinstance(error, AbstractSeriesVariation):
+            # The value is common to all series of the error, so it must have one unit.
             units_of_value = {error.unit_of(series[label]): None for label in error.series}
             expected, argument = "an error of series with the same unit", f"parameters[{name!r}]"
             remedy = f"pass a {error.noun} for each unit"

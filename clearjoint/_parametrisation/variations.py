@@ -49,7 +49,7 @@ class AbstractNumber(AbstractVariation):
 
     - `unit`: text that labels the value; ``None`` for the number's SI unit.
     - `in_scene`: whether the path leads through a scene, not through a state.
-    - `example`: source of a typical path, for error messages.
+    - `example`: Python code of a typical path, for error messages.
     """
 
     path: NumberPath
@@ -202,7 +202,7 @@ class SeriesGain(AbstractSeriesVariation):
 
 @dataclass(frozen=True)
 class SeriesDrift(AbstractSeriesVariation):
-    """Drift of sensors: constant rate at which their bias changes, zero at the start of the run."""
+    """Drift of sensors: constant rate at which their bias rises from zero at the run's start."""
 
     noun: ClassVar[str] = "drift"
     unit: ClassVar[str] = "{}/s"

@@ -108,6 +108,7 @@ def _subclasses(kind: type) -> Iterator[type]:
 
 @cache
 def _static_methods(kind: type) -> dict[str, Maker]:
+    # Of public static methods, only those that return an object of the class.
     methods = {n: m.__func__ for n, m in vars(kind).items() if isinstance(m, staticmethod)}
     public = {name: make for name, make in methods.items() if not name.startswith("_")}
     return {name: make for name, make in public.items() if _hints(make).get("return") is kind}
@@ -200,6 +201,7 @@ def expectation(annotation: object, unit: str | None = None) -> Expectation:
         return Expectation(**merged)
     if origin is Literal:
         return Expectation(options={str(text): text for text in inner})
+    # The keys of a table are names; the second type is that of its values.
     if inspect.isclass(origin) and issubclass(origin, Mapping) and len(inner) == 2:
         return Expectation(unit, by_name=expectation(inner[1], unit))
     if inspect.isclass(origin) and issubclass(origin, Sequence) and inner:

@@ -83,7 +83,8 @@ def mujoco_package(location: FileLocation) -> ModuleType:
 
 
 def _compiled(path: Path) -> Model:
-    """Return MuJoCo's model, without shapes if their files are missing but inertias are given."""
+    """Return MuJoCo's model of an MJCF file; without shapes and textures if it compiles only so,
+    for example for want of their files, and all inertias are given."""
     location = FileLocation(str(path))
     mujoco = mujoco_package(location)
     try:
