@@ -132,7 +132,7 @@ def scene_of(
         name: _checked(name, settings, "play", hinges, _arguments_of_play(settings), location)
         for name, settings in play.items()
     }
-    carriers = tree.moving()
+    carriers = tree.moving()  # the bodies
     if not carriers:
         remedy = "pass free_root=True, which makes the root a body, or correct the joints"
         if not tree.massive(tree.carriers[tree.root]):
@@ -145,7 +145,7 @@ def scene_of(
         armature = tree.joints[name].armature
         if settings is not None and BACKLASH not in settings:
             elements.joints[name] = _clearance(ideal, settings, at)
-            if armature:
+            if armature:  # a joint with clearance has none
                 elements.omitted["armatures"].append(name)
             continue
         elements.joints[name] = ideal
@@ -269,17 +269,18 @@ def _checked(
 def _add_loops(elements: Elements, loops: tuple[robots.LoopJoint, ...]) -> None:
     tree = elements.tree
     for loop in loops:
-        first, point_first, turn_first = tree.placed(loop.first, loop.in_first)
-        second, point_second, turn_second = tree.placed(loop.second, loop.in_second)
-        if first is second:
+        carrier, point, rotation = tree.placed(loop.first, loop.in_first)
+        other_carrier, other_point, other_rotation = tree.placed(loop.second, loop.in_second)
+        if carrier is other_carrier:  # both links belong to one body, which needs no joint
             continue
-        ends = first.body, second.body, point_first, point_second
+        ends = carrier.body, other_carrier.body, point, other_point
         if loop.kind == robots.BALL:
             joint: Joint = SphericalJoint(*ends)
         else:
-            # The frames coincide: by way of them, from the second body's axes to the first's.
-            rotation = robots.rounded(turn_first @ turn_second.T)
-            joint = FixedJoint(*ends, robots.euler_parameters(rotation))
+            # The two frames coincide. Components in the second body's axes are transformed to the
+            # common frame, and then to the first body's axes.
+            relative = robots.rounded(rotation @ other_rotation.T)
+            joint = FixedJoint(*ends, robots.euler_parameters(relative))
         if loop.name in tree.joints or loop.name in elements.joints:
             expected = "a name that no other joint has"
             tree.location.at(loop.name).refuse(loop.name, expected, "rename one of the two")
