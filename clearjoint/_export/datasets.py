@@ -57,7 +57,7 @@ def described(values: Mapping[str, object]) -> dict[str, str]:
 
 @cached_by_numbers
 def setting_notes(values: dict[str, object]) -> Notes:
-    """Return the fields of settings as notes named "setting_<field>"."""
+    """Return notes with the names "setting_<field>" from the `values` of the fields of settings."""
     return tuple((f"setting_{name}", _note(value)) for name, value in values.items())
 
 
@@ -83,8 +83,9 @@ COMPONENT, COMPONENTS = "component", ("x", "y", "z")
 
 
 class Labelled(NamedTuple):
-    """A variable of a dataset: its `unit`, ``None`` if unknown, its `description`, which becomes
-    the attribute "long_name", and further `attributes`."""
+    """A variable of a dataset: names `dims` of its dimensions; `values`, with an axis for each of
+    them; `unit`, ``None`` if unknown; `description`, "" for none, which becomes the attribute
+    "long_name"; and further `attributes`."""
 
     dims: tuple[str, ...]
     values: ArrayLike
@@ -109,8 +110,8 @@ def labelled_dataset(
 
 
 def estimate_labels(units: Mapping[str, str]) -> dict[str, Labelled]:
-    """Return the coordinates of a table of estimates: names of parameters, their `units`, given by
-    name, and "low" and "high" for the bounds of intervals."""
+    """Return the coordinates of a dataset of estimates: names of parameters, their `units`, given
+    by the parameter's name, and "low" and "high" for the bounds of intervals."""
     along = ("parameter",)
     return {
         "parameter": Labelled(along, texts([*units])),
@@ -201,12 +202,12 @@ def header(name: str, attributes: dict) -> str:
 
 
 def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
-    """Return a data frame with a row for each label along a dimension, by default the first one.
+    """Return a data frame with a row for each label along `rows`, by default the first dimension.
 
     A variable gets a column for each combination of labels along its other dimensions, such as
     "arm.position.x [m]". Variables and coordinates without the dimension `rows` are left out.
     Numbers of a variable with the attribute "flag_meanings", such as result codes, become their
-    meanings, or texts of their digits without any.
+    meanings, or, if they have none there, texts of their digits.
     """
     import pandas as pd
 
@@ -221,11 +222,12 @@ def to_frame(dataset: "xr.Dataset", rows: str | None = None) -> "pd.DataFrame":
 
 
 def _columns(name: str, array: "xr.DataArray", rows: str) -> dict[str, np.ndarray]:
-    others = [str(dim) for dim in array.dims if dim != rows]
+    others = [str(dim) for dim in array.dims if dim != rows]  # dimensions other than the rows
     values, attributes = array.transpose(rows, *others).values, array.attrs
-    if "flag_meanings" in attributes:
+    if "flag_meanings" in attributes:  # the texts of the meanings have no unit
         values, attributes = _meanings(values, attributes), {}
     columns = {}
+    # One column for each combination of indices along the other dimensions.
     for index in itertools.product(*(range(array.sizes[dim]) for dim in others)):
         labels = {d: str(array[d].values[k]) for d, k in zip(others, index, strict=True)}
         front = [label for dim, label in labels.items() if dim in IN_FRONT]

@@ -82,7 +82,7 @@ def as_shown(value: Any) -> Any:
     if isinstance(value, list | tuple) and type(value) in (list, tuple):
         return type(value)(map(as_shown, value))
     if isinstance(value, np.ndarray | np.generic):
-        plain = value.tolist()  # of a `longdouble`, no number of Python
+        plain = value.tolist()  # a Python number, but for a `longdouble` still one of NumPy
         return as_shown(float(plain) if isinstance(plain, np.floating) else plain)
     if not isinstance(value, float) or not np.isfinite(value):
         return value
@@ -146,8 +146,8 @@ def require(
 def require_numbers(
     condition: Callable[..., bool], argument: str, values: tuple, expected: str, remedy: str
 ) -> None:
-    """Raise the error of `require` for the first of the `values` unless ``condition(*values)``
-    holds. In `expected`, `{0}`, `{1}` and so on stand for the values."""
+    """Raise a `ValueError` by `require` unless ``condition(*values)`` holds. `argument` names the
+    first of the `values`. In `expected`, `{0}`, `{1}` and so on stand for the values."""
     if (arrays := checkable(*values)) is not None:
         holds = condition(*arrays)
         # Numbers are written out for an error only: a run checks all numbers of its scene.
@@ -265,8 +265,8 @@ def require_range(argument: str, value: ArrayLike, lower: float, upper: float, r
 def caution_unless(
     condition: bool, argument: str, value: float, unit: str, expected: str, remedy: str
 ) -> None:
-    """Issue an `UnusualValueWarning` about a number unless a condition holds; `expected`: the usual
-    range with its unit, such as "at most 1 m"."""
+    """Issue an `UnusualValueWarning` about a number unless a condition holds. `expected`: the usual
+    range with its unit, such as "at most 1 m"; `remedy`: advice on how to correct the number."""
     if not condition:
         advice = f"where {expected} is usual: {remedy}."
         number = f"{float(value):.6g} {unit}"
@@ -276,8 +276,8 @@ def caution_unless(
 def caution_outside(
     argument: str, value: object, unit: str, least: float, most: float, remedy: str
 ) -> None:
-    """Issue an `UnusualValueWarning` about a number that is not from `least` to `most`, unless JAX
-    traces it."""
+    """Issue an `UnusualValueWarning` about a number that is not from `least` to `most`; do nothing
+    for a number that JAX traces."""
     number = concrete(value)
     if number is not None:
         at_least, at_most = f"at least {least:g} {unit}", f"at most {most:g} {unit}"
@@ -327,9 +327,9 @@ def recheck(tree: PyTree) -> None:
 
 
 def recheck_changes(tree: PyTree, structure: Hashable, changed: tuple[bool, ...]) -> None:
-    """Do as `recheck`, but faster: only in modules that contain a changed leaf.
+    """Repeat checks as `recheck` does, but faster: only in modules that contain a changed leaf.
 
-    `structure` is that of the tree, and `changed` tells of each leaf whether it has changed.
+    `structure` is the structure of `tree`; `changed` tells of each leaf whether it has changed.
     Modules of this package that contain changed leaves only through a dictionary, list or tuple are
     left out, since their checks don't depend on the numbers in these containers.
     """
@@ -363,7 +363,7 @@ def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Pa
             keys = list(tree) if isinstance(tree, dict) else range(len(tree))
             changes = [collect(tree[key], (*path, key)) for key in keys]
             return False, any(is_anywhere for _, is_anywhere in changes)
-        # A leaf of this tree is the truth value that it has changed.
+        # In place of a leaf, this tree has the truth value of whether the leaf has changed.
         return tree is True, tree is True
 
     collect(jax.tree.unflatten(structure, changed), ())
@@ -400,8 +400,8 @@ ALIKE = 0.66
 
 
 def nearest(name: object, known: Iterable[str], otherwise: str) -> str:
-    """Return the remedy for an unknown name, as the end of an error message: the most similar known
-    name, without regard to capitals, if there is one, and the advice `otherwise`."""
+    """Return the remedy for an unknown name, as the end of an error message: a question with the
+    most similar `known` name, if one is similar apart from capitals, and the advice `otherwise`."""
     by_lower = {other.lower(): other for other in known}
     similar = get_close_matches(str(name).lower(), list(by_lower), n=1, cutoff=ALIKE)
     return f"did you mean {by_lower[similar[0]]!r}? If not, {otherwise}" if similar else otherwise

@@ -28,7 +28,7 @@ def shown(name: str, longest: int = LONGEST_NAME) -> str:
 
 
 def broken(label: str) -> str:
-    """Return an axis's label, broken into lines of about equal length above `WIDEST_LABEL`."""
+    """Return an axis's label, in several about equal lines if it is longer than `WIDEST_LABEL`."""
     # The quotient rounded up. Lines end before a word that doesn't fit. With a width of six
     # characters more than the average, the text nearly always fits into this number of lines.
     lines = -(-len(label) // WIDEST_LABEL)

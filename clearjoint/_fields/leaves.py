@@ -30,14 +30,14 @@ def with_leaves(
 
 
 def ordered_like(tree: PyTree, other: PyTree) -> PyTree:
-    """Order the dictionaries by name in `other`, a scene, a state or a tuple of these, as they are
-    ordered in `tree`, and return `other`. Dictionaries inside of joints, forces and other elements
-    keep their order, which can't matter."""
+    """Put the dictionaries by name, such as `bodies`, of `other` into the order that they have in
+    `tree`, and return `other`. Both are scenes, states or tuples of these. Dictionaries inside of
+    joints, forces and other elements keep their order, which can't matter."""
     if type(other) is tuple:
         return tuple(ordered_like(*pair) for pair in zip(tree, other, strict=True))
     for name, part in vars(other).items() if isinstance(other, eqx.Module) else ():
         if isinstance(part, dict):
-            # Modules are frozen, so their fields are set by `object`.
+            # Modules are frozen: their own `__setattr__` would raise an error.
             object.__setattr__(other, name, _ordered(getattr(tree, name), part))
     return other
 
@@ -46,7 +46,7 @@ def with_fields(module: Module, values: Mapping[str, object]) -> Module:
     """Return a copy of a module with other values of some fields, neither converted nor checked."""
     copy = object.__new__(type(module))
     for name, value in {**vars(module), **values}.items():
-        # Modules are frozen.
+        # Modules are frozen: their own `__setattr__` would raise an error.
         object.__setattr__(copy, name, value)
     return copy
 

@@ -195,8 +195,8 @@ class AbstractReadable(eqx.Module):
 
 
 def without_modules(namespace: dict[str, object], *public: str) -> Callable[[], list[str]]:
-    """Return a function ``__dir__`` for a package, by which the tab key shows the names of
-    `namespace` without its modules, except the `public` ones."""
+    """Return a function ``__dir__`` for a package, by which the tab key shows the names in
+    `namespace`, but of its modules only those with the names `public`."""
     return lambda: sorted(
         name
         for name, value in namespace.items()
@@ -272,8 +272,8 @@ def with_arrays(tree: PyTree) -> PyTree:
 
     A Python number that `equinox.tree_at` has put into a scene would otherwise be part of the
     program, which would be compiled for each of its values. Traced numbers and Python's bools are
-    not converted. In Equinox modules of other packages, only fields with a converter are, since
-    other numbers may be meant as parts of the program.
+    not converted, nor are, in Equinox modules of other packages, fields without a converter, since
+    their numbers may be meant as parts of the program.
     """
     leaves, structure = jax.tree.flatten(tree)
     arrays = array_leaves(leaves, structure)
@@ -284,10 +284,10 @@ def array_leaves(
     leaves: list[PyTree],
     structure: jax.tree_util.PyTreeDef,  # pyright: ignore
 ) -> list[PyTree]:
-    """Do as `with_arrays` with the `leaves` of a tree and its `structure`, and return the new
-    leaves; the same list if no leaf is to be converted."""
-    # Usually few leaves are left to convert. Types are compared here, without a call, because a
-    # scene of thirty joints has a thousand leaves.
+    """Return the `leaves` of a tree of the given `structure` with numbers replaced by float64
+    arrays, in the same cases as in `with_arrays`; the same list if nothing is to be replaced."""
+    # Usually few leaves are not yet NumPy arrays. These few are found by comparisons without a
+    # function call, because a scene of thirty joints has a thousand leaves.
     others = [
         k for k, x in enumerate(leaves) if type(x) is not np.ndarray or x.dtype is not _FLOAT64
     ]
@@ -317,11 +317,12 @@ def _is_other_number(leaf: PyTree) -> bool:
 
 @lru_cache(maxsize=256)
 def _number_fields(structure: jax.tree_util.PyTreeDef) -> set[int]:  # pyright: ignore
-    """Return the indices of the leaves that `with_arrays` may convert."""
+    """Return the indices of the leaves that `with_arrays` may convert in a tree of a structure."""
     # The tree is visited with the indices of its leaves in place of the leaves.
     numbers: set[int] = set()
 
     def visit(node: PyTree, is_number: bool) -> None:
+        # `is_number`: whether the field in which the node is may hold numbers.
         if isinstance(node, eqx.Module):
             # In this package, all fields that are not static hold numbers.
             of_package = checks.is_of_package(type(node))

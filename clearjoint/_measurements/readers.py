@@ -37,7 +37,7 @@ class Channel:
     - `quantity`: a scalar function of an `Instant` (the scene with its motion at one time), such as
       those of `clearjoint.quantities`.
     - `noise`: standard deviation of the samples in the column's unit: a number, or one for each
-      row. For ``None``, the reader's argument `noise` applies.
+      row. ``None`` stands for the argument `noise` of `read_csv` or `from_xarray`.
     - `unit`: unit of the column, any that pint knows. It may be left out if the table has one; if
       both have one, the spelling must be the same.
 
@@ -73,7 +73,7 @@ class TableColumn:
 
     def samples(self, missing: Missing) -> tuple[np.ndarray, np.ndarray]:
         """Return the values that are finite numbers, and whether each value is such a number. If
-        `missing` is "refuse", all values must be."""
+        `missing` is "refuse", raise a `ValueError` unless all values are."""
         choices = ("refuse", "drop")
         require(missing in choices, "missing", missing, f"one of {choices}", "name one of them")
         numbers = self.numbers()
@@ -230,8 +230,8 @@ def from_xarray(
     """Return measurements from the variables of an xarray dataset.
 
     Each variable has one dimension, whose coordinate contains the times, in s or in the unit of its
-    attribute "units". A variable's attribute "units" is the unit of its values. Arguments are as in
-    `read_csv`.
+    attribute "units". A variable's attribute "units" is the unit of its values. `channels` has a
+    `Channel` by name of the variable; `noise` and `missing` are as in `read_csv`.
 
     **Raises:** `ValueError` as `read_csv`, and for a variable with more or less than one dimension
     or without a coordinate of times.
@@ -251,7 +251,7 @@ def from_xarray(
         label = f"variable {name!r} of the dataset"
         return TableColumn(label, pd.Series(np.asarray(array)), array.attrs.get("units"))
 
-    # Each variable may have a time coordinate of its own, so times are read for each of them.
+    # Each variable may have its own coordinate of times.
     series = {}
     for name, channel in channels.items():
         variables = [str(variable) for variable in dataset.data_vars]
@@ -305,6 +305,7 @@ def _read_parquet(path: str | Path, options: dict[str, PyTree]) -> "pd.DataFrame
             f"File {str(path)!r} needs a reader of Parquet for pandas: `pip install pyarrow`, or "
             "convert the file to CSV."
         ) from error
+    # The rows of all columns are joined by position, not by the labels of an index in the file.
     parts = []
     for name, values in table.items():
         if len(values) and isinstance(values.iloc[0], list | np.ndarray):

@@ -104,9 +104,9 @@ class LogColumn:
 
 
 class Logged(NamedTuple):
-    """Samples of a joint's position or torque: times (N,), s, and values (N,) and the standard
-    deviation of their noise, ``None`` if unknown, in the SI unit `unit`. A `unit` of ``None`` means
-    the SI unit for the kind of the joint, hinge or slider.
+    """Samples of a joint's position or torque: times (N,), s; values (N,), in `unit`; and their
+    noise, a standard deviation in `unit`, ``None`` if unknown. A `unit` of ``None`` stands for the
+    SI unit for the kind of the joint, such as rad for a hinge and m for a slider.
 
     >>> cj.results.Logged(np.array([0.0, 0.1]), np.array([0.0, 0.3]), noise=None, unit="rad").unit
     'rad'
@@ -173,18 +173,19 @@ class RobotLog:
         leave it out, allow it by `largest_gap`, then cut the log by `between`. `OSError` for a file
         that does not exist. `ImportError` for a Parquet file without pyarrow.
         """
-        find = columns_of(source, options)
+        column_named = columns_of(source, options)
         remedy = 'pass for example angles={"elbow": "q3 [deg]"}'
         require(bool({**angles, **torques, **goals}), "angles", {}, "columns by joint", remedy)
         name, unit = split_header(time)
-        times = _since_first(find(name, "time"), unit)
+        times = _since_first(column_named(name, "time"), unit)
 
+        # The samples of all joints in one of the arguments `angles`, `torques` and `goals`.
         def read(argument: str, columns: Columns, units: tuple[str, ...]) -> dict[str, Logged]:
             logged = {}
             for joint, column in columns.items():
                 spec = column if isinstance(column, LogColumn) else LogColumn(column)
-                where = f"{argument}[{joint!r}]"
-                content = find(split_header(spec.column)[0], where)
+                where = f"{argument}[{joint!r}]"  # the argument that errors name
+                content = column_named(split_header(spec.column)[0], where)
                 samples = _logged(spec, content, units, times, missing)
                 with errors_about(where):
                     _require_no_gap(samples.times, content, largest_gap)
@@ -226,11 +227,11 @@ class RobotLog:
 
 
 def _since_first(column: TableColumn, unit: str | None) -> Float[np.ndarray, " N"]:
-    """Return the times in a column since the first one, s. Numbers are in the column's unit or,
-    without one, in `unit`, which is s if ``None``; dates are converted."""
+    """Return the times in a column, s, less the first one. Numbers are in the column's unit or, if
+    it has none, in `unit`, or in s if that is ``None``; dates are converted."""
     import pandas as pd
 
-    # Numbers that were read as texts, such as "1000", would also be dates: the year 1000.
+    # Only texts that are no numbers are read as dates: "1000" would be the year 1000.
     is_date = pd.api.types.is_datetime64_any_dtype(column.values)
     if is_date or np.isnan(column.numbers()).any():
         with suppress(ValueError, TypeError):
@@ -248,6 +249,7 @@ def _logged(
     times: Float[np.ndarray, " N"],
     missing: Missing,
 ) -> Logged:
+    # The units that the table's header, the name of the column and the `LogColumn` have.
     written = content.unit, split_header(spec.column)[1], spec.unit
     unit = next((unit for unit in (*written, spec.of) if unit is not None), None)
     if unit is None:
@@ -257,14 +259,15 @@ def _logged(
         )
     allowed = units if spec.of is None else (spec.of,)
     si = allowed[0]
-    # The column's dimension tells whether its joint is a hinge, with the first unit, or a slider,
-    # with the last one. If it fits neither, the error below names the first.
+    # The dimension of the column's unit tells whether the joint is a hinge, with the first unit, or
+    # a slider, with the last one. If the dimension fits neither, the error below names the first.
     with suppress(ValueError):
         to_si(unit, allowed[-1])
         si = allowed[-1]
     with errors_about(f"In {content.label}"):
         factor, _ = to_si(unit, si)
         for other in written:
+            # Several units may be written, if they are equal.
             same = other is None or to_si(other, si)[0] == factor
             remedy = "omit one of the two"
             require(same, "unit", other, f"that of the table, {unit!r}", remedy)
@@ -272,6 +275,7 @@ def _logged(
     require(len(numbers) > 1, content.label, len(numbers), "two numbers or more", "extend it")
     values = (numbers - spec.zero) * (factor * spec.factor)
     noise = None if spec.noise is None else spec.noise * abs(factor * spec.factor)
+    # With `of`, the factor changes the dimension, and the unit depends on the kind of the joint.
     return Logged(times[valid], values, noise, si if spec.of is None else None)
 
 

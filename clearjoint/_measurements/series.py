@@ -191,9 +191,9 @@ class Series(AbstractReadable):
         return len(self.times)
 
     def residuals(self, prediction: ArrayLike) -> Float[jax.Array | np.ndarray, " N"]:
-        """Return (prediction - values) / noise, (N,), for a prediction in SI units, which raises a
-        `ValueError` if it has another shape. For a channel with a period, the nearest multiple of
-        the period is subtracted from the difference, so that -pi and pi agree."""
+        """Return (prediction - values) / noise, (N,), for a `prediction`, (N,) in SI units. For a
+        channel with a period, the nearest multiple of the period is subtracted from the difference,
+        so that -pi and pi agree. A prediction of another shape raises a `ValueError`."""
         arrays = prediction, self.values, self.noise
         traced = any(concrete(array) is None for array in arrays)
         # JAX is used for JAX arrays only. It would compile its operations again for each number of
@@ -279,7 +279,7 @@ class Measurements(AbstractReadable):
             check_quantity(f"Series {name!r}", series.channel, scene)
 
     def with_noise(self, generator: np.random.Generator) -> "Measurements":
-        """Return a copy with additional noise in each series, see `Series.with_noise`."""
+        """Return a copy in which each series has additional noise, as by `Series.with_noise`."""
         return Measurements({n: series.with_noise(generator) for n, series in self.series.items()})
 
     def to_dataset(self) -> "xr.Dataset":

@@ -80,12 +80,13 @@ class AbstractScale(abc.ABC):
         return 1.0
 
     def interval(self, coordinate: float, half: float, rising: bool) -> tuple[float, float]:
-        """Return the ends of the interval of the values, from the half width of the coordinate's.
+        """Return the ends of the confidence interval of an estimated value.
 
-        By default these are the values at ``coordinate - half`` and ``coordinate + half``. A scale
-        whose coordinate runs to infinity if the data say that a value is at an end of its range,
-        such as a friction of zero, overrides this method, because the derivative of the value by
-        the coordinate then vanishes. `rising` is whether the search raised the coordinate.
+        By default these are the values at ``coordinate - half`` and ``coordinate + half``, where
+        `half` is the half width of the coordinate's interval. A scale whose coordinate runs to
+        infinity if the data say that a value is at an end of its range, such as a friction of zero,
+        overrides this method, because the derivative of the value by the coordinate then vanishes.
+        `rising` is whether the fit moves the coordinate up, for example from its first guess.
         """
         return float(self.value(coordinate - half)), float(self.value(coordinate + half))
 
@@ -154,10 +155,10 @@ class Log(AbstractScale):
 
     @override
     def interval(self, coordinate: float, half: float, rising: bool) -> tuple[float, float]:
-        """Return the interval of the value for a coordinate plus and minus `half`, from zero if
-        `half` is above 1. If the standard deviation of the logarithm is above 5, the data depend on
-        the value about linearly, and the interval is the linear one from zero; or, if the search
-        raised the coordinate (`rising`), on its reciprocal, and the interval is to infinity."""
+        """Return the values at ``coordinate - half`` and ``coordinate + half``, with zero as the
+        lower end if `half` is above 1. If the standard deviation of the logarithm is above 5, the
+        data depend about linearly on the value v, and the interval is from 0 to v (1 + half); or,
+        if `rising`, on 1/v, and the interval is from v / (1 + half) to infinity."""
         if half <= 1.0:
             return super().interval(coordinate, half, rising)
         value = float(self.value(coordinate))
@@ -208,8 +209,8 @@ class Bounded(AbstractScale):
 
     @override
     def interval(self, coordinate: float, half: float, rising: bool) -> tuple[float, float]:
-        """Return an interval that is linear in the value, within the bounds, if the coordinate is
-        uncertain by more than 1."""
+        """Return, if the coordinate's standard deviation is above 1, the value plus and minus
+        `half` times its slope, within the bounds; otherwise the interval as by default."""
         if half <= WIDTH:
             return super().interval(coordinate, half, rising)
         value, change = float(self.value(coordinate)), half * float(self.slope(coordinate))
@@ -404,8 +405,8 @@ PASS_PARAMETERS = 'pass {"clearance": cj.Parameter(lambda scene: scene.joints["p
 
 
 def held(parameter: Parameter, value: float) -> Parameter:
-    """Return a copy of a parameter that a fit holds at a value and leaves out of its result. Runs
-    of this fit share the compiled programs of a fit in which the parameter is free."""
+    """Return a copy of a parameter that a fit holds at a `value`, SI, and leaves out of its result.
+    The fit's runs share the compiled programs of a fit in which the parameter is free."""
     copy = Parameter(parameter.variation, parameter.scale, value=value)
     vars(copy).update(_is_held=True)
     return copy
@@ -429,8 +430,8 @@ def step_limits(parameters: Mapping[str, Parameter]) -> np.ndarray:
 def values_of_points(
     parameters: Mapping[str, Parameter], points: Float[np.ndarray, "n p"]
 ) -> dict[str, Float[np.ndarray, " n"]]:
-    # A user-defined scale need not accept arrays. One call for each number would be slow, since JAX
-    # may compile in each.
+    # A user-defined scale need not accept arrays, so JAX vectorises it. One call for each number
+    # would be slow, since JAX may compile in each.
     pairs = zip(parameters.items(), map(jnp.asarray, points.T), strict=True)
     return {n: np.asarray(jax.vmap(p.scale.value)(row), float) for (n, p), row in pairs}
 

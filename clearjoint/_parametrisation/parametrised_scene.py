@@ -29,8 +29,8 @@ an auxiliary result, which is not."""
 
 
 class AbstractSceneFamily(eqx.Module):
-    """Base class of a scene and its initial state as functions of parameters, with derivatives of
-    what a run computes along one or more directions of the parameters, called tangents.
+    """Base class of a scene and its initial state as functions of parameters, with the derivatives,
+    called tangents, of what a run computes along one or more directions of the parameters.
 
     - `values`: the parameters at which derivatives are computed, a PyTree of arrays.
     - `base`: scene and initial state before any change.
@@ -44,7 +44,7 @@ class AbstractSceneFamily(eqx.Module):
     @property
     @abc.abstractmethod
     def seeds(self) -> PyTree:
-        """Directions of derivatives, in the form of `values`, with a first axis for tangents."""
+        """The directions: a PyTree like `values`, whose arrays have a first axis for directions."""
 
     @property
     def tangents(self) -> int:
@@ -65,14 +65,14 @@ class AbstractSceneFamily(eqx.Module):
         """Compute ``function(scene, *primals)`` and the derivatives of its value along the
         directions.
 
-        The scene is that of the method `scene`. `primals` are earlier results of a run, and
-        `tangents` their derivatives. In all derivatives, arrays have a first axis for tangents.
+        The scene is that of the method `scene` at `values`. `primals` are earlier results of a run,
+        `tangents` their derivatives. In derivatives, arrays have a first axis for directions.
 
         **Returns:** the value, the auxiliary result, and the value's derivatives.
         """
 
     def scene(self, values: PyTree) -> Scene:
-        """Return the scene at parameters, as scalars, and folded constants as Python numbers."""
+        """Return the scene at parameters, in scalars, with folded constants as Python numbers."""
         return unpack(ConstantFolded(self.scene_and_state(values)[0], self.patterns))
 
     def start(self, values: PyTree) -> State:
@@ -84,8 +84,8 @@ class AbstractSceneFamily(eqx.Module):
         return self.effects()[0]
 
     def effects(self) -> tuple[PyTree[bool], int | None]:
-        """Return the result of `varied`, and the number of changes up to the last one that changes
-        the scene, not only the state; ``None`` stands for the number of all changes."""
+        """Return the result of `varied`, and how many changes must be made to get the scene: all up
+        to the last one that changes the scene, not only the state. ``None`` stands for all."""
         # A user's function may change any leaf. JAX traces the functions here without computing
         # numbers, and each leaf that depends on a parameter becomes a tracer.
         effects: list[tuple[PyTree[bool], int]] = []
@@ -93,10 +93,11 @@ class AbstractSceneFamily(eqx.Module):
         def trace(values: PyTree) -> PyTree:
             (leaves, structure), last = jax.tree.flatten(self.base[0]), 0
             for count, (scene, _) in changed_in_steps(*self.base, self.pairs(values)):
-                before, kept = leaves, structure
+                old_leaves, old_structure = leaves, structure
                 leaves, structure = jax.tree.flatten(scene)
-                is_kept = structure == kept
-                if not is_kept or any(a is not b for a, b in zip(leaves, before, strict=True)):
+                is_same = structure == old_structure
+                # A change that leaves the scene alone passes on the same arrays.
+                if not is_same or any(a is not b for a, b in zip(leaves, old_leaves, strict=True)):
                     last = count
             traced = [isinstance(leaf, Tracer) for leaf in leaves]
             effects.append((jax.tree.unflatten(structure, traced), last))
@@ -114,8 +115,8 @@ class ParametrisedScene(AbstractSceneFamily):
     - `changes`, `scales`: function that sets the value of each parameter, and its scale. Arrays of
       a function that is a PyTree are arguments of compiled programs.
     - `directions`: (n, p), n directions in the space of coordinates along which derivatives are
-      computed; ``None`` for those by each parameter.
-    - `in_scene`: see `effects`.
+      computed; ``None`` for derivatives by each parameter.
+    - `in_scene`: how many of the first `changes` must be made to get the scene; ``None`` for all.
     """
 
     values: Coordinates
@@ -136,6 +137,7 @@ class ParametrisedScene(AbstractSceneFamily):
         # Quotients rounded up: the number of copies, then the number of parameters of each.
         groups = -(-count // largest)
         size = -(-count // groups)
+        # Indices of each copy's parameters; beyond the last parameter, the last is repeated.
         numbers = np.minimum(np.arange(groups * size), count - 1).reshape(groups, size)
         return [replace(self, directions=np.eye(count)[row]) for row in numbers]
 
@@ -154,6 +156,7 @@ class ParametrisedScene(AbstractSceneFamily):
 
     @override
     def scene(self, values: Coordinates) -> Scene:
+        # Without the last changes, if they change only the state: less to trace.
         scene, _ = changed(*self.base, self.pairs(values)[: self.in_scene])
         return unpack(ConstantFolded(scene, self.patterns))
 
@@ -167,6 +170,7 @@ class ParametrisedScene(AbstractSceneFamily):
         structure, in_scene = jax.tree.structure(self.base[0]), [s for s in setters if s.in_scene]
         leaves = {number.leaf for setter in in_scene for number in setter.numbers}
         varied = [k in leaves for k in range(structure.num_leaves)]
+        # None: all changes, since `make_all` makes them in one call.
         return jax.tree.unflatten(structure, varied), None
 
     @override
@@ -190,7 +194,7 @@ def parametrised(
     scene: Scene, state: State, parameters: Mapping[str, Parameter], values: Coordinates
 ) -> ParametrisedScene:
     """Return a scene and its initial state as functions of p parameters, whose coordinates are
-    `values`. Errors of sensors are refused (see `readings.in_scene`)."""
+    `values`, (p,). Errors of sensors are refused; `readings.in_scene` replaces them."""
     # A Python number would be a constant of the program, which would be compiled anew for each
     # value of the number.
     scene, state = with_arrays((scene, state))
@@ -237,15 +241,15 @@ class DirectedScene(AbstractSceneFamily):
         def at(values: PyTree, *rest: PyTree) -> tuple[PyTree, PyTree]:
             return function(self.scene(values), *rest)
 
-        places = self.values, *primals
+        arguments = self.values, *primals
         directions = self.direction, *jax.tree.map(_without_axis, tangents)
         # `jax.linear_transpose` can transpose this with respect to direction and tangents.
-        value, derivatives, auxiliary = jax.jvp(at, places, directions, has_aux=True)
+        value, derivatives, auxiliary = jax.jvp(at, arguments, directions, has_aux=True)
         return value, auxiliary, _with_axis(derivatives)
 
 
 def _with_axis(tree: PyTree) -> PyTree:
-    """Return a PyTree whose arrays have a first axis of length one added, for the one tangent."""
+    """Return a PyTree with a first axis of length one, for the one direction, in each array."""
     # JAX traces an index in several times the time of its primitive.
     return jax.tree.map(lambda leaf: jax.lax.expand_dims(jnp.asarray(leaf), (0,)), tree)
 

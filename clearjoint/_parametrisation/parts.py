@@ -40,8 +40,8 @@ class PartSetter(AbstractLeafSetter):
 def parts_of(
     scene: Scene, state: State, paths: Mapping[str, Part]
 ) -> tuple[dict[str, PyTree], tuple[tuple[str, Change], ...]]:
-    """Return the numbers that paths select, SI, by name, and pairs of the name of a path and the
-    function that sets its numbers. The numbers of an element are its arrays of floats.
+    """Return the numbers, SI, that `paths` select, by name of the path, and pairs of this name and
+    the function that sets the numbers. The numbers of an element are its arrays of floats.
 
     **Raises:** `ValueError` for a path that selects no number, and for a parameter that is neither
     a number of the scene or initial state nor has a value.
@@ -55,6 +55,7 @@ def parts_of(
         if isinstance(path, Parameter):
             coordinate = path.coordinate_in(scene, state)
             numbers[name] = np.asarray(path.scale.value(coordinate), float)
+            # The example 0.0 says that the value is a single number.
             changes.append((name, path.variation.setter(scene, state, 0.0)))
             continue
         expected = "a function of a scene or a Parameter"
@@ -91,13 +92,14 @@ def _selected(
 
 
 def guard_direction(paths: Mapping[str, Part], numbers: Mapping[str, PyTree]) -> dict[str, PyTree]:
-    """Return a random direction in the space of all `numbers`, the same for equal numbers.
+    """Return a random direction in the form of the `numbers` of `paths`, equal for equal numbers.
 
     The components are normally distributed. The standard deviation is, for a `Parameter`, the slope
     of its scale; for an array, the root mean square of its numbers, or 1 if all are zero.
     """
     random = np.random.default_rng(0)
 
+    # Random components for the numbers of an array.
     def of_array(array: np.ndarray) -> np.ndarray:
         size = float(np.sqrt(np.mean(np.square(array)))) if array.size else 0.0
         return (size or 1.0) * random.standard_normal(array.shape)

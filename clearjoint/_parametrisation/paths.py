@@ -31,8 +31,8 @@ class Number:
     """Location of a number in a scene or a state: index of the array in the list of
     `jax.tree.leaves`, and indices into that array, empty for the whole array.
 
-    ``location[1]`` is the location of a component, and ``location[0:2]`` that of several, which
-    can't be indexed further.
+    ``location[1]`` is the location of one component, and ``location[0:2]`` the location of several
+    components, which can't be indexed further.
     """
 
     leaf: int
@@ -185,9 +185,9 @@ def parameters(tree: PyTree) -> dict[str, tuple[Leaf, str]]:
 
 
 def _named_leaves(tree: PyTree, name: str, unit: str = "1") -> Iterator[tuple[str, PyTree, str]]:
-    """Yield name, value and unit of each number of a part of a scene or state, in the order of
-    `jax.tree.leaves`. `name` and `unit` are those of the part; fields of a module declare their own
-    units."""
+    """Yield name, value and unit of each number of `tree`, a part of a scene or state, in the order
+    of `jax.tree.leaves`. `name`: of the part, with which names of its numbers begin; `unit`: of
+    numbers that are in no field of a module in the part, since fields declare their own units."""
     # As in JAX, static fields are no leaves.
     if isinstance(tree, eqx.Module):
         for field in fields(tree):

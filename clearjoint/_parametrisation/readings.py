@@ -45,8 +45,8 @@ class SensorErrors(eqx.Module):
         return jnp.vectorize(self.scales[number].value)(coordinates[..., number])
 
     def reading(self, name: str, quantity: Row, elapsed: Row, coordinates: Row) -> jax.Array:
-        """Return the reading of a sensor, (T,), with all errors except a delay, from the quantity,
-        (T,), the times `elapsed` since the start of the run, (T,) s, and the coordinates, (p,)."""
+        """Return the reading, (T,), of the output `name`, with all errors except a delay, from the
+        quantity, (T,), the times `elapsed` since the start, (T,) s, and the coordinates, (p,)."""
         exact, since_start = jnp.asarray(quantity), jnp.asarray(elapsed)
         reading = exact
         for number, error in self.errors:
@@ -64,12 +64,13 @@ def with_sensor_errors(
     sensors: SensorErrors, values: Rows, derivatives: Rows, elapsed: Row, coordinates: Row
 ) -> tuple[dict[str, jax.Array], dict[str, jax.Array]]:
     """Return the readings of all sensors, (T,) each, and their derivatives by the coordinates,
-    (T, p) each, from the quantities, `values`, and their `derivatives`."""
+    (T, p) each, from the quantities, `values`, and their `derivatives`, of the same shapes, at the
+    times `elapsed` since the start, (T,) s."""
     readings, slopes = jax.tree.map(jnp.asarray, (dict(values), dict(derivatives)))
     # Without duplicates, since a sensor may have several errors.
     with_errors = dict.fromkeys(name for _, error in sensors.errors for name in error.series)
     for name in with_errors:
-
+        # As a default value, `name` belongs to this turn of the loop, whenever JAX calls it.
         def reading(quantity: Row, coordinates: Row, name: str = name) -> jax.Array:
             return sensors.reading(name, quantity, elapsed, coordinates)
 
@@ -92,6 +93,7 @@ def readings_of_runs(
     """Return the readings of all sensors in n runs, (n, T) each, from the quantities, `values`, at
     the times `elapsed`, s, since the start."""
 
+    # The readings in one run, (T,) each.
     def of_run(values: Rows, coordinates: Row) -> dict[str, jax.Array]:
         return {n: sensors.reading(n, row, elapsed, coordinates) for n, row in values.items()}
 
@@ -101,9 +103,9 @@ def readings_of_runs(
 def sensor_errors(
     parameters: Mapping[str, Parameter], outputs: Mapping[str, object]
 ) -> SensorErrors:
-    """Return those parameters of a run with given `outputs` that are errors of sensors; raise a
-    `ValueError` for an unknown output, and for two errors of the same kind for one output."""
-    errors, taken = [], set()
+    """Return the `SensorErrors` of a run, whose `outputs` are given by name; raise a `ValueError`
+    for an unknown output, and for two errors of the same kind for one output."""
+    errors, taken = [], set()  # `taken`: pairs of a kind of error and the name of an output
     for number, (label, parameter) in enumerate(parameters.items()):
         error = parameter.variation
         if isinstance(error, AbstractSeriesVariation):
@@ -121,7 +123,7 @@ def sensor_errors(
 
 
 def in_scene(parameters: Mapping[str, Parameter]) -> dict[str, Parameter]:
-    """Return the parameters, with each error of sensors replaced by one that changes nothing."""
+    """Return the parameters, each error of sensors replaced by a parameter that changes nothing."""
     still = MadeByFunction(unchanged, "1")
     return {
         name: Parameter(still, parameter.scale, value=parameter.value)
@@ -134,11 +136,12 @@ def in_scene(parameters: Mapping[str, Parameter]) -> dict[str, Parameter]:
 def units_of(
     parameters: Mapping[str, Parameter], scene: Scene, state: State, series: Mapping[str, str]
 ) -> dict[str, str]:
-    """Return the unit of each parameter's value; `series` has the units of the measured series."""
+    """Return the unit of each parameter's value. `series`: units of measured series, by name."""
     units = {}
     for name, parameter in parameters.items():
         error = parameter.variation
         if isinstance(error, AbstractSeriesVariation):
+            # The value is common to all series of the error, so it must have one unit.
             units_of_value = {error.unit_of(series[label]): None for label in error.series}
             expected, argument = "an error of series with the same unit", f"parameters[{name!r}]"
             remedy = f"pass a {error.noun} for each unit"

@@ -47,9 +47,9 @@ class AbstractVariation(abc.ABC):
 class AbstractNumber(AbstractVariation):
     """A number, or several tied numbers, that a path selects in the scene or the initial state.
 
-    - `unit`: labels the value, ``None`` for the number's SI unit.
-    - `in_scene`: whether the path is that of a scene, not of a state.
-    - `example`: source of a typical path, for error messages.
+    - `unit`: text that labels the value; ``None`` for the number's SI unit.
+    - `in_scene`: whether the path leads through a scene, not through a state.
+    - `example`: Python code of a typical path, for error messages.
     """
 
     path: NumberPath
@@ -202,7 +202,7 @@ class SeriesGain(AbstractSeriesVariation):
 
 @dataclass(frozen=True)
 class SeriesDrift(AbstractSeriesVariation):
-    """Drift of sensors: constant rate at which their bias changes, zero at the start of the run."""
+    """Drift of sensors: constant rate at which their bias rises from zero at the run's start."""
 
     noun: ClassVar[str] = "drift"
     unit: ClassVar[str] = "{}/s"
@@ -252,8 +252,8 @@ class AbstractLeafSetter(AbstractGroupedChange):
 def with_values(
     scene: Scene, state: State, values: Iterable[tuple[AbstractVariation, Scalar]]
 ) -> tuple[Scene, State]:
-    """Return the pair (scene, state) with values of variations, set in their order. Errors of
-    sensors change neither."""
+    """Return the pair (scene, state) after setting the `values`, pairs of a variation and its
+    value, in their order. Errors of sensors change neither scene nor state."""
     in_scene = [(v, x) for v, x in values if not isinstance(v, AbstractSeriesVariation)]
     return changed(scene, state, [(v.setter(scene, state, x), x) for v, x in in_scene])
 
@@ -272,6 +272,7 @@ def changed_in_steps(
     """Yield, after each change or group of changes made in one call, the number of changes so far
     and the pair (scene, state)."""
     count = 0
+    # Changes that are no `AbstractGroupedChange`, such as a user's function, have no `make_all`.
     for make_all, neighbours in groupby(changes, lambda pair: getattr(pair[0], "make_all", None)):
         pairs = [*neighbours]
         if make_all is not None:

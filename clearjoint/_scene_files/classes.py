@@ -41,8 +41,10 @@ class Expectation:
     - `is_array`: whether numbers, also a single one, are converted to an array.
     - `classes`: base classes of the objects that are allowed.
     - `options`: for an argument with a fixed set of texts, the value of each text.
+    - `is_text`, `is_flag`: whether any text is allowed; whether true and false are.
     - `by_name`: expectation for the entries of a table whose keys are names, such as `bodies`.
     - `item`: expectation for the entries of a list.
+
     """
 
     unit: str | None = None
@@ -76,7 +78,7 @@ def makers(families: tuple[type, ...], classes: Classes) -> dict[str, Maker]:
     """Return the classes and static methods, such as "Body.rod", that a file may name as `kind`, by
     name.
 
-    Classes derive from one of the `families`; if there are none, all classes are returned.
+    Only classes that derive from one of the `families` are returned, or all if `families` is empty.
     User-defined `classes` have two names, "Class" and "module:Class". If a class of this package
     is also called "Class", this name means the class of the package.
     """
@@ -84,6 +86,8 @@ def makers(families: tuple[type, ...], classes: Classes) -> dict[str, Maker]:
     is_collection = isinstance(classes, Collection) and not isinstance(classes, type)
     is_valid = is_collection and all(isinstance(kind, type) for kind in classes)
     require(is_valid, "classes", classes, "a list of classes", "pass for example classes=[MyLaw]")
+    # Most classes of the package that files name derive from `AbstractReadable`; any other must be
+    # one of the `families` itself.
     included = filter(is_of_package, (*families, *_subclasses(AbstractReadable)))
     # For equal names, the class of this package has priority.
     named = {kind.__name__: kind for kind in (*classes, *included)}
@@ -104,6 +108,7 @@ def _subclasses(kind: type) -> Iterator[type]:
 
 @cache
 def _static_methods(kind: type) -> dict[str, Maker]:
+    # Of public static methods, only those that return an object of the class.
     methods = {n: m.__func__ for n, m in vars(kind).items() if isinstance(m, staticmethod)}
     public = {name: make for name, make in methods.items() if not name.startswith("_")}
     return {name: make for name, make in public.items() if _hints(make).get("return") is kind}
@@ -116,7 +121,8 @@ def family_names(families: tuple[type, ...]) -> str:
 def find_maker(
     name: object, families: tuple[type, ...], classes: Classes, location: FileLocation
 ) -> Maker:
-    """Return the maker that a file names at `location`, one of those that `makers` returns.
+    """Return the class or static method with the `name` that a file has at `location`; it makes
+    objects of one of the classes `families`. Raise a `ValueError` if `makers` has no such name.
 
     A script saves its own class as "__main__:Class". Such a name means a class "Class" of this
     package or else of `classes`, whatever its module.
@@ -130,9 +136,9 @@ def find_maker(
     make = allowed.get(short if module == "__main__" else name)
     if make is not None:
         return make
-    if name in makers((), classes):
+    if name in makers((), classes):  # a class, but not one for this argument
         location.refuse(name, expected, f"take a subclass of {family_names(families)}")
-    if module:
+    if module:  # a user-defined class that was not passed
         expected = f"one of the classes passed to the call, {listed(map(class_name, classes))}"
         remedy = f"import it and pass classes=[{short.split('.')[-1]}]; a file imports nothing"
         location.refuse(name, expected, remedy)
@@ -143,7 +149,7 @@ def find_maker(
 @cache
 def arguments(make: Maker) -> dict[str, Expectation]:
     make = CHECKED.get(make, make)
-    kind = make if isinstance(make, type) else _hints(make)["return"]
+    kind = make if isinstance(make, type) else _hints(make)["return"]  # class of the made object
     # For a field and an argument of the same name, the annotation of the field counts.
     hints = _hints(kind.__init__ if make is kind else make) | _hints(kind)
     declared = {f.name: f.metadata for f in fields(kind)} if is_dataclass(kind) else {}
@@ -160,8 +166,8 @@ def arguments(make: Maker) -> dict[str, Expectation]:
 
 
 def _hints(owner: object) -> dict[str, Any]:
-    """Return the annotations of a class or function by name, as they were written if one of them
-    names a type that is unknown at run time."""
+    """Return the annotations of a class or function by name. If one of them names a type that is
+    unknown at run time, all are returned as they are in the source, some of them as texts."""
     try:
         return typing.get_type_hints(owner, include_extras=True)
     except NameError:
@@ -181,10 +187,10 @@ def expectation(annotation: object, unit: str | None = None) -> Expectation:
         return Expectation(classes=(AbstractQuantity,))
     if origin in (Union, UnionType):
         parts = [expectation(kind, unit) for kind in inner if kind is not NoneType]
-        # The parts are merged. None is not among them: unless texts are allowed, the reader takes
-        # the text "none" for it. Shapes and classes, which are tuples, are joined. Of every other
-        # attribute, the first value that is neither None nor False is taken, so that a flag is true
-        # if it is true for any part.
+        # The expectations of all types but None are merged; for None, the reader accepts the text
+        # "none" unless texts are allowed. Shapes and classes, which are tuples, are joined. Of
+        # every other attribute, the first value that is neither None nor False is taken, so that a
+        # flag is true if it is true for any of the types.
         merged: dict[str, Any] = {}
         for attribute in fields(Expectation):
             name, default = attribute.name, attribute.default
@@ -195,6 +201,7 @@ def expectation(annotation: object, unit: str | None = None) -> Expectation:
         return Expectation(**merged)
     if origin is Literal:
         return Expectation(options={str(text): text for text in inner})
+    # The keys of a table are names; the second type is that of its values.
     if inspect.isclass(origin) and issubclass(origin, Mapping) and len(inner) == 2:
         return Expectation(unit, by_name=expectation(inner[1], unit))
     if inspect.isclass(origin) and issubclass(origin, Sequence) and inner:
@@ -205,9 +212,9 @@ def expectation(annotation: object, unit: str | None = None) -> Expectation:
         return Expectation(classes=(annotation,))
     if annotation is Any or isinstance(annotation, str | TypeVar):  # a text that was not resolved
         return ANYTHING if unit is None else Expectation(unit)  # a unit: numbers only
-    # The rest are numbers, texts, flags, and arrays of jaxtyping, which have `dims`. The shape is
-    # known for a number, and for an array whose annotation fixes all sizes. Without `dims`, the
-    # size None stands for an unknown shape.
+    # The other annotations are of numbers, texts, flags, and arrays of jaxtyping, which have
+    # `dims`. The shape is known for a number, and for an array whose annotation fixes all sizes. An
+    # annotation without `dims` gets the size None, so that its shape counts as unknown.
     sizes = [getattr(size, "size", None) for size in getattr(annotation, "dims", (None,))]
     fixed = tuple(size for size in sizes if isinstance(size, int))
     return Expectation(

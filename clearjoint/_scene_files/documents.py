@@ -42,8 +42,8 @@ def split(text: str) -> tuple[str, ...]:
 
 
 def keys_of(text: str) -> tuple[str, ...]:
-    """Return the result of `split`; raise a `ValueError` for a path that is empty or has characters
-    that `split` would skip."""
+    """Return the keys and indices of a path as `split` does, but raise a `ValueError` for a path
+    that is empty or has characters that `split` would skip."""
     expected = "names with dots between, such as joints.pin.clearance"
     remedy = "put names that contain dots into quotation marks"
     is_whole = text != "" and "".join(key[0] for key in KEY.finditer(text)) == text
@@ -64,7 +64,8 @@ def written(keys: Keys) -> str:
 
 
 def existing(content: object, keys: Sequence[str | int]) -> Keys:
-    """Return the longest beginning of `keys` that exists in `content`, with indices as integers."""
+    """Return the longest beginning of `keys` that leads to an entry of `content`, with indices as
+    integers."""
     steps: list[str | int] = []
     for key in keys:
         if isinstance(content, Mapping) and key in content:
@@ -104,11 +105,12 @@ class Source:
         return f", line {self._line(keys)}" if keys else ""
 
     def _line(self, keys: Keys) -> int:
-        """Return the first line of the statement that sets an existing key."""
+        """Return the number, from 1 on, of the line where the statement that sets `keys` begins."""
         lines = self._text.split("\n")
 
         def valid_lines(limit: int) -> tuple[int, object]:
-            # The longest beginning of the file, of at most `limit` lines, that is valid TOML.
+            # The longest beginning of the file, of at most `limit` lines, that is valid TOML: its
+            # number of lines and its content.
             for size in range(limit, 0, -1):
                 with suppress(tomllib.TOMLDecodeError):
                     return size, tomllib.loads("\n".join(lines[:size]) + "\n")
@@ -122,10 +124,10 @@ class Source:
         )
         # A statement of several lines begins after the valid text before it, and after empty lines
         # and comments.
-        first = valid_lines(end - 1)[0]
-        while not lines[first].strip() or lines[first].lstrip().startswith("#"):
-            first += 1
-        return first + 1
+        start = valid_lines(end - 1)[0]
+        while not lines[start].strip() or lines[start].lstrip().startswith("#"):
+            start += 1
+        return start + 1  # `start` counts lines from 0
 
 
 @dataclass
@@ -167,7 +169,8 @@ SCHEMA = "$schema"
 DEEPEST = 32
 """Largest depth of nested tables and lists in a file."""
 DEEP_KEY = re.compile(rf"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
-"""Pattern of a dotted key with at least `DEEPEST` dots; tomllib's time grows with their square."""
+"""Pattern of a dotted key with at least `DEEPEST` dots; the time that tomllib takes grows with the
+square of the number of dots."""
 
 
 JSON_END = re.compile(r'"(?:[^"\\]|\\.)*"|\}')
@@ -203,6 +206,7 @@ def read_bytes(path: Path, most: int) -> bytes:
 
 def parse(text: str, suffix: str, file: str) -> Document:  # without the key `SCHEMA`
     try:
+        # Such a key is refused before tomllib, which would take too long, parses the text.
         is_deep = suffix == ".toml" and DEEP_KEY.search(text) is not None
         if suffix == ".json":
             content = _parsed_json(text)
@@ -232,9 +236,10 @@ def _depth(content: object) -> int:
 
 def _parsed_json(text: str) -> object:
     """Return the content of a JSON text; refuse repeated keys, as `tomllib` does: `json` would
-    silently take the last."""
+    silently take the last value."""
     numbers = count()
 
+    # The parser calls this function for each object, with its keys and values.
     def table(pairs: list[tuple[str, object]]) -> Document:
         number, content = next(numbers), dict(pairs)
         if len(content) < len(pairs):

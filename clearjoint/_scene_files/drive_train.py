@@ -45,8 +45,8 @@ class Drive:
     a stiffness, the drive train is a spring, whose oscillations the steps of a run must resolve;
     play adds impacts of the flanks.
 
-    Numbers may be texts with units, such as "0.5 deg". Those of a slider have m in place of rad, N
-    in place of N m, and kg in place of kg m^2.
+    Numbers may be texts with units, such as "0.5 deg". The units of a slider's numbers have m in
+    place of rad, N in place of N m, and kg in place of kg m^2.
 
     - `armature`: kg m^2, moment of inertia of the rotor about the motor's axis. ``None`` keeps the
       armature of the file, which is not multiplied by the squared ratio.
@@ -95,7 +95,7 @@ UNITS = {
     "loss": ("1", "1"),
     "link_friction": ("N m", "N"),
 }
-"""Units of the numbers of a `Drive`: of a hinge, of a slider."""
+"""Units of the numbers of a `Drive` by name, first for a hinge, then for a slider."""
 
 
 class Train(NamedTuple):
@@ -125,6 +125,7 @@ def train_of(name: str, joint: HingeOrSlider, drive: Drive) -> Train:
     is_elastic = "play" in numbers or "stiffness" in numbers
     _require_together(name, numbers, armature, is_elastic, is_slider)
 
+    # The frictions of the drive by name, in the joints `motor` and `link` that hold rotor and link.
     def frictions(motor: HingeOrSlider, link: HingeOrSlider) -> dict[str, JointFriction]:
         named = {}
         if {"friction", "viscosity", "loss"} & numbers.keys():
@@ -144,17 +145,21 @@ def train_of(name: str, joint: HingeOrSlider, drive: Drive) -> Train:
     if not is_elastic:  # the rotor turns with the link: it is an armature, not a body
         driven = replace(joint, armature=armature)
         return Train(driven, {**frictions(driven, driven)})
-    # A body must have mass, but the rotor's belongs to the file's link, and its rotation about the
-    # axis to the joint. Beside the link, not before it: on the first body it then acts only by the
-    # torque of its bearing about the axis, and nothing but rotor and link depends on it.
+    # A body must have mass. The rotor has a negligible one, since the file counts the rotor's mass
+    # as that of a link, and the joint `motor` has its moment of inertia about the axis.
     rotor = rotor_name(name)
     assert armature is not None
     inertia = NEGLIGIBLE * armature
     body = Body(inertia, inertia * np.ones(3), is_massless=True)
     link = replace(joint, armature=None)
+    # Both rotor and link are on the joint's first body; the rotor is not between this body and the
+    # link. It then acts on the first body only by the torque of its bearing about the axis, and no
+    # motion but those of rotor and link depends on it.
     motor = replace(joint, second=rotor, point_second=np.zeros(3), armature=armature)
     if isinstance(motor, RevoluteJoint):
+        # The rotor's axes are parallel to those of the first body while the motor is at zero.
         motor = replace(motor, axis_second=motor.axis_first)
+    # Not in the scene: an ideal joint of rotor and link, for the ends and axis of play or spring.
     between = replace(link, first=rotor, point_first=np.zeros(3))
     elements: dict[str, Element] = {motor_name(name): motor, **frictions(motor, link)}
     if "play" in numbers:
@@ -169,9 +174,9 @@ def _numbers(drive: Drive, is_slider: bool) -> dict[str, np.ndarray]:
     numbers = {}
     for field in fields(drive):
         value = getattr(drive, field.name)
-        if field.name not in UNITS or value is None:
+        if field.name not in UNITS or value is None:  # the law, or an omitted number
             continue
-        unit = UNITS[field.name][is_slider]
+        unit = UNITS[field.name][is_slider]  # False and True are the indices 0 and 1
         if isinstance(value, str):
             value = number_of_text(value, unit, FileLocation("drive").at(field.name))
         number = as_number(value, f"drive.{field.name}", unit)
@@ -185,6 +190,7 @@ def _numbers(drive: Drive, is_slider: bool) -> dict[str, np.ndarray]:
 def _require_together(
     name: str, numbers: Mapping[str, PyTree], armature: PyTree, is_elastic: bool, is_slider: bool
 ) -> None:
+    # Raise the error about one argument of the drive unless it is valid beside the others.
     def check(argument: str, is_valid: bool, expected: str, remedy: str) -> None:
         require(is_valid, f"drive.{argument}", numbers.get(argument), expected, remedy)
 
@@ -208,7 +214,8 @@ def _require_together(
 def _flanks(between: HingeOrSlider, numbers: Mapping[str, PyTree]) -> AbstractContactJoint:
     """Return the play between rotor and link. `between`: the ideal joint of these two bodies;
     `numbers`: those of the `Drive`, in SI units, without those that are ``None``."""
-    # Stiffness and damping of a couple are those of a force times the square of the radius.
+    # The flanks of a hinge touch at a radius. Stiffness and damping of the force there are those of
+    # the torque over the square of the radius.
     square = DEFAULT_RADIUS**2 if isinstance(between, RevoluteJoint) else 1.0
     stiffness, damping = numbers["stiffness"] / square, numbers.get("damping")
     with quiet():  # the stiffness for the arbitrary radius may be unusual

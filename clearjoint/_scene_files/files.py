@@ -44,7 +44,7 @@ from .schema import scene_schema
 
 @dataclass(frozen=True)
 class Writer:
-    """Converts objects to tables; collects `units` of values, by keys, and `user_classes`."""
+    """Converts objects to tables. Collects `units` of values by their keys, and `user_classes`."""
 
     units: dict[Keys, str] = field(default_factory=dict)
     user_classes: set[type] = field(default_factory=set)
@@ -59,6 +59,7 @@ class Writer:
         if KIND in arguments(kind):  # the key of a table that names its class
             remedy = "rename it: `kind` names classes"
             location.at(KIND).refuse(KIND, "another name of the argument", remedy)
+        # Values of arguments are known only from fields of the same name.
         stored = {entry.name: getattr(instance, entry.name) for entry in fields(instance)}
         entries: dict[str, object] = {}
         for name, expected in arguments(kind).items():
@@ -76,7 +77,7 @@ class Writer:
     def _value(self, value: object, expected: Expectation, location: FileLocation) -> object:
         if isinstance(value, Tracer):
             location.refuse(value, "a number", "call `save` outside functions that JAX transforms")
-        self.units[location.keys] = expected.unit or "1"
+        self.units[location.keys] = expected.unit or "1"  # unused for texts and tables
         if isinstance(value, np.ndarray | np.generic | jax.Array):
             return self._value(np.asarray(value).tolist(), expected, location)
         if isinstance(value, Enum):
@@ -88,7 +89,7 @@ class Writer:
                     location.refuse(key, "a name", "use text for the keys of dictionaries")
             return {k: self._value(item, of_entry, location.at(k)) for k, item in value.items()}
         if isinstance(value, tuple | list):
-            # Rows of an array have the unit of the whole array.
+            # Without `item` the list is an array, whose rows are expected to be like the array.
             of_entry = expected.item or expected
             return [self._value(item, of_entry, location.at(k)) for k, item in enumerate(value)]
         # The table need not name its class if the argument allows only objects of this class.

@@ -42,14 +42,14 @@ def read_mjcf(path: Path) -> robots.Content:
     joints: list[robots.RobotJoint] = []
     for k in range(1, model.nbody):  # without the world, body 0, which is the root link
         parent, pose = names[model.body_parentid[k]], _pose(model.body_quat[k], model.body_pos[k])
-        first, count = model.body_jntadr[k], model.body_jntnum[k]
-        if not count:
+        first_joint, joint_count = model.body_jntadr[k], model.body_jntnum[k]
+        if not joint_count:  # a body that is fixed to its parent; the joint's axis has no effect
             name, x_axis = f"{names[k]} {robots.FIXED}", np.array([1.0, 0.0, 0.0])
             joints.append(robots.RobotJoint(name, robots.FIXED, parent, names[k], pose, x_axis))
         # The first of several joints has the body's pose, and moves a link without mass, on which
         # the next joint is; the last joint moves the body itself.
-        for j in range(first, first + count):
-            is_last = j == first + count - 1
+        for j in range(first_joint, first_joint + joint_count):
+            is_last = j == first_joint + joint_count - 1
             child = names[k] if is_last else f"{names[k]} after {_joint_name(model, j)}"
             if not is_last:
                 links.append(robots.RobotLink(child))
@@ -65,6 +65,7 @@ def read_mjcf(path: Path) -> robots.Content:
         "gravity compensation": [names[k] for k in np.flatnonzero(model.body_gravcomp)],
     }
     omitted = {title: elements for title, elements in of_elements.items() if elements}
+    # Contents of the robot as a whole, without names of elements.
     omitted |= {title: [] for title, number in IGNORED.items() if getattr(model, number)}
     omitted |= {"fluid": []} if model.opt.density or model.opt.viscosity else {}
     has_no_gravity = model.opt.disableflags & mujoco_package(location).mjtDisableBit.mjDSBL_GRAVITY
@@ -82,7 +83,8 @@ def mujoco_package(location: FileLocation) -> ModuleType:
 
 
 def _compiled(path: Path) -> Model:
-    """Return MuJoCo's model, without shapes if their files are missing but inertias are given."""
+    """Return MuJoCo's model of an MJCF file; without shapes and textures if it compiles only so,
+    for example for want of their files, and all inertias are given."""
     location = FileLocation(str(path))
     mujoco = mujoco_package(location)
     try:
@@ -96,7 +98,7 @@ def _compiled(path: Path) -> Model:
             if not all(body.explicitinertial for body in bodies):
                 raise
         for elements in (getattr(spec, name, ()) for name in WITH_FILES):
-            for element in [*elements]:
+            for element in [*elements]:  # a copy of the list, from which elements are deleted
                 spec.delete(element)
         return spec.compile()
     except ValueError as error:
@@ -131,27 +133,29 @@ def _joint(model: Model, j: int, parent: str, child: str, pose: np.ndarray) -> r
     `pose`: (4, 4) m, of the child in the parent's frame while the joint is at MuJoCo's `qpos0`."""
     name, kind = _joint_name(model, j), KINDS[model.jnt_type[j]]
     axis, point = model.jnt_axis[j].copy(), model.jnt_pos[j].copy()
+    # Limits, springs, damping and so on of these joints are left out (see `_resisted`).
     if kind in (robots.FLOATING, robots.BALL):
         return robots.RobotJoint(name, kind, parent, child, pose, axis, point=point)
-    at_position, at_speed = model.jnt_qposadr[j], model.jnt_dofadr[j]
+    # Indices of the joint's position and speed in MuJoCo's arrays of these.
+    position_index, speed_index = model.jnt_qposadr[j], model.jnt_dofadr[j]
     _, effort = _range(model.jnt_actfrcrange[j], model.jnt_actfrclimited[j])
     lower, upper = _range(model.jnt_range[j], model.jnt_limited[j])
     has_limits = bool(model.jnt_limited[j] or model.jnt_actfrclimited[j])
-    # MuJoCo's pose is that at the position qpos0, ours that at zero.
+    # In MuJoCo, `pose` is reached at the joint's position qpos0; in a `RobotJoint`, at zero.
     return robots.RobotJoint(
         name,
         kind,
         parent,
         child,
-        pose @ _motion(kind, axis, point, -float(model.qpos0[at_position])),
+        pose @ _motion(kind, axis, point, -float(model.qpos0[position_index])),
         axis,
         robots.JointLimits(lower, upper, effort) if has_limits else None,
         point=point,
-        friction=float(model.dof_frictionloss[at_speed]),
-        damping=float(model.dof_damping[at_speed]),
+        friction=float(model.dof_frictionloss[speed_index]),
+        damping=float(model.dof_damping[speed_index]),
         stiffness=float(model.jnt_stiffness[j]),
-        rest=float(model.qpos_spring[at_position]),
-        armature=float(model.dof_armature[at_speed]),
+        rest=float(model.qpos_spring[position_index]),
+        armature=float(model.dof_armature[speed_index]),
     )
 
 
@@ -193,8 +197,8 @@ def _equalities(
         if kind not in (CONNECT, WELD) or not model.eq_active0[k]:
             others.append(name)
             continue
-        # For bodies, `eq_data` has the points in both (connect) or, from entry 3 on, the pose of
-        # the second relative to the first (weld).
+        # For two bodies, `eq_data` has a point in each of them (connect) or, from entry 3 on, the
+        # pose of the second relative to the first (weld). A site has a pose in its body.
         frames = [np.eye(4), np.eye(4)]
         if model.site_bodyid.size and model.eq_objtype[k] != 1:  # sites, not bodies
             frames = [_pose(model.site_quat[site], model.site_pos[site]) for site in ids]
@@ -203,15 +207,16 @@ def _equalities(
             frames[0][:3, 3], frames[1][:3, 3] = data[:3], data[3:6]
         else:
             frames[0] = _pose(data[6:10], data[3:6])
-        first, second = (names[body] for body in ids)
+        first_link, second_link = (names[body] for body in ids)
         of_loop = robots.BALL if kind == CONNECT else robots.FIXED
-        loops.append(robots.LoopJoint(name, of_loop, first, second, frames[0], frames[1]))
+        loops.append(robots.LoopJoint(name, of_loop, first_link, second_link, frames[0], frames[1]))
     return tuple(loops), followers, others
 
 
 def _mimic(model: Model, follower: int, leader: int, coefficients: np.ndarray) -> robots.Mimic:
     """Return how the joint number `follower` follows the joint number `leader`, negative for none.
-    In MJCF, q - ref is a polynomial of the leader's q - ref, with the constant first."""
+    In MJCF, the follower's q - qpos0 is a polynomial of the leader's q - qpos0, with `coefficients`
+    from the constant on; a `Mimic` has the polynomial of the positions q themselves."""
     start = model.qpos0[model.jnt_qposadr[follower]]
     if leader < 0:
         return robots.Mimic(None, (float(start + coefficients[0]),))
@@ -246,8 +251,8 @@ def _actuators(model: Model) -> tuple[dict[str, robots.Actuator], list[str]]:
 
 
 def _resisted(model: Model) -> list[str]:
-    """Return the names of balls and free joints with limits, springs, damping, friction or
-    armature, which only hinges and sliders of a robot have."""
+    """Return the names of the balls and free joints that have limits, springs, damping, friction or
+    armature in the file; a robot has these of hinges and sliders only."""
     resisting = model.dof_damping + model.dof_frictionloss + model.dof_armature
     names = []
     for j in range(model.njnt):

@@ -78,7 +78,7 @@ OF_PRESSED = "friction by the force of another element"
 LARGEST_DEGREE = 4
 """Largest degree of a polynomial that couples joints of MJCF files."""
 LEVER = 0.1
-"""Distance, m, between the two points on its axis by which a closing hinge is written."""
+"""Distance, m, between the two points by which the axis of a closing hinge is written."""
 FREE, BALL, HINGE, SLIDE = "free", "ball", "hinge", "slide"
 Control: TypeAlias = Callable[[jax.Array], jax.Array]
 
@@ -87,10 +87,10 @@ class FileJoint(NamedTuple):
     """A joint or fixed tendon of the file, the XML `element`, which stands for a joint of the scene
     or on which an element of the scene acts.
 
-    `sign` is 1 if the position of the scene's joint or element grows with the position in the file,
-    else -1. In the pose of the file, `axis` is that of the scene's joint or element, (3,) in global
-    axes; `position` is that of the file's joint or tendon, rad or m; and `start` is that of the
-    scene's joint in joint coordinates, ``None`` for a tendon or a free joint.
+    `sign` is 1 if the joint coordinate of the scene's joint, or the position of its element, grows
+    with the position in the file, else -1. The other fields are for the pose of the file: `axis`,
+    (3,) in global axes, of the file's joint or the scene's element; `position` in the file, rad or
+    m; and `start`, the joint coordinate, ``None`` for a tendon or a free joint.
     """
 
     element: Element
@@ -113,8 +113,9 @@ class NoCounterpartError(Exception):
 
 
 class Flanks(NamedTuple):
-    """A limit of a joint or tendon: `play`, rad or m; `stiffness`, N m/rad or N/m; and `damping`,
-    N m s/rad or N s/m, as a function of the inertia at the joint, kg m^2 or kg."""
+    """A limit of a joint or tendon for the scene's element `name`: `play`, rad or m; `stiffness`,
+    N m/rad or N/m; and `damping`, N m s/rad or N s/m, as a function of the inertia at the joint or
+    tendon, kg m^2 or kg."""
 
     name: str
     play: float
@@ -139,8 +140,8 @@ def _array(vector: PyTree) -> np.ndarray:
 
 
 class MjcfWriter:
-    """The file of a scene, whose bodies are in a `pose`; `places`: those of the bodies in the tree
-    of joints, parents first.
+    """The MJCF file of a scene, whose bodies are in a `pose`. `places`: the place of each body in
+    the tree of joints, parents first.
 
     - `joints`: the file's joints by the body that each of them carries.
     - `controls`: for each actuator that is a force of the scene, its control as a function of time.
@@ -160,6 +161,7 @@ class MjcfWriter:
         self._tendons: dict[tuple[tuple[str, float], ...], FileJoint] = {}
         self._scene = unpack(jax.tree.map(np.asarray, scene))
         self._branches = {place.body: self._branch(place) for place in places}
+        # The motions and orientations in which the joints of the tree put the bodies.
         variables, walk = self._variables(pose), written_out(self._branches.values())
         self._motions = motions_of(walk, variables)
         self._turns = orientations_of(walk, variables)
@@ -191,12 +193,12 @@ class MjcfWriter:
         and one of other joints, as in MuJoCo."""
         numbers = {}
         for body, variable in self._variables(state).items():
-            if (joint := self.joints.get(body)) is None:
+            if (joint := self.joints.get(body)) is None:  # fixed to its parent
                 continue
             if joint.kind == FREE:
                 place = variable.position, variable.orientation
                 parts = place, (variable.velocity, variable.spin)
-            elif joint.kind == BALL:
+            elif joint.kind == BALL:  # MuJoCo measures a ball's rotation from the pose of the file
                 parts = composed(conjugate(joint.start), variable.position), variable.speeds
             else:
                 (speed,) = variable.speeds
@@ -206,8 +208,10 @@ class MjcfWriter:
                     # the hinge's range, or else near the angle in the pose of the file.
                     middle = np.mean(_range(joint.element) or joint.position)
                     position = position - TURN * np.round((position - middle) / TURN)
+                    # In a row of states, the angle continues over whole turns.
                     position = np.unwrap(position) if np.ndim(position) else position
                 parts = position, joint.sign * speed
+            # The numbers of positions, and those of speeds, side by side along a last axis.
             rows = (np.broadcast_arrays(*jax.tree.leaves(part)) for part in parts)
             numbers[joint.name] = tuple(np.stack(row, axis=-1) for row in rows)
         return numbers
@@ -222,6 +226,7 @@ class MjcfWriter:
 
     def _add_body(self, name: str, variable: PyTree) -> None:
         branch, body = self._branches[name], self._scene.bodies[name]
+        # In the file, a body's position and orientation are in the axes of its parent.
         parent = self._motions[branch.parent]
         place = parent.components(self._motions[name].position - parent.position)
         relative = composed(conjugate(self._turns[branch.parent]), self._turns[name])
@@ -249,7 +254,9 @@ class MjcfWriter:
             ball = _child(element, "joint", type=BALL, **common)
             return FileJoint(ball, np.zeros(3), start=start)
         assert isinstance(subspace, Hinge | Slider)
-        # The scene's position is that of the second body relative to the first.
+        # A joint coordinate, and a position in the file, are those of the child relative to the
+        # parent; a joint's position in the scene is that of its second body relative to the first,
+        # which may be the child. With the opposite axis, the file then has the scene's position.
         sign = 1.0 if joint.body_names()[0] == branch.parent else -1.0
         axis, position, armature = subspace.axis * sign, sign * float(start), None
         if isinstance(joint, HingeOrSlider):
@@ -267,6 +274,7 @@ class MjcfWriter:
         kind = type(element)
         if kind in ALONG:
             direction, axis, write = ALONG[kind]
+            # A class whose `axis` is None, such as `Bushing`, acts along any slider.
             on = self._between(name, direction, element, getattr(element, axis or "", None))
             write(self, name, element, on)
         elif kind in OTHERS:
@@ -276,9 +284,10 @@ class MjcfWriter:
 
     def _between(self, name: str, kind: str, element: PyTree, axis: Vector | None) -> FileJoint:
         """Return the joint or tendon whose position is that of an element's second body relative to
-        the first, about or along an `axis`, (3,) in the first body's axes, by default that of the
-        first joint between them. Raise a `NoCounterpartError` unless all joints between the bodies
-        are of the `kind`, `HINGE` or `SLIDE`, and have this axis. `name`: of a new tendon."""
+        the first, about or along an `axis`, (3,) in the first body's axes; ``None`` stands for the
+        axis of the first joint between the bodies. Raise a `NoCounterpartError` unless all joints
+        between them are of the `kind`, `HINGE` or `SLIDE`, and have this axis. `name`: of the
+        tendon, if one is added."""
         first, second = element.pair()
         # How the element's position changes with that of a body's joint: by 1 if the joint carries
         # only the second body, by -1 if only the first, and not at all if both or none.
@@ -317,8 +326,8 @@ class MjcfWriter:
         self._limit(name, on, joint.law, offset, joint.play, joint.radius)
 
     def ends_of_slot(self, name: str, joint: PinInSlot, on: FileJoint) -> None:
-        """Limit a slider by the ends of a slot along it, whose walls are never touched."""
-        if joint.travel is None:
+        """Limit the slider `on` by the ends of a slot along it; the slot's walls have no effect."""
+        if joint.travel is None:  # a slot without ends
             raise NoCounterpartError
         slot, pin = (self._motions[body] for body in joint.pair())
         apart = pin.point(joint.pin_point) - slot.point(joint.slot_point)
@@ -347,7 +356,7 @@ class MjcfWriter:
             self.omitted["wider limits"].append(name if other.play < play else other.name)
             if other.play < play:
                 return
-        middle = on.position - on.sign * offset
+        middle = on.position - on.sign * offset  # position in the file at the middle of the play
         on.element.set("range", _text((middle - 0.5 * play, middle + 0.5 * play)))
         # MuJoCo's limits are linear springs. The spring stores the same energy as the law at
         # `depth`; for a nonlinear law, the stiffness from half the depth differs.
@@ -362,7 +371,7 @@ class MjcfWriter:
         # for a linear dashpot, the damping is that which gives the law's coefficient of
         # restitution, if need be at the impact speed for which the spring reaches `depth`.
         def damping(inertia: float) -> float:
-            mass = inertia / lever**2
+            mass = inertia / lever**2  # kg, at the contact
             if isinstance(law, AbstractDashpotLaw) and law.damping_exponent == 0.0:
                 return float(law.damping(Gap(depth, 0.0))) * lever**2
             if hasattr(law, "delivered_restitution"):
@@ -372,6 +381,7 @@ class MjcfWriter:
                 restitution = free_impact(law, mass, speed).restitution
             return 2.0 * _damping_ratio(restitution) * math.sqrt(stiffness * mass) * lever**2
 
+        # A penetration is the displacement times the lever, and a torque the force times the lever.
         self._flanks[on.element] = Flanks(name, play, stiffness * lever**2, damping)
 
     def spring(self, name: str, force: TorsionalSpring, on: FileJoint) -> None:
@@ -381,7 +391,7 @@ class MjcfWriter:
     def bushing(self, name: str, force: Bushing, on: FileJoint) -> None:
         """Add the spring and damper of a bushing to a slider, whose motion strains the bushing."""
         first, second = (self._motions[body] for body in force.pair())
-        # The bushing's own axes may be oblique to that of the slider.
+        # The bushing's own axes may be oblique to the slider's axis.
         axes = _array(rotation_matrix(composed(self._turns[force.first], force.orientation_first)))
         # Components of the slider's axis along the bushing's axes: a displacement of 1 m along the
         # slider strains each spring of the bushing by its component, m, and the energies add up.
@@ -389,12 +399,13 @@ class MjcfWriter:
         stiffness = float(along**2 @ stiffnesses)
         damping = float(along**2 @ _array(force.damping))
         apart = _array(second.point(force.point_second) - first.point(force.point_first))
-        # The points may also be apart across the axis, which pulls along it.
+        # If the bushing's axes are oblique, a distance between the points across the slider's axis
+        # also gives a force along this axis.
         stretch = float(along * stiffnesses @ (apart @ axes)) / stiffness if stiffness else 0.0
         self._resist(on, stiffness, stretch, damping=damping)
 
     def friction(self, name: str, joint: JointFriction) -> None:
-        if joint.axis is None:
+        if joint.axis is None:  # friction of a ball
             raise NoCounterpartError
         kind, lever = (SLIDE, 1.0) if joint.radius is None else (HINGE, float(joint.radius))
         on = self._between(name, kind, joint, joint.axis)
@@ -422,9 +433,9 @@ class MjcfWriter:
         if stiffness:
             # The forces of this and an earlier spring add up: the common rest position is the mean
             # of both rest positions, weighted by stiffness.
-            moment = stiffness * (on.position - on.sign * stretch)
-            moment += earlier * float(on.element.get(rest, "0").split()[0])
-            on.element.set(rest, _text(np.full(count, moment / (earlier + stiffness))))
+            weighted = stiffness * (on.position - on.sign * stretch)
+            weighted += earlier * float(on.element.get(rest, "0").split()[0])
+            on.element.set(rest, _text(np.full(count, weighted / (earlier + stiffness))))
         for key, value in {"stiffness": stiffness, **others}.items():
             if value:
                 on.element.set(key, _text(float(on.element.get(key, 0.0)) + value))
@@ -455,6 +466,7 @@ class MjcfWriter:
 
         def control(t: jax.Array) -> jax.Array:
             value, rate = map(jnp.asarray, functions_of_time.value_and_rate(force.target, t))
+            # Without a gain, the actuator's factor of the control is 1 (`gainprm`).
             return value + damping / gain * rate if gain else damping * rate
 
         # The length of the actuator is the angle less `zero`.
@@ -472,7 +484,8 @@ class MjcfWriter:
     def prescribed(self, name: str, drive: PyTree, on: FileJoint) -> None:
         function = functions_of_time.as_function_of_time(drive.function)
         if not isinstance(function, functions_of_time.Polynomial) or len(function.coefficients) > 1:
-            raise NoCounterpartError
+            raise NoCounterpartError  # only a constant position has a counterpart
+        # In the pose of the file, the row's value is the position less the prescribed one.
         (row,) = drive.rows(self._motions, 0.0).values()
         self._equate(name, [on], np.array([-on.sign * float(row.value)]))
 
@@ -490,13 +503,15 @@ class MjcfWriter:
         # MuJoCo, the follower's displacement from the pose of the file is one of the leader's.
         polynomial = np.polynomial.Polynomial(np.asarray(function.coefficients))
         shifted = (polynomial(np.polynomial.Polynomial([x, leader.sign])) - y).trim().coef
-        if isinstance(joint.follower, RevoluteJoint):
+        if isinstance(joint.follower, RevoluteJoint):  # whose angle is known up to whole turns
             shifted[0] = wrapped(shifted[0], TURN)
         self._equate(name, [follower, leader], follower.sign * shifted)
 
     def _equate(self, name: str, ends: list[FileJoint], coefficients: np.ndarray) -> None:
-        """Make the displacement of the first of two `ends` from the pose of the file a polynomial,
-        constant first, of the displacement of the second; that of a single end a constant."""
+        """Make the displacement of the first of two `ends`, joints or tendons, from the pose of the
+        file a polynomial of the displacement of the second, with `coefficients` from the constant
+        on; make the displacement of a single end the only coefficient."""
+        # MuJoCo couples two joints or two tendons, not one of each.
         tags = {end.element.tag for end in ends}
         if len(tags) > 1 or len(coefficients) > LARGEST_DEGREE + 1:
             raise NoCounterpartError
@@ -506,7 +521,7 @@ class MjcfWriter:
         _child(self._section("equality"), tag, name=name, **names, polycoef=padded, **HARD)
 
     def closing(self, name: str, joint: PyTree) -> None:
-        """Add a ball, a weld or a hinge that closes a loop; a hinge as two points on its axis."""
+        """Add a joint that closes a loop: a ball, a weld, or for a hinge two balls on its axis."""
         turn = joint.orientation if isinstance(joint, FixedJoint) else trees.UPRIGHT
         tag = "weld" if isinstance(joint, FixedJoint) else "connect"
         points = {name: (joint.point_first, joint.point_second)}
@@ -521,7 +536,7 @@ class MjcfWriter:
     def add_robot(self, robot: Robot) -> None:
         joints = {joint.name: joint.element for joint in self.joints.values()}
         for name, limits in robot.limits.items():
-            if name not in joints:
+            if name not in joints:  # the file has no such joint
                 self.omitted["limits"].append(name)
                 continue
             # A range that flanks or stops of the scene have set stays, since it is not wider.
@@ -553,8 +568,11 @@ class MjcfWriter:
     def finish(
         self, location: FileLocation, start: State, timestep: float | None, integrator: str
     ) -> str:
-        """Return the file's text, with stiffness and damping of the flanks and keyframe `start`."""
+        """Return the file's text, with stiffness and damping of the flanks, and with the state
+        `start` as keyframe. `timestep`: s; ``None`` for the default of `save_mjcf`."""
         mujoco = mujoco_package(location)
+        # MuJoCo first compiles the file without the numbers of limits, since these numbers depend
+        # on inertias that MuJoCo computes.
         try:
             model = mujoco.MjModel.from_xml_string(tostring(self.root, encoding="unicode"))
         except ValueError as error:
@@ -572,6 +590,7 @@ class MjcfWriter:
         squares = [(TURN / STEPS_A_PERIOD / LONGEST_STEP) ** 2]
         for element, flanks in self._flanks.items():
             inverse = inverse_inertia(element)
+            # The coefficients -k and -b, which the docstring of this module explains.
             numbers = -flanks.stiffness * inverse, -flanks.damping(1.0 / inverse) * inverse
             element.attrib |= {"solreflimit": _text(numbers), "solimplimit": SOFT}
             squares.append(flanks.stiffness * inverse)
@@ -627,8 +646,8 @@ def _damping_ratio(restitution: float) -> float:
 
 
 def _with_ideal_joints(scene: Scene) -> tuple[Scene, list[str]]:
-    """Return the scene with an ideal joint in place of each clearance, if a tree can have this
-    joint, and the names of the joints that are replaced."""
+    """Return the scene with an ideal joint in place of each clearance, if a tree of joints can have
+    the ideal joint, and the names of the replaced joints."""
     centring = centring_joints(scene, scene.contact_joints()).items()
     ideal = {n: j for n, j in centring if unpack(j).motion_subspace(j.body_names()[0])}
     return with_ideal(scene, ideal), [*ideal]
@@ -678,6 +697,8 @@ def mjcf_of(
     if robot:
         writer.add_robot(robot)
     elif not replaced:
+        # Not for journals, which need not be centred as the ideal joints require, nor for a robot,
+        # whose pose follows from the positions of its joints.
         writer.require_in_place(pose)
     content = writer.finish(location, start, timestep, integrator)
     warn_of_omitted(location, writer.omitted)
@@ -730,7 +751,7 @@ def save_mjcf(
     - `scene`: a `Scene`, or a `Robot`.
     - `path`: of the file; an existing one is overwritten.
     - `state`: of the keyframe. A scene's file describes the bodies in this pose, a robot's with all
-      joints at zero; that is the default.
+      joints at zero, which is also a robot's state by default.
     - `timestep`: s; by default a twentieth of the shortest period of a flank or spring in the pose
       of the file, at most 2 ms.
     - `integrator`: one of MuJoCo's: "Euler", "RK4", "implicit" or "implicitfast".

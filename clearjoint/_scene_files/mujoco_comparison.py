@@ -33,8 +33,8 @@ class MujocoComparison:
     - `timesteps`: (n,) s, of MuJoCo.
     - `times`: (N,) s, from zero, at which the runs are compared.
     - `positions`: of each hinge and slider in the run of the scene, (N,) rad or m, by name.
-    - `in_mujoco`: of the same joints in MuJoCo, (n, N) rad or m, by name. If the motion diverges,
-      because the step is too long for a flank, they are NaN or arbitrary from then on.
+    - `in_mujoco`: positions of the same joints in MuJoCo, (n, N) rad or m, by name. If a motion
+      diverges, because the step is too long for a flank, its later numbers are NaN or arbitrary.
     - `largest_difference`: between `positions` and `in_mujoco` over all times, (n,) rad or m, by
       name of the joint; infinite after divergence.
 
@@ -129,6 +129,7 @@ def compare_with_mujoco(
     mechanism = scene.scene if isinstance(scene, Robot) else scene
     solution = simulate(mechanism, state, end_time, settings, Saving(times), progress=False)
     motion = writer.motion(solution.states)
+    # Hinges and sliders have one number, balls four and free joints seven.
     positions = {name: q[:, 0] for name, (q, _) in motion.items() if q.shape[1] == 1}
     expected, remedy = "one with a hinge or slider", "add one; other joints are not compared"
     require(bool(positions), "scene", [*writer.joints], expected, remedy)
@@ -138,9 +139,10 @@ def compare_with_mujoco(
     # MuJoCo would restart a motion that diverges; the comparison shows it as it is.
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     for k in range(model.nu):
-        if model.actuator(k).name not in writer.controls:  # of the robot's file, not of the scene
+        # An actuator of the robot's file, which the scene lacks, gets no force.
+        if model.actuator(k).name not in writer.controls:
             model.actuator_gainprm[k], model.actuator_biasprm[k] = 0.0, 0.0
-    counts = [max(round(times[1] / step), 1) for step in timesteps]
+    counts = [max(round(times[1] / step), 1) for step in timesteps]  # of steps between two times
     runs = [_run(model, writer, state, times, steps, [*positions]) for steps in counts]
     in_mujoco = {name: np.stack([run[name] for run in runs]) for name in positions}
     return MujocoComparison(tuple(float(times[1] / n) for n in counts), times, positions, in_mujoco)
@@ -156,7 +158,8 @@ def _run(
     model.opt.timestep = step
     data.qpos[:], data.qvel[:] = writer.start(model, state)
     addresses = np.array([model.joint(name).qposadr[0] for name in names], dtype=int)
-    # A control in the middle of a step has the error of the step's square.
+    # Controls are taken in the middle of each step: the error is then proportional to the square of
+    # the step's length.
     middles = step * (np.arange(steps * (len(times) - 1)) + 0.5)
     controls = {
         model.actuator(name).id: np.asarray(jax.vmap(control)(middles)) * np.ones_like(middles)

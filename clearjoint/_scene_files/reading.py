@@ -63,8 +63,8 @@ class Reader:
             return as_number(value)
 
     def _item(self, content: object, expected: Expectation, location: FileLocation) -> object:
-        """Convert the `content` of an entry of a file to a Python value; an array to a number or
-        nested tuples."""
+        """Convert the `content` of an entry of a file to a Python value: lists to tuples, texts
+        with units to floats, and tables to objects."""
         if isinstance(content, Mapping) and expected.by_name is not None:
             return self._table(content, expected, location)
         # Arguments that may also be numbers or objects are not limited to their options.
@@ -184,8 +184,8 @@ def _text(content: str, expected: Expectation, location: FileLocation) -> object
 
 
 def number_of_text(text: str, unit: str | None, location: FileLocation) -> float:
-    """Return the number in a text such as "0.3 mm" in the SI unit `unit`, ``None`` for no unit;
-    rounded only once, so that "0.3 mm" gives the same float as 3e-4."""
+    """Return the number in a text, in the SI unit `unit`, rounded only once, so that "0.3 mm" gives
+    the same float as 3e-4. If `unit` is ``None``, a text with a unit is refused."""
     expected = "a number" if unit is None else f"a number in {unit}"
     # Longer texts are no numbers that a user means, and exact computation with them may be slow.
     matched = NUMBER.fullmatch(text) if len(text) <= 200 else None

@@ -41,8 +41,8 @@ from .robot_elements import FRICTION, Element, Elements, Joint, Play, scene_of
 from .urdf import LARGEST_FILE, read_urdf, root_tag
 
 Positions: TypeAlias = PyTree
-"""Positions, speeds or accelerations of joints by name, or an array (..., n) of those of all n
-hinges and sliders, in the order of `Robot.joints`; ``None`` for no entries."""
+"""Positions, speeds or accelerations: a dictionary by the joint's name, or an array (..., n) for
+all n hinges and sliders, in the order of `Robot.joints`; ``None`` for no entries."""
 JointNumbers: TypeAlias = tuple[Scalar, ...]
 NOTHING: Mapping[str, PyTree] = MappingProxyType({})
 REST_OF_A_JOINT = JointState(0.0, (0.0,))
@@ -123,7 +123,7 @@ class Robot:
         solution = cj.simulate(robot.scene, robot.state({"elbow": 0.1}), 1.0)
         ```
 
-        **Raises:** `ValueError` for another joint, a second drive, or invalid numbers.
+        **Raises:** `ValueError` for a joint with a drive or of another kind, and invalid numbers.
         """
         ideal = self._ideal("joint", joint)
         require(joint not in self.drives, "joint", joint, "without a drive", "leave it out")
@@ -135,6 +135,7 @@ class Robot:
             expected, remedy = "no such body beside it", "rename that link"
             require(rotor not in bodies, "joint", rotor, expected, remedy)
             bodies = {**bodies, rotor: train.rotor}
+            # States of the rotor follow from the position of its joint, the motor.
             motor = train.elements[name]
             assert isinstance(motor, HingeOrSlider)
             subspace = unpack(motor).motion_subspace(motor.first)
@@ -226,6 +227,7 @@ class Robot:
         bodies = decoded(written_out(self._branches), self._moved(q, qd, free))
         shape = np.broadcast_shapes(*map(np.shape, jax.tree.leaves(bodies)))
 
+        # Every number gets the shape of all entries together, such as (N,) for N states.
         def broadcast(number: Scalar) -> Scalar:
             return library((number,)).broadcast_to(number, shape)
 
@@ -235,10 +237,10 @@ class Robot:
     def moved(self, state: State, q: Positions = None, qd: Positions = None) -> State:
         """Return a state in which some joints have other positions or speeds than in `state`.
 
-        **Arguments:** `state`: JAX may trace it. `q`, `qd`: as in `state`; joints without an entry
-        keep their positions, or their speeds.
+        **Arguments:** `state`: JAX may trace it. `q`, `qd`: positions and speeds, in the forms that
+        the method `state` accepts; joints without an entry keep their positions, or their speeds.
 
-        **Raises:** `ValueError` as `state`.
+        **Raises:** `ValueError` as the method `state`.
         """
         new = self._by_joint("q", q, False), self._by_joint("qd", qd, True)
         # Without the old numbers of followers: `state` derives them from those of the leaders.
@@ -280,7 +282,7 @@ class Robot:
         **Raises:** `ValueError` as `state`.
         """
         variables = self._moved(q, qd, NOTHING)
-        rates = self._by_joint("qdd", qdd, speeds=True)
+        rates = self._by_joint("qdd", qdd, speeds=True)  # of the speeds: accelerations
         # Accelerations of followers, by the chain rule; leaders come before their followers. A
         # follower without a leader stays at a constant position.
         slopes = {}
@@ -303,6 +305,7 @@ class Robot:
             if getattr(joint, "armature", None) is not None and name in torques:
                 (of_bodies,), (rate,) = torques[name], rates.get(name, (0.0,))
                 torques[name] = [of_bodies + joint.armature * rate]
+        # The drive of a joint also moves the rotor, whose torque is none of its own.
         for name, motor in self._motors().items():
             (of_link,), (of_rotor,) = torques[name], torques.pop(motor)
             torques[name] = [of_link + of_rotor]
@@ -329,8 +332,8 @@ class Robot:
         return {n: motor_name(n) for n in self.drives if motor_name(n) in self._jointed}
 
     def _by_joint(self, argument: str, values: Positions, speeds: bool) -> dict[str, JointNumbers]:
-        """Check positions or, if `speeds`, speeds or accelerations of joints, the user's
-        `argument`; return the numbers of each joint that has an entry, by name."""
+        """Check what the user passed as `argument`: positions of joints or, if `speeds`, speeds or
+        accelerations. Return the numbers of each joint that has an entry, by name."""
         if values is None:
             return {}
         if not isinstance(values, Mapping):
@@ -344,6 +347,7 @@ class Robot:
             remedy = nearest(name, self._jointed, "leave it out")
             expected = f"one of the joints {', '.join(self._jointed)}"
             require(name in self._jointed, argument, name, expected, remedy)
+            # The state at zero tells how many numbers the joint has: a ball has four and three.
             zero = _zero(self._jointed[name])
             count = len(zero.speeds if speeds else jax.tree.leaves(zero.position))
             parts = (value,) if len(zero.speeds) == 1 else tuple(_columns(value))
@@ -359,9 +363,11 @@ class Robot:
     def _moved(
         self, q: Positions, qd: Positions, free: Mapping[str, BodyState]
     ) -> dict[str, JointState | BodyState]:
-        """Return the variables of the branches, by name of body."""
+        """Return the variables of all bodies, by name, for positions and speeds of joints and for
+        the states `free` of free bodies; all three may be incomplete, as in `state`."""
         positions, speeds = self._by_joint("q", q, False), self._by_joint("qd", qd, True)
-        # Complete the numbers of followers, after those of their leaders, and of motors.
+        # Complete the numbers of followers, after those of their leaders, and of motors. A follower
+        # without a leader is at a constant position; the text "" names no joint.
         for name, mimic in self._mimics.items():
             y, slope, _ = _polynomial(mimic, positions.get(mimic.leader or "", (0.0,))[0])
             rate = slope * speeds.get(mimic.leader or "", (0.0,))[0]
@@ -398,6 +404,7 @@ class Robot:
         joints = {motor: name for name, motor in self._motors().items()}  # the joint of each motor
         for branch in self._branches:
             variable = variables[branch.body]
+            # Free bodies, and bodies that are fixed to their parents, have no position of a joint.
             if isinstance(branch, trees.FreeBranch) or not variable.speeds:
                 continue
             value = _number(jax.tree.leaves(variable.position))
@@ -409,6 +416,7 @@ class Robot:
                 middle = 0.5 * (limits.lower + limits.upper)
                 middle = middle if math.isfinite(middle) else 0.0
                 value = value - TURN * np.round((value - middle) / TURN)
+                # Angles of a solution continue over revolutions.
                 value = value if motion is states else np.unwrap(value)
             positions[branch.joint], speeds[branch.joint] = value, _number(variable.speeds)
         return self._ordered(positions), self._ordered(speeds)
@@ -470,6 +478,7 @@ def _polynomial(mimic: robots.Mimic, x: Scalar) -> tuple[Scalar, Scalar, Scalar]
 def _require_following(
     argument: str, numbers: dict[str, JointNumbers], name: str, mimic: robots.Mimic, derived: Scalar
 ) -> None:
+    # Arrays of JAX, whose numbers may be traced, are not compared.
     if name not in numbers or isinstance(numbers[name][0], jax.Array):
         return
     if isinstance(derived, jax.Array):
@@ -586,14 +595,14 @@ def load_robot(
 def _robot(
     tree: robots.LinkTree, scene: Scene, state: State, elements: Elements, content: robots.Content
 ) -> Robot:
-    of_child = {joint.child: joint for joint in tree.joints.values()}
+    of_child = {joint.child: joint for joint in tree.joints.values()}  # the joint of each child
     branches: list[trees.TreeBranch] = []
     # The carriers are in the order of the tree, each before those that it carries.
     for carrier in {id(carrier): carrier for carrier in tree.carriers.values()}.values():
         joint = of_child.get(carrier.links[0])
         if carrier.body == GROUND:
             continue
-        if joint is None or joint.kind == robots.FLOATING:
+        if joint is None or joint.kind == robots.FLOATING:  # a free root, or a free child
             branches.append(trees.FreeBranch(carrier.body, None))
             continue
         parent = tree.carriers[joint.parent].body

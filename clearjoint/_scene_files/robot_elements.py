@@ -76,9 +76,9 @@ before they slip, they deflect elastically by 1e-4 rad or m."""
 class Elements:
     """The joints and forces of a robot's scene, by name.
 
-    - `ideal`: ideal joints of the file's joints, except those that are floating or within a body.
+    - `ideal`: ideal joint for each joint of the file that is neither floating nor within a body.
     - `mimics`: the `Mimic` of each joint that follows another, leaders before their followers.
-    - `omitted`: contents of the file that the scene lacks, as in `Content`.
+    - `omitted`: contents of the file that the scene lacks, in the form of `Content.omitted`.
     """
 
     def __init__(self, tree: robots.LinkTree):
@@ -132,7 +132,7 @@ def scene_of(
         name: _checked(name, settings, "play", hinges, _arguments_of_play(settings), location)
         for name, settings in play.items()
     }
-    carriers = tree.moving()
+    carriers = tree.moving()  # the bodies
     if not carriers:
         remedy = "pass free_root=True, which makes the root a body, or correct the joints"
         if not tree.massive(tree.carriers[tree.root]):
@@ -145,7 +145,7 @@ def scene_of(
         armature = tree.joints[name].armature
         if settings is not None and BACKLASH not in settings:
             elements.joints[name] = _clearance(ideal, settings, at)
-            if armature:
+            if armature:  # a joint with clearance has none
                 elements.omitted["armatures"].append(name)
             continue
         elements.joints[name] = ideal
@@ -176,8 +176,8 @@ def ideal_joint(joint: robots.RobotJoint, tree: robots.LinkTree) -> AbstractCons
         location.refuse(joint.kind, kinds, "correct it, or fix the link and add the joint yourself")
     if parent is child or joint.kind == robots.FLOATING:
         return None
-    # The child link is the first link of its carrier, so that its frame is the one from which
-    # `in_body` converts. The parent link may be another one: `poses` leads to the first.
+    # `in_body` converts from the frame of a carrier's first link. This is the child link in the
+    # child's carrier. The parent link may be a later one, from whose frame `poses` converts.
     in_parent = robots.moved(tree.poses[joint.parent] @ joint.pose, joint.point)
     points = tree.in_body(parent, in_parent), tree.in_body(child, joint.point)
     # All bodies are parallel at zero, so that the axis has the same components in both.
@@ -211,11 +211,11 @@ def _backlash(
         if not 0.0 < effort < math.inf:
             needed = "a `torsional_stiffness`, since the joint has no effort limit"
             location.refuse(None, needed, "give it in N m/rad")
-        with location.in_errors():  # before the division by the angle
+        with location.in_errors():  # `Backlash` would check the angle after the division by it
             angle = as_number(settings[BACKLASH], BACKLASH, "rad")
             require_positive(BACKLASH, angle, "give an angle in rad")
-        # The limit turns the joint past the end of the play by a tenth of it: the elastic
-        # deflection of the surfaces in contact (flanks) is small compared with the play.
+        # With this stiffness, the largest torque deflects the surfaces in contact (flanks) by a
+        # tenth of the play, which is small compared with the play.
         options["torsional_stiffness"] = effort / (0.1 * float(angle))
     with location.in_errors():
         return backlash_of(hinge, play=settings[BACKLASH], **options)
@@ -235,7 +235,7 @@ def _arguments_of_play(settings: Play) -> dict[str, Expectation]:
     kind = Backlash if isinstance(settings, Mapping) and BACKLASH in settings else ClearanceJoint
     expected = arguments(kind)
     allowed = {key: value for key, value in expected.items() if key not in GIVEN_BY_THE_FILE}
-    # A message lists the backlash too, because it may have been meant.
+    # Errors about unknown keys of a clearance also list "backlash", which may have been meant.
     return allowed | {BACKLASH: expected["play"] if kind is Backlash else Expectation()}
 
 
@@ -247,7 +247,7 @@ def _checked(
     allowed: dict[str, Expectation],
     location: FileLocation,
 ) -> Play:
-    if name not in joints:
+    if name not in joints:  # `what` is "play" or "stops", the argument of `load_robot`
         kind = "one of the hinges" if what == "play" else "one of the joints with two limits,"
         remedy = nearest(name, joints, "leave it out")
         location.refuse(name, f"{what} in {kind} {listed(joints)}", remedy)
@@ -269,17 +269,18 @@ def _checked(
 def _add_loops(elements: Elements, loops: tuple[robots.LoopJoint, ...]) -> None:
     tree = elements.tree
     for loop in loops:
-        first, point_first, turn_first = tree.placed(loop.first, loop.in_first)
-        second, point_second, turn_second = tree.placed(loop.second, loop.in_second)
-        if first is second:
+        carrier, point, rotation = tree.placed(loop.first, loop.in_first)
+        other_carrier, other_point, other_rotation = tree.placed(loop.second, loop.in_second)
+        if carrier is other_carrier:  # both links belong to one body, which needs no joint
             continue
-        ends = first.body, second.body, point_first, point_second
+        ends = carrier.body, other_carrier.body, point, other_point
         if loop.kind == robots.BALL:
             joint: Joint = SphericalJoint(*ends)
         else:
-            # The frames coincide: by way of them, from the second body's axes to the first's.
-            rotation = robots.rounded(turn_first @ turn_second.T)
-            joint = FixedJoint(*ends, robots.euler_parameters(rotation))
+            # The two frames coincide. Components in the second body's axes are transformed to the
+            # common frame, and then to the first body's axes.
+            relative = robots.rounded(rotation @ other_rotation.T)
+            joint = FixedJoint(*ends, robots.euler_parameters(relative))
         if loop.name in tree.joints or loop.name in elements.joints:
             expected = "a name that no other joint has"
             tree.location.at(loop.name).refuse(loop.name, expected, "rename one of the two")
@@ -292,7 +293,7 @@ def _add_couplings(elements: Elements) -> None:
         assert follower is not None
         leader = elements.scalar(mimic.leader or "")
         with at.in_errors():
-            if leader is None:
+            if leader is None:  # the joint stays at a constant position
                 coupling = prescribed(follower, mimic.coefficients[0])
             else:
                 coupling = JointCoupling(leader, follower, Polynomial(mimic.coefficients))
@@ -338,8 +339,9 @@ def spring_of(
     if isinstance(joint, RevoluteJoint):
         return TorsionalSpring(*ends, joint.axis_first, stiffness, damping, rest)
     axis = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
-    # A bushing has a stiffness along each of its own axes. The first one is put along the slider's
-    # axis, and the others get no stiffness. Relaxed, its points coincide: at the position `rest`.
+    # A bushing has a stiffness along each of its own axes. The first of these is the slider's axis;
+    # the others get no stiffness. A relaxed bushing's two points coincide, and the first point is
+    # where the second one is at the position `rest`.
     across = [pack(vector) for vector in transverse_axes(Vector(*axis.tolist()))]
     along = robots.euler_parameters(np.column_stack([axis, *across]))
     return Bushing(
@@ -388,8 +390,9 @@ def ends_of_travel(
     `room` / 2, m. `settings`: further arguments of the `PinInSlot`, such as its `law`."""
     axis = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
     normal, _ = transverse_axes(Vector(*axis.tolist()))
-    # The stops are the ends of the slot. Its walls beside the pin are never touched: they are much
-    # farther away than the ends.
+    # The stops are the ends of the slot. The walls beside the pin are never touched: they are much
+    # farther away than the ends. The pin's radius, which moves no end, only bounds penetrations and
+    # appears in drawings.
     return PinInSlot(
         joint.first,
         joint.second,

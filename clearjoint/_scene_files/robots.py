@@ -104,9 +104,10 @@ class Mimic(NamedTuple):
 class RobotJoint(NamedTuple):
     """A joint of the tree.
 
-    - `kind`: type in the file, such as `FIXED`. `parent`, `child`: names of its links.
-    - `pose`: (4, 4) homogeneous matrix, m, from the child's to the parent's frame at zero.
+    - `kind`: type in the file, such as `FIXED`. `parent`, `child`: names of the joint's links.
+    - `pose`: (4, 4) homogeneous matrix, m, from child's to parent's frame with the joint at zero.
     - `axis`: (3,) in the child's axes, any length.
+    - `limits`, `mimic`: ``None`` for a joint without limits, and for one that follows no other.
     - `point`: (3,) m, of the joint in the child's frame, the origin by default.
     - `friction`: N m or N, dry. `damping`: N m s/rad or N s/m. `stiffness`: N m/rad or N/m, of a
       spring that is relaxed at `rest`, rad or m. `armature`: kg m^2 or kg, zero for none.
@@ -183,7 +184,7 @@ class Content(NamedTuple):
 
 @dataclass(frozen=True)
 class Options:
-    """Arguments of `load_robot` about bodies."""
+    """The arguments of `load_robot` that determine bodies, with the same names."""
 
     merge_fixed: bool = True
     free_root: bool = False
@@ -196,7 +197,7 @@ class Options:
 class Carrier:
     """Links that form one body, or belong to the ground; see the docstring of this module.
 
-    - `pose`: (4, 4) m, from the frame of the first link to that of the root at zero.
+    - `pose`: (4, 4) m, from the first link's frame to the root's frame with all joints at zero.
     - `centre`: (3,) m, the body's centre of mass in the frame of the first link.
     """
 
@@ -207,11 +208,11 @@ class Carrier:
 
 
 class LinkTree:
-    """A tree of links.
+    """The links and joints of a robot's file as a tree, and the links in groups that form bodies.
 
     - `root`: name of the only link that is no joint's child.
-    - `carriers`: the carrier of each link, by the link's name.
-    - `poses`: (4, 4) m, from the frame of each link to that of its carrier's first link.
+    - `carriers`: the `Carrier` of each link, by the link's name.
+    - `poses`: (4, 4) m, by name, from each link's frame to the frame of its carrier's first link.
     """
 
     def __init__(self, content: Content, location: FileLocation, options: Options):
@@ -219,6 +220,7 @@ class LinkTree:
         self.links = _by_name(content.links, "link", location)
         self.joints = _by_name(content.joints, "joint", location)
         of_child = self._joints_by_child()
+        # Exactly one link is no child: another number has been refused.
         (self.root,) = self.links.keys() - of_child.keys()
         is_free = options.free_root
         base = Carrier(self._body_name(self.root) if is_free else GROUND, np.eye(4), [self.root])
@@ -282,13 +284,13 @@ class LinkTree:
         return ends + [further for end in ends for further in self.carried(end)]
 
     def massive(self, carrier: Carrier) -> dict[str, Inertial]:
-        """Return the inertias of a carrier's links by name, without those that have none."""
+        """Return the inertias of those links of a carrier that have one in the file, by name."""
         inertials = {name: self.links[name].inertial for name in carrier.links}
         return {name: inertial for name, inertial in inertials.items() if inertial is not None}
 
     def _centre(self, carrier: Carrier) -> np.ndarray:
-        """Return a carrier's centre of mass, (3,) m, in the frame of its first link. Without mass,
-        it is the centre of the first link that has an `Inertial`, or else the origin."""
+        """Return a carrier's centre of mass, (3,) m, in the frame of its first link. For a carrier
+        without mass, return the centre of the first link that has an `Inertial`, or else zeros."""
         inertials = self.massive(carrier)
         centres = [moved(self.poses[name], part.centre) for name, part in inertials.items()]
         masses = np.array([part.mass for part in inertials.values()])
@@ -301,8 +303,9 @@ class LinkTree:
     def placed(
         self, link: str, frame: np.ndarray
     ) -> tuple[Carrier, tuple[float, float, float], np.ndarray]:
-        """Return where a frame in a link, (4, 4) m, is: the carrier, the point in the axes of its
-        body, as by `in_body`, and the rotation matrix from the frame to these axes."""
+        """Return where a frame in a link, (4, 4) m, is: the link's carrier; the origin relative to
+        the centre of mass of the carrier's body, (3,) m in body axes; and the rotation matrix from
+        the frame to these axes, (3, 3)."""
         carrier, pose = self.carriers[link], self.poses[link] @ frame
         rotation = rounded(carrier.pose[:3, :3] @ pose[:3, :3])
         return carrier, self.in_body(carrier, pose[:3, 3]), rotation
@@ -326,6 +329,7 @@ def bodies_of(tree: LinkTree, carriers: Iterable[Carrier]) -> dict[str, Body]:
         location = tree.location.at(carrier.links[0])
         inertials = tree.massive(carrier)
         if options.balance_inertia:
+            # `_balanced` returns the same object if it changes nothing.
             possible = {name: _balanced(part) for name, part in inertials.items()}
             balanced += [name for name, part in possible.items() if part is not inertials[name]]
             inertials = possible
@@ -334,6 +338,7 @@ def bodies_of(tree: LinkTree, carriers: Iterable[Carrier]) -> dict[str, Body]:
         if mass < options.bound_mass or np.linalg.eigvalsh(tensor)[0] < options.bound_inertia:
             bounded.append(carrier.body)
             mass = max(mass, options.bound_mass)
+            # The principal axes stay; moments about them are increased to the bound.
             moments, axes = np.linalg.eigh(tensor)
             tensor = axes @ np.diag(np.maximum(moments, options.bound_inertia)) @ axes.T
         has_mass = mass > 0.0
@@ -363,6 +368,7 @@ def _negligible(tree: LinkTree, carrier: Carrier) -> tuple[float, np.ndarray]:
     """Return the mass, kg, and the inertia tensor, (3, 3) kg m^2, of a body that has no mass in the
     file, such as one between two joints of a body of MJCF: a small fraction of the masses and
     moments of inertia of the bodies that it carries."""
+    # The joint that moves the body; a free root has none.
     (joint,) = [j for j in tree.joints.values() if j.child == carrier.links[0]] or [None]
     inertias = [(part, tree.massive(part)) for part in tree.carried(carrier)]
     masses = [part.mass for _, inertials in inertias for part in inertials.values()]
@@ -428,7 +434,7 @@ def _require_possible(
 
 
 def warn_of_omitted(file: object, omitted: Mapping[str, list[str]]) -> None:
-    """Warn of contents that are not carried over from or to a file; `omitted`: as in `Content`."""
+    """Warn of contents that are not carried over from or to a file: `omitted`, as in `Content`."""
     parts = [f"{title} of {', '.join(names)}" for title, names in omitted.items() if names]
     parts += sorted(title for title, names in omitted.items() if not names)
     if parts:

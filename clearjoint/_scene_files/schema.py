@@ -41,8 +41,8 @@ def scene_properties(catalogue: "Catalogue") -> Schema:
 @dataclass(frozen=True)
 class Catalogue:
     """Makes the schema of a file that may name the user-defined `classes`. `definitions`: schemas
-    to which others refer, of makers by their names in files, and of numbers under `ROWS`. The
-    schema of a maker is added when it is first needed."""
+    to which other schemas refer: of makers (the classes and static methods that files may name), by
+    name, each added when it is first needed; and of numbers, by the name `ROWS`."""
 
     classes: Classes
     definitions: Schema = field(
@@ -65,7 +65,7 @@ class Catalogue:
     def _value(self, expected: Expectation) -> Schema:
         if expected.allows_anything:
             return {}
-        ways: list[Schema] = []
+        ways: list[Schema] = []  # schemas of which a value must match one
         if expected.options is not None:
             ways.append({"enum": list(expected.options)})
         if expected.by_name is not None:

@@ -36,7 +36,7 @@ def read_urdf(path: Path) -> Content:
     omitted: dict[str, list[str]] = {}
     for entry in robot:
         if entry.tag not in READ:
-            # Materials belong to the visual shapes.
+            # Materials belong to the visual shapes, which messages list already.
             omitted |= {} if entry.tag == "material" else {f"<{entry.tag}>": []}
             continue
         at = location.at(entry.tag, len(links) if entry.tag == "link" else len(joints))
@@ -93,8 +93,8 @@ def _attribute(element: Element, name: str, location: FileLocation) -> str:
 def _numbers(
     element: Element | None, name: str, default: str | None, count: int, location: FileLocation
 ) -> np.ndarray:
-    """Return the numbers, (count,), of the attribute `name` of an element, or of the text `default`
-    if there is no such attribute or no element. With the `default` ``None``, it must exist."""
+    """Return the numbers, (count,), of the attribute `name` of an element or, if one of these is
+    missing, of the text `default`. If `default` is ``None``, the attribute must exist."""
     text = default if element is None else element.get(name, default)
     if element is not None:
         location = location.at(element.tag, name)
@@ -138,9 +138,10 @@ def _inertial(link: Element, location: FileLocation) -> Inertial | None:
         return Inertial(mass, pose[:3, 3], None)
 
     def entry(name: str) -> float:
-        # Products of inertia are often omitted if they are zero.
+        # Products of inertia, such as "ixy", are often omitted if they are zero.
         return _number(inertia, name, None if name[1] == name[2] else "0", location)
 
+    # Files have only one of two equal products: the letters of their names are sorted.
     tensor = np.array([[entry("i" + "".join(sorted(row + c))) for c in "xyz"] for row in "xyz"])
     return Inertial(mass, pose[:3, 3], pose[:3, :3] @ tensor @ pose[:3, :3].T)
 
