@@ -56,7 +56,8 @@ class Comparison:
     other measurements. A list, because the class is frozen."""
 
     def of(self, measurements: Measurements) -> "Comparison":
-        """Return the comparison with other measurements of the same channels and times."""
+        """Return a comparison of the same runs with other measurements, whose series have the same
+        quantities and times."""
         return replace(self, data=samples(measurements, len(self.runs.times)))
 
     @property
@@ -92,10 +93,12 @@ class Comparison:
         waiting: dict[int, np.ndarray] = {}
 
         def compare_waiting() -> None:
+            """Compute the curves of the lanes in `waiting`, and empty it."""
             lanes = list(waiting)
             rows = np.stack([waiting.pop(lane) for lane in lanes])
             # Always the same number of rows, so that one compiled program serves all calls.
             predictions = np.resize(rows, (TOGETHER, *rows.shape[1:]))
+            # The lanes have computed quantities, which sensors with errors read otherwise.
             if runs.sensors.of_values:
                 quantities = dict(zip(runs.names, np.moveaxis(predictions, 1, 0), strict=True))
                 of_lanes = np.resize(coordinates[lanes], (TOGETHER, coordinates.shape[1]))
@@ -106,6 +109,7 @@ class Comparison:
             curves[lanes, 1:] = sums[: len(lanes), :count]
 
         def on_ended(ended: Ended) -> None:
+            """Put the predictions of lanes that have ended, NaN where missing, into `waiting`."""
             # A lane has recorded `reached` instants, up to the time that it reached.
             rows, counts = ended.logs[SAVED]
             for k, (lane, reached) in enumerate(zip(ended.lanes.tolist(), counts, strict=True)):
@@ -145,7 +149,7 @@ class Comparison:
         max_changes, windows, at = step_limits(self.parameters), [], start
         best: RunMisfit | None = None
         for end in ends:
-            # Over few impacts errors of the parameters have grown little, so that a search in a
+            # After few impacts errors of the parameters have grown little, so that a search in a
             # short window converges from farther away than in the whole record.
             part, last = self.data.until(self.times, end), end == ends[-1]
             misfit = partial(run_misfit, self.runs, part, end)
@@ -186,8 +190,9 @@ class Comparison:
         # Numbers of lanes are rounded up to a power of two: few compiled programs serve all calls.
         rows = max(TOGETHER, 1 << (lanes - 1).bit_length())
         filled = np.resize(coordinates, (rows, coordinates.shape[1]))
-        made = jax.device_get(_scenes_and_states(self.runs, self._varied, filled))
-        varied, states = jax.tree.map(lambda leaf: leaf[:lanes], made)
+        of_rows = jax.device_get(_scenes_and_states(self.runs, self._varied, filled))
+        varied, states = jax.tree.map(lambda leaf: leaf[:lanes], of_rows)
+        # A run ends at its last instant; an infinite one is padding.
         ends = np.where(np.isfinite(instants), instants, -np.inf).max(axis=1)
         first_steps = np.full(lanes, float(self.runs.first_step))
         return Task(varied, states, ends, first_steps, instants)
@@ -309,6 +314,7 @@ def _cumulated(data: Samples, predicted: np.ndarray, smoothing: int) -> jax.Arra
     are NaN where a run does not reach the time."""
     # Clipped, so that no residual is larger than that of a sample that a run did not reach.
     residuals = jnp.clip(jax.vmap(data.residuals)(predicted), -UNREACHED, UNREACHED)
+    # Means of successive residuals, by differences of their cumulative sum.
     if smoothing > 1:
         sums = jnp.cumsum(jnp.pad(residuals, ((0, 0), (0, 0), (smoothing, 0))), axis=2)
         residuals = (sums[..., smoothing:] - sums[..., :-smoothing]) / smoothing

@@ -658,9 +658,9 @@ def _explanation(
     `residuals` are those of all series, `part` the rows of the sensor's series, and `effects` the
     derivatives of `residuals` by an error of each kind.
 
-    **Returns:** the decrease of the chi squared of all series; by chosen kind, the size of the
-    error, which is 0 for an ideal sensor; and the share of the series' chi squared that the errors
-    explain. All are zero or empty if even all kinds together explain less than `MOST`.
+    **Returns:** the decrease of the chi squared of all series; by chosen kind, the error's value
+    less that of an ideal sensor; and the share of the series' chi squared that the errors explain.
+    All are zero or empty if even all kinds together explain less than `MOST`.
     """
     chosen: list[Kind] = []
     before = float(np.sum(residuals[part] ** 2))  # Chi squared of the series.

@@ -105,8 +105,8 @@ class CorrelatedNoise:
     @property
     def effective(self) -> float:
         """Number of independent samples that determine the variance as accurately as these M."""
-        # For normal noise, the variance of an estimated variance is 2 variance^2 / M, times one plus
-        # twice the sum of the squared autocorrelations at all lags (M. Bartlett).
+        # For normal noise, correlation multiplies the variance of an estimated variance by one plus
+        # twice the sum of the squared autocorrelations (M. Bartlett).
         autocorrelations = self.autocovariances[1:] / self.autocovariances[0]
         count = len(self.autocovariances)
         return float(count) / (1.0 + 2.0 * float(np.sum(autocorrelations**2)))

@@ -28,7 +28,7 @@ smaller ones are replaced by it, so that its square root can divide distances.""
 def filled(
     low: Point, high: Point, number: int, generator: Generator
 ) -> Float[np.ndarray, "{number} p"]:
-    """Return a Latin hypercube of points in the box from `low` to `high`."""
+    """Return `number` points that fill the box from `low` to `high` evenly, a Latin hypercube."""
     from scipy.stats import qmc
 
     return low + (high - low) * qmc.LatinHypercube(len(low), rng=generator).random(number)
@@ -60,12 +60,12 @@ def last_where(holds: Callable[[float], bool], low: float, high: float) -> float
 
 
 def reached(curves: np.ndarray, keep: int, excess: float) -> float:
-    """Return the largest number of sample times over which at least `keep` points have a chi
-    squared at most `excess` above the smallest. The number may have a fraction, see
-    `chi_squared_over`."""
+    """Return the largest number of sample times over which at least `keep` of the n points have a
+    chi squared at most `excess` above the smallest. `curves`: (n, T), their curves of chi squared.
+    The number may have a fraction, at which `chi_squared_over` interpolates."""
 
     def gap(values: np.ndarray) -> np.ndarray:
-        # Excess of the `keep`-th smallest value over the smallest.
+        """Return by how much the `keep`-th smallest chi squared exceeds the smallest."""
         return np.partition(values, keep - 1, axis=0)[keep - 1] - values.min(axis=0)
 
     beyond = np.flatnonzero(gap(curves) > excess)
@@ -79,8 +79,8 @@ def reached(curves: np.ndarray, keep: int, excess: float) -> float:
 
 
 def far_apart(points: Points, number: int) -> Int[np.ndarray, " k"]:
-    """Return indices of at most `number` points that are far apart: the first point, and then
-    always the one that is farthest from all points chosen before."""
+    """Return indices of at most `number` points that are far apart: the first point, then, one by
+    one, the point whose distance from the nearest chosen point is largest."""
     distances = _principal_distances(points)
     chosen = [0]
     while len(chosen) < min(number, len(points)):

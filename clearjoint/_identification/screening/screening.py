@@ -96,7 +96,8 @@ class Screened:
     """Result of one pass of a `Screening`, for p parameters.
 
     - `points`: (keep, p) points kept last, the best first.
-    - `chi_squared`: (keep,) of these points, from the averaged residuals up to the last of `times`.
+    - `chi_squared`: (keep,) chi squared of these points up to the last of `times`, from averaged
+      residuals.
     - `starts`: (finish, p) the points from which to search.
     - `times`: end of the part of the record that each round used, s.
     - `runs`: number of runs in all rounds.
@@ -121,8 +122,8 @@ def screen(
     screening: Screening, lanes: Comparison, centre: Point, number: int, progress: bool
 ) -> Screened:
     """Make one pass of a `Screening`: find starts of a fit in the box around the guess `centre`, by
-    runs without derivatives, which `lanes` makes. The `number` of the pass, from 0, determines its
-    random numbers; `progress` tells whether to show a progress bar."""
+    runs of `lanes` without derivatives. The pass is the one of index `number`, from 0, with random
+    numbers of its own; `progress` tells whether to show a progress bar."""
     spread = half_widths(screening.spread, tuple(lanes.parameters))
     excess = statistics.chi_squared_exceeded(1.0 - LEVEL, len(centre))
     generator = np.random.default_rng(screening.seed + number)
