@@ -395,9 +395,8 @@ class LikelihoodCheck:
         return self.test.passed
 
     def widening(self, best: RunMisfit) -> float:
-        """Return the largest factor, 1 or more, by which an interval from the exploration differs
-        from that by the covariance of `best`. At each end, the factor is the larger over the
-        smaller of the two intervals' distances from the coordinates of `best`."""
+        """Return the largest factor, 1 or more, by which the distance of an interval's end from
+        `best` differs between the intervals by the exploration and by the covariance of `best`."""
         assert self.exploration is not None
         half = np.sqrt(RISE * np.diag(best.covariance))
         low, high = self.exploration.intervals()
@@ -483,9 +482,8 @@ def check(
 
 
 def _extent(explored: Exploration, lowest: RunMisfit) -> Point:
-    """Return the largest distance from the `lowest` minimum, in each coordinate, of the points that
-    have a chi squared at most `WORTH` times `RISE` above the lowest; at least two of the minimum's
-    standard errors."""
+    """Return the largest distance from the `lowest` minimum, in each coordinate, of points with a
+    chi squared at most `WORTH` times `RISE` above the smallest; at least two standard errors."""
     low = explored.chi_squared <= explored.lowest + WORTH * RISE
     offsets = np.abs(explored.points[low] - lowest.coordinates)
     least = 2.0 * np.sqrt(np.diag(lowest.covariance))

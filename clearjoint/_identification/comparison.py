@@ -56,8 +56,7 @@ class Comparison:
     other measurements. A list, because the class is frozen."""
 
     def of(self, measurements: Measurements) -> "Comparison":
-        """Return a comparison of the same runs with other measurements, whose series have the same
-        quantities and times."""
+        """Return the comparison with measurements of other values at the same times."""
         return replace(self, data=samples(measurements, len(self.runs.times)))
 
     @property
@@ -93,7 +92,7 @@ class Comparison:
         waiting: dict[int, np.ndarray] = {}
 
         def compare_waiting() -> None:
-            """Compute the curves of the lanes in `waiting`, and empty it."""
+            # Computes the curves of the lanes in `waiting`, which is empty then.
             lanes = list(waiting)
             rows = np.stack([waiting.pop(lane) for lane in lanes])
             # Always the same number of rows, so that one compiled program serves all calls.
@@ -109,8 +108,8 @@ class Comparison:
             curves[lanes, 1:] = sums[: len(lanes), :count]
 
         def on_ended(ended: Ended) -> None:
-            """Put the predictions of lanes that have ended, NaN where missing, into `waiting`."""
-            # A lane has recorded `reached` instants, up to the time that it reached.
+            # Puts the predictions of lanes into `waiting`, NaN at times that a lane did not reach. A
+            # lane has recorded `reached` instants, up to the time that it reached.
             rows, counts = ended.logs[SAVED]
             for k, (lane, reached) in enumerate(zip(ended.lanes.tolist(), counts, strict=True)):
                 predicted = np.full((len(sample_indices), len(self.times)), np.nan)

@@ -705,9 +705,8 @@ def _effects_of_errors(fit: Fit, name: str) -> dict[Kind, Float[np.ndarray, " N"
 
 
 def _sensor_faults(fit: Fit) -> Iterator[str]:
-    """A sentence on a series whose misfit is mostly explained by a few errors of its sensor; none
-    if there is no such series. Of several, the series is chosen whose errors lower the chi squared
-    of all series the most."""
+    """A sentence on a series whose misfit is mostly explained by a few errors of its sensor, if
+    there is such a series; of several, on the one whose errors lower total chi squared the most."""
     residuals = np.concatenate([*fit.residuals.values()])
     jacobian = np.concatenate([*fit._jacobians.values()])
     # Orthonormal basis of the changes of residuals that the fit's parameters can make. The small

@@ -39,14 +39,13 @@ class Direction(NamedTuple):
 
 
 def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
-    """Return p directions along which the errors of the estimates are independent, from the
-    `jacobian` of M residuals by the coordinates.
+    """Return p directions along which the errors of the estimates are independent.
 
     The directions are the principal axes of these errors in scaled coordinates: the unit of each
     coordinate is the standard error that its parameter would have if all others were known. The
     axes are sorted by the error in these units, the largest first; `Direction.deviation` is not in
-    these units and need not decrease. With M < p residuals there are only M directions. A direction
-    without effect on the residuals gets a very large but finite deviation.
+    these units and need not decrease. If `jacobian` is that of M < p residuals there are only M
+    directions. A direction without effect on the residuals gets a very large, finite deviation.
     """
     norms, singular_values, axes = floored(jacobian)
     found = []

@@ -161,8 +161,7 @@ def identify_many(
 ) -> list[Fit]:
     """Estimate parameters from each of several sets of measurements, such as draws of the noise.
 
-    All sets have series of the same names, quantities and times; the other arguments are those of
-    `identify`.
+    All sets have series of the same names, quantities and times. Other arguments: as `identify`.
 
     **Raises:** as `identify`, and `ValueError` for no sets, or sets whose series differ in these.
 
@@ -243,9 +242,8 @@ class _Problem:
     def fit(
         self, measurements: Measurements, on_iteration: OnFitIteration, show: bool
     ) -> tuple[Fit | None, bool]:
-        """Fit one set of measurements; `show` tells whether to show progress bars of screenings and
-        checks. Return the fit, and whether the user interrupted it. The fit is ``None`` if it was
-        interrupted before any run had ended."""
+        """Fit one set of measurements. Return the fit, ``None`` if interrupted before any run had
+        ended, and whether the user interrupted it. `show`: whether to show bars of checks."""
         compared, parameters = self.compared.of(measurements), self.compared.parameters
         searches: list[Search] = []
         screened: list[Screened] = []

@@ -60,12 +60,12 @@ def last_where(holds: Callable[[float], bool], low: float, high: float) -> float
 
 
 def reached(curves: np.ndarray, keep: int, excess: float) -> float:
-    """Return the largest number of sample times over which at least `keep` of the n points have a
-    chi squared at most `excess` above the smallest. `curves`: (n, T), their curves of chi squared.
-    The number may have a fraction, at which `chi_squared_over` interpolates."""
+    """Return the largest number of sample times over which at least `keep` of the points with these
+    `curves`, (n, T), have a chi squared at most `excess` above the smallest. The number may have a
+    fraction, at which `chi_squared_over` interpolates."""
 
     def gap(values: np.ndarray) -> np.ndarray:
-        """Return by how much the `keep`-th smallest chi squared exceeds the smallest."""
+        # By how much the `keep`-th smallest chi squared exceeds the smallest.
         return np.partition(values, keep - 1, axis=0)[keep - 1] - values.min(axis=0)
 
     beyond = np.flatnonzero(gap(curves) > excess)

@@ -81,8 +81,7 @@ def start_coordinates(
     guess: Guess | Sequence[Guess] | None,
     starts: Starts | None,
 ) -> Float[np.ndarray, "S p"]:
-    """Return the coordinates of all S starts: the guesses in their order, then the random starts,
-    if any. A parameter that a guess leaves out starts from `Parameter.coordinate_in`."""
+    """Return the coordinates of all S starts: of the guesses in their order, then random ones."""
     names = tuple(parameters)
     several = isinstance(guess, Sequence)
     guesses: list[Guess] = list(guess) if several else [{} if guess is None else guess]
@@ -102,7 +101,7 @@ def start_coordinates(
 
 def _coordinate(scene: Scene, state: State, parameter: Parameter, guess: Guess, name: str) -> float:
     with errors_about(f"Parameter {name!r}"):
-        if name not in guess:
+        if name not in guess:  # The default is the parameter's `value` or the number in the scene.
             return parameter.coordinate_in(scene, state)
         value = np.asarray(as_number(guess[name], f"guess[{name!r}]"))
         coordinate = parameter.scale.coordinate(value)

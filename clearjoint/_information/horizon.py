@@ -117,8 +117,8 @@ class FitHorizon:
         return min(self.numerical, self.convergence)
 
     def warn_if_beyond(self, time: float) -> None:
-        """Warn, with a `UserWarning` that names the limits reached and suggests `grow` of
-        `identify`, if a record's last sample, at `time`, s, is at `single_shot` or later."""
+        """Warn if a record's last sample, at `time`, s, is at `single_shot` or later. The
+        `UserWarning` names the limits reached, and suggests the argument `grow` of `identify`."""
         if time >= self.single_shot:
             reasons = []
             if time >= self.convergence:
@@ -254,7 +254,8 @@ def fit_horizon(
 
 
 def _weights(sensors: Mapping[str, Sensor], times: np.ndarray) -> dict[str, np.ndarray]:
-    """Weights, (T,) by output: the inverse of the noise at times of samples, zero at others."""
+    """Return the weights of each output at `times`, (T,) by name: the inverse of the noise where
+    the sensor has a sample, and zero at other times."""
     weights: dict[str, np.ndarray] = {}
     for name, sensor in sensors.items():
         weight = np.zeros(len(times))
@@ -299,12 +300,13 @@ def offsets(uncertainty: Float[np.ndarray, " p"]) -> Float[np.ndarray, "guesses 
     """Return the offset of each wrong guess from the truth: with each parameter wrong alone, in
     both directions, then, for several parameters, with all wrong together, in every combination of
     signs or, for more than `ALL_CORNERS` parameters, in eight random combinations."""
-    p, both = len(uncertainty), (1.0, -1.0)
-    signs = [sign * row for row in np.eye(p) for sign in both]
+    p, directions = len(uncertainty), (1.0, -1.0)
+    signs = [sign * row for row in np.eye(p) for sign in directions]
+    # With a single parameter, all parameters together would be the same guesses again.
     if 1 < p <= ALL_CORNERS:
-        signs += map(np.array, itertools.product(both, repeat=p))
+        signs += map(np.array, itertools.product(directions, repeat=p))
     elif p > ALL_CORNERS:
-        signs += [*np.random.default_rng(0).choice(both, (2**ALL_CORNERS, p))]
+        signs += [*np.random.default_rng(0).choice(directions, (2**ALL_CORNERS, p))]
     return uncertainty * np.array(signs)
 
 
@@ -350,7 +352,7 @@ def blocked_records(
     not block a record, nor does a constant misfit: before the first impact, for example, the run
     doesn't depend on the clearance, but in a longer record it does.
     """
-    n = values.shape[1]
+    n = values.shape[1]  # Number of times that the run at the point has reached.
     residuals = values - truth[:, :n]
     slope = np.cumsum((residuals * slopes).sum(axis=0))
     # Squared norms of the residuals and of the slopes over each record.

@@ -102,8 +102,8 @@ class JointPosition(AbstractQuantity):
 
 @dataclass(frozen=True)
 class LinkInertia:
-    """Function that scales a body's inertia to a given moment of inertia, kg m^2, about `axis`, a
-    unit vector in body axes, through the centre of mass."""
+    """Function that scales a body's inertia so that the moment of inertia about `axis`, a unit
+    vector in body axes, through the centre of mass, has a given value, kg m^2."""
 
     body: str
     axis: tuple[float, ...]
@@ -191,9 +191,9 @@ class StartNumbers(NamedTuple):
 class StartOfJoint(AbstractStart):
     """Function that gives a joint a position or, if `of_speed`, a speed at the start.
 
-    `follower` is the other side of the joint's drive train, if the log lacks this side. It starts
-    where play and compliance are taken up by the `load`, N m or N. The load is an array, and so an
-    argument of compiled programs, because it differs between logs.
+    `follower` is the other side of the joint's drive train if the log lacks that other side, else
+    ``None``. The follower starts where `load`, N m or N, has taken up play and compliance. The load
+    is an array, and so an argument of compiled programs, because it differs between logs.
     """
 
     joint: str
@@ -223,17 +223,18 @@ class StartInPlay(AbstractStart):
     @override
     def set_in(self, numbers: StartNumbers, scene: Scene, value: Scalar) -> None:
         half = 0.5 * scene.joints[self.backlash].play  # pyright: ignore
-        place = numbers.q.get(self.joint)
-        if place is None:
-            place = self.moved.robot.angles(numbers.state)[self.joint]
-        numbers.q[self.follower] = place + value * half
+        logged = numbers.q.get(self.joint)
+        # If its position is no parameter, the logged side is where the state has it.
+        if logged is None:
+            logged = self.moved.robot.angles(numbers.state)[self.joint]
+        numbers.q[self.follower] = logged + value * half
 
 
 @dataclass(frozen=True)
 class GearLoss:
     """Function that sets the loss of a gear: the load of its `friction` over the torque that the
     gear transmits. If flanks press on the friction by a force, `radius`, m, converts the force to
-    this torque; otherwise it is 1."""
+    this torque; otherwise `radius` is 1."""
 
     friction: str
     radius: float
@@ -244,8 +245,8 @@ class GearLoss:
 
 
 def wind_up(scene: Scene, follower: str, leader: str, load: Scalar) -> Scalar:
-    """Return by how much, rad, the follower is ahead of the leader, the other side of its drive
-    train, under the load, N m, with which the motor holds the link. Without load it is zero: the
+    """Return by how much, rad, the follower is ahead of the leader, the other side of the drive
+    train, under the load, N m, with which the motor holds the link. Without load this is zero: the
     follower is in the middle of the play."""
     # Under a positive load the motor is ahead of the link.
     joint, sign = (follower, -1.0) if motor_name(follower) == leader else (leader, 1.0)
@@ -295,7 +296,7 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
     driven = _driven(robot, log, driven_by, positions)
     parameters: dict[tuple[str, str], Parameter] = {}
     for joint, kinds in find.items():
-        side = 0 if is_hinge(robot, joint) else 1
+        side = 0 if is_hinge(robot, joint) else 1  # Index in each pair of units of `KINDS`.
         units = {kind: unit for kind, pair in KINDS.items() if (unit := pair[side]) is not None}
         for kind, start in (kinds if isinstance(kinds, Mapping) else dict.fromkeys(kinds)).items():
             expected, remedy = f"one of {', '.join(units)}", nearest(kind, units, "leave it out")
@@ -374,6 +375,7 @@ def _of_start(
     parameters = {(name, POSITION): start(False, q[name], noise, unit)}
     if qd[name] != 0.0:
         parameters[name, SPEED] = start(True, qd[name], FACTOR * noise, f"{unit}/s")
+    # A drive train and its backlash are named after the joint, not after the motor.
     joint = name if name in robot.drives else follower
     backlash = backlash_name(joint or "")
     is_loose = isinstance(robot.scene.joints.get(backlash), Backlash)
@@ -400,7 +402,8 @@ def _other_side(robot: Robot, log: RobotLog, name: str) -> str | None:
 
 
 def _begins_at_rest(robot: Robot, joint: str, samples: Logged) -> bool:
-    """Return whether the line through the first samples is flat, see `SLOPE`."""
+    """Return whether a joint starts at rest: whether noise explains the slope of a line through its
+    first `REST` samples (see `SLOPE`). False if the noise is unknown."""
     if samples.noise is None:
         return False
     times, values = samples.times[:REST], continuous(robot, joint, samples)[:REST]
@@ -439,7 +442,8 @@ def _smoothed(robot: Robot, joint: str, samples: Logged) -> Spline:
         weights = np.full(len(values), 1.0 / samples.noise)
         spline = UnivariateSpline(samples.times, values, weights, k=3, s=len(values))
         knots = spline.get_knots()
-    # At the ends of a table its second derivative is not defined: they lie beyond the log.
+    # The spline's second derivative is not defined at its first and last knot, which therefore lie
+    # beyond the log.
     beyond = samples.times[1] - samples.times[0]
     knots = np.concatenate([[knots[0] - beyond], knots, [knots[-1] + beyond]])
     return Spline(knots, spline(knots), spline.derivative()(knots))
@@ -456,6 +460,7 @@ def _driven(
     for joint, mode in driven_by.items():
         element = mode
         if isinstance(element, AbstractForce):
+            # A drive of the user's follows the logged goals, if there are any.
             if joint in log.goals and hasattr(element, "target"):
                 times, goals, _, _ = log.goals[joint]
                 _require_unit(f"log.goals[{joint!r}]", log.goals[joint], "rad")
@@ -508,9 +513,11 @@ def _guess(
 
 
 def _friction_name(robot: Robot, joint: str, kind: str) -> str:
+    # Name of the robot's friction of this kind, or the name that a new one gets.
     of_link = kind == "link friction"
     ends = ("friction", "link friction") if of_link else ("motor friction", "friction")
     names = [f"{joint} {end}" for end in ends]
+    # If the motor turns apart, "friction" and "damping" act on the motor, not on the link.
     if not of_link and motor_of(robot, joint) != joint:
         return names[0]
     return next((name for name in names if name in robot.scene.joints), names[1])
@@ -534,7 +541,7 @@ def _with_friction(
     present = robot.scene.joints.get(name)
     is_known = damper is not None or getattr(present, number, None) is not None
     known = float(as_number(path(robot.scene))) if is_known else 0.0
-    size = start if start is not None else known if known > 0.0 else guess
+    size = start if start is not None else known if known > 0.0 else guess  # of the start
     expected = "given, since the robot has none and the log no torque of the joint"
     remedy = f'pass {{"{kind}": start}}'
     require(size is not None, f"find[{joint!r}][{kind!r}]", size, expected, remedy)
@@ -553,6 +560,8 @@ def _with_friction(
 
 
 def _damper(robot: Robot, joint: str) -> str | None:
+    # Name of the force that damps a hinge without a motor of its own, if there is one. A damping of
+    # other joints is the viscosity of a friction.
     if motor_of(robot, joint) != joint or not is_hinge(robot, joint):
         return None
     names = f"{joint} damping", f"{joint} spring"
@@ -560,7 +569,8 @@ def _damper(robot: Robot, joint: str) -> str | None:
 
 
 def _parameter(robot: Robot, joint: str, kind: str, start: float | None, unit: str) -> Parameter:
-    """Return the parameter of a joint; raise a `ValueError` if the robot has no such number."""
+    """Return the parameter of a joint's `kind`, one of `KINDS` except `RESISTANCES`, with the value
+    `start` or, if that is ``None``, the robot's; a `ValueError` if the robot has no such number."""
     scene, argument, scale = robot.scene, f"find[{joint!r}]", Log()
     ideal, motor = scene.joints[joint], scene.joints[motor_of(robot, joint)]
     if kind in ("play", "stiffness", "restitution"):
@@ -593,8 +603,8 @@ def _parameter(robot: Robot, joint: str, kind: str, start: float | None, unit: s
 
 
 def _of_gear(robot: Robot, joint: str, kind: str, start: float | None) -> Parameter:
-    """Return the parameter "play", "stiffness" or "restitution" of the gear of a hinge, which has
-    an elastic compliance or a backlash."""
+    """Return the parameter `kind`, "play", "stiffness" or "restitution", of the gear of a hinge,
+    which has an elastic compliance or a backlash; a `ValueError` if the gear has no such number."""
     scene, argument = robot.scene, f"find[{joint!r}]"
     compliance, name = f"{joint} {COMPLIANCE}", backlash_name(joint)
     if kind == "stiffness" and compliance in scene.forces:
@@ -610,6 +620,7 @@ def _of_gear(robot: Robot, joint: str, kind: str, start: float | None) -> Parame
     if kind == "restitution":
         require(hasattr(law, kind), argument, kind, expected, "leave it out")
         return Parameter(lambda s: s.joints[name].law.restitution, Bounded(0.0, 1.0), value=start)
+    # The law of the flanks has a model of the stiffness, of which some have a constant stiffness.
     stiffness = getattr(getattr(law, kind, None), kind, None)
     require(stiffness is not None, argument, kind, expected, "leave it out")
     if start is None:
@@ -625,6 +636,7 @@ def _measured(
     series: dict[str, Series] = {}
 
     def compare(name: str, channel: Quantity, samples: Logged, unit: str) -> None:
+        # Adds a series of the quantity `channel`.
         _require_unit(f"{name} of the log", samples, unit)
         remedy = "pass LogColumn(..., noise=...) for its column"
         expected = "known for what is compared with the log"

@@ -184,15 +184,14 @@ def drawn_posterior(
 ) -> Posterior:
     """Return the posterior distribution of parameters, as `number` points, for a prior in a box of
     coordinates; the prior is uniform if `log_prior` is ``None``. `on_step` is called after each
-    step with the time up to which the record is in the likelihood, s, and the number of runs so
-    far. More than `most_runs` runs raise an error.
+    step with the time up to which the record is in the likelihood, s, and the number of runs.
 
-    **Raises:** `ImpossiblePointsError`, `TooManyRunsError`.
+    **Raises:** `ImpossiblePointsError`; `TooManyRunsError` before more than `most_runs` runs.
     """
     begun, runs, failed = time.perf_counter(), 0, 0
 
     def curves(points: Points, count: int) -> Float[np.ndarray, "n T"]:
-        """Make and count runs: the `Curves` of the target."""
+        # Makes and counts runs: the `Curves` of the target.
         nonlocal runs, failed
         if runs + len(points) > most_runs:
             raise TooManyRunsError(f"more than {most_runs:g} runs")

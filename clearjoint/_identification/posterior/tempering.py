@@ -72,8 +72,8 @@ first 0 to T times, (n, T + 1), infinite from the first sample on that a run mis
 class Target:
     """Posterior to draw from: a likelihood exp(-chi squared / 2) and a prior in a box.
 
-    - `curves`: function that makes the runs and returns chi squared.
-    - `count`: number of sample times of the record; `low`, `high`: ends of the box.
+    - `curves` makes runs; `count`: number of sample times of the record.
+    - `low`, `high`: ends of the box.
     - `log_prior`: logarithm of the prior density at points in the box, up to a constant.
     """
 
@@ -113,8 +113,8 @@ class Drawn:
 
     - `log_evidence`: logarithm of the mean of exp(-chi squared / 2) over the prior, with its
       standard error `error`.
-    - `effective`: effective number of the weighted runs from which the points were drawn.
-    - `steps`: number of steps along the record.
+    - `effective`: effective number of the weighted runs from which the points were drawn; `steps`:
+      number of steps along the record before.
     """
 
     points: Points
