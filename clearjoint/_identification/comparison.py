@@ -108,8 +108,8 @@ class Comparison:
             curves[lanes, 1:] = sums[: len(lanes), :count]
 
         def on_ended(ended: Ended) -> None:
-            # Puts the predictions of lanes into `waiting`, NaN at times that a lane did not reach. A
-            # lane has recorded `reached` instants, up to the time that it reached.
+            # Puts the predictions of lanes into `waiting`, NaN at times that a lane did not reach.
+            # A lane has recorded `reached` instants, up to the time that it reached.
             rows, counts = ended.logs[SAVED]
             for k, (lane, reached) in enumerate(zip(ended.lanes.tolist(), counts, strict=True)):
                 predicted = np.full((len(sample_indices), len(self.times)), np.nan)

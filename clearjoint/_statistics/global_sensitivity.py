@@ -158,8 +158,8 @@ def _indices(groups: np.ndarray, confidence: float) -> dict[str, np.ndarray]:
         return (row[3:] / number / variance if variance > 0.0 else 0.0 * row[3:]).reshape(2, -1)
 
     # Standard error by the jackknife: by the indices without each randomisation in turn. The groups
-    # of one randomisation are not independent: the spread of single groups, such as in a bootstrap, is that of random points,
-    # which is up to 200 times the error of Sobol points.
+    # of one randomisation are not independent: the spread of single groups, such as in a bootstrap,
+    # is that of random points, which is up to 200 times the error of Sobol points.
     total, freedom = sums.sum(axis=0), len(randomisations) - 1
     indices, without_one = both_orders(total), np.array([both_orders(total - row) for row in sums])
     error = np.sqrt(freedom * without_one.var(axis=0))
