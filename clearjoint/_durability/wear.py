@@ -807,6 +807,7 @@ class _Store:
         remove_abandoned(self.path)
         with unfinished(self.path) as new:
             write_dataset(new, result.assign(contacts).assign_attrs(digest=self.digest))
+            # The old store is kept under another name until the new one has its place.
             if self.path.exists():
                 shutil.rmtree(old, ignore_errors=True)
                 self.path.rename(old)

@@ -772,7 +772,7 @@ def _outliers(fit: Fit) -> Iterator[str]:
 
 
 def _shorter_records(fit: Fit) -> Iterator[str]:
-    """Sentences on fits of a shorter record or of growing windows, and on `fit_horizon`."""
+    """Sentences that advise to fit a shorter record or growing windows, or to use `fit_horizon`."""
     all_series, horizon = fit.measurements.series, fit.horizon
     times = np.concatenate([np.asarray(s.times) for s in all_series.values()])
     rows = np.concatenate([fit.residuals[name] for name in all_series])

@@ -232,7 +232,7 @@ class _Forward:
         return float(value), slope, run.result
 
     def value(self, at: Coordinates) -> jax.Array:
-        """Return the objective, NaN if the run fails, inside of a line search of optax."""
+        """Return the objective, or NaN if the run fails; a line search of optax calls this."""
 
         def of_run(at: Coordinates) -> np.ndarray:
             value, _, result = self.evaluated(at)
@@ -268,7 +268,7 @@ class _Reverse:
         return value, gradient, RESULTS.successful  # pyright: ignore[reportReturnType]
 
     def value(self, at: Coordinates) -> jax.Array:
-        """Return the objective, NaN if the run fails, inside of a line search of optax."""
+        """Return the objective, or NaN if the run fails; a line search of optax calls this."""
         with jax.disable_jit(False):
             return self.objective(self.predictor.or_nan(_values(self.scales, at)))
 

@@ -68,7 +68,7 @@ class Experiment(eqx.Module):
     - `outputs`: measured quantity of each series, by name, in the order of `names`.
     - `times`: the sample times, s. The last one is repeated until their number is 64, 512, 4096 and
       so on, so that records of similar length share a program.
-    - `start_time`, `first_step`: start and length of the first step, s.
+    - `start_time`, `first_step`: start of a run and length of its first step, s.
     - `sensors`: errors of the sensors, such as a delay, that are parameters.
     - `free`: indices of the parameters that are not `held`; ``None`` if none is held.
     - `whole`: coordinates (p,) of all parameters, of which only those of held parameters are used;

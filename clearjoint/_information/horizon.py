@@ -75,8 +75,8 @@ class FitHorizon:
     - `growth`: (T, p + 1) m, root mean square displacement of points of the bodies per unit of each
       parameter's coordinate and, in the last column, per m/s of a perturbation of the initial
       velocity.
-    - `rate`: 1/s, rate of exponential growth of this last column since the first contact, or since
-      the start if there is no contact; NaN for fewer than two positive displacements since then.
+    - `rate`: 1/s, rate of exponential growth of the last column of `growth` since the first contact
+      or, without contact, since the start; NaN for fewer than two positive displacements there.
     - `error`: (T,) bound of the integration error in units of the noise, the largest of all
       outputs: the difference from a run with ten times the tolerance, whose error is larger.
     - `derivative_error`: (T,) bound of the relative error of the derivatives over the record up to
@@ -153,6 +153,7 @@ class FitHorizon:
         for guess in self.guesses:
             guesses.append(("", *(f"{x:+.3g}" for x in guess.offsets), _until(guess.since)))
         deviations = self.information.over_time()
+        # Lengths of the record at the limits and at the end, each with a row of the table.
         ends = {end} | {t for t in (self.convergence, self.numerical) if np.isfinite(t)}
         rows = [("record", *self.information.labels)]
         for length in sorted(ends):

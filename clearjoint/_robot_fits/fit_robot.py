@@ -539,7 +539,7 @@ def _away_from_starts(
         low, high = scale.interval(coordinate, half, rises)
         if isinstance(scale, Log) and not rises:
             # Forces are proportional to what may be zero, such as a friction, so that the interval
-            # is linear in the value. By symmetry about the value, only its upper end matters.
+            # is linear in the value. The start is above the value: only the upper end decides.
             low, high = 0.0, value * (1.0 + half)
         if not low <= starts[name] <= high:
             away[name] = low, high

@@ -342,6 +342,7 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
 
 
 def _require_joints(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) -> None:
+    # Angles may be logged of a joint and of its motor, everything else of a joint only.
     sides = dict.fromkeys(side for j in robot.joints for side in (j, motor_of(robot, j)))
     for argument, part, names in (
         ("find", find, robot.joints),

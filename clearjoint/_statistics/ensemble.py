@@ -395,8 +395,9 @@ def _lyapunov_exponent(
     along: Float[np.ndarray, "draws v"],
     progress: bool,
 ) -> tuple[float, float]:
-    """Return the largest Lyapunov exponent, 1/s, averaged over starts that are disturbed by `size`,
-    m/s, in the directions `along`, and the standard error of this average.
+    """Return the largest Lyapunov exponent, 1/s, from runs between the two times of `span`, s, as
+    an average over starts that are disturbed by `size`, m/s, in the directions `along`; and the
+    standard error of this average.
 
     The exponent of a start is the growth rate of the tangent in the second half of the run; in the
     first half the tangent turns to the direction of fastest growth. Runs that fail are left out. If

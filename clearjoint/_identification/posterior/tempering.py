@@ -72,7 +72,7 @@ first 0 to T times, (n, T + 1), infinite from the first sample on that a run mis
 class Target:
     """Posterior to draw from: a likelihood exp(-chi squared / 2) and a prior in a box.
 
-    - `curves` makes runs; `count`: number of sample times of the record.
+    - `curves`: function that makes runs; `count`: number of sample times of the record.
     - `low`, `high`: ends of the box.
     - `log_prior`: logarithm of the prior density at points in the box, up to a constant.
     """
@@ -320,8 +320,8 @@ def _distinct(
 
 
 def resampled(weights: Weights, generator: Generator, count: int | None = None) -> np.ndarray:
-    """Return the rising indices of `count` points, by default as many as there are weights of sum
-    1, drawn in proportion to the weights by systematic resampling."""
+    """Return the rising indices of `count` points, by default as many as there are weights, drawn
+    with the `weights` as probabilities by systematic resampling."""
     count = len(weights) if count is None else count
     # The sum of the weights may be less than 1 by rounding, hence the minimum.
     ticks = (np.arange(count) + generator.uniform()) / count

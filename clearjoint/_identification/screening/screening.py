@@ -84,6 +84,8 @@ class Screening:
         wide = all(math.isfinite(size) and size > 0.0 for size in sizes)
         remedy = "pass the possible error of the guess, and leave out well-known parameters"
         require(wide, "spread", self.spread, "finite and positive", remedy)
+        # With `STILL_FITTING` points or fewer, all points kept would fit the next part of the
+        # record, and a round cannot keep more points than the first one has.
         fits = self.finish <= self.keep and STILL_FITTING < self.keep <= FIRST * self.number
         expected = (
             f"above {STILL_FITTING}, at least finish = {self.finish}, at most {FIRST} times number"
