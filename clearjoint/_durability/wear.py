@@ -401,7 +401,7 @@ class CycleRun:
     def measure(
         self, scene: Scene, state: State, depths: Float[np.ndarray, "joints 2 samples"]
     ) -> "_Measured":
-        """Make a run of a stage from `state`, and return the wear per cycle and its derivatives.
+        """Run a stage from `state`; return the wear per cycle, its derivatives and the final state.
 
         If the run failed, the wear is zero; if the run of the derivatives failed, these are zero.
         `failure` of the result then says why. `depths`: m, that the joints in `scene` have lost.
@@ -550,7 +550,7 @@ class _Stages:
                     self.failure = f"the depths of a stage failed: {error}"
                 return
             # The largest correction of a depth (in row 0; others have derivatives) of each joint is
-            # compared with the depth plus the penetration, so that little wear needs no accuracy.
+            # compared with the depth plus the penetration: a small depth needs little accuracy.
             scales = depths[0].max(axis=(1, 2)) + self._pressed()
             corrections = np.abs(depths - self.depths[-1])[0].max(axis=(1, 2))
             # The extrapolation is of first order in the length of the stage, so that its error is
@@ -900,7 +900,7 @@ def _opened(path: str | PathLike[str]) -> "xr.Dataset":
 
 
 def final_state(found: "xr.Dataset") -> State:
-    """Return the state after the last run whose wear is in a result; without one, the initial."""
+    """Return the state after the last run whose wear was used; without any, the initial state."""
     numbers = {field.name: found[f"final_{field.name}"].values for field in fields(BodyState)}
     bodies = {
         str(name): BodyState(**{field: of_bodies[j] for field, of_bodies in numbers.items()})

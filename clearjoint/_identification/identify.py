@@ -242,8 +242,8 @@ class _Problem:
     def fit(
         self, measurements: Measurements, on_iteration: OnFitIteration, show: bool
     ) -> tuple[Fit | None, bool]:
-        """Fit one set of measurements. Return the fit, ``None`` if interrupted before any run had
-        ended, and whether the user interrupted it. `show`: whether to show bars of checks."""
+        """Fit one set of measurements; with `show`, show progress bars. Return the fit, ``None`` if
+        interrupted before any run had ended, and whether the user interrupted the fit."""
         compared, parameters = self.compared.of(measurements), self.compared.parameters
         searches: list[Search] = []
         screened: list[Screened] = []
