@@ -580,6 +580,7 @@ class _Stages:
     def has_ended(self) -> bool:
         """Return whether there is nothing more to compute, and set `ending` if so."""
         run = self.run
+        # A goal is reached only when the run of the last stage has corrected the depths.
         has_run = len(self.rates) == len(self.cycles)
         if self.failure:
             self.ending = self.failure

@@ -111,6 +111,7 @@ def _wear(
     # Each of the `NUMBERS`, (bases * instants,): the wear of both bases is added.
     x, y, contact, *axes, work = history.swapaxes(0, 1).reshape(len(NUMBERS), -1)
     axes = PlanarAxes(*axes)
+    # The journal follows the wall as it wears, and the profiles lose the depths.
     along_x, along_y = _shift(depths, contact, axes)
     x, y = jnp.asarray(x + along_x)[:, None], jnp.asarray(y + along_y)[:, None]
     for field, removed in zip(PROFILES, (depths[0], -depths[1]), strict=True):
@@ -121,6 +122,7 @@ def _wear(
     per_cycle = []
     for angles, radius, rate in zip(wall_angles(columns, samples), radii, rates, strict=True):
         if rate > 0.0:
+            # The area of the surface that belongs to one angle, m^2.
             area = radius * 2.0 * np.pi / samples * joint.journal_length
             per_cycle.append(rate / area * (work @ shares(joint, x, y, angles, columns)))
         else:

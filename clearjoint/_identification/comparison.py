@@ -269,6 +269,7 @@ def check_sets(scene: Scene, measurements: Sequence[Measurements]) -> None:
     first_set = measurements[0]
     first_set.check(scene)
     for k, measured in enumerate(measurements):
+        # One compiled program serves series of equal names, in equal order, quantities and times.
         same = list(measured.series) == list(first_set.series) and all(
             series.channel == first_set[name].channel
             and np.array_equal(series.times, first_set[name].times)

@@ -317,6 +317,7 @@ def warn_of(fits: Sequence[Fit]) -> None:
             f"in this order:\n{numbered(poor[0].advice)}\n",
             PoorFitWarning,
         )
+    # Fits whose test of the covariance has failed, such as where chi squared is rough.
     rough = [warning for fit in fits for warning in fit.doubts]
     if rough:
         many = "" if len(fits) == 1 else f"In {len(rough)} of {len(fits)} fits; the first: "

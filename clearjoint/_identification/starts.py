@@ -83,6 +83,7 @@ def start_coordinates(
 ) -> Float[np.ndarray, "S p"]:
     """Return the coordinates of all S starts: of the guesses in their order, then random ones."""
     names = tuple(parameters)
+    # `guess` is one guess or a list of guesses; without one, all parameters have their own values.
     several = isinstance(guess, Sequence)
     guesses: list[Guess] = list(guess) if several else [{} if guess is None else guess]
     require(len(guesses) > 0, "guess", guesses, "at least one start", "leave it out")

@@ -373,13 +373,17 @@ def _of_start(
         change = StartOfJoint(moved, name, of_speed, follower, jnp.asarray(load))
         return Parameter.change(change, value, Linear(size), unit)
 
+    # The unit of each coordinate is a typical error: the noise of the position, or for a speed
+    # `FACTOR` times this noise.
     parameters = {(name, POSITION): start(False, q[name], noise, unit)}
-    if qd[name] != 0.0:
+    if qd[name] != 0.0:  # zero is the known speed of a joint that starts at rest
         parameters[name, SPEED] = start(True, qd[name], FACTOR * noise, f"{unit}/s")
     # A drive train and its backlash are named after the joint, not after the motor.
     joint = name if name in robot.drives else follower
     backlash = backlash_name(joint or "")
     is_loose = isinstance(robot.scene.joints.get(backlash), Backlash)
+    # Without a load that presses it to a flank, the side that is not logged may be anywhere in the
+    # play.
     if follower is not None and load == 0.0 and is_loose:
         change = StartInPlay(moved, name, follower, backlash)
         parameters[follower, IN_PLAY] = Parameter.change(change, 0.0, Bounded(-1.0, 1.0))
@@ -479,10 +483,11 @@ def _following(
     argument, modes = f"driven_by[{joint!r}]", get_args(Mode)
     expected = f"one of {', '.join(modes)}, or a drive such as a Servo"
     require(mode in modes, argument, mode, expected, "name one of them")
+    # Positions are prescribed to the motor; torques of the motor are logged by the joint's name.
     motor = motor_of(robot, joint)
-    part, name = ("angles", motor) if mode == "angle" else ("torques", joint)
-    expected, remedy = f"what the log has for {name!r}", f"pass {part} of {name!r} to the log"
-    require(name in getattr(log, part), argument, mode, expected, remedy)
+    field, name = ("angles", motor) if mode == "angle" else ("torques", joint)
+    expected, remedy = f"what the log has for {name!r}", f"pass {field} of {name!r} to the log"
+    require(name in getattr(log, field), argument, mode, expected, remedy)
     if mode == "angle":
         ideal = robot.scene.joints[motor]
         assert isinstance(ideal, HingeOrSlider)
@@ -490,6 +495,7 @@ def _following(
     _require_unit(f"log.torques[{joint!r}]", log.torques[joint], "N m")
     remedy = "drive the slider by its position, or add the load to the robot's scene"
     require(is_hinge(robot, joint), argument, mode, "of a hinge", remedy)
+    # A held torque acts until the next logged value; others are interpolated.
     make = PiecewiseConstant if mode == "held torque" else Spline.through
     torque = make(log.torques[joint].times, log.torques[joint].values)
     return DriveTorque(*robot.motor_side(joint), torque)
@@ -596,6 +602,7 @@ def _parameter(robot: Robot, joint: str, kind: str, start: float | None, unit: s
     body = ideal.second
     if kind == "mass":
         return Parameter(lambda s: s.bodies[body].mass, scale, value=start)
+    # What is left is "inertia": the moment about the joint's axis, by which all moments are scaled.
     assert isinstance(ideal, RevoluteJoint)
     axis = np.asarray(ideal.axis_second) / np.linalg.norm(ideal.axis_second)
     change = LinkInertia(body, tuple(axis.tolist()))
@@ -652,6 +659,8 @@ def _measured(
             compare(f"{name} position", channel, samples, "rad" if hinge else "m")
     for joint, samples in log.torques.items():
         mode, name, hinge = driven_by.get(joint), drive_name(joint), is_hinge(robot, joint)
+        # Of a joint that follows its position, a run has the torque that this takes, a multiplier. A
+        # torque that is itself prescribed has nothing to be compared with.
         if mode == "angle":
             channel = Multiplier(name, "angle" if hinge else "distance")
             compare(f"{joint} torque", channel, samples, "N m" if hinge else "N")

@@ -161,12 +161,14 @@ def _points(uncertain: Mapping[str, Uncertain], draws: int, seed: int) -> np.nda
     rng = np.random.default_rng([seed, 1])
 
     def drawn(count: int) -> np.ndarray:
+        # Independent draws of all parameters, (count, p).
         columns = zip(uncertain.values(), rng.random((count, len(uncertain))).T, strict=True)
         return np.stack([number.standardised(column) for number, column in columns], axis=1)
 
     blocks = [drawn(draws)]
     for k, number in enumerate(uncertain.values()):
         if not number.is_normal:
+            # Both runs of a pair have the same draw of all other parameters.
             pairs = np.repeat(drawn(draws // 2), 2, axis=0)
             pairs[0::2, k], pairs[1::2, k] = 1.0, -1.0
             blocks.append(pairs)

@@ -286,7 +286,7 @@ def ensemble(
             if pair is None:
                 rates[k] = math.nan
                 continue
-            changed, start = pair
+            changed, start = pair  # Scene and state with the values of the axes at this point.
             end = end_time(changed) if callable(end_time) else end_time
             span, progress = (start_time, end), options.get("progress", True)
             rates[k] = _lyapunov_exponent(
