@@ -659,8 +659,8 @@ def _measured(
             compare(f"{name} position", channel, samples, "rad" if hinge else "m")
     for joint, samples in log.torques.items():
         mode, name, hinge = driven_by.get(joint), drive_name(joint), is_hinge(robot, joint)
-        # Of a joint that follows its position, a run has the torque that this takes, a multiplier. A
-        # torque that is itself prescribed has nothing to be compared with.
+        # If a joint follows its position, a run has the torque that this takes, a multiplier. With
+        # a prescribed torque, a run has no other torque to compare.
         if mode == "angle":
             channel = Multiplier(name, "angle" if hinge else "distance")
             compare(f"{joint} torque", channel, samples, "N m" if hinge else "N")
