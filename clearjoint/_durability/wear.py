@@ -642,7 +642,8 @@ class _Stages:
         ]
 
     def _refuse(self, failure: str, difference: float) -> None:
-        """Set `failure` for a run that can't be extrapolated; raise an error in the first stage."""
+        """Set the field `failure`, or in the first stage raise an error, for a run with a `failure`
+        or with halves whose wear has a `difference` above the tolerance."""
         reason = f"the run of a stage failed: {failure}"
         if not failure:
             reason = f"the two halves of the measured cycles differ by {difference:.3g} in wear"
@@ -685,8 +686,8 @@ class _Stages:
         return True
 
     def _extrapolate(self, length: float) -> None:
-        """Append the number of cycles and the depths after a stage of at most `length` cycles: it
-        also ends at the goals in `cycles` and `depth` of `wear`, and after `largest_change`."""
+        """Append the number of cycles and the depths after a stage of at most `length` cycles. The
+        stage also ends at the goals `cycles` and `depth` of `wear`, and after `largest_change`."""
         run = self.run
         goal = float(run.cycles[run.cycles > self.cycles[-1]].min())
         left = goal - self.cycles[-1]
@@ -924,8 +925,8 @@ def _stacked(found: "xr.Dataset", name: str) -> Float[np.ndarray, "stages rows j
 
 
 def _digest(scene: Scene, state: State, run: CycleRun) -> str:
-    """Return a digest by which a store recognises its computation. It leaves out the arguments that
-    a user may change to continue, see `CycleRun`."""
+    """Return a digest by which a store recognises its computation. The digest does not depend on
+    arguments that a user may change to continue (see `CycleRun`)."""
     # The text of a direction may contain an address in memory, which differs from process to
     # process. So the derivatives of scene and state along the direction are used instead.
     named = dataclasses.replace(run, directions=dict.fromkeys(run.directions))

@@ -74,8 +74,8 @@ def contact_history(
 def _unworn(
     joint: ClearanceJoint, depths: jax.Array, x: jax.Array, y: jax.Array, axes: PlanarAxes
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Return the angle of the contact, rad, and the position, m, along the bearing's axes x and y,
-    that the journal's centre would have if the `depths` had not worn off."""
+    """Return the angle of the contact, rad, of a journal with the centre at `x` and `y`, m, and the
+    x and y, m, that the centre would have if the `depths` had not worn off."""
 
     def angle_at(x: Scalar, y: Scalar, axes: PlanarAxes) -> Scalar:
         profiles = joint.bearing_profile, joint.journal_profile
@@ -145,7 +145,8 @@ def _moved(joint: ClearanceJoint, field: str, change: jax.Array) -> ClearanceJoi
 def _wear_rows(
     joint: ClearanceJoint, rates: tuple[float, float], history: jax.Array, rows: jax.Array
 ) -> jax.Array:
-    """Return the rows of `JointWear.per_cycle`, without derivatives at fixed depths."""
+    """Return the depths per cycle after the depths in row 0, m, and, for each further row, their
+    derivative along this row."""
 
     # With derivatives, one linearisation serves the derivatives by all parameters.
     def wear(depths: jax.Array) -> jax.Array:
@@ -196,7 +197,7 @@ class JointWear(NamedTuple):
 
     def jacobian(self, depths: Float[np.ndarray, "2 samples"]) -> Float[np.ndarray, "m m"]:
         """Return approximate derivatives of the m depths per cycle of the parts that wear with
-        respect to their m depths, from one in `INSTANTS_PER_SAMPLE` of the contacts."""
+        respect to these parts' m depths, by one in `INSTANTS_PER_SAMPLE` of the contacts."""
         selected = self.history[:, :, ::INSTANTS_PER_SAMPLE].copy()
         # The work, the last of `NUMBERS`, is that of the selected contacts and of those left out.
         selected[:, -1] *= INSTANTS_PER_SAMPLE

@@ -310,8 +310,8 @@ def _scenes_and_states(
 
 @Compiled
 def _cumulated(data: Samples, predicted: np.ndarray, smoothing: int) -> jax.Array:
-    """Return chi squared of n runs up to each of T times, (n, T), from predictions (n, S, T), which
-    are NaN where a run does not reach the time."""
+    """Return chi squared of n runs up to each of T times, (n, T), from predictions (n, S, T), NaN
+    where a run does not reach the time. Residuals are averaged over `smoothing` times."""
     # Clipped, so that no residual is larger than that of a sample that a run did not reach.
     residuals = jnp.clip(jax.vmap(data.residuals)(predicted), -UNREACHED, UNREACHED)
     # Means of successive residuals, by differences of their cumulative sum.

@@ -103,7 +103,7 @@ class CorrelatedNoise:
 
     @property
     def effective(self) -> float:
-        """Number of independent samples that determine the variance as accurately as these M."""
+        """Number of independent samples that tell the variance as accurately as these M samples."""
         # For normal noise, correlation multiplies the variance of an estimated variance by one plus
         # twice the sum of the squared autocorrelations (M. Bartlett).
         autocorrelations = self.autocovariances[1:] / self.autocovariances[0]

@@ -50,8 +50,8 @@ def chi_squared_over(curves: Float[np.ndarray, "n T"], count: float) -> Float[np
 
 
 def last_where(holds: Callable[[float], bool], low: float, high: float) -> float:
-    """Return, by bisection, the last float at which the condition `holds` is true. It is true at
-    `low` and false at `high`."""
+    """Return, by bisection, the last float at which the condition `holds` is true. The condition is
+    true at `low`, false at `high`, and changes once between them."""
     # Until no float is between the ends: a step of a posterior may be as short as 1e-30, because
     # the logarithm of a prior that is 1e15 times narrower than the box varies by 1e30 over the box.
     while low < (middle := 0.5 * (low + high)) < high:

@@ -57,7 +57,7 @@ def disturbance(scene: Scene) -> Parameter:
     """Return a parameter of the value zero: the size of a perturbation of the initial velocities,
     m/s. Derivatives by this size show how small differences grow. If the perturbation violates
     constraints of drivers or of joints that close a loop, the stabilisation of these constraints
-    reduces it during the run."""
+    reduces the perturbation during the run."""
     return Parameter.change(_Push(tuple(radii_of_gyration(scene).items())), 0.0, unit="m/s")
 
 

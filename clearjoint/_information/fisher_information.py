@@ -95,8 +95,8 @@ def covariance(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
 def floored(
     rows: Float[np.ndarray, "N p"],
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " k"], Float[np.ndarray, "k p"]]:
-    """Return the column norms, singular values and directions of `_equilibrated`, with norms and
-    singular values that can be divisors.
+    """Return the column norms of `rows` and, after scaling the columns to unit length, the singular
+    values and the right singular vectors. Norms and singular values can be divisors.
 
     Singular values are raised to at least `LEAST_SINGULAR_VALUE` times the larger of 1 and the
     largest of them. A norm of zero is replaced by `LEAST_SINGULAR_VALUE` times the larger of 1 and

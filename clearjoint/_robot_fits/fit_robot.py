@@ -573,8 +573,8 @@ def _reason(
     problem: RobotProblem,
     flanks: Callable[[], Mapping[str, set[str]]],
 ) -> str:
-    """Return why the log does not determine the parameter `name`, the one of index `k` in
-    `report`. `flanks` returns the result of `_touched`."""
+    """Return a sentence on why the log does not determine the parameter `name`, whose index in
+    `report` is `k`. `flanks` returns the result of `_touched`."""
     joint, kind = problem.subjects.get(name, ("", name))
     head = f"{_subject(name, problem)} cannot be determined"
     # The run that tells which flanks touch is only made if flanks may be the reason.

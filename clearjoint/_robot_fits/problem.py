@@ -158,7 +158,7 @@ class AbstractStart(AbstractGroupedChange):
 
     @abc.abstractmethod
     def set_in(self, numbers: "StartNumbers", scene: Scene, value: Scalar) -> None:
-        """Set the positions or speeds in `numbers` that the value of this change determines."""
+        """Set the positions or speeds in `numbers` that follow from `value`, that of this change."""
 
     @staticmethod
     @override
@@ -212,9 +212,9 @@ class StartOfJoint(AbstractStart):
 
 @dataclass(frozen=True)
 class StartInPlay(AbstractStart):
-    """Function that gives the side of a drive train that is not logged, `follower`, its place in
-    the play of `backlash` around the logged side `joint` at the start, from -1, at the lower end,
-    to 1."""
+    """Function that puts `follower`, the side of a drive train that is not logged, at a place in
+    the play of `backlash` at the start: from -1 to 1, the lower and upper ends of the play, around
+    the position of `joint`, the logged side."""
 
     joint: str
     follower: str
@@ -400,7 +400,7 @@ def continuous(robot: Robot, joint: str, samples: Logged) -> Float[np.ndarray, "
 
 
 def _other_side(robot: Robot, log: RobotLog, name: str) -> str | None:
-    """Return the motor of a joint, or the joint of a motor, if it exists and is not logged."""
+    """Return the motor of a joint, or the joint of a motor, if the log lacks it; else ``None``."""
     motors = robot._motors()
     other = (motors | {motor: joint for joint, motor in motors.items()}).get(name)
     return None if other in log.angles else other
@@ -421,7 +421,8 @@ def _load_at_start(
     robot: Robot, q: Mapping[str, float], name: str, follower: str, noise: float
 ) -> float:
     """Return the torque, N m, or force, N, with which a motor holds its link at the start; zero if
-    its sign is not `CERTAIN`. `name` is the logged side of the drive train."""
+    errors of the position might change the sign (see `CERTAIN`). `name` is the logged side of the
+    drive train."""
     joint = name if name in robot.drives else follower
     angles = {n: value for n, value in q.items() if n in robot.joints}
     # The load at the logged position, and at those that are wrong by `CERTAIN` times the noise.
@@ -479,7 +480,7 @@ def _driven(
 def _following(
     robot: Robot, log: RobotLog, joint: str, mode: Mode, positions: Mapping[str, Spline]
 ) -> Element:
-    """Return the element by which a joint follows its logged position or torque."""
+    """Return the driver by which a joint follows its logged torque or its `positions`, smoothed."""
     argument, modes = f"driven_by[{joint!r}]", get_args(Mode)
     expected = f"one of {', '.join(modes)}, or a drive such as a Servo"
     require(mode in modes, argument, mode, expected, "name one of them")

@@ -111,7 +111,7 @@ class Posterior(AbstractTabular):
 
     @property
     def weights(self) -> Float[np.ndarray, " modes"]:
-        """Probability of each separate minimum, (modes,), the largest first."""
+        """Probability of each mode, its share of the points, (modes,), the largest first."""
         return np.bincount(self.modes) / len(self.modes)
 
     @property
