@@ -158,7 +158,7 @@ class AbstractStart(AbstractGroupedChange):
 
     @abc.abstractmethod
     def set_in(self, numbers: "StartNumbers", scene: Scene, value: Scalar) -> None:
-        """Set the positions or speeds in `numbers` that follow from `value`, that of this change."""
+        """Set the positions or speeds in `numbers` that follow from the `value` of this change."""
 
     @staticmethod
     @override
@@ -400,7 +400,8 @@ def continuous(robot: Robot, joint: str, samples: Logged) -> Float[np.ndarray, "
 
 
 def _other_side(robot: Robot, log: RobotLog, name: str) -> str | None:
-    """Return the motor of a joint, or the joint of a motor, if the log lacks it; else ``None``."""
+    """Return the motor of a joint, or the joint of a motor; ``None`` if there is none, or the log
+    has its angles."""
     motors = robot._motors()
     other = (motors | {motor: joint for joint, motor in motors.items()}).get(name)
     return None if other in log.angles else other
@@ -421,8 +422,7 @@ def _load_at_start(
     robot: Robot, q: Mapping[str, float], name: str, follower: str, noise: float
 ) -> float:
     """Return the torque, N m, or force, N, with which a motor holds its link at the start; zero if
-    errors of the position might change the sign (see `CERTAIN`). `name` is the logged side of the
-    drive train."""
+    its sign is not `CERTAIN`. `name` is the logged side of the drive train, `follower` the other."""
     joint = name if name in robot.drives else follower
     angles = {n: value for n, value in q.items() if n in robot.joints}
     # The load at the logged position, and at those that are wrong by `CERTAIN` times the noise.
