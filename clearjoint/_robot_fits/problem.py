@@ -422,7 +422,7 @@ def _load_at_start(
     robot: Robot, q: Mapping[str, float], name: str, follower: str, noise: float
 ) -> float:
     """Return the torque, N m, or force, N, with which a motor holds its link at the start; zero if
-    its sign is not `CERTAIN`. `name` is the logged side of the drive train, `follower` the other."""
+    its sign is not `CERTAIN`. `name`: the logged side of the drive train; `follower`: the other."""
     joint = name if name in robot.drives else follower
     angles = {n: value for n, value in q.items() if n in robot.joints}
     # The load at the logged position, and at those that are wrong by `CERTAIN` times the noise.
