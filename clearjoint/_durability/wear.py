@@ -325,8 +325,8 @@ def life_derivatives(
         return dict.fromkeys(names, float("nan"))
     spline, life = _reached(cycles, deepest, depth)
     # If a parameter raises the curve of the depth by `change` at the end of the life, the life is
-    # shorter by `change` over the slope of the curve. A spline depends linearly on its
-    # values, so the change of the curve is the spline through their derivatives.
+    # shorter by `change` over the slope of the curve. A spline depends linearly on its values, so
+    # the change of the curve is the spline through the derivatives of its values.
     at_deepest = [of_stage[row.argmax()] for of_stage, row in zip(slopes, depths, strict=True)]
     change = type(spline)(cycles, np.array(at_deepest))(life)
     lives = -change / spline(life, 1)
@@ -337,9 +337,9 @@ def life_derivatives(
 class CycleRun:
     """Arguments of `wear`, checked by `check`; `measure` makes the run of a stage with them.
 
-    `directions` has, by name, the parameters and the logarithms of the wear rates. A store is
-    recognised by the `repr` of this object and by `cycles`; the other fields that are not in the
-    `repr` may change when the store is continued.
+    `directions` has the parameters and the logarithms of the wear rates by name; empty without
+    derivatives. A store is recognised by the `repr` of this object and by `cycles`; other fields
+    that are not in the `repr` may change when the store is continued.
     """
 
     rates: Mapping[str, WearRates]
@@ -401,29 +401,30 @@ class CycleRun:
     def measure(
         self, scene: Scene, state: State, depths: Float[np.ndarray, "joints 2 samples"]
     ) -> "_Measured":
-        """Return the wear per cycle by a run of a stage, its derivatives and the final state.
+        """Run a stage from `state`; return the wear per cycle, its derivatives and the final state.
 
         If the run failed, the wear is zero; if the run of the derivatives failed, these are zero.
         `failure` of the result then says why. `depths`: m, that the joints in `scene` have lost.
         """
-        first = self.start_time + self.settle * self.cycle
-        middle, last = (first + part * self.measured * self.cycle for part in (0.5, 1.0))
+        # The measured cycles begin after those in which the motion settles.
+        begin = self.start_time + self.settle * self.cycle
+        middle, end = (begin + part * self.measured * self.cycle for part in (0.5, 1.0))
         start, settings, save = self.start_time, self.settings, Saving(steps=True)
         solution = simulate(
-            scene, state, last, settings, save, start_time=start, throw=False, progress=False
+            scene, state, end, settings, save, start_time=start, throw=False, progress=False
         )
         result, shape = solution.result, (len(self.rates), len(PARTS), self.samples)
         halves = np.zeros((2, 1 + len(self.directions), *shape))
         extremes = np.zeros((2, len(self.rates), len(EXTREMES)))
         rates = self.rates_of_parts
         histories: list[list[History]] = [[] for _ in rates]
-        # For each half and joint, the run gives the wear (row 0 of `halves`), the extremes and the
-        # contacts.
+        # For each half and joint, the run gives the wear (row 0 of `halves`), the largest
+        # penetration and force, and the contacts.
         if result == RESULTS.successful:
             # A contact may run around the whole wall in a cycle. The wear at an angle is then that
             # of the short time in which the contact passes it, which the quadrature must resolve.
             longest = self.cycle / (STEPS_PER_SAMPLE * self.samples)
-            spans = (first, middle), (middle, last)
+            spans = (begin, middle), (middle, end)
             times = [quadrature_times(solution, *span, longest) for span in spans]
             for k, instants in enumerate(times):
                 for j, (name, of_parts) in enumerate(rates.items()):
@@ -441,7 +442,7 @@ class CycleRun:
                 if derivatives is not None:
                     halves[:, 1:] = derivatives
         return _Measured(
-            # Each half has so many cycles.
+            # Each half has half of the measured cycles.
             halves=halves / (0.5 * self.measured),
             extremes=extremes.max(axis=0),
             histories=[np.concatenate(of_halves, axis=2) for of_halves in histories if of_halves],
@@ -485,7 +486,7 @@ class _Measured(NamedTuple):
 
 @dataclass
 class _Stages:
-    """The stages computed so far.
+    """The stages computed so far, of J joints that wear.
 
     - `run`: the arguments of `wear`; `scene`: from `_with_splines`, before any wear.
     - `cycles`: number of cycles before each stage.
@@ -525,17 +526,17 @@ class _Stages:
         that the results so far are kept.
         """
         run = self.run
-        # The last stage of a store has had its run if the computation had reached its end. The next
-        # stage is extrapolated over as many cycles as the last one.
+        # After a run, a new stage without a run is appended, unless the computation has ended. So
+        # all stages have runs only if a store is continued beyond its end. How long the next stage
+        # may be is not stored: it gets as many cycles as the last one.
         if len(self.rates) == len(self.cycles):
             self._extrapolate(self.cycles[-1] - self.cycles[-2])
             return
-        # Each stage has depths (1 + parameters, joints, parts, angles): row 0 has the depths, the
-        # others their derivatives. `_shorten` returns whether it could shorten the stage.
         measured = self._measured()
         # `length` is the number of cycles of the stage whose end the run has measured.
         difference, is_after_stage = run.difference(measured), len(self.cycles) > 1
         length = self.cycles[-1] - self.cycles[-2] if is_after_stage else 0.0
+        # `_shorten` returns whether it could shorten the stage, which the next call then runs.
         if measured.failure or difference > run.tolerance:
             if not self._shorten(SHORTENED * length):
                 self._refuse(measured.failure, difference)
@@ -548,11 +549,12 @@ class _Stages:
                 if not self._shorten(SHORTENED * length):
                     self.failure = f"the depths of a stage failed: {error}"
                 return
-            # Relative to the depths that matter to the contact, also where little has worn.
+            # The largest correction of a depth (in row 0; others have derivatives) of each joint is
+            # compared with the depth plus the penetration: a small depth needs little accuracy.
             scales = depths[0].max(axis=(1, 2)) + self._pressed()
             corrections = np.abs(depths - self.depths[-1])[0].max(axis=(1, 2))
-            # The extrapolation is of first order in the length of the stage, so that its error
-            # is proportional to the square of the length.
+            # The extrapolation is of first order in the length of the stage, so that its error is
+            # proportional to the square of the length. The factor 0.9 leaves a margin.
             error = float(np.max(corrections / scales)) / run.stage_error
             next_length = length * min(GROWTH, 0.9 / np.sqrt(max(error, 1e-9)))
             if error > 1.0 and self._shorten(max(next_length, SHORTENED * length)):
@@ -578,6 +580,7 @@ class _Stages:
     def has_ended(self) -> bool:
         """Return whether there is nothing more to compute, and set `ending` if so."""
         run = self.run
+        # A goal is reached only when the run of the last stage has corrected the depths.
         has_run = len(self.rates) == len(self.cycles)
         if self.failure:
             self.ending = self.failure
@@ -619,8 +622,9 @@ class _Stages:
     def _wears(self, measured: _Measured) -> list[JointWear]:
         direct = np.zeros_like(self.depths[-1][1:])
         if self.run.directions:
-            # The run has the total derivatives by the parameters. Less the part through the depths,
-            # computed with `direct` of zero, they are those at fixed depths.
+            # `measured` has the total derivatives by the parameters. A part of them comes from the
+            # depths, which the parameters have changed: `per_cycle` with a `direct` of zero returns
+            # this part. What remains are the derivatives at fixed depths, `direct`.
             wears = self.joint_wears(measured.histories, direct.swapaxes(0, 1))
             through_depths = [w.per_cycle(self.depths[-1][:, j])[1:] for j, w in enumerate(wears)]
             direct = measured.halves.mean(axis=0)[1:] - np.stack(through_depths, axis=1)
@@ -638,7 +642,8 @@ class _Stages:
         ]
 
     def _refuse(self, failure: str, difference: float) -> None:
-        """Set `failure` for a run that can't be extrapolated; raise an error in the first stage."""
+        """Set the field `failure`, or in the first stage raise an error, for a run with a `failure`
+        or with halves whose wear has a `difference` above the tolerance."""
         reason = f"the run of a stage failed: {failure}"
         if not failure:
             reason = f"the two halves of the measured cycles differ by {difference:.3g} in wear"
@@ -650,7 +655,7 @@ class _Stages:
         self.failure = reason
 
     def _pressed(self) -> Float[np.ndarray, " joints"]:
-        """Largest penetration of each joint in the last run, m, from the onset of the force."""
+        """Largest depth of each joint's contacts in the last run, m, from the force's onset on."""
         pressed = self.extremes[-1][:, 0].copy()
         for j, name in enumerate(self.run.rates):
             joint = _clearance_joint(self.scene, name)
@@ -663,8 +668,9 @@ class _Stages:
         return np.maximum(pressed, LEAST_PENETRATION)
 
     def _cycles_to_change(self, change: float) -> float:
-        """Fewest cycles in which the depths of a joint change by `change` times `_pressed`."""
+        """Number of cycles until a depth of any joint has changed by `change` times `_pressed`."""
         fastest = self.rates[-1][0].max(axis=(1, 2))
+        # A joint that does not wear takes infinitely many; 1 avoids a division by its rate of zero.
         cycles = change * self._pressed() / np.where(fastest > 0.0, fastest, 1.0)
         return float(np.min(np.where(fastest > 0.0, cycles, np.inf)))
 
@@ -680,8 +686,8 @@ class _Stages:
         return True
 
     def _extrapolate(self, length: float) -> None:
-        """Append the number of cycles and the depths after a stage of at most `length` cycles: it
-        also ends at the goals in `cycles` and `depth` of `wear`, and after `largest_change`."""
+        """Append the number of cycles and the depths after a stage of at most `length` cycles. The
+        stage also ends at the goals `cycles` and `depth` of `wear`, and after `largest_change`."""
         run = self.run
         goal = float(run.cycles[run.cycles > self.cycles[-1]].min())
         left = goal - self.cycles[-1]
@@ -704,20 +710,22 @@ class _Stages:
         """Return the depths at the end of a stage of `length` cycles after the last run, and its
         number of cycles, which is smaller if the `depth` of `wear` ends the computation before.
 
-        With the wear `end` of each joint, from a run after the stage, the depths are corrected.
+        With `end`, the wear of each joint in a run after the stage, these are the corrected depths.
         """
         run, stage = self.run, len(self.rates) - 1
         rows, per_cycle, pressed = self.depths[stage], self.rates[stage], self._pressed()
         rtol = INTEGRATION * run.stage_error
-        # A little deeper, so that the correction doesn't lead above the depth again.
+        # A little deeper than `depth`, which the corrected depths should reach too. A correction is
+        # over the whole stage.
         until = None if run.depth is None or end else run.depth * (1.0 + 0.1 * run.stage_error)
         curves, reached = [], length
         for j, wear in enumerate(self.wears):
             sizes, size = np.abs(per_cycle[:, j]).max(axis=(1, 2)), per_cycle[0, j].max()
             # A derivative's scale is its change while the depth changes by the penetration.
             scales = pressed[j] * np.where(sizes > 0.0, sizes / (size or 1.0), 1.0)
-            other = end[j] if end else None
-            curves.append(grow(wear, other, rows[:, j], length, rtol, rtol * scales, until))
+            wear_at_end = end[j] if end else None
+            curves.append(grow(wear, wear_at_end, rows[:, j], length, rtol, rtol * scales, until))
+            # A curve ends before `length` where its deepest point reaches `until`.
             reached = min(reached, curves[-1].t_max)
         depths = rows.copy()
         for j, (wear, curve) in enumerate(zip(self.wears, curves, strict=True)):
@@ -727,7 +735,8 @@ class _Stages:
         return depths, reached
 
     def contacts(self) -> dict[str, tuple]:
-        """Return the variables that a store needs, besides the result, to be continued."""
+        """Return the variables `CONTACTS`, which a store needs besides the result to be continued;
+        none before the first run."""
         if not self.wears:
             return {}
         histories = np.stack([wear.history for wear in self.wears])
@@ -800,6 +809,7 @@ class _Store:
         remove_abandoned(self.path)
         with unfinished(self.path) as new:
             write_dataset(new, result.assign(contacts).assign_attrs(digest=self.digest))
+            # The old store is kept under another name until the new one has its place.
             if self.path.exists():
                 shutil.rmtree(old, ignore_errors=True)
                 self.path.rename(old)
@@ -848,7 +858,8 @@ def _folder(path: Path) -> Path:
 
 
 def _version(folder: Path) -> int | None:
-    """Return the inode of a folder, by which a reader notices that the store was replaced."""
+    """Return the inode of a folder, by which a reader notices that the store was replaced; ``None``
+    if there is no folder."""
     try:
         return folder.stat().st_ino
     except FileNotFoundError:
@@ -891,7 +902,7 @@ def _opened(path: str | PathLike[str]) -> "xr.Dataset":
 
 
 def final_state(found: "xr.Dataset") -> State:
-    """Return the state after the last run whose wear was used, or the initial state."""
+    """Return the state after the last run whose wear was used; without any, the initial state."""
     numbers = {field.name: found[f"final_{field.name}"].values for field in fields(BodyState)}
     bodies = {
         str(name): BodyState(**{field: of_bodies[j] for field, of_bodies in numbers.items()})
@@ -914,8 +925,8 @@ def _stacked(found: "xr.Dataset", name: str) -> Float[np.ndarray, "stages rows j
 
 
 def _digest(scene: Scene, state: State, run: CycleRun) -> str:
-    """Return a digest by which a store recognises its computation. It leaves out the arguments that
-    a user may change to continue, see `CycleRun`."""
+    """Return a digest by which a store recognises its computation. The digest does not depend on
+    arguments that a user may change to continue (see `CycleRun`)."""
     # The text of a direction may contain an address in memory, which differs from process to
     # process. So the derivatives of scene and state along the direction are used instead.
     named = dataclasses.replace(run, directions=dict.fromkeys(run.directions))
@@ -966,14 +977,14 @@ def _with_depths(
         if not is_spline or len(profile.coefficients) != depths.shape[-1]:
             return profile
         # Wear enlarges the radius of the bearing and reduces that of the journal.
-        rows = (1.0, -1.0)[k] * depths[:, names.index(name), k]
+        signed_rows = (1.0, -1.0)[k] * depths[:, names.index(name), k]
         # Interpolation is linear, so that it applies to derivatives as well.
-        changes = [np.asarray(PeriodicSpline.through(row).coefficients) for row in rows]
+        changes = [np.asarray(PeriodicSpline.through(row).coefficients) for row in signed_rows]
         coefficients = np.asarray(profile.coefficients) + changes[0]
-        if len(rows) == 1:
+        if len(changes) == 1:
             return PeriodicSpline(coefficients)
         # The shifts are zeros: derivatives are taken at the present parameters.
-        return MovingSpline(coefficients, np.concatenate(changes[1:]), np.zeros(len(rows) - 1))
+        return MovingSpline(coefficients, np.concatenate(changes[1:]), np.zeros(len(changes) - 1))
 
     return _with_profiles(scene, names, worn_off)
 

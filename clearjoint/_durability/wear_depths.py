@@ -74,8 +74,8 @@ def quadrature_times(
     assert solution.steps is not None, "`wear` saves all steps"
     ends = np.asarray(solution.steps.times)
     ends = np.unique([start, *ends[(ends > start) & (ends < end)], end])
-    # Number of parts of each step. It is even, because each interval is two parts, between an end
-    # and the middle.
+    # Number of parts of each step. It is even, because each interval of Simpson's rule consists of
+    # two parts: from an end to the middle, and on to the other end.
     parts = 2 * np.ceil(np.diff(ends) / longest).astype(int)
     # The k-th of n parts of a step begins at k/n of the step; k is the index of a part among all
     # parts, less the number of parts of the steps before.
@@ -92,8 +92,8 @@ def wear_depths(
     times: Float[np.ndarray, " T"],
     samples: int,
 ) -> tuple[Float[np.ndarray, "2 samples"], Float[np.ndarray, "2"], Signals]:
-    """Return the wear of a joint with the wear `rates` of bearing and journal, m^2/N, during the
-    `times` from `quadrature_times`, s.
+    """Return the wear of a joint in the run `solution`, with the wear `rates` of bearing and
+    journal, m^2/N, during the `times` from `quadrature_times`, s.
 
     **Returns:** the depths that wear off the wall and off the journal at `samples` evenly spaced
     angles, (2, samples) m; the largest penetration at an end of the journal, m, and the largest sum

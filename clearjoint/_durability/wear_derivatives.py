@@ -65,8 +65,8 @@ class MovingSpline(AbstractPeriodicSpline):
 
 @dataclass(frozen=True)
 class ParameterDirection:
-    """Function that changes one parameter: its number in the scene or state and, because it would
-    have changed the wear of the stages before, all profiles that wear.
+    """Function that changes one parameter: a number in the scene or state and, because another
+    number would have changed the wear of the stages before, all profiles that wear.
 
     - `index`: index of the parameter in the `shifts` of each `MovingSpline`.
     - `joints`: names of the joints that wear.
@@ -140,14 +140,14 @@ def derivatives_in_spans(
     settings: Settings | None,
     samples: int,
 ) -> tuple[Float[np.ndarray, "spans p joints 2 samples"] | None, RESULTS]:
-    """Make one run from `start_time`, s, to the end of the last span. Return the derivatives of the
-    depths that wear off in several spans of time, and the run's result code.
+    """Make one run from `state` at `start_time`, s, to the end of the last span. Return derivatives
+    of the depths that wear off in several spans of time, and the run's result code.
 
     The derivatives are (spans, p, joints, 2, samples), bearing before journal, at `samples` angles,
     m per unit of each parameter's coordinate; ``None`` if the run failed. `spans` are the times of
     each span, from `quadrature_times`, and `directions` the result of `directions_of`.
     """
-    # Spans that follow each other share a time.
+    # Spans that follow each other share a time, which `unique` takes once.
     times = np.unique(np.concatenate(spans))
     outputs = {f"{joint} {name}": Signal(joint, name) for joint in rates for name in SIGNALS}
     parameters = {name: Parameter.change(along, 0.0) for name, along in directions.items()}
@@ -172,7 +172,7 @@ def derivatives_in_spans(
             signals = {name: run.outputs[f"{joint} {name}"][rows] for name in SIGNALS}
             # The depths depend on a parameter through the numbers and profiles of the joint,
             # through the signals of the run (forces, sliding speeds and positions of the journal
-            # over time), and through the wear rates. Their tangents give that of the depths.
+            # over time), and through the wear rates. The tangents of these give that of the depths.
             for k, (parameter, along) in enumerate(directions.items()):
                 element, element_tangent = jax.jvp(
                     lambda value, j=joint, a=along: a(scene, state, value)[0].joints[j],

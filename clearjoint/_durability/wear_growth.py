@@ -74,8 +74,8 @@ def contact_history(
 def _unworn(
     joint: ClearanceJoint, depths: jax.Array, x: jax.Array, y: jax.Array, axes: PlanarAxes
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Return the angle of the contact, rad, and the position, m, along the bearing's axes x and y,
-    that the journal's centre would have if the `depths` had not worn off."""
+    """Return the angle of the contact, rad, of a journal with the centre at `x` and `y`, m, and the
+    x and y, m, that the centre would have if the `depths` had not worn off."""
 
     def angle_at(x: Scalar, y: Scalar, axes: PlanarAxes) -> Scalar:
         profiles = joint.bearing_profile, joint.journal_profile
@@ -88,11 +88,13 @@ def _unworn(
 
 
 def _shift(depths: jax.Array, angles: jax.Array, axes: PlanarAxes) -> tuple[jax.Array, jax.Array]:
-    """Return by how much the journal's centre moves, m, along the bearing's axes x and y, if
-    `depths` wear off while the penetration and the `angles` of the contact, rad, stay."""
+    """Return by how much the journal's centre moves, m, along the bearing's axes x and y, if the
+    `depths` wear off while penetration and `angles` of the contact, rad, remain the same."""
     wall, journal = PeriodicSpline.through(depths[0]), PeriodicSpline.through(-depths[1])
     worn = JournalInBearing(0.0, 0.0, wall, journal, axes)
-    # The overlap of the two parts at the contact remains, and remains the largest one.
+    # The overlap of the two parts at the contact remains, and remains the largest one: the worn
+    # depths change it by `value` and its derivative by `slope`, and the centre moves by -value in
+    # the direction of the contact, and by -slope across it.
     value, slope = jax.jvp(worn.overlap, (angles,), (jnp.ones_like(angles),))
     cosine, sine = jnp.cos(angles), jnp.sin(angles)
     return slope * sine - value * cosine, -slope * cosine - value * sine
@@ -104,10 +106,12 @@ def _wear(
     history: Float[jax.Array, "bases numbers instants"],
     depths: Float[jax.Array, "2 samples"],
 ) -> Float[jax.Array, "2 samples"]:
-    """Return the depths, m per cycle, that wear off a joint after `depths`; `joint` is unworn."""
+    """Return the depths, m per cycle, that wear off a joint from which `depths`, m, have worn off
+    already. `joint` is the unworn joint."""
     # Each of the `NUMBERS`, (bases * instants,): the wear of both bases is added.
     x, y, contact, *axes, work = history.swapaxes(0, 1).reshape(len(NUMBERS), -1)
     axes = PlanarAxes(*axes)
+    # The journal follows the wall as it wears, and the profiles lose the depths.
     along_x, along_y = _shift(depths, contact, axes)
     x, y = jnp.asarray(x + along_x)[:, None], jnp.asarray(y + along_y)[:, None]
     for field, removed in zip(PROFILES, (depths[0], -depths[1]), strict=True):
@@ -118,6 +122,7 @@ def _wear(
     per_cycle = []
     for angles, radius, rate in zip(wall_angles(columns, samples), radii, rates, strict=True):
         if rate > 0.0:
+            # The area of the surface that belongs to one angle, m^2.
             area = radius * 2.0 * np.pi / samples * joint.journal_length
             per_cycle.append(rate / area * (work @ shares(joint, x, y, angles, columns)))
         else:
@@ -140,8 +145,10 @@ def _moved(joint: ClearanceJoint, field: str, change: jax.Array) -> ClearanceJoi
 def _wear_rows(
     joint: ClearanceJoint, rates: tuple[float, float], history: jax.Array, rows: jax.Array
 ) -> jax.Array:
-    """Return the rows of `JointWear.per_cycle`, without derivatives at fixed depths."""
+    """Return the depths per cycle after the depths in row 0, m, and, for each further row, their
+    derivative along this row."""
 
+    # With derivatives, one linearisation serves the derivatives by all parameters.
     def wear(depths: jax.Array) -> jax.Array:
         return _wear(joint, rates, history, depths)
 
@@ -156,7 +163,7 @@ def _jacobian(
     joint: ClearanceJoint, rates: tuple[float, float], history: jax.Array, depths: jax.Array
 ) -> jax.Array:
     """Return the derivatives (m, m) of the m depths per cycle of the parts that wear, at all
-    angles, with respect to their m depths. The arguments are those of `_wear`."""
+    angles, with respect to the m depths of these parts. The arguments are those of `_wear`."""
     wearing = np.flatnonzero(rates)
 
     def wear(values: jax.Array) -> jax.Array:
@@ -190,10 +197,11 @@ class JointWear(NamedTuple):
 
     def jacobian(self, depths: Float[np.ndarray, "2 samples"]) -> Float[np.ndarray, "m m"]:
         """Return approximate derivatives of the m depths per cycle of the parts that wear with
-        respect to their m depths, from one in `INSTANTS_PER_SAMPLE` of the contacts."""
-        some = self.history[:, :, ::INSTANTS_PER_SAMPLE].copy()
-        some[:, -1] *= INSTANTS_PER_SAMPLE  # each of them does the work of those left out
-        return np.asarray(_jacobian(self.joint, self.rates, some, depths))
+        respect to these parts' m depths, by one in `INSTANTS_PER_SAMPLE` of the contacts."""
+        selected = self.history[:, :, ::INSTANTS_PER_SAMPLE].copy()
+        # The work, the last of `NUMBERS`, is that of the selected contacts and of those left out.
+        selected[:, -1] *= INSTANTS_PER_SAMPLE
+        return np.asarray(_jacobian(self.joint, self.rates, selected, depths))
 
     @property
     def wearing(self) -> tuple[int, ...]:
@@ -201,8 +209,8 @@ class JointWear(NamedTuple):
         return tuple(np.flatnonzero(self.rates).tolist())
 
     def blended(self, other: "JointWear", share: float) -> "JointWear":
-        """Return the wear by a mixture of contacts: a `share`, 0 to 1, of those of `other`, and the
-        rest of those of this one."""
+        """Return the wear by a mixture of contacts: those of `other` with the weight `share`, 0 to
+        1, and those of this object with the weight 1 - `share`."""
         histories = [self.history.copy(), other.history.copy()]
         for history, weight in zip(histories, (1.0 - share, share), strict=True):
             history[:, -1] *= weight  # wear is proportional to the work
@@ -223,9 +231,9 @@ def grow(
     derivatives: an array (rows, number of parts that wear, samples), m, flattened.
 
     The contacts are those of `start` throughout, or change linearly from those of `start` to those
-    of `end`. The depths are integrated by backward differentiation formulas, with a relative
-    tolerance and an absolute one for each row, m, until the deepest point reaches `depth`, m.
-    `RuntimeError`: the integration failed.
+    of `end`. The depths are integrated from `rows` by backward differentiation formulas, with a
+    relative tolerance and an absolute one for each row, m, until the deepest point reaches `depth`,
+    m; without `depth`, over all cycles. `RuntimeError`: the integration failed.
     """
     from scipy.integrate import solve_ivp
 
@@ -254,7 +262,7 @@ def grow(
         return flat[: shape[1] * shape[2]].max() - (np.inf if depth is None else depth)
 
     below.terminal = True
-    # SciPy subtracts numbers of memory that it has not set, and never uses the differences.
+    # SciPy computes with entries of arrays that it has not set, and never uses the results.
     with np.errstate(all="ignore"):
         solution = solve_ivp(
             per_cycle,

@@ -64,8 +64,8 @@ def displacements(covariance: Covariance, limits: Point, generator: Generator) -
     """
     errors, root = np.sqrt(np.diag(covariance)), _root(covariance)
     # Columns are displacements by one standard error. Column k of the first matrix is the
-    # covariance with parameter k over its standard error: along it the other parameters minimise
-    # chi squared for a given value of parameter k.
+    # covariance with parameter k over the standard error of k: along this column the other
+    # parameters minimise chi squared for a given value of parameter k.
     axes = [covariance / errors]
     if len(errors) > 1:  # With one parameter, the root is the same displacement again.
         axes.append(root)
@@ -180,7 +180,8 @@ class Exploration:
 
 
 def interval_ends(minima: Sequence[RunMisfit], lowest: float) -> Float[np.ndarray, "k p"]:
-    """Return the ends of the 95 % intervals around minima: two rows for each, lower and upper ends.
+    """Return the 95 % intervals around minima: for each minimum, a row of the lower ends of all
+    coordinates, then a row of the upper ends.
 
     The interval of a coordinate has the values at which chi squared, minimised over the other
     coordinates by the quadratic model of the minimum, is at most `RISE` above `lowest`, the
@@ -203,9 +204,9 @@ NEAR, NEAREST = 0.03, 1e-3
 
 @dataclass
 class _CountedRuns:
-    """Makes the runs of `explore`, and counts them up to the limit `most`, in runs without
-    derivatives, of which there have been `points`. A run with derivatives by p parameters, in one
-    of the local `searches`, counts as 1 + p of them."""
+    """Makes and counts the runs of `explore`. `points` is the number of runs without derivatives so
+    far. A run with derivatives by p parameters, in one of the local `searches`, counts as 1 + p of
+    these. `most`: largest count after which `left` still permits further runs."""
 
     compared: Comparison
     most: float
@@ -290,11 +291,12 @@ def explore(
         low, high = explored.intervals()
         # A minimum is new if it affects the intervals and is none of the known ones.
         relevant = [end for end in descended if end.chi_squared <= explored.lowest + RISE]
-        new_minima = [a for a in relevant if not any(inside(b, a.coordinates) for b in minima)]
+        new_minima = [
+            end for end in relevant if not any(inside(known, end.coordinates) for known in minima)
+        ]
         minima += descended
-        lower = min(minima, key=lambda other: other.chi_squared)
-        decrease = best.chi_squared - lower.chi_squared
-        best = lower
+        best_before, best = best, min(minima, key=lambda other: other.chi_squared)
+        decrease = best_before.chi_squared - best.chi_squared
         if previous_intervals is not None and not new_minima and explored.lowest <= likely:
             # Growth of each interval at its two ends since the round before, relative to its width.
             before_low, before_high = previous_intervals
@@ -314,8 +316,8 @@ def explore(
         # If noise doesn't explain its chi squared, an even lower one may be near.
         if decrease > RISE or explored.lowest > likely:
             around_best = [best.covariance, *covariances[1:]]
-            others = drawn_around(best.coordinates, around_best, number // 2)
-            new_points = np.concatenate([new_points, others])
+            further_points = drawn_around(best.coordinates, around_best, number // 2)
+            new_points = np.concatenate([new_points, further_points])
     return replace(explored, settled=False)
 
 
@@ -393,20 +395,20 @@ class LikelihoodCheck:
         return self.test.passed
 
     def widening(self, best: RunMisfit) -> float:
-        """Return the factor, 1 or more, by which the intervals by the exploration differ from those
-        by the covariance of `best`: the larger over the smaller distance of an end of the interval
-        from `best`, where this ratio is largest."""
+        """Return the largest factor, 1 or more, by which the distance of an interval's end from
+        `best` differs between the intervals by the exploration and by the covariance of `best`."""
         assert self.exploration is not None
         half = np.sqrt(RISE * np.diag(best.covariance))
         low, high = self.exploration.intervals()
         distances = np.abs(np.concatenate([best.coordinates - low, high - best.coordinates]))
+        # Lower ends come first, then upper ends; `half` is the distance by the covariance of both.
         ratios = distances / np.tile(half, 2)
         return float(np.maximum(ratios, 1.0 / np.maximum(ratios, 1e-12)).max())
 
     @cached_property
     def minima(self) -> int:
         """Number of minima with a chi squared at most `RISE` above the lowest that are not `inside`
-        a lower one; 1 if the test passed."""
+        a lower minimum; 1 if the test passed."""
         if self.exploration is None:
             return 1
         limit, minima = self.exploration.lowest + RISE, self.exploration.minima
@@ -480,8 +482,8 @@ def check(
 
 
 def _extent(explored: Exploration, lowest: RunMisfit) -> Point:
-    """Return the largest distance of the low points (see `WORTH`) from the `lowest` minimum in each
-    coordinate, but at least two standard errors."""
+    """Return the largest distance from the `lowest` minimum, in each coordinate, of points with a
+    chi squared at most `WORTH` times `RISE` above the smallest; at least two standard errors."""
     low = explored.chi_squared <= explored.lowest + WORTH * RISE
     offsets = np.abs(explored.points[low] - lowest.coordinates)
     least = 2.0 * np.sqrt(np.diag(lowest.covariance))
@@ -492,9 +494,9 @@ def _small_posterior(
     compared: Comparison, box: Box, number: int, lowest: float, most_runs: int, bar: ProgressBar
 ) -> Posterior | None:
     """Return the posterior, with `POINTS` times `number` points, for a uniform prior in a box;
-    ``None`` if it has `warnings`, if its points miss the smallest known chi squared, `lowest`, if
-    it needs more than `most_runs`, or if no points could be drawn."""
-    before = bar.n
+    ``None`` if this posterior has `warnings`, misses the smallest known chi squared, `lowest`, by
+    more than `RISE`, or takes more than `most_runs`, or if no points could be drawn."""
+    before = bar.n  # The bar has counted the other runs of the check so far.
 
     def on_step(time: float, runs: int) -> None:
         bar.set_postfix_str(f"posterior to {time:.4g} s")

@@ -56,7 +56,7 @@ class Comparison:
     other measurements. A list, because the class is frozen."""
 
     def of(self, measurements: Measurements) -> "Comparison":
-        """Return the comparison with other measurements of the same channels and times."""
+        """Return the comparison with measurements of other values at the same times."""
         return replace(self, data=samples(measurements, len(self.runs.times)))
 
     @property
@@ -92,10 +92,12 @@ class Comparison:
         waiting: dict[int, np.ndarray] = {}
 
         def compare_waiting() -> None:
+            # Computes the curves of the lanes in `waiting`, which is empty then.
             lanes = list(waiting)
             rows = np.stack([waiting.pop(lane) for lane in lanes])
             # Always the same number of rows, so that one compiled program serves all calls.
             predictions = np.resize(rows, (TOGETHER, *rows.shape[1:]))
+            # The lanes have computed quantities, which sensors with errors read otherwise.
             if runs.sensors.of_values:
                 quantities = dict(zip(runs.names, np.moveaxis(predictions, 1, 0), strict=True))
                 of_lanes = np.resize(coordinates[lanes], (TOGETHER, coordinates.shape[1]))
@@ -106,6 +108,7 @@ class Comparison:
             curves[lanes, 1:] = sums[: len(lanes), :count]
 
         def on_ended(ended: Ended) -> None:
+            # Puts the predictions of lanes into `waiting`, NaN at times that a lane did not reach.
             # A lane has recorded `reached` instants, up to the time that it reached.
             rows, counts = ended.logs[SAVED]
             for k, (lane, reached) in enumerate(zip(ended.lanes.tolist(), counts, strict=True)):
@@ -145,7 +148,7 @@ class Comparison:
         max_changes, windows, at = step_limits(self.parameters), [], start
         best: RunMisfit | None = None
         for end in ends:
-            # Over few impacts errors of the parameters have grown little, so that a search in a
+            # After few impacts errors of the parameters have grown little, so that a search in a
             # short window converges from farther away than in the whole record.
             part, last = self.data.until(self.times, end), end == ends[-1]
             misfit = partial(run_misfit, self.runs, part, end)
@@ -186,8 +189,9 @@ class Comparison:
         # Numbers of lanes are rounded up to a power of two: few compiled programs serve all calls.
         rows = max(TOGETHER, 1 << (lanes - 1).bit_length())
         filled = np.resize(coordinates, (rows, coordinates.shape[1]))
-        made = jax.device_get(_scenes_and_states(self.runs, self._varied, filled))
-        varied, states = jax.tree.map(lambda leaf: leaf[:lanes], made)
+        of_rows = jax.device_get(_scenes_and_states(self.runs, self._varied, filled))
+        varied, states = jax.tree.map(lambda leaf: leaf[:lanes], of_rows)
+        # A run ends at its last instant; an infinite one is padding.
         ends = np.where(np.isfinite(instants), instants, -np.inf).max(axis=1)
         first_steps = np.full(lanes, float(self.runs.first_step))
         return Task(varied, states, ends, first_steps, instants)
@@ -265,6 +269,7 @@ def check_sets(scene: Scene, measurements: Sequence[Measurements]) -> None:
     first_set = measurements[0]
     first_set.check(scene)
     for k, measured in enumerate(measurements):
+        # One compiled program serves series of equal names, in equal order, quantities and times.
         same = list(measured.series) == list(first_set.series) and all(
             series.channel == first_set[name].channel
             and np.array_equal(series.times, first_set[name].times)
@@ -305,10 +310,11 @@ def _scenes_and_states(
 
 @Compiled
 def _cumulated(data: Samples, predicted: np.ndarray, smoothing: int) -> jax.Array:
-    """Return chi squared of n runs up to each of T times, (n, T), from predictions (n, S, T), which
-    are NaN where a run does not reach the time."""
+    """Return chi squared of n runs up to each of T times, (n, T), from predictions (n, S, T), NaN
+    where a run does not reach the time. Residuals are averaged over `smoothing` times."""
     # Clipped, so that no residual is larger than that of a sample that a run did not reach.
     residuals = jnp.clip(jax.vmap(data.residuals)(predicted), -UNREACHED, UNREACHED)
+    # Means of successive residuals, by differences of their cumulative sum.
     if smoothing > 1:
         sums = jnp.cumsum(jnp.pad(residuals, ((0, 0), (0, 0), (smoothing, 0))), axis=2)
         residuals = (sums[..., smoothing:] - sums[..., :-smoothing]) / smoothing

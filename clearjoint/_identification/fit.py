@@ -172,7 +172,7 @@ class Fit(AbstractTabular):
 
     @property
     def _interval_widening(self) -> Float[np.ndarray, " p"]:
-        """Factor by which each interval is widened: 1 where `widening` is 1, otherwise `widening`
+        """Factor, (p,), by which each interval is widened: 1 where `widening` is 1, else `widening`
         times a factor of Student's distribution, because the variance of correlated noise is
         estimated from few independent samples."""
         noises = self._correlated_noise.values()
@@ -207,15 +207,15 @@ class Fit(AbstractTabular):
 
     @property
     def _is_gone(self) -> np.ndarray:
-        """Which coordinates have a standard deviation above `GONE`, (p,): on a `Log` scale, such an
-        estimate is about zero or infinite."""
+        """Whether each coordinate has a standard deviation above `GONE`, (p,): on a `Log` scale,
+        such an estimate is about zero or infinite."""
         return np.diag(self.covariance) > GONE**2
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
         """95 % confidence interval (low, high) of each value by name, in `units`.
 
-        They come from the first of these sources that exists:
+        Intervals come from the first of these sources that exists:
 
         1. the `posterior`: its central intervals, which need not contain the estimates;
         2. the points that `check` has explored, if it has found that chi squared is not quadratic:
@@ -242,20 +242,22 @@ class Fit(AbstractTabular):
             explored = np.array(of_posterior).T
         elif self.check is not None and self.check.exploration is not None:
             explored = np.array(self.check.exploration.intervals())
-        parts = self._intervals_around(minima) if minima else []
+        # Low and high ends of all intervals in values, (2, p) from each source.
+        ends = self._intervals_around(minima) if minima else []
         if explored is not None:
             half = 0.5 * np.diff(explored, axis=0)[0] * self._interval_widening
             low, high = (explored.mean(axis=0) + sign * half for sign in (-1.0, 1.0))
             lows, highs = (values_at(self.parameters, u).values() for u in (low, high))
-            parts.append(np.array([[*lows], [*highs]]))
-        lowest, highest = np.min(parts, axis=(0, 1)).tolist(), np.max(parts, axis=(0, 1)).tolist()
+            ends.append(np.array([[*lows], [*highs]]))
+        lowest, highest = np.min(ends, axis=(0, 1)).tolist(), np.max(ends, axis=(0, 1)).tolist()
         return dict(zip(self.parameters, zip(lowest, highest, strict=True), strict=True))
 
     def _intervals_around(self, minima: Sequence[RunMisfit]) -> list[Float[np.ndarray, "2 p"]]:
         """Return the low and high ends of the intervals of the values by the covariance at each of
         the minima."""
-        # An estimate without effect has gone to one end of its scale. Of other parameters, another
-        # minimum may have: it is at the upper end if it is above the estimate.
+        # An interval that is open at one end of its scale, such as at infinity, needs to know which
+        # end. An estimate that is gone has moved there from its start. Of other parameters, another
+        # minimum may be gone: to the upper end if it is above the estimate.
         went_up = self.coordinates > self.searches[0].start
         scales = [parameter.scale for parameter in self.parameters.values()]
         ends, intervals = checking.interval_ends(minima, self.chi_squared), []
@@ -273,7 +275,7 @@ class Fit(AbstractTabular):
     @property
     def posterior(self) -> Posterior | None:
         """Posterior, with few points, that `check` has computed because chi squared is not
-        quadratic; ``None`` if it has computed none."""
+        quadratic; ``None`` if `check` has not computed one."""
         return None if self.check is None else self.check.posterior
 
     @property
@@ -394,12 +396,12 @@ class Fit(AbstractTabular):
         return "\n\n".join(part for part in parts if part)
 
     def _test_report(self) -> str:
-        """Sentences on `check`, which must be made: whether chi squared rises as the covariance
-        predicts and, if not, where the intervals come from."""
+        """Sentences on `check`, which must not be ``None``: whether chi squared rises as the
+        covariance predicts and, if not, where the intervals come from."""
         assert self.check is not None
         check, test, explored = self.check, self.check.test, self.check.exploration
         cost = f"{check.runs} runs around the estimates, {duration(check.seconds)}"
-        if explored is None:
+        if explored is None:  # the test has passed
             return (
                 f"The covariance was tested up to 4 standard errors away ({cost}): chi squared "
                 "rises as predicted."
@@ -448,7 +450,8 @@ class Fit(AbstractTabular):
     def _interval_doubts(
         self, check: LikelihoodCheck, explored: checking.Exploration
     ) -> Iterator[str]:
-        """Sentences on possible reasons why the intervals are wrong after an exploration."""
+        """Sentences on possible reasons why the intervals from an exploration are wrong: a record
+        beyond the horizon, an exploration that has not settled, and integration errors."""
         # Of the horizon by runs around the estimates and the predicted one, the earlier counts.
         until = check.test.horizon
         if self.horizon is not None:
@@ -512,6 +515,7 @@ class Fit(AbstractTabular):
             )
         if len(others) > SHOWN:
             yield f"{len(others) - SHOWN} more minima are in Fit.rivals."
+        # An estimate that is gone is about zero or infinite, if its interval ends there.
         for (name, (low, high)), gone in zip(self.intervals.items(), self._is_gone, strict=True):
             scale, value = self.parameters[name].scale, self.estimates[name]
             if isinstance(scale, Bounded):
@@ -562,8 +566,8 @@ class Fit(AbstractTabular):
 
 
 def limit_text(low: float, high: float, unit: str) -> str:
-    """Return a text on an interval that begins at zero or ends at infinity, for example "at most
-    0.1 N m (95 %): a smaller value fits as well."."""
+    """Return a text on the 95 % interval from `low` to `high`, which begins at zero or ends at
+    infinity: for example "at most 0.1 N m (95 %): a smaller value fits as well."."""
     if low in (0.0, -math.inf) and math.isinf(high):
         return "not determined by the data: any value fits as well."
     limit, others = f"at most {high:.3g}", "smaller"
@@ -649,14 +653,14 @@ def _explanation(
 ) -> tuple[float, dict[Kind, float], float]:
     """Find a few errors of a sensor that together explain most of the misfit of its series.
 
-    Kinds of errors are added one by one, each time the one that makes the residuals smallest, until
-    together they explain the share `MOST` of the series' chi squared. `residuals` are those of all
-    series, `part` the rows of the sensor's series, and `effects` the derivatives of `residuals` by
-    each kind of error.
+    Kinds of errors, such as a bias, are added one by one, each time the one that makes the
+    residuals smallest, until together they explain the share `MOST` of the series' chi squared.
+    `residuals` are those of all series, `part` the rows of the sensor's series, and `effects` the
+    derivatives of `residuals` by an error of each kind.
 
-    **Returns:** the decrease of the chi squared of all series; the deviation of each chosen kind of
-    error from `neutral`; and the share of the series' chi squared that they explain. All are zero
-    or empty if even all kinds together explain less than `MOST`.
+    **Returns:** the decrease of the chi squared of all series; by chosen kind, the error's value
+    less that of an ideal sensor; and the share of the series' chi squared that the errors explain.
+    All are zero or empty if even all kinds together explain less than `MOST`.
     """
     chosen: list[Kind] = []
     before = float(np.sum(residuals[part] ** 2))  # Chi squared of the series.
@@ -665,18 +669,20 @@ def _explanation(
         """Return the size of an error of each of these `kinds`, by least squares, and the residuals
         of all series that remain with these errors."""
         columns = np.stack([effects[kind] for kind in kinds], axis=1)
+        # Columns of unit length, so that the cutoff does not depend on the units of the errors.
         sizes = np.linalg.norm(columns, axis=0)
         smallest = information.LEAST_SINGULAR_VALUE
+        # Minus: the errors cancel the residuals.
         values = -np.linalg.lstsq(columns / sizes, residuals, rcond=smallest)[0] / sizes
         return values, residuals + columns @ values
 
     while len(chosen) < len(effects):
-        rest = [kind for kind in effects if kind not in chosen]
-        chosen.append(min(rest, key=lambda kind: float(np.sum(fitted([*chosen, kind])[1] ** 2))))
-        values, left = fitted(chosen)
-        explained = 1.0 - float(np.sum(left[part] ** 2)) / before
+        others = [kind for kind in effects if kind not in chosen]
+        chosen.append(min(others, key=lambda kind: float(np.sum(fitted([*chosen, kind])[1] ** 2))))
+        values, remaining = fitted(chosen)
+        explained = 1.0 - float(np.sum(remaining[part] ** 2)) / before
         if explained > MOST:
-            decrease = float(np.sum(residuals**2) - np.sum(left**2))
+            decrease = float(np.sum(residuals**2) - np.sum(remaining**2))
             return decrease, dict(zip(chosen, values.tolist(), strict=True)), explained
     return 0.0, {}, 0.0
 
@@ -686,7 +692,9 @@ def _effects_of_errors(fit: Fit, name: str) -> dict[Kind, Float[np.ndarray, " N"
     values of an ideal sensor."""
     series = fit.measurements[name]
     quantity, times = fit.predictions[name], np.asarray(series.times)
+    # For each sample, the predicted value and the time since the start of the run.
     instants = [*zip(quantity.tolist(), (times - fit.start_time).tolist(), strict=True)]
+    # A delayed sensor reads an earlier value of the quantity, hence the minus.
     effects: dict[Kind, np.ndarray] = {SeriesDelay: -np.gradient(quantity, times)}
     for kind in (variations.SeriesBias, variations.SeriesGain, variations.SeriesDrift):
         fault = kind((name,))
@@ -697,9 +705,8 @@ def _effects_of_errors(fit: Fit, name: str) -> dict[Kind, Float[np.ndarray, " N"
 
 
 def _sensor_faults(fit: Fit) -> Iterator[str]:
-    """A sentence on a series most of whose misfit a few errors of its sensor explain, if there is
-    such a series; of several, on the series whose errors lower the chi squared of all series the
-    most."""
+    """A sentence on a series whose misfit is mostly explained by a few errors of its sensor, if
+    there is such a series; of several, on the one whose errors lower total chi squared the most."""
     residuals = np.concatenate([*fit.residuals.values()])
     jacobian = np.concatenate([*fit._jacobians.values()])
     # Orthonormal basis of the changes of residuals that the fit's parameters can make. The small
@@ -730,40 +737,42 @@ def _sensor_faults(fit: Fit) -> Iterator[str]:
         decrease, faults, share = _explanation(residuals, part, effects)
         if decrease > most:
             name, most, values, explained = series, decrease, faults, share
-    if not values:
+    if not values:  # No series is explained by errors of its sensor.
         return
     unit = fit.measurements[name].unit
-    described, makers = [], []
+    described, remedies = [], []
     for kind, value in values.items():
         value_unit = kind((name,)).unit_of(unit)
         size = f"{kind.neutral + value:.3g}" + ("" if value_unit == "1" else f" {value_unit}")
         described.append(f"a {kind.noun} of {size}")
-        makers.append(f"cj.Parameter.{kind.noun}({name!r})")
+        remedies.append(f"cj.Parameter.{kind.noun}({name!r})")
     device = "clock and trigger" if [*values] == [SeriesDelay] else "sensor"
     yield (
         f"Series {name!r} differs from the motion as if its {device} had "
         f"{' and '.join(described)}, which would explain {explained:.0%} of its misfit: "
-        f"check the {device}, or estimate it, by {' and '.join(makers)} among the parameters."
+        f"check the {device}, or estimate it, by {' and '.join(remedies)} among the parameters."
     )
 
 
 def _outliers(fit: Fit) -> Iterator[str]:
     """A sentence if the largest residuals contribute most of chi squared."""
-    rows = np.concatenate(list(fit.residuals.values())) ** 2
-    count = max(int(OUTLIER_SHARE * len(rows)), 1)
-    largest = np.sort(rows)[::-1][:count]
-    if len(rows) >= PIECES and largest.sum() >= MOST * rows.sum():
+    squares = np.concatenate(list(fit.residuals.values())) ** 2
+    count = max(int(OUTLIER_SHARE * len(squares)), 1)
+    largest = np.sort(squares)[::-1][:count]
+    # Of few samples, the largest few would often contribute most, also without outliers.
+    if len(squares) >= PIECES and largest.sum() >= MOST * squares.sum():
         name, worst = max(fit.residuals.items(), key=lambda item: float(np.abs(item[1]).max()))
         time = float(fit.measurements[name].times[np.argmax(np.abs(worst))])
         yield (
-            f"{count} of {len(rows)} samples contribute {largest.sum() / rows.sum():.0%} of chi "
+            f"{count} of {len(squares)} samples contribute "
+            f"{largest.sum() / squares.sum():.0%} of chi "
             f"squared, the worst at {time:.6g} s in {name!r}: remove outliers, or state a larger "
             "noise for these samples. Times of impact peaks are the first to deviate."
         )
 
 
 def _shorter_records(fit: Fit) -> Iterator[str]:
-    """Sentences on fits of a shorter record or of growing windows, and on `fit_horizon`."""
+    """Sentences that advise to fit a shorter record or growing windows, or to use `fit_horizon`."""
     all_series, horizon = fit.measurements.series, fit.horizon
     times = np.concatenate([np.asarray(s.times) for s in all_series.values()])
     rows = np.concatenate([fit.residuals[name] for name in all_series])

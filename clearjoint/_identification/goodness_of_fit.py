@@ -44,8 +44,8 @@ def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
     The directions are the principal axes of these errors in scaled coordinates: the unit of each
     coordinate is the standard error that its parameter would have if all others were known. The
     axes are sorted by the error in these units, the largest first; `Direction.deviation` is not in
-    these units and need not decrease. With M < p residuals there are only M directions. A direction
-    without effect on the residuals gets a very large but finite deviation.
+    these units and need not decrease. If `jacobian` is that of M < p residuals there are only M
+    directions. A direction without effect on the residuals gets a very large, finite deviation.
     """
     norms, singular_values, axes = floored(jacobian)
     found = []
@@ -103,9 +103,12 @@ class CorrelatedNoise:
 
     @property
     def effective(self) -> float:
-        """Number of independent samples that determine the variance as accurately as these M."""
-        first, rest = self.autocovariances[0], self.autocovariances[1:]
-        return float(len(rest) + 1) / (1.0 + 2.0 * float(np.sum((rest / first) ** 2)))
+        """Number of independent samples that tell the variance as accurately as these M samples."""
+        # For normal noise, correlation multiplies the variance of an estimated variance by one plus
+        # twice the sum of the squared autocorrelations (M. Bartlett).
+        autocorrelations = self.autocovariances[1:] / self.autocovariances[0]
+        count = len(self.autocovariances)
+        return float(count) / (1.0 + 2.0 * float(np.sum(autocorrelations**2)))
 
     def gradient_covariance(self, rows: Float[np.ndarray, "M p"]) -> Float[np.ndarray, "p p"]:
         """Return J^T R J, J = `rows`: the covariance of a fit's gradient J^T r, if that of the
@@ -118,8 +121,8 @@ class CorrelatedNoise:
 def correlated_noise(residuals: Float[np.ndarray, " M"]) -> CorrelatedNoise:
     """Return an autoregressive process, fitted by Burg's method to residuals that are not all zero.
 
-    Its order minimises Akaike's corrected criterion (C. Hurvich and C. Tsai, *Regression and time
-    series model selection in small samples*, 1989).
+    The order of the process, its number of coefficients, minimises Akaike's corrected criterion (C.
+    Hurvich and C. Tsai, *Regression and time series model selection in small samples*, 1989).
     """
     count = len(residuals)
     # Errors of predicting each sample from those before it, and from those after it.
@@ -140,6 +143,7 @@ def correlated_noise(residuals: Float[np.ndarray, " M"]) -> CorrelatedNoise:
         if squares == 0.0:  # The prediction is exact, so no higher order is better.
             break
         reflection = -2.0 * float(forward @ backward) / squares
+        # The earlier autocovariances, without lag 0, in reverse order: from the largest lag down.
         estimated.append(-reflection * variance - float(weights[1:] @ np.array(estimated[:0:-1])))
         padded = np.append(weights, 0.0)
         weights = padded + reflection * padded[::-1]
@@ -148,7 +152,8 @@ def correlated_noise(residuals: Float[np.ndarray, " M"]) -> CorrelatedNoise:
     weights, known = best
     autocovariances = np.zeros(count)
     autocovariances[:known] = estimated[:known]
-    # At larger lags the process continues them (Yule-Walker equations); white noise has zeros.
+    # At larger lags, each autocovariance follows from those before it (Yule-Walker equations). That
+    # of white noise, with one known autocovariance, is zero.
     if known > 1:
         for lag in range(known, count):
             autocovariances[lag] = -weights[1:] @ autocovariances[lag - 1 : lag - known : -1]
@@ -176,8 +181,10 @@ def normality(residuals: Float[np.ndarray, " M"]) -> float:
 
 
 def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMisfit]:
-    """Return other minima of chi squared that fit the data about as well, see `Fit.rivals`."""
+    """Return those of the `others` that fit the data about as well as the `best` minimum of chi
+    squared, the lowest first, without minima near a lower one. `Fit.rivals` has the conditions."""
     rise = chi_squared_exceeded(1.0 - CONFIDENCE, len(best.coordinates))
+    # Without the first, the best minimum itself.
     return distinct([best, *others], best.chi_squared + rise, _apart)[1:]
 
 

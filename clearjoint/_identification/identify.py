@@ -33,8 +33,8 @@ OnIteration = Callable[[Iteration], None]
 class FitInterrupted(KeyboardInterrupt):
     """Interruption of a fit by Ctrl-C (SIGINT).
 
-    `fits` has the finished fits, then, if `partly` is true, the interrupted one with its best
-    result so far.
+    `fits` has the finished fits and, if `partly` is true, at the end the fit that was interrupted,
+    with the best result so far.
 
     >>> cj.FitInterrupted([]).fits
     []
@@ -161,9 +161,9 @@ def identify_many(
 ) -> list[Fit]:
     """Estimate parameters from each of several sets of measurements, such as draws of the noise.
 
-    All sets have the same channels and times; the other arguments are those of `identify`.
+    All sets have series of the same names, quantities and times. Other arguments: as `identify`.
 
-    **Raises:** as `identify`, and `ValueError` for no sets or sets of different channels or times.
+    **Raises:** as `identify`, and `ValueError` for no sets, or sets whose series differ in these.
 
     **Warns:** as `identify`; of several poor fits, a warning shows the first and their number.
 
@@ -194,7 +194,7 @@ def identify_many(
     settings = settings_or(settings, presets.identification)
     if horizon is not None:
         horizon.warn_if_beyond(ends[-1])
-    # All sets have the same channels and times, so that one compiled program serves all fits.
+    # All sets have the same quantities and times, so that one compiled program serves all fits.
     compared = comparison(scene, state, first_set, parameters, start_time, settings)
     around = starts if isinstance(starts, Starts) else None
     rows, coarse = start_coordinates(scene, state, compared.parameters, guess, around), compared
@@ -220,12 +220,13 @@ def identify_many(
 
 @dataclass(frozen=True)
 class _Problem:
-    """What the fits of `identify_many` have in common; `fit` fits one set of measurements.
+    """Arguments that all fits of `identify_many` share; `fit` fits one set of measurements.
 
     - `compared`: the experiment, with the first set of measurements.
     - `coarse`: the same with the looser tolerances of a screening, if there is one.
     - `rows`: (S, p) points from which searches start; for a screening, the centre of its box.
     - `ends`: ends of the growing windows and of the record, s.
+    - Other fields are arguments of `identify`.
     """
 
     compared: Comparison
@@ -241,8 +242,8 @@ class _Problem:
     def fit(
         self, measurements: Measurements, on_iteration: OnFitIteration, show: bool
     ) -> tuple[Fit | None, bool]:
-        """Fit one set of measurements. Return the fit, and whether the user interrupted it. The fit
-        is ``None`` if it was interrupted before any run had ended."""
+        """Fit one set of measurements; with `show`, show progress bars. Return the fit, ``None`` if
+        interrupted before any run had ended, and whether the user interrupted the fit."""
         compared, parameters = self.compared.of(measurements), self.compared.parameters
         searches: list[Search] = []
         screened: list[Screened] = []
@@ -266,7 +267,8 @@ class _Problem:
                     for start in screened[-1].starts:
                         search_from(start)
                     p_value = chi_squared_p(best_search(searches).best.chi_squared, freedom)
-                    # The passes also end without degrees of freedom, where this is NaN.
+                    # Noise explains a p-value that is not small. Without degrees of freedom it is
+                    # NaN, and one pass must do.
                     if not p_value < UNLIKELY:
                         break
             else:
@@ -315,6 +317,7 @@ def warn_of(fits: Sequence[Fit]) -> None:
             f"in this order:\n{numbered(poor[0].advice)}\n",
             PoorFitWarning,
         )
+    # Fits whose test of the covariance has failed, such as where chi squared is rough.
     rough = [warning for fit in fits for warning in fit.doubts]
     if rough:
         many = "" if len(fits) == 1 else f"In {len(rough)} of {len(fits)} fits; the first: "
@@ -328,7 +331,8 @@ def iteration_callback(
     """Yield the function to call after each run: the user's, or one that updates a progress bar,
     which is hidden if `progress` is false. `searches` is the total number of searches."""
     if callable(progress):
-        yield lambda _, iteration: progress(iteration)
+        # The user's function does not get the number of samples.
+        yield lambda samples, iteration: progress(iteration)
         return
     name = "fit" if searches == 1 else f"{searches} fits"
     with ProgressBar(progress, desc=name, unit=" runs") as bar:

@@ -148,8 +148,8 @@ class _TrustRegion(optx.ClassicalTrustRegion):
 
 def decrement(residuals: jax.Array, jacobian: jax.Array) -> jax.Array:
     """Return the length of the Gauss-Newton step in standard deviations of the estimates: the norm
-    of the projection of the residuals on the columns of the Jacobian. Directions that the data
-    don't determine are left out."""
+    of the projection of the residuals on the space that the columns of the Jacobian span, without
+    directions that the data don't determine."""
     axes, sizes, _ = jnp.linalg.svd(jacobian, full_matrices=False)
     return jnp.linalg.norm(jnp.where(sizes > UNDETERMINED * sizes[0], residuals @ axes, 0.0))
 
@@ -170,8 +170,8 @@ def _advance(
     y: jax.Array, arrays: PyTree, model: _Model, limits: jax.Array, tolerance: jax.Array
 ) -> tuple[jax.Array, PyTree, jax.Array, jax.Array]:
     """Compute one step of the search, in scaled coordinates. `y` is the best point before the
-    latest one, `model` the linear model at the latest one, `arrays` those of the solver's state,
-    ``None`` for the first step, and `limits` are the largest changes of coordinates in a step.
+    latest one, `model` the linear model at the latest one, `arrays` the arrays of the solver's
+    state, ``None`` for the first step, and `limits` the largest changes of coordinates in a step.
 
     **Returns:** the best point, which may be the latest; the new arrays, of which `y_eval` is the
     next point to evaluate; whether the search ends; and the `decrement` at the best point.
@@ -184,8 +184,9 @@ def _advance(
         optx.LevenbergMarquardt(rtol=0.0, atol=0.0),
         (_ClippedDescent(limits=limits), _TrustRegion(high_cutoff=0.7)),
     )
-    rows = jax.eval_shape(lambda: model[1])
-    state = initial = solver.init(_residuals, y, model, {}, rows, None, frozenset())
+    # optimistix needs the shape of the residuals, not their values, to make a state.
+    residual_shape = jax.eval_shape(lambda: model[1])
+    state = initial = solver.init(_residuals, y, model, {}, residual_shape, None, frozenset())
     # The state also contains functions, which cannot leave a compiled program. They are the same in
     # every state, so that only the arrays are passed from step to step.
     if arrays is not None:

@@ -120,7 +120,8 @@ def minimise(
     known = end_time is not None or times is not None
     require(known, "end_time", None, "a time if there are no `times`", remedy)
     times = None if times is None else np.asarray(times, dtype=float)
-    # Forward mode serves quantities at `times`, whose last one is the end of the run.
+    # Forward mode serves quantities at `times`, whose last one is the end of the run. It has a
+    # tangent for each parameter, of which `LONGEST_PACKED` are computed in one vector.
     scales = {n: p.scale for n, p in parameters.items() if isinstance(p, Parameter)}
     has_reductions = any(isinstance(output, AbstractReduction) for output in outputs.values())
     search: _Forward | _Reverse
@@ -143,9 +144,10 @@ def quasi_newton() -> "optax.GradientTransformationExtraArgs":
     """Return L-BFGS with a line search of at most `HALVINGS` runs in an iteration."""
     import optax
 
-    # Each line search begins with the whole step, which has the length that the curvature suggests.
-    # By default it begins with 1.5 times the fraction that the search before has taken, so that a
-    # first step that was 1000 times too long shortened the next 17 steps.
+    # Each line search begins with the whole step, which has the length that the curvature suggests:
+    # the factor of increase leads back to it even after the smallest fraction. By default, optax
+    # begins with 1.5 times the fraction that the search before has taken, so that a first step that
+    # was 1000 times too long shortened the next 17 steps.
     halving = optax.scale_by_backtracking_linesearch(
         HALVINGS, decrease_factor=0.5, increase_factor=2.0**HALVINGS
     )
@@ -174,7 +176,7 @@ def _descended(
             break
         history.append(float(value))
         best = at if float(value) <= min(history) else best
-        # The line search of L-BFGS needs these; other optimisers ignore them.
+        # The line search of L-BFGS needs these arguments; other optimisers ignore them.
         further = {"value": value, "grad": gradient, "value_fn": search.value}
         # Python repeats the loop of a line search. Inside of a program of XLA, which has one thread
         # for each core, a run that needs XLA too would wait for ever on a machine with one core.
@@ -185,6 +187,7 @@ def _descended(
         if np.array_equal(ravel_pytree(moved)[0], ravel_pytree(at)[0]):
             break
         at = moved
+    # The history is empty only if the first run has failed.
     remedy = "start from parameters with which the scene runs to the last of the times"
     expected = "parameters for which the first run succeeds"
     require(bool(history), "parameters", RESULTS[result], expected, remedy)
@@ -229,12 +232,13 @@ class _Forward:
         return float(value), slope, run.result
 
     def value(self, at: Coordinates) -> jax.Array:
-        """Return the objective, NaN if the run fails, inside of a line search of optax."""
+        """Return the objective, or NaN if the run fails; a line search of optax calls this."""
 
         def of_run(at: Coordinates) -> np.ndarray:
             value, _, result = self.evaluated(at)
             return np.asarray(value if result == RESULTS.successful else np.nan, float)
 
+        # `_descended` disables compilation for the loop of the line search, but not for runs.
         with jax.disable_jit(False):
             return on_host(of_run, jax.ShapeDtypeStruct((), float), at)
 
@@ -251,6 +255,7 @@ class _Reverse:
     def start(self) -> Coordinates:
         values = jax.tree.map(jnp.asarray, self.predictor.values)
         scales = self.scales.items()
+        # A search moves coordinates of `Parameter`s, and values of other parts.
         return values | {n: jnp.asarray(scale.coordinate(values[n])) for n, scale in scales}
 
     def evaluated(self, at: Coordinates) -> tuple[float, Coordinates, RESULTS]:
@@ -263,7 +268,7 @@ class _Reverse:
         return value, gradient, RESULTS.successful  # pyright: ignore[reportReturnType]
 
     def value(self, at: Coordinates) -> jax.Array:
-        """Return the objective, NaN if the run fails, inside of a line search of optax."""
+        """Return the objective, or NaN if the run fails; a line search of optax calls this."""
         with jax.disable_jit(False):
             return self.objective(self.predictor.or_nan(_values(self.scales, at)))
 

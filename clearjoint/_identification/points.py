@@ -28,7 +28,7 @@ smaller ones are replaced by it, so that its square root can divide distances.""
 def filled(
     low: Point, high: Point, number: int, generator: Generator
 ) -> Float[np.ndarray, "{number} p"]:
-    """Return a Latin hypercube of points in the box from `low` to `high`."""
+    """Return `number` points that fill the box from `low` to `high` evenly, a Latin hypercube."""
     from scipy.stats import qmc
 
     return low + (high - low) * qmc.LatinHypercube(len(low), rng=generator).random(number)
@@ -50,8 +50,8 @@ def chi_squared_over(curves: Float[np.ndarray, "n T"], count: float) -> Float[np
 
 
 def last_where(holds: Callable[[float], bool], low: float, high: float) -> float:
-    """Return, by bisection, the last float at which the condition `holds` is true. It is true at
-    `low` and false at `high`."""
+    """Return, by bisection, the last float at which the condition `holds` is true. The condition is
+    true at `low`, false at `high`, and changes once between them."""
     # Until no float is between the ends: a step of a posterior may be as short as 1e-30, because
     # the logarithm of a prior that is 1e15 times narrower than the box varies by 1e30 over the box.
     while low < (middle := 0.5 * (low + high)) < high:
@@ -60,12 +60,12 @@ def last_where(holds: Callable[[float], bool], low: float, high: float) -> float
 
 
 def reached(curves: np.ndarray, keep: int, excess: float) -> float:
-    """Return the largest number of sample times over which at least `keep` points have a chi
-    squared at most `excess` above the smallest. The number may have a fraction, see
-    `chi_squared_over`."""
+    """Return the largest number of sample times over which at least `keep` of the points with these
+    `curves`, (n, T), have a chi squared at most `excess` above the smallest. The number may have a
+    fraction, at which `chi_squared_over` interpolates."""
 
     def gap(values: np.ndarray) -> np.ndarray:
-        # Excess of the `keep`-th smallest value over the smallest.
+        # By how much the `keep`-th smallest chi squared exceeds the smallest.
         return np.partition(values, keep - 1, axis=0)[keep - 1] - values.min(axis=0)
 
     beyond = np.flatnonzero(gap(curves) > excess)
@@ -79,8 +79,8 @@ def reached(curves: np.ndarray, keep: int, excess: float) -> float:
 
 
 def far_apart(points: Points, number: int) -> Int[np.ndarray, " k"]:
-    """Return indices of at most `number` points that are far apart: the first point, and then
-    always the one that is farthest from all points chosen before."""
+    """Return indices of at most `number` points that are far apart: the first point, then, one by
+    one, the point whose distance from the nearest chosen point is largest."""
     distances = _principal_distances(points)
     chosen = [0]
     while len(chosen) < min(number, len(points)):

@@ -64,10 +64,11 @@ class Experiment(eqx.Module):
     """A scene with p parameters and measured quantities, to be run for many parameter values by one
     compiled program.
 
-    - `family`: the scene and state for given coordinates. Its `values` are not used.
+    - `family`: scene and state as functions of coordinates; its own `values` are not used.
     - `outputs`: measured quantity of each series, by name, in the order of `names`.
     - `times`: the sample times, s. The last one is repeated until their number is 64, 512, 4096 and
       so on, so that records of similar length share a program.
+    - `start_time`, `first_step`: start of a run and length of its first step, s.
     - `sensors`: errors of the sensors, such as a delay, that are parameters.
     - `free`: indices of the parameters that are not `held`; ``None`` if none is held.
     - `whole`: coordinates (p,) of all parameters, of which only those of held parameters are used;
@@ -104,13 +105,13 @@ class Experiment(eqx.Module):
         meaningless and `reached` is false there; with delays, these readings are NaN and `reached`
         is true everywhere.
         """
-        at, end_time = on_device(self.with_held(coordinates)), on_device(end_time)
-        delayed = _instants(self, at, end_time) if self.sensors.delays else None
+        of_all, end_time = on_device(self.with_held(coordinates)), on_device(end_time)
+        delayed = _instants(self, of_all, end_time) if self.sensors.delays else None
         # Every output is evaluated at all times of `delayed`, whatever its delay.
         times, end = (self.times, end_time) if delayed is None else (delayed.times, delayed.end)
         run = sampled(
             self.scheme,
-            self.family.at(at),
+            self.family.at(of_all),
             self.outputs,
             times,
             self.start_time,
@@ -120,15 +121,17 @@ class Experiment(eqx.Module):
             recorders=NO_RECORDERS,
         )
         if delayed is not None:
-            run = _delayed(self, at, delayed, run)
+            run = _delayed(self, of_all, delayed, run)
+        # The other errors of sensors, such as a bias, change the reading at a given time.
         if self.sensors.of_values:
             elapsed = self.times - self.start_time
             readings, slopes = sensor_readings.with_sensor_errors(
-                self.sensors, run.values, run.derivatives, elapsed, at
+                self.sensors, run.values, run.derivatives, elapsed, of_all
             )
             run = replace(run, values=readings, derivatives=slopes)
         if self.free is None:
             return run
+        # The run has the derivatives by all parameters. Those by held ones are left out.
         free = list(self.free)
         slopes = {name: np.asarray(rows)[:, free] for name, rows in run.derivatives.items()}
         return replace(run, derivatives=slopes)
@@ -137,7 +140,7 @@ class Experiment(eqx.Module):
 class _Instants(NamedTuple):
     """Times at which a run with D delays is sampled, for T sample times.
 
-    - `times`: all of them, rising, ((1 + 3 D) T,). `end`: end of the run, s.
+    - `times`: all these times, rising, ((1 + 3 D) T,) s. `end`: end of the run, s.
     - `indices`: indices in `times`, (1 + 3 D, T), in a row for the times without delay and, for
       each delay, in three rows for the delayed times and those `APART` earlier and later.
     - `inside`: whether each delayed time is at or after the start, (D, T).
@@ -152,7 +155,8 @@ class _Instants(NamedTuple):
 @Compiled
 def _instants(runs: Experiment, coordinates: jax.Array, end_time: jax.Array) -> _Instants:
     delays = [runs.sensors.value(number, coordinates) for number, _ in runs.sensors.delays]
-    # A series with a negative delay is compared with the motion after its last sample.
+    # A series with a negative delay is compared with the motion after its sample times, so that the
+    # run must last longer than to the last sample.
     end = end_time + jnp.maximum(0.0, -jnp.min(jnp.stack(delays)))
     # Samples after the end time have no weight. Their times are replaced by the end time, because
     # the run does not reach them.
@@ -165,7 +169,7 @@ def _instants(runs: Experiment, coordinates: jax.Array, end_time: jax.Array) -> 
         rows += [jnp.clip(delayed + shift, runs.start_time, end) for shift in (0.0, -APART, APART)]
     unsorted = jnp.concatenate(rows)
     order = jnp.argsort(unsorted)
-    # The inverse permutation has the index of each time in the sorted array.
+    # Sorting a permutation gives its inverse: the index of each time in the sorted array.
     indices = jnp.argsort(order).reshape(len(rows), -1)
     return _Instants(unsorted[order], end, indices, jnp.stack(inside))
 
@@ -187,7 +191,7 @@ def _delayed(
             derivatives[name] = sampled.derivatives[name][indices[0]]
             continue
         k = delay_of[name]
-        number = runs.sensors.delays[k][0]
+        parameter = runs.sensors.delays[k][0]  # Index of the delay among all parameters.
         # The three rows of delay k, (T,) each; row 0 is that of the times without delay.
         at, before, after = indices[1 + 3 * k : 4 + 3 * k]
         # The derivative with respect to the delay is minus the rate of the output, from a central
@@ -199,11 +203,12 @@ def _delayed(
         # Where both times are clipped to the start they are equal; 1 replaces a division by zero.
         apart = rising[after] - rising[before]
         rate = jnp.where(inside[k], change / jnp.where(apart > 0.0, apart, 1.0), 0.0)
-        scale = runs.family.scales[number]
+        scale = runs.family.scales[parameter]
         # Chain rule: derivatives are by the delay's coordinate on its scale.
-        slope = jax.grad(lambda u, scale=scale: jnp.asarray(scale.value(u)))(coordinates[number])
+        coordinate = coordinates[parameter]
+        slope = jax.grad(lambda u, scale=scale: jnp.asarray(scale.value(u)))(coordinate)
         values[name] = output_values[at]
-        derivatives[name] = sampled.derivatives[name][at].at[:, number].add(-rate * slope)
+        derivatives[name] = sampled.derivatives[name][at].at[:, parameter].add(-rate * slope)
     # Outputs at times that were not reached are NaN, which `Samples.residuals` recognises.
     reached = jnp.ones_like(indices[0], bool)
     return replace(sampled, values=values, derivatives=derivatives, reached=reached)
@@ -222,6 +227,7 @@ def experiment(
     the settings `clearjoint.presets.derivatives`."""
     check_parameters(parameters)
     requested = requested_by(outputs, None)
+    # Residuals are at sample times, so that outputs that are recorded at steps are refused.
     requested.refuse(RECORDED, "a quantity in a fit or a minimisation", "pass the quantity itself")
     require(len(outputs) > 0, "outputs", {}, "not empty", EXAMPLE)
     settings = settings_or(settings, presets.derivatives)
@@ -239,8 +245,8 @@ def experiment(
     runs = Experiment(
         scheme, family, dict(outputs), samples_at, start, first_step, max_steps, names, sensors
     )
-    # Runs with parameters that are held have the program of those with all, and get coordinates of
-    # the free ones, which replace some of `whole`.
+    # With held parameters, runs have the same compiled program as without. They get coordinates of
+    # the free parameters only, which replace entries of `whole`.
     numbers = {name: k for k, name in enumerate(parameters)}
     free = [numbers[name] for name in free_parameters(parameters)]
     if len(free) == len(parameters):
@@ -252,8 +258,8 @@ class Samples(eqx.Module):
     """Samples of S measured series on T common times.
 
     `weights` are inverse standard deviations of the noise. `values` and `weights` are zero where a
-    series has no sample, and at the padding after the last time. `periods` has ``None`` for a
-    quantity that is not periodic.
+    series has no sample, and at the padding after the last time. `periods`: period of each series'
+    quantity, such as 2 pi of an angle; ``None`` if it is not periodic.
     """
 
     values: Float[np.ndarray, "S T"]
@@ -287,7 +293,7 @@ class Samples(eqx.Module):
 
 
 def samples(measurements: Measurements, count: int) -> Samples:
-    """Return all samples, on `Measurements.times` padded to `count` times."""
+    """Return the `Samples` of all series, on `Measurements.times` padded to `count` times."""
     times = measurements.times()
     series = measurements.series.values()
     values, weights = np.zeros((2, len(series), count))
@@ -303,7 +309,7 @@ class RunMisfit:
 
     - `residuals`: (M,) series after series, zero where a series has no sample; `UNREACHED` at
       samples that the run misses, where the `jacobian` is zero. In growing windows before the last,
-      the p residuals of a prior follow, and p rows of the `jacobian`.
+      the p residuals of a prior follow, and in `jacobian` their p rows.
     - `predicted`: (S, T) values of the outputs, SI; meaningless at times that the run misses.
     """
 

@@ -34,7 +34,7 @@ class Starts:
 
     **Arguments:**
 
-    - `number`: number of starts, including the guess.
+    - `number`: number of starts, including the guess; `seed`: of the random starts.
     - `spread`: half the width of the box in each coordinate (on a `Log` scale, 1 is a factor of e
       in both directions): one number, or a dictionary by name of the parameter, in which missing
       parameters have width 0.
@@ -58,15 +58,16 @@ class Starts:
             require_positive(argument, spread, "give a distance in coordinates", zero=True)
 
     def around(self, first: Point, names: Sequence[str]) -> Float[np.ndarray, "{self.number} p"]:
-        """Return all starts; the first row is `first`, the coordinates of the guess."""
+        """Return the coordinates of all starts: in the first row `first`, those of the guess, and
+        then the random ones. `names`: the parameters in the order of coordinates."""
         offsets = np.random.default_rng(self.seed).uniform(-1.0, 1.0, (self.number, len(first)))
         offsets[0] = 0.0
         return first + half_widths(self.spread, names) * offsets
 
 
 def half_widths(spread: float | Mapping[str, float], names: Sequence[str]) -> Point:
-    """Return half the width of the box around a guess in each coordinate, from an argument `spread`
-    (see `Starts`)."""
+    """Return half the width, in each coordinate, of the box around a guess: the number `spread` or,
+    of a dictionary, the entry of the parameter, 0 if there is none. `names`: all parameters."""
     if not isinstance(spread, Mapping):
         return np.full(len(names), float(spread))
     _require_known("spread", spread, names)
@@ -80,8 +81,9 @@ def start_coordinates(
     guess: Guess | Sequence[Guess] | None,
     starts: Starts | None,
 ) -> Float[np.ndarray, "S p"]:
-    """Return all starts: the guesses in their order, then the random starts."""
+    """Return the coordinates of all S starts: of the guesses in their order, then random ones."""
     names = tuple(parameters)
+    # `guess` is one guess or a list of guesses; without one, all parameters have their own values.
     several = isinstance(guess, Sequence)
     guesses: list[Guess] = list(guess) if several else [{} if guess is None else guess]
     require(len(guesses) > 0, "guess", guesses, "at least one start", "leave it out")
@@ -94,13 +96,13 @@ def start_coordinates(
     guessed = np.array(rows)
     if starts is None:
         return guessed
-    # The first row of `around` is the guess itself.
+    # Random starts are around the first guess, which is also the first row of `around`.
     return np.concatenate([guessed, starts.around(guessed[0], names)[1:]])
 
 
 def _coordinate(scene: Scene, state: State, parameter: Parameter, guess: Guess, name: str) -> float:
     with errors_about(f"Parameter {name!r}"):
-        if name not in guess:
+        if name not in guess:  # The default is the parameter's `value` or the number in the scene.
             return parameter.coordinate_in(scene, state)
         value = np.asarray(as_number(guess[name], f"guess[{name!r}]"))
         coordinate = parameter.scale.coordinate(value)

@@ -86,9 +86,9 @@ def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
 
 
 def outputs_of(sensors: Mapping[str, Sensor]) -> dict[str, Quantity]:
-    """Return the channels of all sensors by the name of the sensor, followed, if the sensor has
-    several channels, by a number from 0 on: "probe 0". A fit of series with the same names shares
-    the compiled program."""
+    """Return the channels of all sensors by name: the name of the sensor, followed, if the sensor
+    has several channels, by a number from 0 on: "probe 0". A fit of series with the same names
+    shares the compiled program."""
     outputs: dict[str, Quantity] = {}
     for name, sensor in sensors.items():
         for k, channel in enumerate(sensor.channels):
@@ -116,7 +116,7 @@ class Identifiability:
     of these deviations. `of` selects sensors, and `until` shortens the record. A coordinate is a
     parameter's value on its scale, such as the logarithm of the value.
 
-    - `names`, `scales`, `coordinates`: those of the parameters, in the order of all arrays.
+    - `names`, `scales`, `coordinates`: of the p parameters, in the order of all arrays (p,).
     - `sensors`, `sample_times`: (M,) name of the sensor and time, s, of each of the M samples of
       all channels, in order of time.
     - `rows`: (M, p), derivatives of each sample by the coordinates, divided by its noise.
@@ -211,14 +211,14 @@ class Identifiability:
 
     @property
     def limits(self) -> Float[np.ndarray, " p"]:
-        """Standard deviation of each coordinate, (p,), above which an estimate carries no
+        """Largest standard deviation of each coordinate, (p,), with which an estimate still carries
         information: on a `Log` scale 1, a factor of e in the value."""
         pairs = zip(self.scales, self.coordinates, strict=True)
         return np.array([scale.uninformative_std(float(u)) for scale, u in pairs])
 
     @property
     def identifiable(self) -> dict[str, bool]:
-        """Whether the standard deviation of each parameter is within its limit, by name."""
+        """Whether the standard deviation of each coordinate is within `limits`, by name."""
         within = self.deviations <= self.limits
         return dict(zip(self.names, within.tolist(), strict=True))
 
@@ -282,7 +282,8 @@ class Identifiability:
         labels = self.labels
         rows = [("combination, from best to worst", "deviation", "")]
         for combination in self.combinations:
-            # The limit is that of the parameter whose weight has the largest magnitude, which is 1.
+            # The limit is that of the coordinate that contributes most to the sum, the one whose
+            # weight is 1 or -1.
             deviation = combination.standard_deviation
             determined = deviation <= self.limits[np.abs(combination.weights).argmax()]
             note = "" if determined else "not determined"

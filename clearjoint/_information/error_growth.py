@@ -57,7 +57,7 @@ def disturbance(scene: Scene) -> Parameter:
     """Return a parameter of the value zero: the size of a perturbation of the initial velocities,
     m/s. Derivatives by this size show how small differences grow. If the perturbation violates
     constraints of drivers or of joints that close a loop, the stabilisation of these constraints
-    reduces it during the run."""
+    reduces the perturbation during the run."""
     return Parameter.change(_Push(tuple(radii_of_gyration(scene).items())), 0.0, unit="m/s")
 
 
@@ -81,7 +81,8 @@ def penetrations(scene: Scene) -> dict[str, Quantity]:
 
 def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) -> np.ndarray:
     """Return the root mean square displacement of the points, (T, p), per unit of each of p
-    parameters, from the derivatives, (T, p) by name. `names` has the result of `points`."""
+    parameters, from the derivatives of outputs, (T, p) by name. `names` has the names of those that
+    are coordinates of points: the result of `points`."""
     # The mean is over coordinates; three of them make a point, hence the factor 3.
     squares = [derivatives[name] ** 2 for name in names]
     return np.sqrt(3.0 * np.mean(squares, axis=0))

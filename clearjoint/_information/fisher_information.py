@@ -23,7 +23,7 @@ multiple of the largest, so that the variance of an undetermined combination is 
 
 
 def root_of(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
-    """Return the root (p, p) of the information, by a QR decomposition of J, `rows`."""
+    """Return the root (p, p) of the information, by a QR decomposition of another root, `rows`."""
     # With p rows of zeros, the root has p rows also if there are fewer samples than parameters.
     p = rows.shape[1]
     return np.asarray(np.linalg.qr(np.concatenate([np.zeros((p, p)), rows]), mode="r"))
@@ -70,13 +70,14 @@ def _parts_together(
 
 
 def rank(roots: Float[np.ndarray, "*T r p"], accuracy: float) -> np.ndarray:
-    """Return the number of independent combinations of parameters that the data determine."""
+    """Return, for each root, the number of independent combinations of parameters that the data
+    determine: those whose singular value is above `accuracy` times the largest."""
     return (~_negligible(_equilibrated(roots)[1], accuracy)).sum(axis=-1)
 
 
 def condition(roots: Float[np.ndarray, "*T r p"]) -> np.ndarray:
-    """Return the condition number of J with columns of unit length; infinite or, by rounding, very
-    large for a singular J, and NaN if J is zero."""
+    """Return the condition number of each root with columns of unit length; infinite or, by
+    rounding, very large for a singular root, and NaN if the root is zero."""
     values = _equilibrated(roots)[1]
     with np.errstate(divide="ignore", invalid="ignore"):
         return values[..., 0] / values[..., -1]
@@ -86,7 +87,7 @@ def covariance(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
     """Return the covariance of the parameters' estimates, the inverse of F with a root `rows`."""
     lengths, values, directions = floored(rows)
     # F = R^T R with R = diag(values) directions diag(lengths), where `directions` is orthogonal.
-    # The inverse of F is therefore H^T H, with the following H.
+    # The inverse of F is therefore H^T H, with H = diag(1 / values) directions diag(1 / lengths).
     inverse_root = (directions / values[:, None]) / lengths
     return inverse_root.T @ inverse_root
 
@@ -94,8 +95,8 @@ def covariance(rows: Float[np.ndarray, "N p"]) -> Float[np.ndarray, "p p"]:
 def floored(
     rows: Float[np.ndarray, "N p"],
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " k"], Float[np.ndarray, "k p"]]:
-    """Return the column norms, singular values and directions of `_equilibrated`, with norms and
-    singular values that can be divisors.
+    """Return the column norms of `rows` and, after scaling the columns to unit length, the singular
+    values and the right singular vectors. Norms and singular values can be divisors.
 
     Singular values are raised to at least `LEAST_SINGULAR_VALUE` times the larger of 1 and the
     largest of them. A norm of zero is replaced by `LEAST_SINGULAR_VALUE` times the larger of 1 and
@@ -119,8 +120,8 @@ def correlation(covariances: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p
 class Combination:
     """A weighted sum of the parameters' coordinates.
 
-    - `weights`: scaled so that the largest magnitude is 1.
-    - `standard_deviation`: infinite if the data don't determine the sum.
+    - `weights`: weights of the coordinates, scaled so that the largest magnitude is 1.
+    - `standard_deviation`: of an estimate of the sum; infinite if the data don't determine it.
     - `shares`: share of each parameter's variance that the uncertainty of this sum causes: NaN or
       infinite if the data don't determine the sum, otherwise zero for an infinite variance.
     """

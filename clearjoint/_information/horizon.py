@@ -75,8 +75,8 @@ class FitHorizon:
     - `growth`: (T, p + 1) m, root mean square displacement of points of the bodies per unit of each
       parameter's coordinate and, in the last column, per m/s of a perturbation of the initial
       velocity.
-    - `rate`: 1/s, rate of exponential growth of this last column since the first contact, or since
-      the start if there is no contact; NaN for fewer than two positive displacements since then.
+    - `rate`: 1/s, rate of exponential growth of the last column of `growth` since the first contact
+      or, without contact, since the start; NaN for fewer than two positive displacements there.
     - `error`: (T,) bound of the integration error in units of the noise, the largest of all
       outputs: the difference from a run with ten times the tolerance, whose error is larger.
     - `derivative_error`: (T,) bound of the relative error of the derivatives over the record up to
@@ -117,8 +117,8 @@ class FitHorizon:
         return min(self.numerical, self.convergence)
 
     def warn_if_beyond(self, time: float) -> None:
-        """Warn, with a `UserWarning` that names the limits reached and suggests `grow` of
-        `identify`, if a record's last sample, at `time`, s, is at `single_shot` or later."""
+        """Warn if a record's last sample, at `time`, s, is at `single_shot` or later. The
+        `UserWarning` names the limits reached, and suggests the argument `grow` of `identify`."""
         if time >= self.single_shot:
             reasons = []
             if time >= self.convergence:
@@ -153,6 +153,7 @@ class FitHorizon:
         for guess in self.guesses:
             guesses.append(("", *(f"{x:+.3g}" for x in guess.offsets), _until(guess.since)))
         deviations = self.information.over_time()
+        # Lengths of the record at the limits and at the end, each with a row of the table.
         ends = {end} | {t for t in (self.convergence, self.numerical) if np.isfinite(t)}
         rows = [("record", *self.information.labels)]
         for length in sorted(ends):
@@ -254,7 +255,8 @@ def fit_horizon(
 
 
 def _weights(sensors: Mapping[str, Sensor], times: np.ndarray) -> dict[str, np.ndarray]:
-    """Weights, (T,) by output: the inverse of the noise at times of samples, zero at others."""
+    """Return the weights of each output at `times`, (T,) by name: the inverse of the noise where
+    the sensor has a sample, and zero at other times."""
     weights: dict[str, np.ndarray] = {}
     for name, sensor in sensors.items():
         weight = np.zeros(len(times))
@@ -279,8 +281,8 @@ def _near(
 def _errors(
     run: Sensitivities, loose: Sensitivities, weights: Mapping[str, np.ndarray], p: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return `error` and `derivative_error` of `FitHorizon`, (T,) each, for p parameters, from the
-    difference of a run to the run `loose` with a larger tolerance."""
+    """Return bounds of the error of outputs, over the noise, and of the relative error of
+    derivatives by p parameters, (T,) each, by the run `loose` with a larger tolerance."""
     of_values = [np.abs(run.outputs[n] - loose.outputs[n]) * w for n, w in weights.items()]
     # Errors of derivatives are compared with the derivatives of the whole record so far, because a
     # fit uses their sum over all samples.
@@ -299,12 +301,13 @@ def offsets(uncertainty: Float[np.ndarray, " p"]) -> Float[np.ndarray, "guesses 
     """Return the offset of each wrong guess from the truth: with each parameter wrong alone, in
     both directions, then, for several parameters, with all wrong together, in every combination of
     signs or, for more than `ALL_CORNERS` parameters, in eight random combinations."""
-    p, both = len(uncertainty), (1.0, -1.0)
-    signs = [sign * row for row in np.eye(p) for sign in both]
+    p, directions = len(uncertainty), (1.0, -1.0)
+    signs = [sign * row for row in np.eye(p) for sign in directions]
+    # With a single parameter, all parameters together would be the same guesses again.
     if 1 < p <= ALL_CORNERS:
-        signs += map(np.array, itertools.product(both, repeat=p))
+        signs += map(np.array, itertools.product(directions, repeat=p))
     elif p > ALL_CORNERS:
-        signs += [*np.random.default_rng(0).choice(both, (2**ALL_CORNERS, p))]
+        signs += [*np.random.default_rng(0).choice(directions, (2**ALL_CORNERS, p))]
     return uncertainty * np.array(signs)
 
 
@@ -350,7 +353,7 @@ def blocked_records(
     not block a record, nor does a constant misfit: before the first impact, for example, the run
     doesn't depend on the clearance, but in a longer record it does.
     """
-    n = values.shape[1]
+    n = values.shape[1]  # Number of times that the run at the point has reached.
     residuals = values - truth[:, :n]
     slope = np.cumsum((residuals * slopes).sum(axis=0))
     # Squared norms of the residuals and of the slopes over each record.

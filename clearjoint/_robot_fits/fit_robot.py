@@ -101,7 +101,7 @@ class RobotFit(AbstractTabular):
     - `held`: value and unit at which each undetermined parameter was held: its start, or its last
       estimate if it is a position or speed at the start of the log, or if the log excludes its
       start.
-    - `limits`: the 95 % interval, from zero or to infinity, of parameters about zero or infinite.
+    - `limits`: 95 % intervals, from zero or to infinity, of parameters about zero or infinite.
 
     ```python
     import clearjoint as cj
@@ -131,13 +131,13 @@ class RobotFit(AbstractTabular):
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """95 % interval of each value by name: those of the `fit`, and `limits`."""
+        """95 % interval (low, high) of each value by name: those of the `fit`, and `limits`."""
         return self.fit.intervals | self.limits
 
     @override
     def to_xarray(self) -> "xr.Dataset":
         """Return estimates and held values along "parameter", with the unit and the bounds of the
-        95 % interval. Those of held values are their `limits`, or else NaN."""
+        95 % interval. The bounds of a held value are its `limits` or, if it has none, NaN."""
         rows, along = self._rows(), ("parameter",)
         estimates, lows, highs, units = zip(*rows.values(), strict=True)
         determined = ["false" if name in self.held else "true" for name in rows]
@@ -179,7 +179,7 @@ class RobotFit(AbstractTabular):
         self, log: RobotLog, driven_by: DrivenBy | None = None, settings: Settings | None = None
     ) -> dict[str, Float[np.ndarray, " N"]]:
         """Return the predicted values of each series of another log, (N,), in the form of
-        `predictions`: those of a log that was not fitted tell what a fit is worth.
+        `predictions`. How well they agree with a log that was not fitted tells what a fit is worth.
 
         The run begins with the log's first positions and, unless it begins at rest, their rates.
         Joints are driven as in the fit, unless `driven_by` has another drive: for another gain,
@@ -188,6 +188,7 @@ class RobotFit(AbstractTabular):
 
         **Raises:** `ValueError` as `fit_robot`. `SimulationError` if the run fails.
         """
+        # A drive that was fitted, such as a servo, keeps its estimates.
         drives = self.fit.scene.forces
         driven: dict[str, Mode | AbstractForce] = {
             name: mode if isinstance(mode, str) else drives[drive_name(name)]
@@ -208,6 +209,8 @@ class RobotFit(AbstractTabular):
                 value = (value - at_zero) / (at_one - at_zero)
             starts.append((parameter.variation, value))
         scene, state = with_values(problem.scene, problem.state, starts)
+        # Times at which each series reads the motion: with a delay, these are before its sample
+        # times, but not before the start.
         instants = {name: np.asarray(s.times) for name, s in series.items()}
         for name, parameter in fit.parameters.items():
             if isinstance(delay := parameter.variation, SeriesDelay):
@@ -223,6 +226,7 @@ class RobotFit(AbstractTabular):
         predicted = {}
         for name, s in series.items():
             exact = np.asarray(run.outputs[name])[np.searchsorted(times, instants[name])]
+            # `reading` adds the fitted errors of the sensor, other than delays.
             difference = reading(name, exact, np.asarray(s.times) - start) - s.values
             # As in `predictions`, angles are those nearest to the measured ones.
             if s.period is not None:
@@ -231,15 +235,17 @@ class RobotFit(AbstractTabular):
         return predicted
 
     def hysteresis(self) -> dict[str, Hysteresis]:
-        """Return torque over position of each driven joint with a logged torque and position. What
-        drives a joint, its torque or its position, is predicted as logged."""
+        """Return, by name, the `Hysteresis` of each driven joint with a logged torque and position.
+        What drives a joint, its torque or its position, is predicted as logged."""
         loops, measured = {}, self.fit.measurements.series
         for joint in self.driven_by:
+            # The position of a joint that is not logged is that of its motor.
             side = joint if joint in self.log.angles else f"{joint} motor"
             if joint not in self.log.torques or side not in self.log.angles:
                 continue
             torques, angles = self.log.torques[joint], self.log.angles[side]
             torque, position, by_name = f"{joint} torque", f"{side} position", self.predictions
+            # At least one of the two is compared with the log, at times that serve both here.
             times = np.asarray(measured[position if position in measured else torque].times)
             logged = (
                 np.interp(times, angles.times, continuous(angles, is_hinge(self.robot, side))),
@@ -402,13 +408,14 @@ def _best_fit(
     the whole log at once, of growing windows, and from plays other than the estimated ones.
     `options` are further arguments of `identify`.
     """
-    # Chi squared may have a minimum at either end of a play in which a side starts.
+    # Chi squared may have a minimum at each end of a play in which a side starts.
     free = free_parameters(parameters)
     places = _of_kind(problem, free, IN_PLAY)
     sides = (0.0, *ENDS) if places else (0.0,)
     starts = [dict.fromkeys(places, side) for side in sides]
 
     def fitted(windows: Sequence[float], guesses: Sequence[Guess] = starts) -> Fit:
+        # `fit_robot` warns of the best fit only, hence `quiet`.
         arguments = problem.scene, problem.state, problem.measurements, parameters, settings
         with quiet():
             return identify(*arguments, grow=windows, guess=guesses, **options)
@@ -431,6 +438,7 @@ def _best_fit(
 
 
 def _of_kind(problem: RobotProblem, parameters: Iterable[str], *kinds: str) -> list[str]:
+    # Names of those `parameters` that are of one of the `kinds`, such as "play".
     return [name for name in parameters if problem.subjects.get(name, ("", ""))[1] in kinds]
 
 
@@ -451,7 +459,8 @@ def _lowest(*fits: Fit) -> Fit:
 def _windows(
     fit: Fit, parameters: Mapping[str, Parameter], problem: RobotProblem, settings: Settings
 ) -> list[float]:
-    """Return ends of growing windows, s; none if a single run can fit the whole log."""
+    """Return ends of growing windows, s, by the horizon of runs with the estimates of `fit`; none
+    if a single run can fit the whole log. `parameters`: the free parameters."""
     # Starts may be wrong by a factor of two; those of other parameters by one unit of the scale.
     uncertainty = {
         name: math.log(2.0) if problem.subjects.get(name, ("", ""))[1] in KINDS else 1.0
@@ -464,8 +473,9 @@ def _windows(
             uncertainty=uncertainty,
             start_time=start,
         )
-        length = 0.9 * (min(limits.single_shot, end) - start)  # Of the first window.
-    except SimulationError:  # the run with the estimates fails
+        # Length of the first window, a little below the horizon.
+        length = 0.9 * (min(limits.single_shot, end) - start)
+    except SimulationError:  # The run with the estimates fails, so that the horizon is unknown.
         return _doubled(problem, 1.0 / 16.0)
     return _doubled(problem, length / (end - start))
 
@@ -484,7 +494,7 @@ def _doubled(problem: RobotProblem, share: float) -> list[float]:
 def _undetermined(
     report: Identifiability, problem: RobotProblem, parameters: Mapping[str, Parameter]
 ) -> dict[str, str]:
-    """Return, for each parameter that the log does not determine, a sentence that says why."""
+    """Return, for each of the `parameters` in `report` that the log does not determine, why."""
     remaining, reasons = report, {}
     # The run that tells which flanks touch is made at most once, and only if it is needed.
     flanks = cache(partial(_touched, problem, parameters))
@@ -503,6 +513,7 @@ def _undetermined(
 
 
 def _without(report: Identifiability, names: Collection[str]) -> Identifiability:
+    # The report if the named parameters were known.
     columns = [k for k, name in enumerate(report.names) if name not in names]
     return replace(
         report,
@@ -516,18 +527,20 @@ def _without(report: Identifiability, names: Collection[str]) -> Identifiability
 def _away_from_starts(
     report: Identifiability, undetermined: Collection[str], starts: Mapping[str, float], fit: Fit
 ) -> dict[str, tuple[float, float]]:
-    """Return the intervals of undetermined parameters that do not contain the start, each as if all
-    others that are undetermined were known."""
+    """Return the 95 % intervals, if they don't contain the start, of the `undetermined` parameters,
+    each as if all other undetermined parameters were known."""
     away, widening = {}, dict(zip(fit.parameters, fit.widening.tolist(), strict=True))
     for name in undetermined:
-        part = _without(report, {*undetermined} - {name})
-        k = part.names.index(name)
-        scale, coordinate, value = part.scales[k], float(part.coordinates[k]), float(part.values[k])
-        half = WIDTH * float(part.deviations[k]) * widening.get(name, 1.0)
+        alone = _without(report, {*undetermined} - {name})
+        k = alone.names.index(name)
+        scale, coordinate = alone.scales[k], float(alone.coordinates[k])
+        value = float(alone.values[k])
+        half = WIDTH * float(alone.deviations[k]) * widening.get(name, 1.0)
         rises = value > starts[name]
         low, high = scale.interval(coordinate, half, rises)
         if isinstance(scale, Log) and not rises:
-            # Forces are proportional to what may be zero, such as frictions and plays.
+            # Forces are proportional to what may be zero, such as a friction, so that the interval
+            # is linear in the value. The start is above the value: only the upper end decides.
             low, high = 0.0, value * (1.0 + half)
         if not low <= starts[name] <= high:
             away[name] = low, high
@@ -540,8 +553,8 @@ def _subject(name: str, problem: RobotProblem) -> str:
 
 
 def _touched(problem: RobotProblem, parameters: Mapping[str, Parameter]) -> dict[str, set[str]]:
-    """Return the labels of the contacts that touch in the run with the parameters' values, by
-    joint; those of a backlash are its flanks."""
+    """Return, by joint, the labels of the contacts that touch at a time of the log, in the run with
+    the parameters' values. The contacts of a backlash are its flanks."""
     values = [(p.variation, float(p.value or 0.0)) for p in parameters.values()]
     scene, state = with_values(problem.scene, problem.state, values)
     times, start = problem.measurements.times(), problem.log.start
@@ -561,11 +574,11 @@ def _reason(
     problem: RobotProblem,
     flanks: Callable[[], Mapping[str, set[str]]],
 ) -> str:
-    """Return why the log does not determine the parameter `name`, the one of index `k` in
-    `report`. `flanks` returns the result of `_touched`."""
+    """Return a sentence on why the log does not determine the parameter `name`, whose index in
+    `report` is `k`. `flanks` returns the result of `_touched`."""
     joint, kind = problem.subjects.get(name, ("", name))
     head = f"{_subject(name, problem)} cannot be determined"
-    # The run with contacts is another program, which is compiled only if it may be the reason.
+    # The run that tells which flanks touch is only made if flanks may be the reason.
     touched = flanks().get(backlash_name(joint)) if kind in ("play", "stiffness") else None
     if touched is not None and len(touched) < 2:
         if not touched:

@@ -102,8 +102,8 @@ class JointPosition(AbstractQuantity):
 
 @dataclass(frozen=True)
 class LinkInertia:
-    """Function that scales a body's inertia to a given moment of inertia, kg m^2, about `axis`, a
-    unit vector in body axes, through the centre of mass."""
+    """Function that scales a body's inertia so that the moment of inertia about `axis`, a unit
+    vector in body axes, through the centre of mass, has a given value, kg m^2."""
 
     body: str
     axis: tuple[float, ...]
@@ -158,7 +158,7 @@ class AbstractStart(AbstractGroupedChange):
 
     @abc.abstractmethod
     def set_in(self, numbers: "StartNumbers", scene: Scene, value: Scalar) -> None:
-        """Set the positions or speeds in `numbers` that the value of this change determines."""
+        """Set the positions or speeds in `numbers` that follow from the `value` of this change."""
 
     @staticmethod
     @override
@@ -191,9 +191,9 @@ class StartNumbers(NamedTuple):
 class StartOfJoint(AbstractStart):
     """Function that gives a joint a position or, if `of_speed`, a speed at the start.
 
-    `follower` is the other side of the joint's drive train, if the log lacks this side. It starts
-    where play and compliance are taken up by the `load`, N m or N. The load is an array, and so an
-    argument of compiled programs, because it differs between logs.
+    `follower` is the other side of the joint's drive train if the log lacks that other side, else
+    ``None``. The follower starts where `load`, N m or N, has taken up play and compliance. The load
+    is an array, and so an argument of compiled programs, because it differs between logs.
     """
 
     joint: str
@@ -212,9 +212,9 @@ class StartOfJoint(AbstractStart):
 
 @dataclass(frozen=True)
 class StartInPlay(AbstractStart):
-    """Function that gives the side of a drive train that is not logged, `follower`, its place in
-    the play of `backlash` around the logged side `joint` at the start, from -1, at the lower end,
-    to 1."""
+    """Function that puts `follower`, the side of a drive train that is not logged, at a place in
+    the play of `backlash` at the start: from -1 to 1, the lower and upper ends of the play, around
+    the position of `joint`, the logged side."""
 
     joint: str
     follower: str
@@ -223,17 +223,18 @@ class StartInPlay(AbstractStart):
     @override
     def set_in(self, numbers: StartNumbers, scene: Scene, value: Scalar) -> None:
         half = 0.5 * scene.joints[self.backlash].play  # pyright: ignore
-        place = numbers.q.get(self.joint)
-        if place is None:
-            place = self.moved.robot.angles(numbers.state)[self.joint]
-        numbers.q[self.follower] = place + value * half
+        logged = numbers.q.get(self.joint)
+        # If its position is no parameter, the logged side is where the state has it.
+        if logged is None:
+            logged = self.moved.robot.angles(numbers.state)[self.joint]
+        numbers.q[self.follower] = logged + value * half
 
 
 @dataclass(frozen=True)
 class GearLoss:
     """Function that sets the loss of a gear: the load of its `friction` over the torque that the
     gear transmits. If flanks press on the friction by a force, `radius`, m, converts the force to
-    this torque; otherwise it is 1."""
+    this torque; otherwise `radius` is 1."""
 
     friction: str
     radius: float
@@ -244,8 +245,8 @@ class GearLoss:
 
 
 def wind_up(scene: Scene, follower: str, leader: str, load: Scalar) -> Scalar:
-    """Return by how much, rad, the follower is ahead of the leader, the other side of its drive
-    train, under the load, N m, with which the motor holds the link. Without load it is zero: the
+    """Return by how much, rad, the follower is ahead of the leader, the other side of the drive
+    train, under the load, N m, with which the motor holds the link. Without load this is zero: the
     follower is in the middle of the play."""
     # Under a positive load the motor is ahead of the link.
     joint, sign = (follower, -1.0) if motor_name(follower) == leader else (leader, 1.0)
@@ -295,7 +296,7 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
     driven = _driven(robot, log, driven_by, positions)
     parameters: dict[tuple[str, str], Parameter] = {}
     for joint, kinds in find.items():
-        side = 0 if is_hinge(robot, joint) else 1
+        side = 0 if is_hinge(robot, joint) else 1  # Index in each pair of units of `KINDS`.
         units = {kind: unit for kind, pair in KINDS.items() if (unit := pair[side]) is not None}
         for kind, start in (kinds if isinstance(kinds, Mapping) else dict.fromkeys(kinds)).items():
             expected, remedy = f"one of {', '.join(units)}", nearest(kind, units, "leave it out")
@@ -343,6 +344,7 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
 
 
 def _require_joints(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) -> None:
+    # Angles may be logged of a joint and of its motor, everything else of a joint only.
     sides = dict.fromkeys(side for j in robot.joints for side in (j, motor_of(robot, j)))
     for argument, part, names in (
         ("find", find, robot.joints),
@@ -373,12 +375,17 @@ def _of_start(
         change = StartOfJoint(moved, name, of_speed, follower, jnp.asarray(load))
         return Parameter.change(change, value, Linear(size), unit)
 
+    # The unit of each coordinate is a typical error: the noise of the position, or for a speed
+    # `FACTOR` times this noise.
     parameters = {(name, POSITION): start(False, q[name], noise, unit)}
-    if qd[name] != 0.0:
+    if qd[name] != 0.0:  # zero is the known speed of a joint that starts at rest
         parameters[name, SPEED] = start(True, qd[name], FACTOR * noise, f"{unit}/s")
+    # A drive train and its backlash are named after the joint, not after the motor.
     joint = name if name in robot.drives else follower
     backlash = backlash_name(joint or "")
     is_loose = isinstance(robot.scene.joints.get(backlash), Backlash)
+    # Without a load that presses it to a flank, the side that is not logged may be anywhere in the
+    # play.
     if follower is not None and load == 0.0 and is_loose:
         change = StartInPlay(moved, name, follower, backlash)
         parameters[follower, IN_PLAY] = Parameter.change(change, 0.0, Bounded(-1.0, 1.0))
@@ -395,14 +402,16 @@ def continuous(samples: Logged, is_angle: bool) -> Float[np.ndarray, " N"]:
 
 
 def _other_side(robot: Robot, log: RobotLog, name: str) -> str | None:
-    """Return the motor of a joint, or the joint of a motor, if it exists and is not logged."""
+    """Return the motor of a joint, or the joint of a motor; ``None`` if there is none, or the log
+    has its angles."""
     motors = robot._motors()
     other = (motors | {motor: joint for joint, motor in motors.items()}).get(name)
     return None if other in log.angles else other
 
 
 def _begins_at_rest(samples: Logged, is_angle: bool) -> bool:
-    """Return whether the line through the first samples is flat, see `SLOPE`."""
+    """Return whether a joint starts at rest: whether noise explains the slope of a line through its
+    first `REST` samples (see `SLOPE`). False if the noise is unknown."""
     if samples.noise is None:
         return False
     times, values = samples.times[:REST], continuous(samples, is_angle)[:REST]
@@ -415,7 +424,7 @@ def _load_at_start(
     robot: Robot, q: Mapping[str, float], name: str, follower: str, noise: float
 ) -> float:
     """Return the torque, N m, or force, N, with which a motor holds its link at the start; zero if
-    its sign is not `CERTAIN`. `name` is the logged side of the drive train."""
+    its sign is not `CERTAIN`. `name`: the logged side of the drive train; `follower`: the other."""
     joint = name if name in robot.drives else follower
     angles = {n: value for n, value in q.items() if n in robot.joints}
     # The load at the logged position, and at those that are wrong by `CERTAIN` times the noise.
@@ -441,7 +450,8 @@ def _smoothed(robot: Robot, joint: str, samples: Logged) -> Spline:
         weights = np.full(len(values), 1.0 / samples.noise)
         spline = UnivariateSpline(samples.times, values, weights, k=3, s=len(values))
         knots = spline.get_knots()
-    # At the ends of a table its second derivative is not defined: they lie beyond the log.
+    # The spline's second derivative is not defined at its first and last knot, which therefore lie
+    # beyond the log.
     beyond = samples.times[1] - samples.times[0]
     knots = np.concatenate([[knots[0] - beyond], knots, [knots[-1] + beyond]])
     return Spline(knots, spline(knots), spline.derivative()(knots))
@@ -458,6 +468,7 @@ def _driven(
     for joint, mode in driven_by.items():
         element = mode
         if isinstance(element, AbstractForce):
+            # A drive of the user's follows the logged goals, if there are any.
             if joint in log.goals and hasattr(element, "target"):
                 times, goals, _, _ = log.goals[joint]
                 _require_unit(f"log.goals[{joint!r}]", log.goals[joint], "rad")
@@ -471,14 +482,15 @@ def _driven(
 def _following(
     robot: Robot, log: RobotLog, joint: str, mode: Mode, positions: Mapping[str, Spline]
 ) -> Element:
-    """Return the element by which a joint follows its logged position or torque."""
+    """Return the driver by which a joint follows its logged torque or its `positions`, smoothed."""
     argument, modes = f"driven_by[{joint!r}]", get_args(Mode)
     expected = f"one of {', '.join(modes)}, or a drive such as a Servo"
     require(mode in modes, argument, mode, expected, "name one of them")
+    # Positions are prescribed to the motor; torques of the motor are logged by the joint's name.
     motor = motor_of(robot, joint)
-    part, name = ("angles", motor) if mode == "angle" else ("torques", joint)
-    expected, remedy = f"what the log has for {name!r}", f"pass {part} of {name!r} to the log"
-    require(name in getattr(log, part), argument, mode, expected, remedy)
+    field, name = ("angles", motor) if mode == "angle" else ("torques", joint)
+    expected, remedy = f"what the log has for {name!r}", f"pass {field} of {name!r} to the log"
+    require(name in getattr(log, field), argument, mode, expected, remedy)
     if mode == "angle":
         ideal = robot.scene.joints[motor]
         assert isinstance(ideal, HingeOrSlider)
@@ -486,6 +498,7 @@ def _following(
     _require_unit(f"log.torques[{joint!r}]", log.torques[joint], "N m")
     remedy = "drive the slider by its position, or add the load to the robot's scene"
     require(is_hinge(robot, joint), argument, mode, "of a hinge", remedy)
+    # A held torque acts until the next logged value; others are interpolated.
     make = PiecewiseConstant if mode == "held torque" else Spline.through
     torque = make(log.torques[joint].times, log.torques[joint].values)
     return DriveTorque(*robot.motor_side(joint), torque)
@@ -510,9 +523,11 @@ def _guess(
 
 
 def _friction_name(robot: Robot, joint: str, kind: str) -> str:
+    # Name of the robot's friction of this kind, or the name that a new one gets.
     of_link = kind == "link friction"
     ends = ("friction", "link friction") if of_link else ("motor friction", "friction")
     names = [f"{joint} {end}" for end in ends]
+    # If the motor turns apart, "friction" and "damping" act on the motor, not on the link.
     if not of_link and motor_of(robot, joint) != joint:
         return names[0]
     return next((name for name in names if name in robot.scene.joints), names[1])
@@ -536,7 +551,7 @@ def _with_friction(
     present = robot.scene.joints.get(name)
     is_known = damper is not None or getattr(present, number, None) is not None
     known = float(as_number(path(robot.scene))) if is_known else 0.0
-    size = start if start is not None else known if known > 0.0 else guess
+    size = start if start is not None else known if known > 0.0 else guess  # of the start
     expected = "given, since the robot has none and the log no torque of the joint"
     remedy = f'pass {{"{kind}": start}}'
     require(size is not None, f"find[{joint!r}][{kind!r}]", size, expected, remedy)
@@ -555,6 +570,8 @@ def _with_friction(
 
 
 def _damper(robot: Robot, joint: str) -> str | None:
+    # Name of the force that damps a hinge without a motor of its own, if there is one. A damping of
+    # other joints is the viscosity of a friction.
     if motor_of(robot, joint) != joint or not is_hinge(robot, joint):
         return None
     names = f"{joint} damping", f"{joint} spring"
@@ -562,7 +579,8 @@ def _damper(robot: Robot, joint: str) -> str | None:
 
 
 def _parameter(robot: Robot, joint: str, kind: str, start: float | None, unit: str) -> Parameter:
-    """Return the parameter of a joint; raise a `ValueError` if the robot has no such number."""
+    """Return the parameter of a joint's `kind`, one of `KINDS` except `RESISTANCES`, with the value
+    `start` or, if that is ``None``, the robot's; a `ValueError` if the robot has no such number."""
     scene, argument, scale = robot.scene, f"find[{joint!r}]", Log()
     ideal, motor = scene.joints[joint], scene.joints[motor_of(robot, joint)]
     if kind in ("play", "stiffness", "restitution"):
@@ -587,6 +605,7 @@ def _parameter(robot: Robot, joint: str, kind: str, start: float | None, unit: s
     body = ideal.second
     if kind == "mass":
         return Parameter(lambda s: s.bodies[body].mass, scale, value=start)
+    # What is left is "inertia": the moment about the joint's axis, by which all moments are scaled.
     assert isinstance(ideal, RevoluteJoint)
     axis = np.asarray(ideal.axis_second) / np.linalg.norm(ideal.axis_second)
     change = LinkInertia(body, tuple(axis.tolist()))
@@ -595,8 +614,8 @@ def _parameter(robot: Robot, joint: str, kind: str, start: float | None, unit: s
 
 
 def _of_gear(robot: Robot, joint: str, kind: str, start: float | None) -> Parameter:
-    """Return the parameter "play", "stiffness" or "restitution" of the gear of a hinge, which has
-    an elastic compliance or a backlash."""
+    """Return the parameter `kind`, "play", "stiffness" or "restitution", of the gear of a hinge,
+    which has an elastic compliance or a backlash; a `ValueError` if the gear has no such number."""
     scene, argument = robot.scene, f"find[{joint!r}]"
     compliance, name = f"{joint} {COMPLIANCE}", backlash_name(joint)
     if kind == "stiffness" and compliance in scene.forces:
@@ -612,6 +631,7 @@ def _of_gear(robot: Robot, joint: str, kind: str, start: float | None) -> Parame
     if kind == "restitution":
         require(hasattr(law, kind), argument, kind, expected, "leave it out")
         return Parameter(lambda s: s.joints[name].law.restitution, Bounded(0.0, 1.0), value=start)
+    # The law of the flanks has a model of the stiffness, of which some have a constant stiffness.
     stiffness = getattr(getattr(law, kind, None), kind, None)
     require(stiffness is not None, argument, kind, expected, "leave it out")
     if start is None:
@@ -627,6 +647,7 @@ def _measured(
     series: dict[str, Series] = {}
 
     def compare(name: str, channel: Quantity, samples: Logged, unit: str) -> None:
+        # Adds a series of the quantity `channel`.
         _require_unit(f"{name} of the log", samples, unit)
         remedy = "pass LogColumn(..., noise=...) for its column"
         expected = "known for what is compared with the log"
@@ -641,6 +662,8 @@ def _measured(
             compare(f"{name} position", channel, samples, "rad" if hinge else "m")
     for joint, samples in log.torques.items():
         mode, name, hinge = driven_by.get(joint), drive_name(joint), is_hinge(robot, joint)
+        # If a joint follows its position, a run has the torque that this takes, a multiplier. With
+        # a prescribed torque, a run has no other torque to compare.
         if mode == "angle":
             channel = Multiplier(name, "angle" if hinge else "distance")
             compare(f"{joint} torque", channel, samples, "N m" if hinge else "N")

@@ -145,12 +145,13 @@ def statistics_derivatives(
 
 
 def _coefficients(parameters: int) -> int:
-    """Return the number of coefficients of the regression for a number of `parameters`."""
+    """Return the number of coefficients of the regression for a number of `parameters`: a constant,
+    three powers of each parameter, and the products of two."""
     return 1 + 3 * parameters + parameters * (parameters - 1) // 2
 
 
 def _points(uncertain: Mapping[str, Uncertain], draws: int, seed: int) -> np.ndarray:
-    """Standardised coordinates of all runs, (runs, p).
+    """Return the standardised coordinates of all runs, (runs, p).
 
     The first `draws` rows are independent draws. Then come as many rows for each parameter with a
     uniform distribution, in pairs that differ only in this parameter: it is 1 in the first row of a
@@ -160,12 +161,14 @@ def _points(uncertain: Mapping[str, Uncertain], draws: int, seed: int) -> np.nda
     rng = np.random.default_rng([seed, 1])
 
     def drawn(count: int) -> np.ndarray:
+        # Independent draws of all parameters, (count, p).
         columns = zip(uncertain.values(), rng.random((count, len(uncertain))).T, strict=True)
         return np.stack([number.standardised(column) for number, column in columns], axis=1)
 
     blocks = [drawn(draws)]
     for k, number in enumerate(uncertain.values()):
         if not number.is_normal:
+            # Both runs of a pair have the same draw of all other parameters.
             pairs = np.repeat(drawn(draws // 2), 2, axis=0)
             pairs[0::2, k], pairs[1::2, k] = 1.0, -1.0
             blocks.append(pairs)
@@ -187,9 +190,9 @@ def estimate(
     draws: int,
     normal: np.ndarray,
 ) -> Estimate:
-    """Return the derivatives of an output's mean from its `values` at the points of `_points`: by
-    regression where `normal`, (p,), is true, by pairs of runs for parameters with a uniform
-    distribution."""
+    """Return the derivatives of an output's mean from the output's `values` at the points of
+    `_points`, of which the first `draws` are independent: by regression over these where `normal`,
+    (p,), is true, by the further runs, in pairs, for parameters with a uniform distribution."""
     p = points.shape[1]
     derivatives, errors, freedom = np.zeros((3, p))
     usable = np.isfinite(values[:draws])
@@ -213,8 +216,8 @@ def estimate(
 
 
 def _regression(z: np.ndarray, y: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients of the p standardised coordinates z (runs, p) in a regression of the output y
-    (runs,), and their standard errors, (p,) each.
+    """Return the coefficients of the p standardised coordinates z (runs, p) in a regression of the
+    output y (runs,), and the standard errors of the coefficients, (p,) each.
 
     The regressors are polynomials of one coordinate up to degree 3, those of Hermite for normal and
     of Legendre for uniform distributions, and products of two coordinates. They are orthogonal
@@ -241,4 +244,5 @@ def _regression(z: np.ndarray, y: np.ndarray, normal: np.ndarray) -> tuple[np.nd
     # A leverage of 1, of a run that alone determines a coefficient, would divide by zero.
     scaled = residuals / np.maximum(1.0 - leverage, 1e-12) ** (0.5 * power)
     errors = np.sqrt(((inverse * scaled) ** 2).sum(axis=1))
+    # After the constant come the coefficients of z.
     return (inverse @ y)[1 : p + 1], errors[1 : p + 1]

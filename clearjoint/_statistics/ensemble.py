@@ -71,18 +71,20 @@ def disturbed_velocities(
     lengths = np.concatenate([[1.0] * 3 + [radii[name]] * 3 for name in bodies])
     # In speeds at the radius of gyration, spins and velocities of all bodies are comparable. The
     # constraints are linear in the velocities, so that directions in the null space of their
-    # Jacobian satisfy them exactly, whatever the size.
+    # Jacobian satisfy the constraints exactly, whatever the size.
     jacobian = constraint_report(scene, state, start_time).columns(bodies) / lengths
-    singular, rows = np.zeros(0), np.zeros((0, len(lengths)))
+    singular, vectors = np.zeros(0), np.zeros((0, len(lengths)))
     if jacobian.size:
-        _, singular, rows = np.linalg.svd(jacobian)
+        _, singular, vectors = np.linalg.svd(jacobian)
     rank = int(np.sum(singular > RANK_TOLERANCE * singular.max(initial=0.0)))
-    free = rows[rank:] if jacobian.size else np.eye(len(lengths))
+    # The singular vectors after the first `rank` span the null space. Without constraints, every
+    # direction is free.
+    free = vectors[rank:] if jacobian.size else np.eye(len(lengths))
     remedy = "remove a joint or driver"
     require(len(free) > 0, "scene", "no free velocity", "one that can move", remedy)
-    # The rows of `free` are orthonormal, so that the expected squared length of a projected
-    # direction is their number. With the factor before it, the expected squared speed, averaged
-    # over the bodies, is the square of `size`.
+    # The rows of `free` are orthonormal, so that the expected squared length of a direction that is
+    # projected on them is their number. With the factor before the projection, the expected squared
+    # speed, averaged over the bodies, is the square of `size`.
     added = size * np.sqrt(len(radii) / len(free)) * (along @ free.T) @ free
     added[np.abs(added) < NEGLIGIBLE * size] = 0.0
     return velocities_of(bodies, state) + added / lengths
@@ -144,8 +146,8 @@ def disturbed_axes(
 def at_points(
     scene: Scene, state: State, axes: Mapping[str, Axis], values: Values, count: int
 ) -> list[tuple[Scene, State] | None]:
-    """Return scene and state with the values of the axes at each of `count` points; ``None`` for
-    values that a scene can't have."""
+    """Return scene and state at each of `count` points, with the `values` there of each of the
+    `axes`, by name; ``None`` for values that a scene can't have."""
     if not values:
         return [(scene, state)] * count
     lanes = lanes_of(scene, state, axes, values)
@@ -284,7 +286,7 @@ def ensemble(
             if pair is None:
                 rates[k] = math.nan
                 continue
-            changed, start = pair
+            changed, start = pair  # Scene and state with the values of the axes at this point.
             end = end_time(changed) if callable(end_time) else end_time
             span, progress = (start_time, end), options.get("progress", True)
             rates[k] = _lyapunov_exponent(
@@ -307,8 +309,8 @@ def number_failed(results: "xr.Dataset") -> Labelled:
 def scalar_outputs(
     results: "xr.Dataset", quantities: Collection[str] = ()
 ) -> dict[str, tuple[np.ndarray, str]]:
-    """Return, by name, the values, NaN in failed lanes, and the unit of each output of a zipped
-    sweep that has one number in each lane, or is among `quantities`."""
+    """Return, by name, values and unit of each output in the `results` of a zipped sweep that has
+    one number in each lane, or is among `quantities`. Values are NaN in failed lanes."""
     failed = failed_runs(results)
     by_name = {}
     for name, variable in results.data_vars.items():
@@ -365,9 +367,9 @@ def _statistics(
 def _quantile_errors(
     runs: Float[np.ndarray, "... draws"], levels: Float[np.ndarray, " q"]
 ) -> Float[np.ndarray, "... q"]:
-    """Standard errors of the quantiles of `runs` over the draws, where NaN stands for a failed run.
-    A standard error is NaN if fewer than two runs succeeded, and for a level p nearer to 0 or 1
-    than sqrt(p (1 - p)/n), for n successful runs."""
+    """Return standard errors of the quantiles, at q levels, of `runs` over the draws, in which NaN
+    is a failed run. A standard error is NaN if fewer than two runs succeeded, and for a level p
+    whose distance from 0 or 1 is below sqrt(p (1 - p)/n), for n successful runs."""
     # The share of n draws below the true quantile has a binomial distribution with the standard
     # deviation sqrt(p (1 - p)/n). Half the distance between the quantiles at the levels one
     # deviation below and above is therefore the standard error of a quantile.
@@ -380,8 +382,8 @@ def _quantile_errors(
             # No run shows how far the quantile is from a level outside 0 to 1. Half the distance to
             # the smallest or largest value was 0.06 to 0.6 of the standard error.
             within = (ends[0] > -ROUNDING) & (ends[1] < 1.0 + ROUNDING)
-            quantiles = np.quantile(usable, np.clip(ends[:, within], 0.0, 1.0))
-            errors[point][within] = 0.5 * (quantiles[1] - quantiles[0])
+            at_ends = np.quantile(usable, np.clip(ends[:, within], 0.0, 1.0))
+            errors[point][within] = 0.5 * (at_ends[1] - at_ends[0])
     return errors
 
 
@@ -393,8 +395,9 @@ def _lyapunov_exponent(
     along: Float[np.ndarray, "draws v"],
     progress: bool,
 ) -> tuple[float, float]:
-    """Return the largest Lyapunov exponent, 1/s, averaged over starts that are disturbed by `size`,
-    m/s, in the directions `along`, and the standard error of this average.
+    """Return the largest Lyapunov exponent, 1/s, from runs between the two times of `span`, s, as
+    an average over starts that are disturbed by `size`, m/s, in the directions `along`; and the
+    standard error of this average.
 
     The exponent of a start is the growth rate of the tangent in the second half of the run; in the
     first half the tangent turns to the direction of fastest growth. Runs that fail are left out. If
@@ -402,6 +405,7 @@ def _lyapunov_exponent(
     """
     start_time, end_time = span
     axes: dict[str, Axis] = disturbed_axes(scene, state, {}, size, along, start_time)
+    # Without the start itself, where the tangent has not grown yet.
     times = np.linspace(start_time, end_time, TANGENT_TIMES + 1)[1:]
     points, tangent = growth.points(scene), {growth.DISTURBANCE: growth.disturbance(scene)}
     options = {"start_time": start_time, "throw": False, "progress": progress}

@@ -107,7 +107,7 @@ def sobol_indices(
 
 
 def _groups(p: int, draws: int, seed: int) -> np.ndarray:
-    """Points of all runs in the unit cube, (draws (p + 2), p), in groups of p + 2.
+    """Return the points of all runs in the unit cube, (draws (p + 2), p), in groups of p + 2.
 
     A group has two independent points A and B, and for each parameter the point A with this
     parameter's coordinate from B. Groups come one after the other, so that a larger `draws` appends
@@ -121,17 +121,19 @@ def _groups(p: int, draws: int, seed: int) -> np.ndarray:
     points_a, points_b = np.split(np.stack(each, axis=1).reshape(draws, 2 * p), 2, axis=1)
     groups = np.repeat(points_a[:, None], p + 2, axis=1)
     groups[:, 1] = points_b
+    # In point 2 + k of each group, coordinate k is replaced by that of B.
     groups[:, 2 + np.arange(p), np.arange(p)] = points_b
     return groups.reshape(-1, p)
 
 
 def _indices(groups: np.ndarray, confidence: float) -> dict[str, np.ndarray]:
-    """First-order and total indices of an output, and the ends of their intervals, by name, from
-    its values in each run, (n, p + 2), in the order of `_groups`. Groups with a value that is not
-    finite are left out."""
+    """Return the first-order and total indices of an output, and the ends of their intervals, (p,)
+    by name, from the values `groups` of the output in each run, (n, p + 2), in the order of
+    `_groups`. Groups with a value that is not finite are left out."""
     from scipy.special import stdtrit
 
     usable = np.isfinite(groups).all(axis=1)
+    # Successive groups are of different randomisations.
     used, randomisation = groups[usable], (np.arange(len(groups)) % RANDOMISATIONS)[usable]
     randomisations = np.unique(randomisation)
     expected = "2 groups without failures or more, of different randomisations"
@@ -155,14 +157,16 @@ def _indices(groups: np.ndarray, confidence: float) -> dict[str, np.ndarray]:
         # An output that does not vary has the indices zero, as in SciPy.
         return (row[3:] / number / variance if variance > 0.0 else 0.0 * row[3:]).reshape(2, -1)
 
-    # Standard error by the jackknife over the randomisations. The groups of one of them are not
-    # independent: the spread of single groups, such as in a bootstrap, is that of random points,
-    # which is up to 200 times the error of Sobol points.
+    # Standard error by the jackknife: by the indices without each randomisation in turn. The groups
+    # of one randomisation are not independent: the spread of single groups, such as in a bootstrap,
+    # is that of random points, which is up to 200 times the error of Sobol points.
     total, freedom = sums.sum(axis=0), len(randomisations) - 1
-    value, without_one = both_orders(total), np.array([both_orders(total - row) for row in sums])
+    indices, without_one = both_orders(total), np.array([both_orders(total - row) for row in sums])
     error = np.sqrt(freedom * without_one.var(axis=0))
     half = stdtrit(freedom, 0.5 * (1.0 + confidence)) * error
-    parts = {"": value, "_low": value - half, "_high": value + half}
+    by_ending = {"": indices, "_low": indices - half, "_high": indices + half}
     return {
-        f"{order}{end}": both[k] for k, order in enumerate(ORDERS) for end, both in parts.items()
+        f"{order}{ending}": numbers[k]
+        for k, order in enumerate(ORDERS)
+        for ending, numbers in by_ending.items()
     }

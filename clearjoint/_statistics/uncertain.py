@@ -96,13 +96,14 @@ class Uncertain:
         return 0.5 * (low + high), 0.5 * (high - low)
 
     def standardised(self, probabilities: np.ndarray) -> np.ndarray:
-        """Return (coordinate - centre)/size at given cumulative probabilities."""
+        """Return (coordinate - centre)/size, as of `centre_and_size`, at which the distribution has
+        the given cumulative `probabilities`."""
         from scipy.special import ndtri
 
         return ndtri(probabilities) if self.is_normal else 2.0 * probabilities - 1.0
 
     def axis(self, scene: Scene, state: State, standardised: Float[np.ndarray, " n"]) -> Axis:
-        """Return the axis of a sweep for n coordinates in the form (coordinate - centre)/size."""
+        """Return the axis of a sweep for n values of `standardised`, (coordinate - centre)/size."""
         centre, size = self.centre_and_size(scene, state)
         scale = self.parameter.scale
         # One at a time: a user-defined scale need not accept arrays.
@@ -121,7 +122,7 @@ def check_confidence(confidence: float) -> None:
 
 
 def unit_cube(dimensions: int, draws: int, method: str, seed: int) -> Float[np.ndarray, "n d"]:
-    """Return the points of a `design` in the unit cube; raise and warn as `design`."""
+    """Return the n = `draws` points of a `design` in the unit cube; raise and warn as `design`."""
     from scipy.stats import qmc
 
     require(method in METHODS, "method", method, f"one of {METHODS}", "choose one of them")
@@ -184,6 +185,6 @@ def design(
 def axes_at(
     scene: Scene, state: State, uncertain: Mapping[str, Uncertain], points: np.ndarray
 ) -> dict[str, Axis]:
-    """Return an axis for each of p numbers, at cumulative probabilities `points`, (n, p)."""
+    """Return an axis for each of p numbers, at their cumulative probabilities `points`, (n, p)."""
     pairs = zip(uncertain.items(), points.T, strict=True)
     return {name: u.axis(scene, state, u.standardised(column)) for (name, u), column in pairs}

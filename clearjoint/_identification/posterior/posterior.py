@@ -73,7 +73,7 @@ def modes(points: Points, chi_squared: Float[np.ndarray, " n"]) -> Int[np.ndarra
     # Groups with few points join the group of the nearest point in a large one. The largest group
     # is large even if all are small.
     # Some versions of NumPy return the inverse of `unique` as a column, hence `ravel`.
-    sizes = np.bincount(group[copies.ravel()], minlength=number)
+    sizes = np.bincount(group[copies.ravel()], minlength=number)  # With copies of points.
     large = sizes >= min(SMALLEST * len(points), sizes.max())
     for small in np.flatnonzero((sizes > 0) & ~large):
         members = group == small
@@ -183,14 +183,15 @@ def drawn_posterior(
     on_step: Callable[[float, int], None] = lambda time, runs: None,
 ) -> Posterior:
     """Return the posterior distribution of parameters, as `number` points, for a prior in a box of
-    coordinates, which is uniform if `log_prior` is ``None``. `on_step` is called after each step
-    with the time up to which the record is in the likelihood, s, and the number of runs so far.
+    coordinates; the prior is uniform if `log_prior` is ``None``. `on_step` is called after each
+    step with the time up to which the record is in the likelihood, s, and the number of runs.
 
-    **Raises:** `ImpossiblePointsError`, `TooManyRunsError`.
+    **Raises:** `ImpossiblePointsError`; `TooManyRunsError` before more than `most_runs` runs.
     """
     begun, runs, failed = time.perf_counter(), 0, 0
 
     def curves(points: Points, count: int) -> Float[np.ndarray, "n T"]:
+        # Makes and counts runs: the `Curves` of the target.
         nonlocal runs, failed
         if runs + len(points) > most_runs:
             raise TooManyRunsError(f"more than {most_runs:g} runs")
@@ -248,7 +249,7 @@ class ImpossiblePointsError(ValueError):
 
 
 class TooManyRunsError(ArithmeticError):
-    """Error of `drawn_posterior` before runs that would exceed its argument `most_runs`."""
+    """Error of `drawn_posterior` instead of runs that would exceed its argument `most_runs`."""
 
 
 def _log_prior(

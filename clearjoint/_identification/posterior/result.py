@@ -111,7 +111,7 @@ class Posterior(AbstractTabular):
 
     @property
     def weights(self) -> Float[np.ndarray, " modes"]:
-        """Probability of each separate minimum, (modes,), the largest first."""
+        """Probability of each mode, its share of the points, (modes,), the largest first."""
         return np.bincount(self.modes) / len(self.modes)
 
     @property
@@ -125,6 +125,7 @@ class Posterior(AbstractTabular):
             row = self.coordinates[:, k]
             number = len(row)
             # Positions in the box, 0 to 1, are compared with those of as many evenly spaced points.
+            # Points that fill the box are at its ends too, which needs no second warning.
             positions = (np.sort(row) - low[k]) / (high[k] - low[k])
             if np.abs(positions - (np.arange(number) + 0.5) / number).max() < EVEN:
                 sentences.append(
@@ -148,7 +149,7 @@ class Posterior(AbstractTabular):
     @override
     def to_xarray(self) -> "xr.Dataset":
         """Return the `mean` and `standard_deviation` of each value along "parameter", and the 95 %
-        `interval` along (parameter, bound), in the `unit` of each parameter. Attributes are
+        `interval` along ("parameter", "bound"), in the `unit` of each parameter. Attributes are
         `log_evidence`, `log_evidence_error`, `effective_sample_size`, `runs`, `failed` and `seed`.
         """
         along = ("parameter",)

@@ -72,7 +72,8 @@ first 0 to T times, (n, T + 1), infinite from the first sample on that a run mis
 class Target:
     """Posterior to draw from: a likelihood exp(-chi squared / 2) and a prior in a box.
 
-    - `count`: number of sample times of the record; `low`, `high`: ends of the box.
+    - `curves`: function that makes runs; `count`: number of sample times of the record.
+    - `low`, `high`: ends of the box.
     - `log_prior`: logarithm of the prior density at points in the box, up to a constant.
     """
 
@@ -112,7 +113,8 @@ class Drawn:
 
     - `log_evidence`: logarithm of the mean of exp(-chi squared / 2) over the prior, with its
       standard error `error`.
-    - `effective`: effective number of the weighted runs from which the points were drawn.
+    - `effective`: effective number of the weighted runs from which the points were drawn; `steps`:
+      number of steps along the record before.
     """
 
     points: Points
@@ -130,7 +132,7 @@ class ImpossiblePriorError(ArithmeticError):
 def draw(
     target: Target, number: int, generator: Generator, on_step: OnStep = lambda count: None
 ) -> Drawn:
-    """Draw `number` points from the posterior.
+    """Draw `number` points from the posterior `target`, by steps along the record.
 
     **Raises:** `ImpossiblePriorError`; `FloatingPointError` if, in a step or round, the likelihood
     is zero at each point; `numpy.linalg.LinAlgError` if so few distinct points have a weight that
@@ -233,7 +235,7 @@ def along_record(
     target: Target, points: Points, generator: Generator, on_step: OnStep
 ) -> tuple[Points, Weights, int]:
     """Return weighted points near the posterior of the whole record, their weights of sum 1, and
-    the number of steps along the record."""
+    the number of steps along the record, from `points` of the prior."""
     # Number of times over which the points have been run, and number of times in the likelihood.
     ahead, reached, steps = 1, 0.0, 0
     cloud = evaluated(target, points, ahead)
@@ -312,12 +314,14 @@ def _distinct(
     points: Points, weights: Weights
 ) -> tuple[Float[np.ndarray, "m p"], Float[np.ndarray, " m"]]:
     distinct, numbers = np.unique(points, axis=0, return_inverse=True)
-    # Some versions of NumPy return the inverse of `unique` as a column, hence `ravel`.
+    # Weights of equal points are added. Some versions of NumPy return the inverse of `unique` as a
+    # column, hence `ravel`.
     return distinct, np.bincount(numbers.ravel(), weights, len(distinct))
 
 
 def resampled(weights: Weights, generator: Generator, count: int | None = None) -> np.ndarray:
-    """Return the rising indices of `count` points, by default n, drawn by systematic resampling."""
+    """Return the rising indices of `count` points, by default as many as there are weights, drawn
+    with the `weights` as probabilities by systematic resampling."""
     count = len(weights) if count is None else count
     # The sum of the weights may be less than 1 by rounding, hence the minimum.
     ticks = (np.arange(count) + generator.uniform()) / count
@@ -328,7 +332,7 @@ def mutated(
     target: Target, cloud: Cloud, weights: Weights, reached: float, generator: Generator
 ) -> Cloud:
     """Resample a weighted cloud and move its points, by the rule of Metropolis and Hastings, for
-    the likelihood of the first `reached` sample times, see `chi_squared_over`.
+    the likelihood of the first `reached` sample times, a number that may have a fraction.
 
     Moves alternate between draws from a mixture of normal distributions around the weighted points
     and steps along differences of two of them (C. ter Braak, *A Markov chain Monte Carlo version of

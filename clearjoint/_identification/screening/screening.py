@@ -84,6 +84,8 @@ class Screening:
         wide = all(math.isfinite(size) and size > 0.0 for size in sizes)
         remedy = "pass the possible error of the guess, and leave out well-known parameters"
         require(wide, "spread", self.spread, "finite and positive", remedy)
+        # With `STILL_FITTING` points or fewer, all points kept would fit the next part of the
+        # record, and a round cannot keep more points than the first one has.
         fits = self.finish <= self.keep and STILL_FITTING < self.keep <= FIRST * self.number
         expected = (
             f"above {STILL_FITTING}, at least finish = {self.finish}, at most {FIRST} times number"
@@ -96,7 +98,7 @@ class Screened:
     """Result of one pass of a `Screening`, for p parameters.
 
     - `points`: (keep, p) points kept last, the best first.
-    - `chi_squared`: (keep,) of these points, from the averaged residuals up to the last of `times`.
+    - `chi_squared`: (keep,) of these points, by averaged residuals up to the last of `times`.
     - `starts`: (finish, p) the points from which to search.
     - `times`: end of the part of the record that each round used, s.
     - `runs`: number of runs in all rounds.
@@ -121,8 +123,8 @@ def screen(
     screening: Screening, lanes: Comparison, centre: Point, number: int, progress: bool
 ) -> Screened:
     """Make one pass of a `Screening`: find starts of a fit in the box around the guess `centre`, by
-    runs without derivatives, which `lanes` makes. The `number` of the pass, from 0, determines its
-    random numbers; `progress` tells whether to show a progress bar."""
+    runs of `lanes` without derivatives. The pass is the one of index `number`, from 0, with random
+    numbers of its own; `progress` tells whether to show a progress bar."""
     spread = half_widths(screening.spread, tuple(lanes.parameters))
     excess = statistics.chi_squared_exceeded(1.0 - LEVEL, len(centre))
     generator = np.random.default_rng(screening.seed + number)
