@@ -90,7 +90,7 @@ class AbstractElement(AbstractConverting):
         undeclared jump of a force costs many short steps, and at an undeclared kink of a driver a
         run ends with `RESULTS.not_followed`. `sensitivities` raises an error for a class without
         this method that compares, rounds or clips a number that depends on time; a class that is
-        smooth all the same defines it to return ().
+        smooth all the same defines the method to return ().
         """
         return ()
 
@@ -192,9 +192,10 @@ class AbstractForce(AbstractElement):
         return power
 
     def deviations(self, motions: Motions, t: Scalar) -> tuple[Scalar, ...]:
-        """Return numbers of which one changes by more than pi in a step where the wrenches jump,
-        such as an angle within half a revolution, at time `t` in s; none by default. Runs with
-        derivatives, which lack the effect of the jump, end there with `RESULTS.force_jumped`."""
+        """Return numbers by which a run detects a jump of the wrenches, at time `t` in s; none by
+        default. In a step with a jump one of them changes by more than pi, as an angle within half
+        a revolution does. Runs with derivatives, which lack the effect of the jump, end there with
+        `RESULTS.force_jumped`."""
         return ()
 
 
@@ -315,7 +316,7 @@ class AbstractContactJoint(AbstractElement):
 
     @abc.abstractmethod
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the geometry of each contact by label, as in `laws`."""
+        """Return the geometry of each contact, by the labels that `laws` returns."""
 
     @abc.abstractmethod
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
@@ -340,17 +341,18 @@ class AbstractContactJoint(AbstractElement):
         return self.pair()
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
-        """Return the wrench, on each body by name, of a film without stored energy; empty by
-        default."""
+        """Return the wrench, on each body by name, of a film or another viscous drag, which stores
+        no energy; empty by default."""
         return {}
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the penetration that ends a run, m, by contact; no limits by default."""
+        """Return the penetration that ends a run, m, by label of the contact; by default none."""
         return {}
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
         """Return the limits of validity of a contact's law at a penetration, m; none by default.
-        After a run that has recorded impacts, they are checked at the largest penetration."""
+        `name` is the contact's label. After a run that has recorded impacts, the limits are checked
+        at the largest penetration."""
         return ()
 
     def slid_out(self, motions: Motions) -> Scalar | None:
@@ -365,9 +367,9 @@ class AbstractContactJoint(AbstractElement):
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         """Return the ideal joint that holds the second body where it rests under a load, for the
-        joints in the argument `resting` of `assemble`; ``None`` by default. The load, which the
-        contacts carry elastically, is the force of the second body on the first, (3,) N in the
-        first body's axes."""
+        joints in the argument `resting` of `assemble`; ``None``, the default, for no such joint.
+        The load, which the contacts carry elastically, is the force of the second body on the
+        first, (3,) N in the first body's axes."""
         return None
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
@@ -414,7 +416,7 @@ class AbstractPair(AbstractElement):
 
 
 class AbstractNamedPair(AbstractPair):
-    """Base class of pairs whose first fields are the names of the bodies."""
+    """Base class of elements between two bodies, whose names are the first two fields."""
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)
