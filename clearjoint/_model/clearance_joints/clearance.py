@@ -297,22 +297,22 @@ class ClearanceJoint(AbstractCentredJoint):
         require(exactly_one, "clearance", clearance, expected, "pass one of the two, in m")
         # Of the two, the joint stores the clearance: it is small, and a difference of stored radii
         # would lose its digits.
-        outer = as_number(bearing_radius, "bearing_radius", "m")
+        radius = as_number(bearing_radius, "bearing_radius", "m")
         if clearance is not None:
             difference = as_number(clearance, "clearance", "m")
         else:
-            difference = outer - as_number(journal_radius, "journal_radius", "m")
-            number = concrete(difference)
+            difference = radius - as_number(journal_radius, "journal_radius", "m")
+            known = concrete(difference)
             # A later check would refuse the clearance, which the user has not given. NaN and arrays
             # are left to the later checks.
-            if number is not None and number.shape == ():
-                expected = f"smaller than the bearing's {as_shown(float(outer))} m"
+            if known is not None and known.shape == ():
+                expected = f"smaller than the bearing's {as_shown(float(radius))} m"
                 remedy = "swap the radii, or use an ideal RevoluteJoint for no clearance"
-                require(not number <= 0.0, "journal_radius", journal_radius, expected, remedy)
+                require(not known <= 0.0, "journal_radius", journal_radius, expected, remedy)
         self.bearing_body, self.journal_body = bearing_body, journal_body
         self.bearing_point, self.bearing_axis = bearing_point, bearing_axis
         self.journal_point, self.journal_axis = journal_point, journal_axis
-        self.bearing_radius, self.clearance = outer, difference
+        self.bearing_radius, self.clearance = radius, difference
         self.journal_length = journal_length
         self.law, self.friction = law, friction
         self.axial = FreeAxially() if axial is None else axial
@@ -422,8 +422,9 @@ class ClearanceJoint(AbstractCentredJoint):
         x_axis, y_axis = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
         eccentricity = base.centre + base.arm
         x, y = eccentricity.dot(x_axis), eccentricity.dot(y_axis)
-        parts = self.bearing_profile, self.journal_profile, self.planar_axes(bearing, journal)
-        near = JournalInBearing(x, y, *parts).closest_approach(self.clearance)
+        profiles = self.bearing_profile, self.journal_profile
+        pair = JournalInBearing(x, y, *profiles, self.planar_axes(bearing, journal))
+        near = pair.closest_approach(self.clearance)
         normal = x_axis * near.cosine + y_axis * near.sine
         # The force acts on both bodies at one point, midway between the surfaces. A profile is
         # given by its support function, the distance from the centre to the tangent that is

@@ -295,7 +295,8 @@ def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> C
     **Arguments:**
 
     - `joint`: the lubricated joint; without a `transition`, its dry joint may not have profiles.
-    - `load`: (2,) N, external force on the journal along x and y, as in `CarriedJournal`.
+    - `load`: (2,) N, external force on the journal along the directions x and y that
+      `CarriedJournal` defines.
     - `speed`: angular velocity of the journal about z, rad/s, positive.
 
     **Raises:** `ValueError` for an invalid argument; `RuntimeError` if the search for the
@@ -361,7 +362,8 @@ def _load(
     sizes = dry.bearing_radius, dry.clearance, dry.journal_length
     film = FilmGap(UNIT_Z, eccentricity, rate, speed, *sizes)
     force, moment = joint.film.force(film), joint.film.drag(film)
-    # As in `_half_of_film`, the force acts midway between the axes.
+    # As in `_half_of_film`, the force acts midway between the axes, at -position/2 from the
+    # journal's axis.
     moment = moment - 0.5 * UNIT_Z.dot(position.cross(force))
     if joint.transition is None:
         size, normal = norm_and_direction(position)

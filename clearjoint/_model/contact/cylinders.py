@@ -108,7 +108,8 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         deepest = self.deepest(gap)
         if deepest is None:
             return depth, 0.0, 0.0
-        # At the largest penetration itself, some formulas have an infinite stiffness.
+        # At the largest penetration itself, some formulas have an infinite stiffness: the tangent
+        # line begins before.
         end = jnp.asarray(0.99 * deepest)
         load, slope = value_and_slope(partial(self.line_force, gap), end)
         beyond = jnp.maximum(depth - end, 0.0)

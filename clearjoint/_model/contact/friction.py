@@ -460,9 +460,9 @@ class ElastoPlastic(AbstractDampedBristles):
     def rate(self, deflection: Vector, slip: Vector) -> Vector:
         speed, along = norm_and_direction(slip)
         size, direction = norm_and_direction(deflection)
-        full = self.sliding_ratio(speed) / self.stiffness
-        fraction = (size - self.elastic_deflection) / (full - self.elastic_deflection)
+        in_sliding = self.sliding_ratio(speed) / self.stiffness
+        fraction = (size - self.elastic_deflection) / (in_sliding - self.elastic_deflection)
         alpha = 0.5 - 0.5 * jnp.cos(jnp.pi * jnp.clip(fraction, 0.0, 1.0))
         # Relaxing bristles, deflected against the slip, are elastic.
         forwards = jnp.maximum(direction.dot(along), 0.0)
-        return slip - deflection * (alpha * forwards * speed / full)
+        return slip - deflection * (alpha * forwards * speed / in_sliding)

@@ -156,7 +156,7 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
         # Within half a revolution of the target, since the revolutions before are unknown.
         angle = target - wrapped(target - angle, TURN)
         last_sample = self.instants()["sample"].latest(t)
-        # The last sample was before the start: there the angle was another one.
+        # The last sample was before the start: its angle is extrapolated by the present speed.
         memory = {"angle": angle - speed * (t - last_sample)}
         if self.integral is not None:
             # Zero, of the same type as the angle, which the integral has after a sample.
@@ -164,6 +164,7 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
         if self.speed_limit is not None:
             memory["goal"] = angle
         torque, changed = self._commanded(memory, angle, speed, motions, t)
+        # The torque acts at once, as if all commands before had been equal to it.
         commands = [] if self.delay is None else self._commands()
         return {**memory, **changed, **dict.fromkeys(["torque", *commands], torque)}
 

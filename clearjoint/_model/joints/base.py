@@ -145,8 +145,8 @@ class AbstractConstraint(AbstractElement):
         """Return the linearly independent constraint rows by label, at time `t` in s."""
 
     def motion_subspace(self, parent: str) -> AbstractMotionSubspace | None:
-        """Return the motion that the joint allows relative to the body `parent`. In joint
-        coordinates it replaces the constraint rows; ``None``, the default, keeps them."""
+        """Return the motion that the joint allows relative to the body `parent`, which replaces the
+        constraint rows in joint coordinates; ``None``, the default, to keep the rows there."""
         return None
 
 
@@ -183,9 +183,9 @@ class AbstractForce(AbstractElement):
         return 0.0
 
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
-        """Return the power in W by which the element changes the total energy, at time `t` in s. It
-        is the power of the wrenches, the default, plus the rate of `stored_energy`: zero for a
-        spring, negative for a damper."""
+        """Return the power in W by which the element changes the total energy, at time `t` in s:
+        the power of the wrenches plus the rate of `stored_energy`, zero for a spring and negative
+        for a damper. The default is the power of the wrenches alone."""
         power: Scalar = 0.0
         for name, wrench in self.wrenches(motions, t).items():
             power = power + motions[name].power(wrench)
@@ -322,9 +322,10 @@ class AbstractContactJoint(AbstractElement):
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
         """Return the friction force on the second body, N in global axes; ``None`` for none.
 
-        With friction the contact's `slip` must not be ``None``. The force is tangential. Only for a
-        contact with a `face_radius` may it have a component along the normal: times this radius, it
-        is the moment about the normal by which friction resists the relative rotation of the faces.
+        With friction the contact's `slip` must not be ``None``. The force is tangential, except for
+        a contact with a `face_radius`, where it may have a component along the normal: this
+        component times the radius is the moment about the normal by which friction resists the
+        relative rotation of the faces.
         """
 
     def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
@@ -377,8 +378,8 @@ class AbstractContactJoint(AbstractElement):
         each other: of the body, m from its centre of mass in its axes, and of the ground, m from
         the origin; ``None``, the default, if there are no such points.
 
-        The vector between the points may replace the body's position as an integration variable: as
-        a difference of large coordinates, it would lose digits.
+        The vector between the points may replace the body's position as an integration variable:
+        computed as a difference of large coordinates, this vector would lose digits.
         """
         return None
 

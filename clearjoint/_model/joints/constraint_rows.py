@@ -142,8 +142,8 @@ def turning_angle(
 
     Its value is in rad in [-pi, pi], right-handed about the axis, from a fixed direction across the
     axis (x for the axis z) to the projection of the direction. Jacobian and bias are exact even if
-    the direction is not perpendicular to the axis; it must not be parallel. `axis` is a unit vector
-    in the first body's axes, `direction` one in the second's.
+    the direction is not perpendicular to the axis, but the two must not be parallel. `axis` is a
+    unit vector in the first body's axes, `direction` a unit vector in the second's.
 
     >>> names, ground = ("ground", "ball"), still
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -265,7 +265,7 @@ def rows_from_residual(
     poses = _as_arrays(tuple((motion.position, motion.rotation) for motion in pair))
     velocities = _as_arrays(tuple((motion.velocity, motion.spin) for motion in pair))
 
-    # The rates of the constraint equations, from the poses and velocities of both bodies.
+    # The time derivatives of the residual's values, from poses and velocities of both bodies.
     def rate(
         poses: tuple[Pose, Pose], velocities: tuple[Velocities, Velocities]
     ) -> tuple[Scalar, ...]:
@@ -279,7 +279,7 @@ def rows_from_residual(
     values = residual(*poses)
     expected = f"{len(values)}, as many as the residual has values"
     require(len(labels) == len(values), "labels", labels, expected, "give each row a label")
-    columns = [rate(poses, direction) for direction in _unit_velocities()]
+    columns = [rate(poses, unit_velocity) for unit_velocity in _unit_velocities()]
     rows = {}
     for k, label in enumerate(labels):
         # Twelve derivatives in the order of `_unit_velocities`: by velocity and spin of the first
