@@ -423,8 +423,8 @@ class ClearanceJoint(AbstractCentredJoint):
         eccentricity = base.centre + base.arm
         x, y = eccentricity.dot(x_axis), eccentricity.dot(y_axis)
         profiles = self.bearing_profile, self.journal_profile
-        pair = JournalInBearing(x, y, *profiles, self.planar_axes(bearing, journal))
-        near = pair.closest_approach(self.clearance)
+        surfaces = JournalInBearing(x, y, *profiles, self.planar_axes(bearing, journal))
+        near = surfaces.closest_approach(self.clearance)
         normal = x_axis * near.cosine + y_axis * near.sine
         # The force acts on both bodies at one point, midway between the surfaces. A profile is
         # given by its support function, the distance from the centre to the tangent that is
