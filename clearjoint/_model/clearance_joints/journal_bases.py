@@ -48,7 +48,7 @@ def axial_points(count: int) -> dict[str, AxialPoint]:
 
 def axial_positions(labels: Iterable[str]) -> dict[str, float]:
     """Return the position on the journal's axis, -1 at base V to 1 at base W, of each contact with
-    the wall, by label. `labels`: of all contacts of a joint; without a journal, return none."""
+    the wall, by label. `labels`: of all contacts of a joint; empty for one without a journal."""
     on_axis = [label for label in labels if label in BASES or label.startswith(BETWEEN)]
     points = axial_points(len(on_axis)) if len(on_axis) >= len(BASES) else {}
     return {label: point.position for label, point in points.items()}
