@@ -95,7 +95,7 @@ class Backlash(AbstractNamedPair, AbstractFlankJoint):
         remedy = "pass one of the two: an angle in rad, or a length at the radius in m"
         require(exactly_one, "play", play, expected, remedy)
         # A torsional stiffness takes the place of a law. It makes the radius arbitrary, since the
-        # law's stiffness is that of the couple over the square of the radius.
+        # law's stiffness is then the torsional stiffness over the square of the radius.
         if law is None and radius is None:
             expected, remedy = "given with a `play_length`", "pass the flanks' radius in m"
             require(play_length is None, "radius", None, expected, remedy)

@@ -102,6 +102,7 @@ class BallInSocket(AbstractCentredJoint):
     @override
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         size = float(np.linalg.norm(load))
+        # Without a load, no place on the wall is preferred.
         if not size > 0.0:
             return None
         distance = self.clearance + self._resting_depth(size, [self.law])

@@ -94,6 +94,8 @@ class PinInSlot(AbstractFrictionJoint):
 
     @override
     def contacts(self, motions: Motions) -> dict[str, Contact]:
+        # For each pair of walls: labels, direction to the upper one, and the distance that the
+        # pin's centre can move between them.
         directions = [(WALLS, unit(self.slot_normal), self.play)]
         if self.travel is not None:
             directions.append((ENDS, unit(self.slot_axis), self.travel))

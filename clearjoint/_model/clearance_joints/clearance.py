@@ -170,9 +170,9 @@ class EndPlay(AbstractAxialPolicy):
         require_flat_law(self.law, "shoulders")
         if self.friction is not None:
             require_instance("friction", self.friction, AbstractFriction)
-        both = (self.friction is None) == (self.radius is None)
+        agree = (self.friction is None) == (self.radius is None)
         expected = "given if and only if `friction` is"
-        require(both, "radius", self.radius, expected, "pass both, or none of the two")
+        require(agree, "radius", self.radius, expected, "pass both, or none of the two")
 
     @override
     def shoulder_law(self) -> AbstractContactLaw:
@@ -297,22 +297,22 @@ class ClearanceJoint(AbstractCentredJoint):
         require(exactly_one, "clearance", clearance, expected, "pass one of the two, in m")
         # Of the two, the joint stores the clearance: it is small, and a difference of stored radii
         # would lose its digits.
-        outer = as_number(bearing_radius, "bearing_radius", "m")
+        radius = as_number(bearing_radius, "bearing_radius", "m")
         if clearance is not None:
             difference = as_number(clearance, "clearance", "m")
         else:
-            difference = outer - as_number(journal_radius, "journal_radius", "m")
-            number = concrete(difference)
+            difference = radius - as_number(journal_radius, "journal_radius", "m")
+            known = concrete(difference)
             # A later check would refuse the clearance, which the user has not given. NaN and arrays
             # are left to the later checks.
-            if number is not None and number.shape == ():
-                expected = f"smaller than the bearing's {as_shown(float(outer))} m"
+            if known is not None and known.shape == ():
+                expected = f"smaller than the bearing's {as_shown(float(radius))} m"
                 remedy = "swap the radii, or use an ideal RevoluteJoint for no clearance"
-                require(not number <= 0.0, "journal_radius", journal_radius, expected, remedy)
+                require(not known <= 0.0, "journal_radius", journal_radius, expected, remedy)
         self.bearing_body, self.journal_body = bearing_body, journal_body
         self.bearing_point, self.bearing_axis = bearing_point, bearing_axis
         self.journal_point, self.journal_axis = journal_point, journal_axis
-        self.bearing_radius, self.clearance = outer, difference
+        self.bearing_radius, self.clearance = radius, difference
         self.journal_length = journal_length
         self.law, self.friction = law, friction
         self.axial = FreeAxially() if axial is None else axial
@@ -383,7 +383,8 @@ class ClearanceJoint(AbstractCentredJoint):
             for label, point in self._axial_points().items()
         }
         if self.axial.shoulder_law() is not None:
-            # The journal's axis may point along the bearing's, or against it.
+            # The journal's axis may point along the bearing's, or against it: then base V, at the
+            # position -1 on the journal's axis, is the one at the upper shoulder.
             axis = motions[self.bearing_body].direction(unit(self.bearing_axis))
             half = motions[self.journal_body].direction(self._half())
             facing = where(half.dot(axis) < 0.0, -1.0, 1.0)
@@ -397,8 +398,8 @@ class ClearanceJoint(AbstractCentredJoint):
         if self.bearing_profile is not None or self.journal_profile is not None:
             return self._profile_contact(motions, base)
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
-        # The vector leads from the bearing's axis to the journal's centre, and from there to the
-        # base.
+        # The eccentricity vector leads from the bearing's axis to the journal's centre, `centre`,
+        # and from there to the base, `arm`.
         eccentricity, normal = norm_and_direction(base.centre + base.arm)
         gap = self._gap(self._depth(base, eccentricity), base.velocity.dot(normal))
         along = base.axis * base.height
@@ -421,8 +422,9 @@ class ClearanceJoint(AbstractCentredJoint):
         x_axis, y_axis = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
         eccentricity = base.centre + base.arm
         x, y = eccentricity.dot(x_axis), eccentricity.dot(y_axis)
-        parts = self.bearing_profile, self.journal_profile, self.planar_axes(bearing, journal)
-        near = JournalInBearing(x, y, *parts).closest_approach(self.clearance)
+        profiles = self.bearing_profile, self.journal_profile
+        surfaces = JournalInBearing(x, y, *profiles, self.planar_axes(bearing, journal))
+        near = surfaces.closest_approach(self.clearance)
         normal = x_axis * near.cosine + y_axis * near.sine
         # The force acts on both bodies at one point, midway between the surfaces. A profile is
         # given by its support function, the distance from the centre to the tangent that is
@@ -430,10 +432,10 @@ class ClearanceJoint(AbstractCentredJoint):
         # the support function by the normal. So this point is not on the line through the base's
         # centre along the normal. `beside` is the vector from this line to the point: the slope of
         # the journal's deviation times the gradient, by the normal, of the angle about the
-        # journal's axis. This gradient is (own_axis x normal)/(1 - tilt^2).
-        own_axis = journal.direction(unit(self.journal_axis))
-        tilt = own_axis.dot(normal)
-        beside = own_axis.cross(normal) * (near.journal.slope / (1.0 - tilt * tilt))
+        # journal's axis. This gradient is (axis x normal)/(1 - tilt^2).
+        axis = journal.direction(unit(self.journal_axis))
+        tilt = axis.dot(normal)
+        beside = axis.cross(normal) * (near.journal.slope / (1.0 - tilt * tilt))
         outward = self.journal_radius + near.journal.value - 0.5 * near.depth
         to_surface = normal * outward + beside
         on_bearing = base.on_bearing + bearing.components(to_surface)
@@ -443,10 +445,12 @@ class ClearanceJoint(AbstractCentredJoint):
         return self._contact_at(motions, gap, normal, on_bearing, on_journal)
 
     def planar_axes(self, bearing: Motion, journal: Motion) -> PlanarAxes:
-        """Return the components of the x and y axes of the journal along those of the bearing."""
-        axes = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
-        own = map(journal.direction, transverse_axes(unit(self.journal_axis)))
-        return PlanarAxes(*(mine.dot(axis) for mine, axis in itertools.product(own, axes)))
+        """Return the components of the journal's x and y axes along the bearing's x and y axes: of
+        either body, the `transverse_axes` of its axis of rotation."""
+        of_bearing = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
+        of_journal = map(journal.direction, transverse_axes(unit(self.journal_axis)))
+        pairs = itertools.product(of_journal, of_bearing)
+        return PlanarAxes(*(journal_axis.dot(axis) for journal_axis, axis in pairs))
 
     def _depth(self, base: JournalBase, eccentricity: Scalar) -> Scalar:
         """Return the penetration e - c, m, of a base with the eccentricity e, for the clearance c,
@@ -459,12 +463,14 @@ class ClearanceJoint(AbstractCentredJoint):
 
     def _shoulder_contact(self, motions: Motions, side: float, base: JournalBase) -> Contact:
         outward = base.axis * side
+        # In a centred journal, the base is half the length from the bearing's centre.
         offset = side * base.height - 0.5 * self.journal_length
         gap = self.axial.shoulder_gap(side, offset, base.velocity.dot(outward))
         slip = radius = None
         if (face := self.axial.shoulder_friction()) is not None:
             _, radius = face
-            # The component along the axis stands for the rotation of the faces on each other.
+            # The slip's component along the axis stands for the rotation of the faces on each
+            # other, as `Contact.face_radius` requires.
             bearing, journal = motions[self.bearing_body], motions[self.journal_body]
             spin = journal.direction(journal.spin) - bearing.direction(bearing.spin)
             slip = slip_velocity(base.velocity, outward, gap.rate)
@@ -473,6 +479,7 @@ class ClearanceJoint(AbstractCentredJoint):
 
     @override
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
+        # The faces of shoulders have a friction law of their own.
         face = self.axial.shoulder_friction() if name in SHOULDERS else None
         if face is None or contact.slip is None:
             return super().friction_force(name, contact, normal_force)
@@ -484,8 +491,9 @@ class ClearanceJoint(AbstractCentredJoint):
         -1 for base V and 1 for base W."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axis, half = bearing.direction(unit(self.bearing_axis)), self._half()
-        # Vectors from the journal's centre to base W, and the velocity of base W relative to the
-        # centre. At another position on the axis, they are multiplied by it: 1 at W, -1 at V.
+        # The vector from the journal's centre to base W is `half` in body axes and `half_arm` in
+        # global axes; `half_velocity` is the velocity of base W relative to this centre. At another
+        # position on the journal's axis, the three are multiplied by this position.
         centre, half_arm = self._offset(motions), journal.direction(half)
         half_velocity = journal.direction(journal.spin.cross(half))
         centre_velocity = journal.velocity_at(self.journal_point)
@@ -498,8 +506,8 @@ class ClearanceJoint(AbstractCentredJoint):
             local, arm = self.journal_point + half * position, half_arm * position
             offset = centre + arm
             on_bearing = self.bearing_point + bearing.components(offset)
-            own_velocity = centre_velocity + half_velocity * position
-            velocity = own_velocity - bearing.velocity_at(on_bearing)
+            base_velocity = centre_velocity + half_velocity * position
+            velocity = base_velocity - bearing.velocity_at(on_bearing)
             return JournalBase(
                 axis, offset.dot(axis), across(centre), across(arm), local, on_bearing, velocity
             )
@@ -580,9 +588,9 @@ class ClearanceJoint(AbstractCentredJoint):
     def _ideal(self, centre: Triple) -> AbstractConstraint:
         """Return the ideal joint that holds the journal's centre at the point `centre` of the
         bearing's body, (3,) m from its centre of mass in its axes."""
-        kind = CylindricalJoint if self._is_free() else RevoluteJoint
+        joint_class = CylindricalJoint if self._is_free() else RevoluteJoint
         axes = self.bearing_axis, self.journal_axis
-        return kind(*self.pair(), centre, self.journal_point, *axes)
+        return joint_class(*self.pair(), centre, self.journal_point, *axes)
 
     def _half(self) -> Vector:
         """Return the vector from the journal's centre to base W, m, in the journal's body axes."""

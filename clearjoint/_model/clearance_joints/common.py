@@ -43,7 +43,7 @@ as a fraction of the load, up to which it counts as a rounding error."""
 
 
 class AbstractOneLawJoint(AbstractContactJoint):
-    """Base class of joints whose contacts share a `law` and a `friction` law or ``None``."""
+    """Base class of joints whose contacts share a `law` and a `friction`, ``None`` for none."""
 
     if TYPE_CHECKING:  # pyright mistakes AbstractVar for a field
         law: ClassVar[AbstractContactLaw]
@@ -189,12 +189,12 @@ class AbstractFrictionJoint(AbstractOneLawJoint):
         self, normal: Triple, clearance: Single, load: Float[np.ndarray, "3"], contacts: int = 1
     ) -> Float[np.ndarray, "3"] | None:
         """Return the displacement, (3,) m in the axes of the walls' body, by which a load presses
-        the centred second body against one of two parallel walls and into it; ``None`` if it
-        presses it to neither.
+        the centred second body against one of two parallel walls and into this wall; ``None`` if
+        the load presses the body against neither.
 
         **Arguments:** `normal`: of the walls, (3,), any length. `clearance`: of the centred body on
         either side, m. `load`: force on the walls' body, (3,) N in its axes. `contacts`: number of
-        those that share the load.
+        contacts that share the load.
         """
         upward = np.asarray(normal) / np.linalg.norm(normal)
         component = load @ upward
@@ -207,7 +207,7 @@ class AbstractFrictionJoint(AbstractOneLawJoint):
     def _resting_depth(self, load: Scalar, laws: Sequence[AbstractContactLaw]) -> float:
         """Return the penetration, m, at most `deepest_penetration`, at which contacts with the same
         depth and the given laws together carry a load, N, at rest."""
-        # Importing it takes long, and few programs need it.
+        # Importing `scipy.optimize` takes long, and few programs need it.
         from scipy.optimize import root_scalar
 
         deepest = float(self.deepest_penetration())
@@ -215,9 +215,11 @@ class AbstractFrictionJoint(AbstractOneLawJoint):
         ahead = max(float(law.onset_offset()) for law in laws)
 
         def excess(logarithm: float) -> float:
-            """Return the logarithm of force over load, which is nearly linear for a power law."""
-            present = self._gap(np.exp(logarithm) - ahead, 0.0)
-            force = sum(float(law.elastic_force(present)) for law in laws)
+            """Return the logarithm of force over load from that of a depth: a nearly linear
+            function for a power law, and zero at the depth that is sought."""
+            gap = self._gap(np.exp(logarithm) - ahead, 0.0)
+            force = sum(float(law.elastic_force(gap)) for law in laws)
+            # The bound keeps the logarithm finite where the force is zero.
             return float(np.log(max(force, 1e-300) / load))
 
         low, high = np.log(LEAST_DEPTH), np.log(deepest + ahead)
@@ -237,18 +239,19 @@ def require_smaller_clearance(clearance: Single, radius: Single, radius_name: st
 
 
 def require_right_angle(argument: str, direction: Triple, other: str, axis: Triple) -> None:
-    if (both := checkable(direction, axis)) is not None:
-        numbers, base = both
-        lengths = ((numbers**2).sum() * (base**2).sum()) ** 0.5
+    # While JAX traces one of the two, the check is omitted.
+    if (arrays := checkable(direction, axis)) is not None:
+        numbers, axis_numbers = arrays
+        lengths = ((numbers**2).sum() * (axis_numbers**2).sum()) ** 0.5
         # The bound of the cosine allows for the rounding of given numbers.
-        is_right = abs((numbers * base).sum()) < 1e-9 * lengths
-        expected = f"perpendicular to `{other}` = {as_shown(base)}"
+        is_right = abs((numbers * axis_numbers).sum()) < 1e-9 * lengths
+        expected = f"perpendicular to `{other}` = {as_shown(axis_numbers)}"
         require(is_right, argument, numbers, expected, "change one of the two directions")
 
 
 class AbstractCentredJoint(AbstractFrictionJoint):
-    """Base class of joints that hold a point of one body near a point of another. The two points
-    are those of `attachments`, of the first and of the second body."""
+    """Base class of joints that hold a point of one body near a point of another. `attachments`
+    returns these two points, of the first and of the second body, in this order."""
 
     @override
     def pair(self) -> tuple[str, str]:
@@ -267,6 +270,8 @@ class AbstractCentredJoint(AbstractFrictionJoint):
     def _offset(self, motions: Motions) -> Vector:
         """Return the vector from the first body's point to the second body's, m, global axes."""
         (_, first, on_first), (_, second, on_second) = self.attachments()
+        # `point_from` loses no digits for a body whose position is measured from this joint's
+        # `anchor`. With the ground as second body, only the first body can be such a body.
         if second == GROUND:
             return -motions[first].point_from(on_second, on_first)
         return motions[second].point_from(motions[first].point(on_first), on_second)

@@ -32,7 +32,7 @@ from .mesh_stiffness import AbstractMeshStiffness, require_positive_factor
 
 
 def involute(sine: Scalar, cosine: Scalar) -> Scalar:
-    """Return inv(alpha) = tan(alpha) - alpha from the sine and cosine of an acute angle."""
+    """Return inv(alpha) = tan(alpha) - alpha from the sine and cosine of an acute angle alpha."""
     return sine / cosine - polar_angle(sine, cosine)
 
 
@@ -238,20 +238,21 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         # where the distance of the centres changes.
         sliding = second.velocity_at(at_second) - first.velocity_at(at_first)
         radii_sum = add(*self._base_radii())
-        # The sum of the base radii is negative for an internal gear, whose contact is reversed.
+        # The sum of the base radii is negative for an internal gear, on whose teeth the force has
+        # the opposite direction.
         sense = where(radii_sum < 0.0, -1.0, 1.0)
         # Cosine and sine of the working pressure angle alpha', which grows with the distance of the
         # centres (ISO 21771): cos(alpha') is the sum of the base radii over this distance.
         tangential = radii_sum * sense / line.distance
-        square = 1.0 - tangential * tangential
+        sine_squared = 1.0 - tangential * tangential
         # Involutes have no common normal if the gears are closer than the sum of their base radii.
-        meshes = square > 0.0
-        radial = square_root(where(meshes, square, 1.0))
+        meshes = sine_squared > 0.0
+        radial = square_root(where(meshes, sine_squared, 1.0))
         # Half the play along the line of action at the gears' actual distance.
         nominal_sine, nominal_cosine = sine(self.pressure_angle), cosine(self.pressure_angle)
         change = involute(radial, tangential) - involute(nominal_sine, nominal_cosine)
         opening = radii_sum * change + 0.5 * self.backlash * nominal_cosine
-        varied = self._mesh_cycle(line, first, second)
+        at_flank = self._mesh_cycle(line, first, second)
         contacts = {}
         for label, side in FLANKS.items():
             # `push` is a unit vector along the line of action, which has the angle alpha' from the
@@ -262,7 +263,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
             normal = push * -sense
             # An infinite penetration is beyond every limit, so that a run refuses such gears.
             depth = where(meshes, side * displacement - opening, math.inf)
-            gap, side_force = varied(Gap(depth, sliding.dot(normal)), side)
+            gap, side_force = at_flank(Gap(depth, sliding.dot(normal)), side)
             # The mesh has no friction, so that its slip is ``None``.
             contacts[label] = Contact(gap, normal, at_first, at_second, None, side=side_force)
         return contacts
@@ -291,8 +292,9 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         stiffness_factor = None if stiffness is None else stiffness.factor_and_slope(angle)
         rate = gradient.dot(relative)
 
-        def varied(gap: Gap, side: float) -> tuple[Gap, SideForce]:
+        def at_flank(gap: Gap, side: float) -> tuple[Gap, SideForce]:
             slope = elastic = ZERO
+            # The penetration contains -side e, with the transmission error e.
             if error_slope is not None:
                 depth_by_angle = -side * error_slope
                 gap = replace(gap, rate=gap.rate + depth_by_angle * rate)
@@ -305,7 +307,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
                 gap = replace(gap, factor=Slope(value, by_angle * rate))
             return gap, SideForce(arm_first, arm_second, slope, elastic)
 
-        return varied
+        return at_flank
 
     @override
     def centred_rows(self, motions: Motions) -> dict[str, Row]:
@@ -322,8 +324,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         first, second = self.ends(self.axis_first, self.axis_second)
         # A rotation by half a pitch puts a gap of the first gear where the teeth mesh. With an
         # internal gear this is on the side away from the internal gear's centre.
-        half, beyond = 0.5 * self.module, math.pi if self.teeth_second < 0.0 else 0.0
-        gap = math.pi / self.teeth_first - self.phase
+        half_module, half_turn = 0.5 * self.module, math.pi if self.teeth_second < 0.0 else 0.0
+        phase = math.pi / self.teeth_first - self.phase + half_turn
         teeth_first, teeth_second = self.teeth_first, self.teeth_second
-        pen.gear(first, radius=half * teeth_first, teeth=teeth_first, phase=gap + beyond)
-        pen.gear(second, radius=half * teeth_second, teeth=teeth_second, phase=math.pi)
+        pen.gear(first, radius=half_module * teeth_first, teeth=teeth_first, phase=phase)
+        pen.gear(second, radius=half_module * teeth_second, teeth=teeth_second, phase=math.pi)

@@ -47,7 +47,8 @@ def axial_points(count: int) -> dict[str, AxialPoint]:
 
 
 def axial_positions(labels: Iterable[str]) -> dict[str, float]:
-    """Return the position, -1 at base V to 1 at base W, of each contact on the journal's axis."""
+    """Return the position on the journal's axis, -1 at base V to 1 at base W, of each contact with
+    the wall, by label. `labels`: of all contacts of a joint; empty for one without a journal."""
     on_axis = [label for label in labels if label in BASES or label.startswith(BETWEEN)]
     points = axial_points(len(on_axis)) if len(on_axis) >= len(BASES) else {}
     return {label: point.position for label, point in points.items()}
@@ -73,7 +74,8 @@ class HasJournal(Protocol):
         ...
 
     def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
-        """Return what `ClearanceJoint.journal_offset` returns."""
+        """Return the vector from the bearing's centre to a base or, for ``None``, to the journal's
+        centre, m, in the axes of `ClearanceJoint.journal_offset`."""
         ...
 
 

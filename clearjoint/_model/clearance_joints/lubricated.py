@@ -232,10 +232,10 @@ class LubricatedJoint(AbstractContactJoint):
         dry = self.dry
         offset, rate = eccentricity * (1.0 / dry.clearance), velocity * (1.0 / dry.clearance)
         ratio, _ = norm_and_direction(offset)
-        near = 0.1 * (1.0 - self.largest_ratio)
+        ramp_width = 0.1 * (1.0 - self.largest_ratio)
         # A smooth ramp keeps the force differentiable; the maximum avoids a division by zero in the
         # centre, where the excess is zero.
-        excess = ramp(ratio - self.largest_ratio, near)
+        excess = ramp(ratio - self.largest_ratio, ramp_width)
         offset = offset * (1.0 - excess / jnp.maximum(ratio, 0.5 * self.largest_ratio))
         sizes = dry.bearing_radius, dry.clearance, dry.journal_length
         return FilmGap(axis, offset, rate, spin, *sizes)
@@ -280,8 +280,8 @@ class CarriedJournal(NamedTuple):
         # The motion is that of a linear system whose variables are the offset and its rate.
         inverse_mass = jnp.eye(2) / mass
         by_offset, by_rate = -inverse_mass @ self.stiffness, -inverse_mass @ self.damping
-        rates = jnp.block([[jnp.zeros((2, 2)), jnp.eye(2)], [by_offset, by_rate]])
-        return jnp.linalg.eigvals(rates)
+        system = jnp.block([[jnp.zeros((2, 2)), jnp.eye(2)], [by_offset, by_rate]])
+        return jnp.linalg.eigvals(system)
 
 
 def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> CarriedJournal:
@@ -295,7 +295,8 @@ def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> C
     **Arguments:**
 
     - `joint`: the lubricated joint; without a `transition`, its dry joint may not have profiles.
-    - `load`: (2,) N, external force on the journal along x and y, as in `CarriedJournal`.
+    - `load`: (2,) N, external force on the journal along the directions x and y that
+      `CarriedJournal` defines.
     - `speed`: angular velocity of the journal about z, rad/s, positive.
 
     **Raises:** `ValueError` for an invalid argument; `RuntimeError` if the search for the
@@ -352,20 +353,21 @@ def _load(
     position and velocity of its axis relative to the bearing's, (2,) m and m/s, and from the
     journal's speed, rad/s."""
     dry = joint.dry
-    position, own_velocity = (Vector(row[0], row[1], 0.0) for row in (offset, velocity))
+    position, axis_velocity = (Vector(pair[0], pair[1], 0.0) for pair in (offset, velocity))
     eccentricity = position * (1.0 / dry.clearance)
     # A film law takes the rate as seen in axes that rotate with the mean angular velocity of both
     # surfaces, which is half the journal's, since the bearing is at rest. `_half_of_film` gets the
     # same rate from the relative velocity midway between the two axes.
-    rate = own_velocity * (1.0 / dry.clearance) - UNIT_Z.cross(eccentricity) * (0.5 * speed)
+    rate = axis_velocity * (1.0 / dry.clearance) - UNIT_Z.cross(eccentricity) * (0.5 * speed)
     sizes = dry.bearing_radius, dry.clearance, dry.journal_length
     film = FilmGap(UNIT_Z, eccentricity, rate, speed, *sizes)
     force, moment = joint.film.force(film), joint.film.drag(film)
-    # As in `_half_of_film`, the force acts midway between the axes.
+    # As in `_half_of_film`, the force acts midway between the axes, at -position/2 from the
+    # journal's axis.
     moment = moment - 0.5 * UNIT_Z.dot(position.cross(force))
     if joint.transition is None:
         size, normal = norm_and_direction(position)
-        approach = own_velocity.dot(normal)
+        approach = axis_velocity.dot(normal)
         gap = dry._gap(size - dry.clearance, approach)
         # The axes are parallel, so that the gap is the same for all contacts along the journal.
         push: Scalar = 0.0
@@ -375,7 +377,7 @@ def _load(
             push = push + (law.elastic_force(gap) if law.uses_entry_speed else law.force(gap, None))
         force = force - normal * push
         if dry.friction is not None:
-            sliding = own_velocity + UNIT_Z.cross(normal) * (speed * dry.journal_radius)
+            sliding = axis_velocity + UNIT_Z.cross(normal) * (speed * dry.journal_radius)
             friction = dry.friction.force(push, sliding - normal * approach)
             force = force + friction
             moment = moment + dry.journal_radius * UNIT_Z.dot(normal.cross(friction))

@@ -30,7 +30,9 @@ class MasslessLink(AbstractConstraint):
     - `bearing_body`, `journal_body`: names of the bodies; one may be the ground.
     - `clearance`: radius of the bearing less that of the journal, m.
     - `journal_length`: distance between the bases, m.
-    - `bearing_point`, `bearing_axis`, `journal_point`, `journal_axis`: as in `ClearanceJoint`.
+    - `bearing_point`, `journal_point`: centres of bearing and journal, (3,) m from each body's
+      centre of mass in its axes; on the ground from the origin. `bearing_axis`, `journal_axis`:
+      axes of bearing and journal, (3,) in each body's axes, any length.
     - `axial`: `FreeAxially()`, the default, or `FixedAxially()`.
 
     The journal must start at the wall: call `assemble`, which corrects initial states, with a state
@@ -74,7 +76,8 @@ class MasslessLink(AbstractConstraint):
         names = self.bearing_body, self.journal_body
         bearing, journal = (motions[name] for name in names)
 
-        # A coordinate of a point of the journal, from the bearing's centre in a direction.
+        # The coordinate of a point of the journal along a direction of the bearing's body, measured
+        # from the bearing's centre.
         def coordinate(direction: Vector, local: Vector) -> Row:
             return point_in_plane(names, bearing, journal, self.bearing_point, direction, local)
 

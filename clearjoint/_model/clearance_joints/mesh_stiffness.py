@@ -87,6 +87,7 @@ class TeethInMesh(AbstractMeshStiffness):
         values = self.contact_ratio, self.transition
         above = "above 1", "one pair of teeth is in contact at least"
         require_numbers(lambda ratio, _: ratio > 1.0, "contact_ratio", values, *above)
+        # The fraction d of the ratio must be at least the transition, and at most 1 minus it.
         require_numbers(
             lambda ratio, part: abs(ratio - library((ratio,)).floor(ratio) - 0.5) <= 0.5 - part,
             "contact_ratio",
@@ -99,11 +100,12 @@ class TeethInMesh(AbstractMeshStiffness):
     def factor(self, angle: NumberOrArray) -> NumberOrArray:
         numpy = library((angle, self.contact_ratio, self.transition, self.middle))
         pairs = numpy.floor(self.contact_ratio)
-        half = np.pi * (self.contact_ratio - pairs)
+        # From `middle`, the larger number of pairs is in contact over this angle to either side.
+        half_span = np.pi * (self.contact_ratio - pairs)
         scale = RISE / (np.pi * self.transition)
-        # The product of both does not change if the angle grows by 2 pi, which changes both signs.
+        # If the angle grows by 2 pi, `rise` and `fall` change their signs, but not their product.
         rise, fall = (
-            numpy.tanh(scale * numpy.sin(0.5 * (half + sense * (angle - self.middle))))
+            numpy.tanh(scale * numpy.sin(0.5 * (half_span + sense * (angle - self.middle))))
             for sense in (1.0, -1.0)
         )
         return (pairs + 0.5 * (1.0 + rise * fall)) / self.contact_ratio

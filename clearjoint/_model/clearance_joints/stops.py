@@ -111,6 +111,7 @@ class Stop(AbstractNamedPair, AbstractFrictionJoint):
         # The load is the force on the first body, which must push into the wall.
         into_wall = -np.asarray(self.normal) / np.linalg.norm(self.normal)
         size = float(load @ into_wall)
+        # A load along the plane or out of the wall presses nothing against the wall.
         if not size > LEAST_TRANSVERSE_LOAD * np.linalg.norm(load):
             return None
         return self._ideal(self._resting_depth(size, [*self.laws().values()]))
@@ -213,6 +214,7 @@ class BallOnBall(AbstractNamedPair, AbstractFrictionJoint):
     @override
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         size = float(np.linalg.norm(load))
+        # Without a load, no direction of the line of centres is preferred.
         if not size > 0.0:
             return None
         depth = self._resting_depth(size, [self.law])

@@ -27,7 +27,7 @@ from .laws import (
 )
 
 _NODES, _WEIGHTS = gauss_rule(24)
-"""Nodes and weights of Gauss quadrature. Smooth formulas would need fewer than 24."""
+"""Nodes, weights of Gauss quadrature over [0, 1]. Smooth formulas would need fewer than 24."""
 
 
 class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
@@ -89,14 +89,14 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
 
     @override
     def force(self, gap: Gap, exponent: float) -> Scalar:
-        depth, beyond, _ = self._parts(gap)
-        load = add(self.line_force(gap, depth), beyond)
+        depth, added_force, _ = self._parts(gap)
+        load = add(self.line_force(gap, depth), added_force)
         return jnp.where(gap.depth > 0.0, self.length * load, 0.0)
 
     @override
     def energy(self, gap: Gap, exponent: float) -> Scalar:
-        depth, _, beyond = self._parts(gap)
-        energy = add(self.line_energy(gap, depth), beyond)
+        depth, _, added_energy = self._parts(gap)
+        energy = add(self.line_energy(gap, depth), added_energy)
         return jnp.where(gap.depth > 0.0, self.length * energy, 0.0)
 
     def _parts(self, gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
@@ -108,11 +108,13 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
         deepest = self.deepest(gap)
         if deepest is None:
             return depth, 0.0, 0.0
-        # At the largest penetration itself, some formulas have an infinite stiffness.
+        # At the largest penetration itself, some formulas have an infinite stiffness: the tangent
+        # line begins before.
         end = jnp.asarray(0.99 * deepest)
         load, slope = value_and_slope(partial(self.line_force, gap), end)
         beyond = jnp.maximum(depth - end, 0.0)
-        return jnp.minimum(depth, end), slope * beyond, beyond * (load + 0.5 * slope * beyond)
+        added_energy = beyond * (load + 0.5 * slope * beyond)
+        return jnp.minimum(depth, end), slope * beyond, added_energy
 
 
 class LiuCylinder(AbstractCylinder):
@@ -150,7 +152,8 @@ class PereiraCylinder(AbstractCylinder):
 
     @override
     def line_force(self, gap: Gap, depth: Scalar) -> Scalar:
-        # As the formula requires, lengths are in mm, and `modulus` is in MPa.
+        # As the formula requires, lengths are in mm, and `modulus` is in MPa. The formula's result
+        # is in N/mm; the factor 1e3 in the last line converts it to N/m.
         _, _, clearance = radii_of(gap)
         clearance_mm = 1e3 * clearance
         # The clip keeps the logarithm positive: it vanishes at a clearance of 0.001 mm, which is
@@ -229,7 +232,7 @@ def inverse_of_load(ratio: Scalar) -> Scalar:
     q = -jnp.log(ratio)
     # Newton's method for u - 1 - ln u = q, started from an upper bound.
     u = 1.0 + jnp.sqrt(2.0 * q) + q
-    for _ in range(5):  # four steps reach rounding accuracy
+    for _ in range(5):  # four steps reach rounding accuracy; the fifth is a margin
         u = u * (q + jnp.log(u)) / (u - 1.0)
     return u
 
@@ -325,7 +328,8 @@ class RadzimovskyCylinder(AbstractLogarithmicCylinder):
 
 
 class AbstractLoadByLength(AbstractLogarithmicCylinder):
-    """Base class of line contacts with k = 1 and A = L^2 dR/(R_i R_j S), N/m, S = 1/(pi E*)."""
+    """Base class of the `AbstractLogarithmicCylinder`s with the constant k = 1 and the load A = L^2
+    dR/(R_i R_j S), N/m, where S = 1/(pi E*)."""
 
     constant = 1.0
 
@@ -450,8 +454,8 @@ class RoughCylinders(AbstractContactLaw):
     **Arguments:**
 
     - `asperities`: a `GreenwoodTripp`.
-    - `length`: of the part of the journal to which the contact belongs, m, as in
-      `AbstractCylinder`.
+    - `length`: m, half the journal's, since each of its two bases applies the full law; the whole
+      length with `line_points` of the `ClearanceJoint`.
     - `law`: of the walls. Its force must begin without a kink, as that of `Hertz` with an exponent
       above one does. A `smoothing` must be at most `asperities.reach`, which is not checked:
       otherwise the force of the walls would begin before that of the asperities.
@@ -482,8 +486,8 @@ class RoughCylinders(AbstractContactLaw):
         # The mean surfaces meet while asperities are already in contact. This is no event, so that
         # steps don't end there, and a jump of the force or its slope would be inside of a step.
         begins_flat = not (self.law.force_jumps or self.law.slope_jumps())
-        kind, remedy = type(self.law).__name__, "pass for example Hertz(1e10)"
-        require(begins_flat, "law", kind, "a law whose force begins with zero slope", remedy)
+        name, remedy = type(self.law).__name__, "pass for example Hertz(1e10)"
+        require(begins_flat, "law", name, "a law whose force begins with zero slope", remedy)
 
     @override
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:

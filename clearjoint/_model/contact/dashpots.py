@@ -34,8 +34,8 @@ class AbstractDashpotLaw(AbstractPowerLaw):
 
     A subclass declares the field `stiffness`, K, and the class constants `exponent`, n, and
     `damping_exponent`, m, and defines `damping`, which returns D. If m is zero, the force jumps at
-    the onset: declare ``force_jumps = True``. The force of an elasticity that is not a power of the
-    penetration replaces K delta^n.
+    the onset: declare ``force_jumps = True``. If `stiffness` is an `AbstractElasticity`, its force
+    replaces K delta^n.
 
     ```python
     import clearjoint as cj
@@ -207,9 +207,9 @@ class Jankowski(AbstractTunedDashpotLaw):
 
 
 class AbstractGivenDashpotLaw(AbstractDashpotLaw):
-    """Base class of dashpot laws with a given damping coefficient. `stiffness` is K, a number in
-    N/m^n, or an `AbstractElasticity`, whose force replaces K delta^n; `damping_coefficient` is D, N
-    s/m^(1+m), not negative."""
+    """Base class of laws F = max(0, K delta^n + D delta^m rate) with a given D. `stiffness` is K, a
+    number in N/m^n, or an `AbstractElasticity`, whose force replaces K delta^n;
+    `damping_coefficient` is D, N s/m^(1+m), not negative."""
 
     stiffness: AbstractElasticity = eqx.field(converter=as_stiffness)
     damping_coefficient: Single = quantity(

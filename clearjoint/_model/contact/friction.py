@@ -253,11 +253,12 @@ class BrownMcPhee(AbstractFallingFriction):
 class AbstractBristleFriction(AbstractConverting):
     """Base class of bristle laws, with which contacts stick.
 
-    A load below the breakaway force deflects the bristles, elastic deflections of the surfaces, and
-    then causes no motion. The deflection z is a state of the contact, integrated with the motion: a
-    vector in m that is zero at the onset, stored in the axes of the contact's first body. Only its
-    component perpendicular to the normal acts. Friction is the normal force times a vector `ratio`.
-    The rate of the deflection must be zero without slip, so that a sticking contact doesn't drift.
+    Bristles stand for the elastic deflection of the surfaces: a constant load below the breakaway
+    force deflects them and causes no further motion. The deflection z is a state of the contact,
+    integrated with the motion: a vector in m that is zero at the onset, stored in the axes of the
+    contact's first body. Only the component of z perpendicular to the normal acts. Friction is the
+    normal force times a vector `ratio`. The rate of z must be zero without slip, so that a sticking
+    contact doesn't drift.
     In the formulas v is the slip, m/s, the tangential velocity of the second body relative to the
     first, F_t the friction force and F_n the normal force.
 
@@ -300,8 +301,8 @@ class AbstractBristleFriction(AbstractConverting):
 
     @abc.abstractmethod
     def sliding_ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return friction over normal force in steady sliding at a speed, m/s, without
-        viscosity."""
+        """Return friction over normal force in steady sliding at a speed, m/s, without a viscous
+        part."""
 
     @abc.abstractmethod
     def full_deflection(self) -> Scalar:
@@ -459,9 +460,9 @@ class ElastoPlastic(AbstractDampedBristles):
     def rate(self, deflection: Vector, slip: Vector) -> Vector:
         speed, along = norm_and_direction(slip)
         size, direction = norm_and_direction(deflection)
-        full = self.sliding_ratio(speed) / self.stiffness
-        fraction = (size - self.elastic_deflection) / (full - self.elastic_deflection)
+        in_sliding = self.sliding_ratio(speed) / self.stiffness
+        fraction = (size - self.elastic_deflection) / (in_sliding - self.elastic_deflection)
         alpha = 0.5 - 0.5 * jnp.cos(jnp.pi * jnp.clip(fraction, 0.0, 1.0))
         # Relaxing bristles, deflected against the slip, are elastic.
         forwards = jnp.maximum(direction.dot(along), 0.0)
-        return slip - deflection * (alpha * forwards * speed / full)
+        return slip - deflection * (alpha * forwards * speed / in_sliding)

@@ -57,12 +57,12 @@ def _solve_restitution(damping_factor: jax.Array) -> jax.Array:
     # about y^2/2 for small y and y - 1 for large y. It is convex and increases, so that Newton's
     # method converges from `start`, an upper bound of the solution. For small chi the series is
     # returned. `jnp.where` evaluates the numerical solution there too: it is then found for
-    # `_SERIES_BELOW`, where it and its derivative are finite.
+    # `_SERIES_BELOW`, where the solution and its derivative are finite.
     small = damping_factor < _SERIES_BELOW
     chi = jnp.where(small, _SERIES_BELOW, damping_factor)
     loss = chi - jnp.log1p(chi)
     start = loss + jnp.sqrt(2.0 * loss)
-    # It converges in a few steps for every damping factor.
+    # Newton's method converges in a few steps for every damping factor: no check is needed.
     solution = optimistix.root_find(_residual, _NEWTON, start, args=loss, max_steps=32, throw=False)
     series = 1.0 - 2.0 * damping_factor / 3.0
     return jnp.where(small, series, -jnp.expm1(-solution.value) / chi)
@@ -116,14 +116,16 @@ def _relation(y: Scalar, e: Scalar) -> Scalar:
     equation chi (1 + e) = ln[(1 + chi)/(1 - chi e)] states that x - ln(1 + x) is the same for x =
     chi and x = -chi e. The residual is the difference of the square roots of twice these two
     values, divided by chi and thus without the trivial root chi = 0."""
-    # `loss` is chi e here.
-    loss = -jnp.expm1(-y)
-    return e * _chord(-loss, -y) - _chord(loss / e, jnp.log1p(loss / e))
+    chi_e = -jnp.expm1(-y)
+    # The logarithm for x = -chi e is -y itself: computed from chi e, it would lose digits.
+    return e * _chord(-chi_e, -y) - _chord(chi_e / e, jnp.log1p(chi_e / e))
 
 
 def _chord(x: Scalar, logarithm: Scalar) -> Scalar:
     """Return sqrt(2 (x - ln(1 + x)))/|x|, from x > -1 and ln(1 + x); accurate near zero too."""
     near = jnp.abs(x) < 0.1
+    # Both expressions are always evaluated: where one is not used, other numbers take the place of
+    # x and its logarithm, so that value and derivative are finite.
     small = jnp.where(near, x, 0.0)
     large, logarithm = jnp.where(near, 1.0, x), jnp.where(near, 0.0, logarithm)
     series = jnp.polyval(_COEFFICIENTS, small)
@@ -213,9 +215,10 @@ class AbstractHertzianLaw(AbstractPowerLaw):
 
     @override
     def force(self, gap: Gap, entry_speed: Scalar | None) -> Scalar:
+        # A law without damping, such as `Hertz`.
         if entry_speed is None:
             return self.elastic_force(gap)
-        # The quotient doesn't change during a step: in this order it is computed only once.
+        # The quotient doesn't change during a step: in this order a step computes it only once.
         factor = 1.0 + (self.damping_factor() / entry_speed) * gap.rate
         width = self.smoothing
         if width is not None:
@@ -258,8 +261,8 @@ class MemorylessHuntCrossley(AbstractHertzianLaw):
     The damping a equals that of `HuntCrossley` at the entry speed v, the `design_speed`, m/s,
     positive. The requested `restitution` c and the method `delivered_restitution` apply to impacts
     at this speed. Slower impacts lose a smaller part of their energy and faster impacts a larger
-    one, as with metals. Choose it where contacts begin slowly: with the other damped laws their
-    damping is large, and the differential equations are stiff. Other arguments are those of
+    one, as with metals. Choose this law where contacts begin slowly: the other damped laws then
+    have a large damping, and the differential equations are stiff. Other arguments are those of
     `AbstractHertzianLaw`.
 
     >>> law = cj.laws.MemorylessHuntCrossley(restitution=0.8, stiffness=1e9, design_speed=0.1)
@@ -297,9 +300,9 @@ class AbstractDampedLaw(AbstractHertzianLaw):
     **Arguments:**
 
     - `restitution`: c, 0 to 1.
-    - `stiffness`, `exponent`, `smoothing`: as in `AbstractHertzianLaw`; n is 1.5 and there is no
-      smoothing by default.
-    - `entry_speed_floor`: m/s, positive, 1e-6 by default; slower entry speeds are replaced by it,
+    - `stiffness`, `exponent`, `smoothing`: K, n and the width w in the formulas of
+      `AbstractHertzianLaw`; n is 1.5 by default, and there is no smoothing.
+    - `entry_speed_floor`: m/s, positive, 1e-6 by default, takes the place of slower entry speeds,
       because the damping diverges at zero entry speed.
 
     ```python
@@ -584,7 +587,7 @@ class ExactRestitution(AbstractReboundingLaw):
 
     @override
     def prepared(self) -> AbstractReboundingLaw:
-        # Computed in every evaluation of the force, the factor took four fifths of a step.
+        # Computed in every evaluation of the force, the factor took four fifths of a step's time.
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return _KnownFactor(**values, factor=self.damping_factor())
 

@@ -33,9 +33,9 @@ class Gap:
       instead of the journal's radius, because a difference of radii would lose digits.
     - `reduced_radius`: m, for spheres that touch from outside: R1 R2/(R1 + R2) of two, and the
       radius of a sphere on a plane; otherwise ``None``.
-    - `factor`: of the law's force, as value and time derivative, 1/s, for a stiffness that varies
-      with the pose, such as that of meshing teeth; ``None`` for 1. A joint that sets it wraps its
-      law in a `VaryingLaw`.
+    - `factor`: number by which the law's force is multiplied, and its time derivative, 1/s, for a
+      stiffness that varies with the pose, as of meshing teeth; ``None`` for 1. A joint that sets
+      `factor` wraps its law in a `VaryingLaw`, which multiplies.
 
     >>> gap = extend.Gap(depth=1e-6, rate=0.05, bearing_radius=10e-3, clearance=0.5e-3)
     >>> print(f"{gap.journal_radius:.4f} m")
@@ -67,8 +67,8 @@ def radii_of(gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
 
 
 def slip_velocity(relative: Vector, normal: Vector, rate: Scalar) -> Vector:
-    """Return the tangential part of a relative velocity, m/s, whose component along the unit vector
-    `normal` is `rate`, m/s.
+    """Return the tangential part, m/s, of the velocity `relative` of two surfaces. `rate`, m/s, is
+    the component of this velocity along the unit vector `normal`.
 
     >>> normal, relative = extend.UNIT_X, extend.Vector(0.1, 0.2, 0.0)
     >>> extend.slip_velocity(relative, normal, rate=0.1).y
@@ -408,6 +408,7 @@ def require_instance(argument: str, value: object, *kinds: type, remedy: str = "
     """Raise a `ValueError` unless a value is an object of one of the classes `kinds`; by default
     with the remedy to define a subclass or to pass an object of this package."""
     names = " or ".join(kind.__name__ for kind in kinds)
+    # The user passed a class, probably one of `kinds`, in place of an object.
     if isinstance(value, type):
         remedy = f"call the class with its numbers, {value.__name__}(...)"
     remedy = remedy or f"subclass {names} or pass one of clearjoint's"

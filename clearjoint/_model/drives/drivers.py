@@ -39,10 +39,10 @@ from .functions_of_time import (
 
 
 class AbstractDrive(AbstractPair):
-    """Base class of elements that prescribe a body's angle about an axis, or apply a torque to it.
-    They do not hold the bodies on the axis: add a revolute joint, ideal or with clearance. `axis`
-    is in the first body's axes, any length. `orientation`, (4,) Euler parameters, scalar first,
-    transforms components in the second body's axes to the first body's axes at angle zero."""
+    """Base class of elements that prescribe the second body's angle about an axis or apply a torque
+    about the axis. They do not hold the bodies on the axis: add a revolute joint, ideal or with
+    clearance. `axis` is in the first body's axes, any length. `orientation`, (4,) Euler parameters,
+    scalar first, transforms components in the second body's axes to the first's at angle zero."""
 
     axis: eqx.AbstractVar[Triple]
     orientation: eqx.AbstractVar[Quadruple]
@@ -136,7 +136,7 @@ class PrescribedRotation(AbstractDriveAboutAxis, AbstractRotationDriver):
 
 
 class AbstractDriveTorque(AbstractDrive, AbstractForce):
-    """Base class of torques on a second body about an axis of a first, on which the reaction acts.
+    """Base class of torques on a second body about an axis of a first, which gets the reaction.
 
     A subclass declares the fields of a drive (`first`, `second`, `axis`, and `orientation`, that of
     the second body at angle zero) and defines the torque as a function of the second body's angle
@@ -180,7 +180,7 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
 
 def torque_about(angle: Row, torque: Scalar) -> dict[str, Wrench]:
     """Return, by body, the wrench of `torque`, N m, about the axis of `angle`, a `Row`."""
-    # The Jacobian of the angle is the wrench of a torque of 1 N m on each body.
+    # The Jacobian of the angle is the wrench of a torque of 1 N m on each body, without a force.
     return {name: Wrench(pair.force, pair.moment * torque) for name, pair in angle.jacobian.items()}
 
 
@@ -196,7 +196,8 @@ class DriveTorque(AbstractDriveAboutAxis, AbstractDriveTorque):
       `AbstractFunctionOfTime`, or a Python function that JAX can trace. A Python function is part
       of the compiled program, can't be saved in a scene file, and can't declare the times of its
       jumps and kinks.
-    - `axis`, `orientation`: as in `PrescribedRotation`.
+    - `axis`: of the torque, (3,) in the first body's axes, any length. `orientation`: (4,) Euler
+      parameters of the second body in the first at angle zero, as in `PrescribedRotation`.
 
     >>> axis, steps = (0, 0, 1), cj.PiecewiseConstant([0, 0.2], [2.0, 0.0])
     >>> switched = cj.DriveTorque("ground", "crank", axis, steps)
@@ -225,7 +226,8 @@ class PrescribedAngle(AbstractDriveAboutAxis, AbstractRotationDriver):
       function that JAX can differentiate twice; or a number for a constant angle. A Python function
       is part of the compiled program, has no parameters to vary or fit, and can't be saved in a
       scene file.
-    - `axis`, `orientation`: as in `PrescribedRotation`.
+    - `axis`: of rotation, (3,) in the first body's axes, any length. `orientation`: (4,) Euler
+      parameters of the second body in the first at angle zero, as in `PrescribedRotation`.
 
     >>> measured = cj.Spline.through([0.0, 0.1, 0.2, 0.3], [0.0, 0.4, 0.1, 0.0])
     >>> replayed = cj.PrescribedAngle("ground", "crank", (0, 0, 1), measured)
@@ -310,8 +312,8 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
     limit a parabola replaces the kink, so that derivatives are continuous and steps stay long;
     elsewhere the limit is exact.
 
-    The angle's error is taken within half a revolution. To control a speed regardless of the angle,
-    set `proportional` to zero and the target to `Polynomial((0.0, speed))`.
+    The error, target - angle, is taken within half a revolution. To control a speed regardless of
+    the angle, set `proportional` to zero and the target to `Polynomial((0.0, speed))`.
 
     **Arguments:**
 
@@ -319,7 +321,8 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
       be a `PiecewiseConstant`, whose rate counts as zero.
     - `proportional`, `derivative`: gains, N m/rad and N m s/rad, not negative.
     - `torque_limit`: N m, positive; ``None``, the default, for no limit.
-    - `axis`, `orientation`: as in `PrescribedRotation`.
+    - `axis`: of the torque, (3,) in the first body's axes, any length. `orientation`: (4,) Euler
+      parameters of the second body in the first at angle zero, as in `PrescribedRotation`.
 
     >>> axis, target = (0, 0, 1), cj.Polynomial((0.0, 50.0))  # 50 rad/s
     >>> motor = cj.Motor("ground", "crank", axis, target, 20.0, derivative=0.5, torque_limit=3.0)
@@ -348,6 +351,7 @@ class Motor(AbstractDriveAboutAxis, AbstractDriveTorque):
     def deviations(self, motions: Motions, t: Scalar) -> tuple[Scalar, ...]:
         target = value_at(as_function_of_time(self.target), t)
         error = self._error(target, self.relative_angle(motions).value)
+        # At half a revolution the error jumps, and with a proportional gain the torque too.
         return (where(self.proportional > 0.0, error, 0.0),)
 
     @override

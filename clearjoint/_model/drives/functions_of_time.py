@@ -115,8 +115,9 @@ class Spline(AbstractTable):
     rates of the natural spline. Choose it for densely sampled signals: steps need not end at its
     times.
 
-    **Arguments:** `times`, `values`: as in `PiecewiseConstant`. `rates`: time derivatives of the
-    values, of the same shape.
+    **Arguments:** `times`: (N,) s, increasing, at least two. `values`: (N,), or (N, 3) for a force
+    or torque vector, in the SI unit of what the function prescribes. `rates`: time derivatives of
+    the values, of the same shape.
 
     >>> spline = cj.Spline.through([0.0, 1.0, 2.0], [0.0, 1.0, 0.0])
     >>> print(f"{spline(1.0):.1f}, {spline(0.5):.4f}")
@@ -147,9 +148,11 @@ class Spline(AbstractTable):
     @override
     def __call__(self, t: Scalar) -> Scalar:
         times, values, rates = map(on_device, (self.times, self.values, self.rates))
+        # k is the index of the interval that contains t; outside the table, of the first or the
+        # last interval.
         k = jnp.clip(jnp.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
-        # Not clipped, because the derivative of `jnp.clip` is 1/2 at both ends: a run would begin
-        # at the first time with a wrong acceleration.
+        # Outside the table, its end replaces t. The derivative of `jnp.clip` is 1/2 at both ends: a
+        # run would begin at the first time with a wrong acceleration.
         inside = jnp.where(t < times[0], times[0], jnp.where(t > times[-1], times[-1], t))
         length = times[k + 1] - times[k]
         start, end = (Slope(values[j], rates[j]) for j in (k, k + 1))
@@ -203,8 +206,8 @@ def require_table(times: ArrayLike, values: ArrayLike) -> None:
 
 def require_continuous(function: FunctionOfTime) -> None:
     remedy = "use PiecewiseLinear(times, values) or Spline.through(times, values)"
-    kind, jumps = type(function).__name__, as_function_of_time(function).jumps
-    require(not jumps, "function", kind, "continuous, since bodies can't jump", remedy)
+    name, jumps = type(function).__name__, as_function_of_time(function).jumps
+    require(not jumps, "function", name, "continuous, since bodies can't jump", remedy)
 
 
 class PiecewiseConstant(AbstractTable):
@@ -242,8 +245,8 @@ class PiecewiseLinear(AbstractTable):
     """Linear interpolation of a table, such as ramps and trapezoids.
 
     The first value holds before the first time, the last value after the last time. A step ends at
-    each time: for a densely sampled signal `Spline.through` needs fewer. Arguments are those of
-    `PiecewiseConstant`.
+    each time: for a densely sampled signal `Spline.through` needs fewer steps. Arguments are those
+    of `PiecewiseConstant`.
 
     >>> ramp = cj.PiecewiseLinear([0.0, 0.1, 0.4, 0.5], [0.0, 50.0, 50.0, 0.0])  # N
     >>> print(f"{ramp(0.05):.1f}")
@@ -345,8 +348,10 @@ def breakpoints_of(*contents: PyTree) -> PyTree:
     such functions: `Increasing` for the tables of this module, and empty for a Python function,
     whose breakpoints are unknown."""
     # A vector may be a tuple of three components.
-    parts = [p for field in contents for p in (field if isinstance(field, tuple) else (field,))]
-    return tuple(_breakpoints(p) for p in parts if isinstance(p, AbstractFunctionOfTime))
+    fields = [content if isinstance(content, tuple) else (content,) for content in contents]
+    values = [value for field in fields for value in field]
+    functions = (value for value in values if isinstance(value, AbstractFunctionOfTime))
+    return tuple(map(_breakpoints, functions))
 
 
 def _breakpoints(function: AbstractFunctionOfTime) -> PyTree:

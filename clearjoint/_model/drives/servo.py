@@ -24,7 +24,8 @@ SpeedSource = Literal["difference", "sensor"]
 class Encoder(AbstractDriveAboutAxis):
     """Sensor of the angle of a second body relative to a first, for `Servo`.
 
-    **Arguments:** `axis`, `orientation`: as in `PrescribedRotation`.
+    **Arguments:** `axis`: (3,) in the first body's axes, any length. `orientation`: (4,) Euler
+    parameters of the second body in the first at angle zero, as in `PrescribedRotation`.
 
     >>> on_link = cj.Encoder("upper arm", "forearm", axis=(0, 0, 1))
     """
@@ -81,8 +82,9 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
       behind a gear with play; by default it is between them.
     - `speed_from`: "difference" or "sensor".
     - `offset`: time of a sample, s; zero by default.
-    - `axis`, `orientation`: as in `PrescribedRotation`. The torque acts on the second body,
-      right-handed about the axis.
+    - `axis`: of the torque, which acts on the second body, right-handed about the axis; (3,) in the
+      first body's axes, any length. `orientation`: (4,) Euler parameters of the second body in the
+      first at angle zero, as in `PrescribedRotation`.
 
     **Raises:** `ValueError` also for a delay of more than `delay_periods` periods, and if only one
     of stall torque and no-load speed is given.
@@ -120,10 +122,10 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
         remedy = "pass one of these"
         require(self.speed_from in sources, "speed_from", self.speed_from, f"in {sources}", remedy)
         require_count("delay_periods", self.delay_periods, "round the delay up")
-        both = (self.stall_torque is None) == (self.no_load_speed is None)
+        agree = (self.stall_torque is None) == (self.no_load_speed is None)
         given = "no_load_speed" if self.stall_torque is None else "stall_torque"
         lacking = "stall_torque" if self.stall_torque is None else "no_load_speed"
-        require(both, lacking, None, f"given together with `{given}`", "pass both or neither")
+        require(agree, lacking, None, f"given together with `{given}`", "pass both or neither")
         if self.delay is not None:
             periods = self.delay_periods
             require_numbers(
@@ -154,14 +156,15 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
         # Within half a revolution of the target, since the revolutions before are unknown.
         angle = target - wrapped(target - angle, TURN)
         last_sample = self.instants()["sample"].latest(t)
-        # The last sample was before the start: there the angle was another one.
+        # The last sample was before the start: its angle is extrapolated by the present speed.
         memory = {"angle": angle - speed * (t - last_sample)}
         if self.integral is not None:
-            # Zero, of the same type as the angle.
+            # Zero, of the same type as the angle, which the integral has after a sample.
             memory["integral"] = 0.0 * angle
         if self.speed_limit is not None:
             memory["goal"] = angle
         torque, changed = self._commanded(memory, angle, speed, motions, t)
+        # The torque acts at once, as if all commands before had been equal to it.
         commands = [] if self.delay is None else self._commands()
         return {**memory, **changed, **dict.fromkeys(["torque", *commands], torque)}
 
@@ -174,15 +177,18 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
     ) -> dict[str, Scalar]:
         # Names of the stored commands, from the newest to the oldest.
         commands = self._commands()
+        # The delay of a command is over: its torque takes effect.
         if name == "command":
-            # Number of samples in the delay, with one that is later by a rounding error: by so many
-            # the command that takes effect is older than the newest one.
+            # By so many samples the command is older than the newest one. A delay that is shorter
+            # than a whole number of periods by a rounding error counts as this number.
             assert self.delay is not None
             age = jnp.floor(self.delay * self.rate + 1e-12)
+            # The torque of `commands[age]`; `age` may be traced, so that it can't index a list.
             torque = memory[commands[0]]
             for k, command in enumerate(commands[1:]):
                 torque = jnp.where(age > k, memory[command], torque)
             return {**memory, "torque": torque}
+        # The other instants are samples.
         angle, speed = self._reading(motions)
         # Revolutions are counted from the angle that the speed predicts.
         predicted = memory["angle"] + speed / self.rate
@@ -191,6 +197,7 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
             speed = (angle - memory["angle"]) * self.rate
         torque, changed = self._commanded(memory, angle, speed, motions, t)
         memory = {**memory, **changed, "angle": angle}
+        # Without a delay the torque takes effect at once; otherwise the oldest command is dropped.
         if self.delay is None:
             return {**memory, "torque": torque}
         newer = [torque, *(memory[command] for command in commands[:-1])]
@@ -208,6 +215,7 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
         its memory. `angle`, rad, and `speed`, rad/s, are those of the encoder."""
         changed: dict[str, Scalar] = {}
         goal, goal_speed = value_and_rate(self.target, t)
+        # In a period, the goal follows the target by at most the speed limit times the period.
         if self.speed_limit is not None:
             farthest = self.speed_limit / self.rate
             moved = jnp.clip(goal - memory["goal"], -farthest, farthest)
@@ -215,6 +223,7 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
             changed["goal"] = goal
         error = goal - angle
         torque = self.proportional * error + self.derivative * (goal_speed - speed)
+        # ``None`` if there is neither a torque limit nor a stall torque.
         largest = self.stall_torque if self.torque_limit is None else self.torque_limit
         if self.integral is not None:
             integral = memory["integral"] + self.integral * error / self.rate

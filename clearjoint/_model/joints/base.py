@@ -90,7 +90,7 @@ class AbstractElement(AbstractConverting):
         undeclared jump of a force costs many short steps, and at an undeclared kink of a driver a
         run ends with `RESULTS.not_followed`. `sensitivities` raises an error for a class without
         this method that compares, rounds or clips a number that depends on time; a class that is
-        smooth all the same defines it to return ().
+        smooth all the same defines the method to return ().
         """
         return ()
 
@@ -145,8 +145,8 @@ class AbstractConstraint(AbstractElement):
         """Return the linearly independent constraint rows by label, at time `t` in s."""
 
     def motion_subspace(self, parent: str) -> AbstractMotionSubspace | None:
-        """Return the motion that the joint allows relative to the body `parent`. In joint
-        coordinates it replaces the constraint rows; ``None``, the default, keeps them."""
+        """Return the motion that the joint allows relative to the body `parent`, which replaces the
+        constraint rows in joint coordinates; ``None``, the default, to keep the rows there."""
         return None
 
 
@@ -183,18 +183,19 @@ class AbstractForce(AbstractElement):
         return 0.0
 
     def supplied_power(self, motions: Motions, t: Scalar) -> Scalar:
-        """Return the power in W by which the element changes the total energy, at time `t` in s. It
-        is the power of the wrenches, the default, plus the rate of `stored_energy`: zero for a
-        spring, negative for a damper."""
+        """Return the power in W by which the element changes the total energy, at time `t` in s:
+        the power of the wrenches plus the rate of `stored_energy`, zero for a spring and negative
+        for a damper. The default is the power of the wrenches alone."""
         power: Scalar = 0.0
         for name, wrench in self.wrenches(motions, t).items():
             power = power + motions[name].power(wrench)
         return power
 
     def deviations(self, motions: Motions, t: Scalar) -> tuple[Scalar, ...]:
-        """Return numbers of which one changes by more than pi in a step where the wrenches jump,
-        such as an angle within half a revolution, at time `t` in s; none by default. Runs with
-        derivatives, which lack the effect of the jump, end there with `RESULTS.force_jumped`."""
+        """Return numbers by which a run detects a jump of the wrenches, at time `t` in s; none by
+        default. In a step with a jump one of them changes by more than pi, as an angle within half
+        a revolution does. Runs with derivatives, which lack the effect of the jump, end there with
+        `RESULTS.force_jumped`."""
         return ()
 
 
@@ -315,15 +316,16 @@ class AbstractContactJoint(AbstractElement):
 
     @abc.abstractmethod
     def contacts(self, motions: Motions) -> dict[str, Contact]:
-        """Return the geometry of each contact by label, as in `laws`."""
+        """Return the geometry of each contact, by the labels that `laws` returns."""
 
     @abc.abstractmethod
     def friction_force(self, name: str, contact: Contact, normal_force: Scalar) -> Vector | None:
         """Return the friction force on the second body, N in global axes; ``None`` for none.
 
-        With friction the contact's `slip` must not be ``None``. The force is tangential. Only for a
-        contact with a `face_radius` may it have a component along the normal: times this radius, it
-        is the moment about the normal by which friction resists the relative rotation of the faces.
+        With friction the contact's `slip` must not be ``None``. The force is tangential, except for
+        a contact with a `face_radius`, where it may have a component along the normal: this
+        component times the radius is the moment about the normal by which friction resists the
+        relative rotation of the faces.
         """
 
     def bristle_laws(self) -> dict[str, AbstractBristleFriction]:
@@ -340,17 +342,18 @@ class AbstractContactJoint(AbstractElement):
         return self.pair()
 
     def film_wrenches(self, motions: Motions) -> dict[str, Wrench]:
-        """Return the wrench, on each body by name, of a film without stored energy; empty by
-        default."""
+        """Return the wrench, on each body by name, of a film or another viscous drag, which stores
+        no energy; empty by default."""
         return {}
 
     def deepest(self) -> dict[str, Scalar]:
-        """Return the penetration that ends a run, m, by contact; no limits by default."""
+        """Return the penetration that ends a run, m, by label of the contact; by default none."""
         return {}
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
         """Return the limits of validity of a contact's law at a penetration, m; none by default.
-        After a run that has recorded impacts, they are checked at the largest penetration."""
+        `name` is the contact's label. After a run that has recorded impacts, the limits are checked
+        at the largest penetration."""
         return ()
 
     def slid_out(self, motions: Motions) -> Scalar | None:
@@ -365,9 +368,9 @@ class AbstractContactJoint(AbstractElement):
 
     def resting_joint(self, load: np.ndarray) -> AbstractConstraint | None:
         """Return the ideal joint that holds the second body where it rests under a load, for the
-        joints in the argument `resting` of `assemble`; ``None`` by default. The load, which the
-        contacts carry elastically, is the force of the second body on the first, (3,) N in the
-        first body's axes."""
+        joints in the argument `resting` of `assemble`; ``None``, the default, for no such joint.
+        The load, which the contacts carry elastically, is the force of the second body on the
+        first, (3,) N in the first body's axes."""
         return None
 
     def anchor(self) -> tuple[str, Vector, Vector] | None:
@@ -375,8 +378,8 @@ class AbstractContactJoint(AbstractElement):
         each other: of the body, m from its centre of mass in its axes, and of the ground, m from
         the origin; ``None``, the default, if there are no such points.
 
-        The vector between the points may replace the body's position as an integration variable: as
-        a difference of large coordinates, it would lose digits.
+        The vector between the points may replace the body's position as an integration variable:
+        computed as a difference of large coordinates, this vector would lose digits.
         """
         return None
 
@@ -414,7 +417,7 @@ class AbstractPair(AbstractElement):
 
 
 class AbstractNamedPair(AbstractPair):
-    """Base class of pairs whose first fields are the names of the bodies."""
+    """Base class of elements between two bodies, whose names are the first two fields."""
 
     first: str = eqx.field(static=True)
     second: str = eqx.field(static=True)

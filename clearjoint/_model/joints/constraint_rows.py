@@ -37,7 +37,8 @@ NEARLY_OPPOSITE = math.cos(math.radians(170.0))
 
 
 def _along(motion: Motion, local: Vector, direction: Vector) -> tuple[Wrench, Scalar]:
-    """Return Jacobian and bias of the coordinate of a body's point along a global unit vector."""
+    """Return Jacobian and bias of the coordinate of a body's point `local`, m in body axes, along a
+    global unit vector."""
     body_direction = motion.rotation.transposed_times(direction)
     centripetal = motion.spin.cross(motion.spin.cross(local))
     return Wrench(direction, local.cross(body_direction)), body_direction.dot(centripetal)
@@ -141,8 +142,8 @@ def turning_angle(
 
     Its value is in rad in [-pi, pi], right-handed about the axis, from a fixed direction across the
     axis (x for the axis z) to the projection of the direction. Jacobian and bias are exact even if
-    the direction is not perpendicular to the axis; it must not be parallel. `axis` is a unit vector
-    in the first body's axes, `direction` one in the second's.
+    the direction is not perpendicular to the axis, but the two must not be parallel. `axis` is a
+    unit vector in the first body's axes, `direction` a unit vector in the second's.
 
     >>> names, ground = ("ground", "ball"), still
     >>> ball = testing.moving((0.1, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
@@ -246,8 +247,8 @@ def rows_from_residual(
     - `labels`: of the rows, in the order of the residual's values.
     - `residual`: function of the poses of the first and the second body that returns a scalar for
       each label, zero if the constraint is satisfied. A pose is the position of the body's centre
-      of mass, m in global axes, and the rotation matrix from body to global axes. It must not
-      depend explicitly on time.
+      of mass, m in global axes, and the rotation matrix from body to global axes. The function
+      must not depend explicitly on time.
 
     **Raises:** `ValueError` if the residual has another number of values than there are labels.
 
@@ -264,27 +265,29 @@ def rows_from_residual(
     poses = _as_arrays(tuple((motion.position, motion.rotation) for motion in pair))
     velocities = _as_arrays(tuple((motion.velocity, motion.spin) for motion in pair))
 
-    # The rates of the constraint equations, from the poses and velocities of both bodies.
+    # The time derivatives of the residual's values, from poses and velocities of both bodies.
     def rate(
         poses: tuple[Pose, Pose], velocities: tuple[Velocities, Velocities]
     ) -> tuple[Scalar, ...]:
         pose_rates = tuple(_pose_rate(p, v) for p, v in zip(poses, velocities, strict=True))
         return jax.jvp(lambda pair: tuple(residual(*pair)), (poses,), (pose_rates,))[1]
 
-    # The bias is the second derivative at constant velocities and spins. The rate is linear in
+    # The bias is the second time derivative at constant velocities and spins. `rate` is linear in
     # velocities and spins, so that its values for unit velocities and spins are the Jacobian.
     pose_rates = tuple(_pose_rate(p, v) for p, v in zip(poses, velocities, strict=True))
     biases = jax.jvp(lambda pair: rate(pair, velocities), (poses,), (pose_rates,))[1]
     values = residual(*poses)
     expected = f"{len(values)}, as many as the residual has values"
     require(len(labels) == len(values), "labels", labels, expected, "give each row a label")
-    columns = [rate(poses, direction) for direction in _unit_velocities()]
+    columns = [rate(poses, unit_velocity) for unit_velocity in _unit_velocities()]
     rows = {}
     for k, label in enumerate(labels):
-        # As in `_unit_velocities`: velocity and spin of the first body, then of the second.
-        numbers = [column[k] for column in columns]
-        vectors = [Vector(*numbers[j : j + 3]) for j in range(0, 12, 3)]
-        jacobian = {names[0]: Wrench(*vectors[:2]), names[1]: Wrench(*vectors[2:])}
+        # Twelve derivatives in the order of `_unit_velocities`: by velocity and spin of the first
+        # body, then of the second.
+        derivatives = [column[k] for column in columns]
+        vectors = [Vector(*derivatives[j : j + 3]) for j in range(0, 12, 3)]
+        wrench_first, wrench_second = Wrench(*vectors[:2]), Wrench(*vectors[2:])
+        jacobian = {names[0]: wrench_first, names[1]: wrench_second}
         rows[label] = Row(values[k], jacobian, biases[k])
     return rows
 

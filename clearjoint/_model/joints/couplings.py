@@ -199,7 +199,7 @@ class ScrewJoint(AbstractAxisJoint):
     @override
     def motion_subspace(self, parent: str) -> ScrewMotion:
         first = unit(self.axis_first)
-        # As in `relative_angle`.
+        # Opposite axes define the same screw: as in `relative_angle`, the second is then reversed.
         second = reversed_if_opposite(first, unit(self.axis_second))
         in_parent, in_child = self._ordered(parent, first, second)
         # Euler parameters, of any norm, of the shortest rotation from the child's axis to the
@@ -219,8 +219,8 @@ rad."""
 
 class UniversalMotion(AbstractMotionAtPoints):
     """Rotation by two angles, rad, about the arms of a universal joint's cross. The cross rotates
-    in the parent about `arm_parent`, and the child rotates about `arm_child`, perpendicular to it;
-    each is a unit vector fixed to its body, in its axes."""
+    in the parent about `arm_parent`, and the child rotates about `arm_child`, which is
+    perpendicular to `arm_parent`; each arm is a unit vector fixed to its body, in its axes."""
 
     arm_parent: Vector
     arm_child: Vector
@@ -235,6 +235,7 @@ class UniversalMotion(AbstractMotionAtPoints):
     def _parents_arm(self, angle: Scalar) -> tuple[Vector, Vector]:
         """Return `arm_parent` in the child's axes at the second angle, `angle`, rad, and the
         derivative of this vector by this angle."""
+        # In the child's axes, the parent's arm rotates backwards about the child's arm.
         start = rotation_matrix(self._reference()).transposed_times(self.arm_parent)
         quarter = self.arm_child.cross(start)
         c, s = cosine(angle), sine(angle)
@@ -337,8 +338,8 @@ class JointCoupling(AbstractConstraint):
       distance from its first to its second point along its axis, m.
     - `function`: the follower's position as a function of the leader's: a `Polynomial` such as
       ``Polynomial((offset, ratio))``, another function as for `PrescribedAngle` with the leader's
-      position in place of the time, or a number for a constant. It must be smooth: its breakpoints
-      are not those of a time.
+      position in place of the time, or a number for a constant. The function must be smooth:
+      steps don't end where the leader passes a breakpoint.
 
     >>> left = cj.PrismaticJoint("ground", "left", (0, 0, 0), (0, 0, 0), axis=(1, 0, 0))
     >>> right = cj.PrismaticJoint("ground", "right", (0, 0, 0), (0, 0, 0), axis=(1, 0, 0))
@@ -377,8 +378,8 @@ class JointCoupling(AbstractConstraint):
         return {"coupling": replace(row, value=value, bias=bias)}
 
     def _known(self, difference: Scalar) -> Scalar:
-        """Return a difference of positions of the follower, rad or m; angles are known up to whole
-        revolutions."""
+        """Return a difference of positions of the follower, rad or m: for a hinge in [-pi, pi], as
+        its angles are known only up to whole revolutions."""
         is_angle = isinstance(self.follower, RevoluteJoint)
         return wrapped(difference, TURN) if is_angle else difference
 
@@ -388,6 +389,6 @@ class JointCoupling(AbstractConstraint):
         if isinstance(self.leader, PrismaticJoint):
             return 0.0
         function = as_function_of_time(self.function)
-        ends = (jnp.asarray(angle, dtype=float) for angle in (math.pi, -math.pi))
-        after, before = map(function, ends)
-        return self._known(after - before)
+        half_turns = (jnp.asarray(angle, dtype=float) for angle in (math.pi, -math.pi))
+        at_half_turn, at_minus_half_turn = map(function, half_turns)
+        return self._known(at_half_turn - at_minus_half_turn)

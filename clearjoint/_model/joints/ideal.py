@@ -418,7 +418,7 @@ class PlanarMotion(AbstractTurning):
     @override
     def encode(self, relative: Relative) -> JointState:
         # The vectors of `relative` have components in the child's axes, but the distances are along
-        # axes of the parent. In these the displacement also changes because the child rotates.
+        # axes of the parent. Along these, the displacement also changes because the child rotates.
         angle = self.angle(relative)
         rotation = super().rotation(angle)
         apart, spin = relative.displacement, relative.twist.angular
@@ -453,9 +453,9 @@ class PlanarMotion(AbstractTurning):
 
     @override
     def bias(self, state: JointState) -> Twist:
-        first, second, speed = state.speeds
-        spin = self.axis * speed
-        velocity = self._in_child((first, second), state.position)
+        x_speed, y_speed, angular_speed = state.speeds
+        spin = self.axis * angular_speed
+        velocity = self._in_child((x_speed, y_speed), state.position)
         apart = self.displacement(state.position)
         # The twist's linear part is velocity - spin x apart. In the child's axes, the rate of
         # velocity is -(spin x velocity), and the rate of apart is the linear part itself.
@@ -468,8 +468,8 @@ class PlanarMotion(AbstractTurning):
     def _in_child(self, across: tuple[Scalar, Scalar], position: Position) -> Vector:
         """Return a vector in the child's axes from its components `across` along the
         `transverse_axes` of `normal_parent`."""
-        first, second = transverse_axes(self.normal_parent)
-        vector = first * across[0] + second * across[1]
+        x_axis, y_axis = transverse_axes(self.normal_parent)
+        vector = x_axis * across[0] + y_axis * across[1]
         return self.rotation(position).transposed_times(vector)
 
 

@@ -67,8 +67,8 @@ class JointFriction(AbstractNamedPair, AbstractContactJoint):
     - `radius`: m, of the surfaces of a hinge or ball; ``None`` for a slider, which needs an `axis`.
       For a law in N m and rad/s, take ``radius=1``: the moment is then the `load` in N m times the
       law's ratio.
-    - `point_second`: of the second body, on the slider's surface, (3,) m in its axes; its centre of
-      mass by default. It matters only if the first body rotates.
+    - `point_second`: a point of the second body on the slider's surface, (3,) m from its centre of
+      mass in its axes; this centre by default. The point matters only if the first body rotates.
     - `viscosity`: coefficient of a viscous part, N s/m at the surfaces (N m s/rad with
       ``radius=1``); none by default.
     - `pressed_by`, `load_ratio`: name of another element of the scene, and a ratio: the load is
@@ -102,14 +102,14 @@ class JointFriction(AbstractNamedPair, AbstractContactJoint):
         expected = "given for a slider, or else a `radius` for a hinge or ball"
         remedy = "give the direction of the slider, (3,) in the first body's axes"
         require(not (self.axis is None and self.radius is None), "axis", None, expected, remedy)
-        are_both = (self.pressed_by is None) == (self.load_ratio is None)
+        agree = (self.pressed_by is None) == (self.load_ratio is None)
         expected = "given if and only if `load_ratio` is"
         remedy = "name the element that presses, and give the load over its force"
-        require(are_both, "pressed_by", self.pressed_by, expected, remedy)
+        require(agree, "pressed_by", self.pressed_by, expected, remedy)
 
     def pressed_with(self, force: Scalar) -> "JointFriction":
-        """Return this friction with its load increased by the force, N, of the element that
-        presses."""
+        """Return this friction with its load increased by `load_ratio` times the `force`, N, of the
+        element that presses."""
         assert self.load_ratio is not None
         load = self.load + self.load_ratio * force
         # A constructor would convert vectors to arrays.
@@ -129,6 +129,7 @@ class JointFriction(AbstractNamedPair, AbstractContactJoint):
         return {LABEL: Contact(gap, ZERO, on_first, self.point_second, slip, lever=self.radius)}
 
     def _slip(self, first: Motion, second: Motion, on_first: Vector) -> Vector:
+        # Only a slider has no radius.
         if self.radius is None:
             slip = second.velocity_at(self.point_second) - first.velocity_at(on_first)
         else:
@@ -157,6 +158,7 @@ class JointFriction(AbstractNamedPair, AbstractContactJoint):
         assert contact.slip is not None
         drag = contact.slip * -self.viscosity
         first, second = motions[self.first], motions[self.second]
+        # In a hinge or ball, the drag acts as a couple.
         if self.radius is not None:
             moment = drag * self.radius
             return {self.second: second.torque(moment), self.first: first.torque(-moment)}

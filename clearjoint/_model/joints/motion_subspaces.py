@@ -318,8 +318,8 @@ class Slider(AbstractMotionAtPoints):
 
 def aligning(first: Vector, second: Vector) -> EulerParameters:
     """Return Euler parameters, of any norm, of a rotation from the second unit vector to the first.
-    For equal vectors they are exactly proportional to (1, 0, 0, 0). It is defined for opposite
-    vectors too, unlike the shortest rotation."""
+    For equal vectors they are exactly proportional to (1, 0, 0, 0). This rotation is defined
+    for opposite vectors too, unlike the shortest one."""
     return composed(_from_zeta(first), conjugate(_from_zeta(second)))
 
 

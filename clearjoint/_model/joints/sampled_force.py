@@ -36,8 +36,9 @@ class Periodic(eqx.Module):
     def latest(self, t: Scalar) -> Scalar:
         """Return the latest instant, s, that is not later than the time t, s. Here an instant that
         is later by a rounding error counts as not later."""
-        # As a run decides which instants are after its start. A tolerance in periods would be less
-        # than rounding errors at late times, and at early ones make an instant count twice.
+        # A run decides in the same way which instants are after its start. A tolerance in periods
+        # would be less than rounding errors at late times, and at early ones make an instant count
+        # twice.
         nearest = jnp.round((t - self.offset) / self.period)
         rounding = ROUNDINGS * jnp.finfo(jnp.result_type(float)).eps * jnp.abs(t)
         is_later = self.instant(nearest) > t + rounding
