@@ -47,7 +47,7 @@ class Proportions:
     planar: bool
 
     def bore(self, radius: float | None) -> float:
-        """Drawn radius of a bearing with the true `radius`, None if unknown."""
+        """Drawn radius, m, of a bearing with the true `radius`, m, ``None`` if unknown."""
         return BORE * self.bar if radius is None else radius * self.bearing_scale
 
 
@@ -225,8 +225,9 @@ def camera(parts: Sequence[DrawnPart], proportions: Proportions) -> Camera:
 def in_perspective(
     corners: Float[np.ndarray, "*N 3"], distance: float
 ) -> Float[np.ndarray, "*N 2"]:
-    """Project points, m, for a viewer at `distance`, m, to the plane through the target.
-    Coordinates are to the right, upwards and to the viewer, from the target."""
+    """Project points, for a viewer at `distance`, m, from the target, on the plane through the
+    target perpendicular to the line of sight. Coordinates, m, of points are to the right, upwards
+    and to the viewer, from the target; those of projections the first two."""
     return corners[..., :2] * (distance / (distance - corners[..., 2:]))
 
 

@@ -87,8 +87,8 @@ class SketchingPen(AbstractPen):
     """Pen with which joints and forces draw themselves, and which makes the parts of a view.
 
     The methods from `mark` to `gear` add solids (`load` only a load), and note the points of their
-    markers. The method `body` then draws a body as a bar: the convex hull of balls around these
-    points.
+    arguments `Marker`: points, and axes, fixed to bodies. The method `body` then draws a body as a
+    bar: the convex hull of balls around these points.
 
     - `element`: name of the joint or force that is being drawn.
     - `journals`: drawn journals, by the joint's name; the last one of a joint with several.
@@ -310,6 +310,7 @@ class SketchingPen(AbstractPen):
         deep = max(8.0 * self._bar, 2.0 * excess)
         plate = meshes.box((high - low + 2.0 * (excess + self._bar), self._bar, deep))
         for surface in surfaces:
+            # The plate is beyond its surface, as seen from the marker; at zero, towards `normal`.
             at = centre + across * (surface + math.copysign(0.5 * self._bar, surface))
             self.shape(middle.body, plate.moved(pose_at(at, frame)))
         self._hold(middle._replace(point=centre))
@@ -475,8 +476,8 @@ def sketch(
     centres: bool,
     solids: bool,
 ) -> SketchingPen:
-    """Draw all parts of a scene except arrows. `shapes`: meshes that replace bodies; `centres`,
-    `solids`: whether to add centres of mass and equivalent solids."""
+    """Draw all parts of a scene except arrows, and return the pen that has them. `shapes`: meshes
+    that replace bodies; `centres`, `solids`: whether to add centres of mass, equivalent solids."""
     pen = SketchingPen(poses, proportions, colours(scene.bodies))
     for name, mesh in shapes.items():
         pen.shape(name, mesh)
@@ -521,5 +522,5 @@ def _unit(vector: ArrayLike) -> np.ndarray:
 def _transverse_frame(along: np.ndarray, phase: float = 0.0) -> np.ndarray:
     """Return a rotation matrix that maps z to `along`, and x to the direction at the angle `phase`
     about it, from which joints measure the angles of profiles and teeth."""
-    first = np.array([*map(float, transverse_axes(Vector(*map(float, along)))[0])])
-    return frame_about(along, first * np.cos(phase) + np.cross(along, first) * np.sin(phase))
+    zero = np.array([*map(float, transverse_axes(Vector(*map(float, along)))[0])])  # at angle zero
+    return frame_about(along, zero * np.cos(phase) + np.cross(along, zero) * np.sin(phase))

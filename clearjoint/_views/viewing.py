@@ -257,6 +257,7 @@ def _poses(
 
 
 def _at(recorded: T, chosen: np.ndarray) -> T:
+    # The states or observations at the instants with the indices `chosen`.
     return jax.tree.map(lambda rows: np.asarray(rows)[chosen], recorded)
 
 

@@ -48,10 +48,11 @@ def acceleration(
     window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw one global component of the acceleration of a body's centre of mass over time, as
-    `position`.
+    """Draw one global component of the acceleration of a body's centre of mass over time, a curve
+    for each run.
 
-    **Arguments:** `observations`: of each run, at every accepted step, so that no peak is missed.
+    **Arguments:** `observations`: of each run, at every accepted step, so that no peak is missed,
+    by the curve's label. `component`: "X", "Y" or "Z".
 
     >>> axes = plot.acceleration({"with clearance": observed}, "arm 2", "Y")
     """
@@ -72,9 +73,10 @@ def path(
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the path of a body's centre of mass, projected on a plane of the global frame, a curve
-    for each run, as `position`. A dot marks the start; ``axes.legend()`` adds a legend.
+    for each run. A dot marks the start; ``axes.legend()`` adds a legend.
 
-    **Arguments:** `plane`: the two coordinates, "X", "Y" or "Z", drawn to the right and upwards.
+    **Arguments:** `trajectories`: of each run, such as `solution.saved`, by the curve's label.
+    `plane`: the two coordinates, "X", "Y" or "Z", drawn to the right and upwards.
 
     >>> axes = plot.path({"with clearance": solution.saved}, "arm 3", ("Y", "Z"))
     """

@@ -100,7 +100,7 @@ def _play(joint: AbstractContactJoint) -> str:
         if units.get(name) and (play := _single_number(joint, name)) is not None:
             factor, unit = fitting_unit(np.array(play), str(units[name]))
             texts.append(f"{play * factor:.4g} {unit}")
-    return ", ".join(texts) or "yes"
+    return ", ".join(texts) or "yes"  # a joint with contacts has play, but maybe no single number
 
 
 def run_lines(scene: Scene, solution: Solution) -> list[str]:
@@ -138,11 +138,12 @@ def _counted(number: int, name: str, singular: str = "", plural: str = "s") -> s
 
 def _tolerances(solution: Solution) -> list[str]:
     notes = {name.removeprefix("setting_"): value for name, value in solution.settings}
-    # Without `Settings`, or of a version with others.
+    # The solution records no settings, or those of a version in which they had other names.
     if not {"solver", "controller", "rtol", "atol"} <= notes.keys():
         return []
+    # The notes are texts such as "RK45(order=5)", of which the name of the class is shown.
     solver, controller = (str(notes[name]).split("(")[0] for name in ("solver", "controller"))
-    if controller != "None":
+    if controller != "None":  # it chooses the steps instead of the tolerances
         return [f"{solver}, {controller}"]
     atol = f", atol {notes['atol']:.0e}" if isinstance(notes["atol"], float) else ""
     return [f"{solver}, rtol {notes['rtol']:.0e}{atol}"]
@@ -234,7 +235,8 @@ def report(
     - `file`: path of the page, with the suffix ".png" or ".pdf"; not written by default.
     - `title`: by default "Run of" and the names of the bodies.
     - `quantity`: whose spectrum is drawn, by default the component of the last body's velocity, or
-      angular velocity, that changes most.
+      angular velocity if the velocity is constant, that changes most. `unit`: SI unit of a
+      quantity that declares none.
 
     **Raises:** `ValueError` for another suffix, and for results that are not a `Solution`.
 
@@ -328,6 +330,7 @@ def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[
     # Left end, as a fraction of the width; lines from the top; text; and weight of the letters.
     texts = [(0.0, float(k), text, weight) for k, text in enumerate(lines)]
     # The head of the table is 0.4 lines below the text, and its first row 1.3 lines below the head.
+    # `line` is the distance from the top at which the next row begins, in heights of a line.
     head = line = len(lines) + 0.4
     if rows:
         # Widths of the columns in letters, with two letters between columns.
@@ -347,6 +350,7 @@ def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[
             line += max(map(len, broken))
 
     def draw(row: SubFigure) -> None:
+        # Writes the texts into a row of the page, whose size in inches is known only then.
         axes = row.add_subplot()
         axes.set_axis_off()
         for x, down, text, weight in texts:
@@ -371,7 +375,8 @@ def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[
 
 def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observation) -> None:
     """Draw the orbits of the two journals with the largest forces, and the contact directions of
-    the first; without journals, the paths of the bodies."""
+    the first; without journals, the paths of the bodies along `path`. `observed`: the scene,
+    observed at the times of `path`."""
     journals = [name for name, joint in scene.joints.items() if isinstance(joint, HasJournal)]
     if not journals:
         _bodies(row.add_subplot(), path)
