@@ -37,6 +37,7 @@ def fit(study: Study, folder: Path) -> CommandResult:
     interrupted = False
 
     def say_iteration(iteration: Iteration) -> None:
+        # Prints values in SI units: the coordinates of an iteration are on the parameters' scales.
         pairs = zip(parameters.items(), iteration.coordinates, strict=True)
         values = [f"{name} {float(parameter.scale.value(x)):.6g}" for (name, parameter), x in pairs]
         rejected = "" if iteration.accepted else " (rejected)"
@@ -103,7 +104,8 @@ def _measured(study: Study, part: FitPart, location: FileLocation) -> Measuremen
 
 
 def fit_parameters(study: Study, part: FitPart) -> tuple[dict[str, Parameter], dict[str, float]]:
-    """Return the parameters of the fit and their first guesses, in SI units, by name."""
+    """Return the parameters of a section [fit], and the guesses, in SI units, of those parameters
+    for which the section has a guess, both by name."""
     parameters, guess = {}, {}
     for name, entry in part.parameters.items():
         part_location = study.location.at("fit", "parameters", name)
@@ -121,6 +123,7 @@ def iteration_line(iteration: Iteration, most: int) -> str:
 
 
 def write_fit(result: Fit, folder: Path) -> dict[str, str | int | float]:
+    """Write the fitted scene, tables and the report; return entries for the summary."""
     folder.mkdir(parents=True, exist_ok=True)
     remove_old(folder, [f"{SERIES}*"])
     write_scene(folder, result.scene, result.state, "fitted.toml")

@@ -76,8 +76,8 @@ def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = 
     the tables and files whose names match one of the patterns `tables` or `files`. From a folder
     without a summary, and thus without results, nothing is removed."""
     if (folder / SUMMARY).is_file():
-        both = [f"{table}.{suffix}" for table in tables for suffix in ("nc", "csv")]
-        for pattern in (f"{FIGURES}/*.png", *both, *files):
+        table_files = [f"{table}.{suffix}" for table in tables for suffix in ("nc", "csv")]
+        for pattern in (f"{FIGURES}/*.png", *table_files, *files):
             for path in folder.glob(pattern):
                 path.unlink()
 
@@ -124,8 +124,9 @@ def require_names(path: Path, needed: Iterable[str], available: Collection[objec
 
 
 def read_run(folder: Path) -> tuple[Scene, solutions.Solution]:
-    """Return the scene and the solution of a run in a folder, without the accepted steps. The saved
-    states are the many `DRAWN`, if the folder has them."""
+    """Return the scene and the solution of a run in a folder, without the accepted steps. Its
+    outputs are only the sections. Its saved states are those of the file `DRAWN`, at many more
+    times than the study asked for, or of the file `MOTION` if there is no such file."""
     states = ["time", "body", *solutions.STATE_PARTS]
     needed = [*states, *(f"final_{part}" for part in solutions.STATE_PARTS), FORMULATION]
     needed += ["time_reached", "result", "attempts", "accepted", "redundant_constraints"]
@@ -197,8 +198,10 @@ def _state(scene: Scene, table: xr.Dataset, prefix: str = "") -> State:
 def _by_label(
     names: Mapping[str, Iterable[str]], table: xr.DataArray | None, dim: str
 ) -> dict[str, dict[str, np.ndarray]]:
+    # Returns the entries of `table` along its dimension `dim` by the names of an element and of its
+    # contact or number, which `names` has by element.
     by_element: dict[str, dict[str, np.ndarray]] = {}
-    if table is None:
+    if table is None:  # such as the entry speeds of a scene whose laws do not use them
         return by_element
     # An element may lack an entry, such as a contact without bristles.
     for element, family in names.items():

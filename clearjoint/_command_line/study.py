@@ -155,7 +155,7 @@ class ColumnPart:
 @dataclass(frozen=True)
 class ParameterPart:
     """A number to estimate, or several with the same value: `path`, or paths; `scale` of the
-    estimate; `guess`, a number in SI units or a text with a unit."""
+    estimate; `guess`, a number in SI units or a text with a unit, by default the scene's number."""
 
     path: str | Sequence[str]
     scale: AbstractScale = field(default_factory=Linear)
@@ -166,9 +166,9 @@ class ParameterPart:
 class FitPart:
     """The section [fit]: parameters to estimate from measurements.
 
-    - `measurements`: path of a CSV file, relative to the study's folder. `time`, `time_unit`,
-      `missing`: see `clearjoint.read_csv`; `comment`: first character of comment lines, none by
-      default.
+    - `measurements`: path of a CSV file, relative to the study's folder. `time`, `time_unit`:
+      column of the times, and its unit; `missing`: "drop" or "refuse" for samples that are not
+      finite; `comment`: first character of comment lines, none by default.
     - `columns`: measured quantities, by the name of the column.
     - `grow`, `max_iterations`, `starts`: see `clearjoint.identify`.
     - `start`: time at which runs begin, s; `preset`, `settings`: as in [run].
@@ -396,8 +396,8 @@ class Study(AbstractStudy):
         return float(end)
 
     def check_elements(self, named: Mapping[str, Output], *keys: str) -> None:
-        """Check that the scene has the elements that outputs name. `named`: the outputs by name,
-        the table at `keys` of the file."""
+        """Raise a `ValueError` if the scene lacks an element that one of the outputs `named` (by
+        name) refers to. `keys`: those of the outputs' table in the file, for the error."""
         for name, entry in named.items():
             with self.location.at(*keys, name).in_errors():
                 if isinstance(entry, AbstractQuantity | RECORDED):

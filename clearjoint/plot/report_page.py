@@ -143,7 +143,7 @@ def _tolerances(solution: Solution) -> list[str]:
         return []
     # The notes are texts such as "RK45(order=5)", of which the name of the class is shown.
     solver, controller = (str(notes[name]).split("(")[0] for name in ("solver", "controller"))
-    if controller != "None":  # it chooses the steps instead of the tolerances
+    if controller != "None":  # a controller has its own tolerances: rtol and atol have no effect
         return [f"{solver}, {controller}"]
     atol = f", atol {notes['atol']:.0e}" if isinstance(notes["atol"], float) else ""
     return [f"{solver}, rtol {notes['rtol']:.0e}{atol}"]

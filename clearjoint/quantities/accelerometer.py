@@ -65,6 +65,8 @@ class AccelerometerReading(AbstractQuantity):
         spring, slide = scene.forces[self.sensor + SPRING], scene.joints[self.sensor]
         assert isinstance(spring, SpringDamper) and isinstance(slide, PrismaticJoint)
         body, sensor = motions[slide.first], motions[slide.second]
+        # The deflection of the mass from where the spring is unloaded, m in axes of the body. The
+        # spring's force on the mass is opposite to this deflection.
         apart = body.components(sensor.position - body.point(slide.point_first))
         return -spring.stiffness / scene.bodies[self.sensor].mass * apart.dot(unit(slide.axis))
 
@@ -152,7 +154,10 @@ def accelerometer(
     # the axis although it is a spring between two points: one on the body, and the mass.
     omega = 2.0 * math.pi * frequency
     stiffness, damping = mass * omega**2, 2.0 * damping_ratio * mass * omega
-    ends = position - ARM * direction, np.zeros(3)
+    ends = (
+        position - ARM * direction,
+        np.zeros(3),
+    )  # the spring is unloaded with the mass at `point`
     spring = SpringDamper(body, name, *ends, stiffness, damping, free_length=ARM)
     slide = PrismaticJoint(body, name, position, np.zeros(3), direction)
     # Making the new scene checks all elements again: don't repeat the warnings of the given scene.

@@ -31,13 +31,14 @@ FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[([](.*?)\\[)\]]</\1>', 
 
 
 def page_of(source: str) -> str:
-    """Return the path of the Markdown page that shows a file of the repository."""
+    """Return the path of the Markdown page that shows `source`, a README or a notebook of the
+    repository; of another file, the path of the copy."""
     return re.sub(r"^(\.github/|clearjoint/)?_?", "", source).replace(".ipynb", ".md")
 
 
 def write_page(source: str, docs: Path) -> None:
-    """Write a README or a notebook with its stored outputs as a page, and copy the other files
-    that it links to."""
+    """Write `source`, a README or a notebook with its stored outputs, as a page into the folder
+    `docs`, and copy the other files to which the page links."""
     page = docs / page_of(source)
     page.parent.mkdir(parents=True, exist_ok=True)
     if source.endswith(".ipynb"):
@@ -50,6 +51,7 @@ def write_page(source: str, docs: Path) -> None:
     else:
         text = (ROOT / source).read_text(encoding="utf-8")
 
+    # Returns the new target of the link that `LINK` has matched.
     def relinked(match: re.Match) -> str:
         # The target of a link to a file of the repository becomes the file's page or, unless it is
         # Markdown or a notebook, a copy of the file.
@@ -68,8 +70,8 @@ def write_page(source: str, docs: Path) -> None:
 
 
 def write_api_page(name: str, package: griffe.Module, docs: Path) -> None:
-    """Write a page of the API: a table of its public names, and then their docstrings, in groups.
-    A line beginning with ":::" makes mkdocstrings insert the docstring of an object."""
+    """Write the page `name` of the API: a table of its public names, and then their docstrings, in
+    groups. A line beginning with ":::" makes mkdocstrings insert the docstring of an object."""
     page = SITE["api"][name]
     options = f"members: {page.get('members', False)}, show_root_heading: false"
     module = f"::: {page['module']}\n    options: {{{options}, show_root_toc_entry: false}}"
@@ -101,7 +103,7 @@ def finished(text: str) -> str:
 
 
 def build(folder: Path) -> None:
-    """Write the pages into a folder."""
+    """Write all pages of the documentation into a folder."""
     with tempfile.TemporaryDirectory() as name:
         docs, site = Path(name) / "docs", Path(name) / "site"
         nav = json.dumps(SITE["site"]["nav"])

@@ -38,8 +38,8 @@ def public_path(name: str, module: str = "") -> str | None:
     """Return the path of the public object or module that a name in backticks means, such as
     "clearjoint.laws.Hertz" for "Hertz"; ``None`` for another word.
 
-    Of "View.save", the path is that of the class. A name that begins with a dot was written after
-    "cj" or "clearjoint". In the docstring of `module`, its own names come first.
+    For "View.save", the path is that of the class `View`. A name that begins with a dot was written
+    after "cj" or "clearjoint". In the docstring of a `module`, names of this module come first.
     """
     if f"{module}.{name}" in PATHS:
         return f"{module}.{name}"
@@ -61,7 +61,8 @@ def public_path(name: str, module: str = "") -> str | None:
 
 
 def with_links(text: str, module: str = "") -> str:
-    """Turn public names in backticks, outside of code blocks, into links."""
+    """Return a docstring or a Markdown text in which public names in backticks, outside of code
+    blocks, are links; `module`: path of the module whose docstring it is, "" for other texts."""
 
     def linked(match: re.Match) -> str:
         path = public_path(match[1], module)
@@ -80,8 +81,8 @@ def _walk(parent: griffe.Module | griffe.Class) -> Iterator[griffe.Object]:
 
 
 def _constructor(cls: griffe.Class, of: type) -> griffe.Function:
-    """Return the constructor of the dataclass `of`, which is `cls` in the source, with the
-    annotations of its fields as they are written there."""
+    """Return the constructor of the dataclass `of`, with the annotations of the fields as they are
+    written in the source, which griffe has read as `cls`."""
     parameters = [griffe.Parameter("self", kind=griffe.ParameterKind.positional_only)]
     for name, parameter in inspect.signature(of).parameters.items():
         default = None if parameter.default is parameter.empty else repr(parameter.default)

@@ -91,15 +91,16 @@ def _at_all(function: Callable[..., PyTree]) -> Callable[[AbstractFilm, jax.Arra
 
 
 def _states() -> jax.Array:
-    """All combinations of `RATIOS`, `SPEEDS` and `ANGLES`, turned by 0.3 rad: offsets along x would
-    hide some mistakes."""
+    """All combinations of `RATIOS`, `SPEEDS` and `ANGLES` as states (N, 4), offset and rate, turned
+    by 0.3 rad: offsets along x would hide some mistakes."""
     ratio, speed, angle = grid(RATIOS, SPEEDS, ANGLES)
     columns = ratio, jnp.zeros_like(ratio), speed * jnp.cos(angle), speed * jnp.sin(angle)
     return _rotated(jnp.stack(columns, axis=1), 0.3)
 
 
 def _rotated(rows: jax.Array, angle: float = 1.1) -> jax.Array:
-    """Rows of one or two plane vectors, turned by an angle, rad; the default is arbitrary."""
+    """Rows of one or two plane vectors, (N, 2) or (N, 4), turned by an angle, rad; the default is
+    arbitrary."""
     c, s = np.cos(angle), np.sin(angle)
     return (rows.reshape(len(rows), -1, 2) @ jnp.asarray([[c, s], [-s, c]])).reshape(rows.shape)
 
