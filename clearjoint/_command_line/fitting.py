@@ -104,8 +104,7 @@ def _measured(study: Study, part: FitPart, location: FileLocation) -> Measuremen
 
 
 def fit_parameters(study: Study, part: FitPart) -> tuple[dict[str, Parameter], dict[str, float]]:
-    """Return the parameters of a section [fit], and the guesses, in SI units, of those parameters
-    for which the section has a guess, both by name."""
+    """Return the parameters of the fit and, if the file has any, their guesses, SI units, by name."""
     parameters, guess = {}, {}
     for name, entry in part.parameters.items():
         part_location = study.location.at("fit", "parameters", name)

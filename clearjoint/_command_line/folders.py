@@ -124,9 +124,8 @@ def require_names(path: Path, needed: Iterable[str], available: Collection[objec
 
 
 def read_run(folder: Path) -> tuple[Scene, solutions.Solution]:
-    """Return the scene and the solution of a run in a folder, without the accepted steps. Its
-    outputs are only the sections. Its saved states are those of the file `DRAWN`, at many more
-    times than the study asked for, or of the file `MOTION` if there is no such file."""
+    """Return scene and solution of a run in a folder, without the accepted steps, and with sections
+    as the only outputs. Saved states are from the file `DRAWN` or, without this, from `MOTION`."""
     states = ["time", "body", *solutions.STATE_PARTS]
     needed = [*states, *(f"final_{part}" for part in solutions.STATE_PARTS), FORMULATION]
     needed += ["time_reached", "result", "attempts", "accepted", "redundant_constraints"]

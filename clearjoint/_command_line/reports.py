@@ -229,8 +229,7 @@ def write_wear_report(folder: Path, dataset: xr.Dataset) -> None:
 
 
 def write_page(folder: Path, *parts: str) -> None:
-    """Write the page of a folder: title, summary, reports, figures, `parts` (texts in HTML, such as
-    tables), and links to the files. The page loads nothing from a network."""
+    """Write a folder's page, with more `parts` in HTML. The page loads nothing from a network."""
     summary = folders.read_summary(folder)
     title = escape(str(summary.pop("title")))
 

@@ -153,8 +153,7 @@ def _summary(study: Study, solution: Solution, interrupted: bool) -> dict[str, s
 
 def extremes_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduction]:
     """Return two reductions for each output with a unit in `SHARP`: its largest and smallest value,
-    also between saved states. If the solver has no dense output, print a warning, and return
-    none."""
+    also between saved states; but none, after a warning, if the solver has no dense output."""
     extremes: dict[str, AbstractReduction] = {}
     for name, output in part.outputs.items():
         if isinstance(output, AbstractQuantity) and output.unit in SHARP:

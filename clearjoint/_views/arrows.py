@@ -34,9 +34,8 @@ class Arrows(NamedTuple):
 def arrows(
     pen: SketchingPen, observation: Observation | None, sizes: Proportions, scale: float | None
 ) -> Arrows:
-    """Return arrows of the contact forces in an `observation`, if there is one, on the second body
-    of each joint, which end at the contact points; and of the loads that the `pen` has noted, which
-    start at the points of application.
+    """Return arrows of an observation's contact forces on the second body of each joint, which end
+    at the contact points, and of the loads in `pen`, which start at the points of application.
 
     Lengths are forces times `scale`, m/N, at most `LONGEST`. Without a `scale`, the largest force
     has this length. If it is more than five times the median of all forces that are not zero, as in

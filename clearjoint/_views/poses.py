@@ -14,8 +14,7 @@ from .._model.scene import Scene
 
 @dataclass(frozen=True)
 class BodyPoses:
-    """Poses of all bodies and of the ground, by name, in N frames at `times`, s, ``None`` for a
-    single state."""
+    """Poses of all bodies and the ground in N frames at `times`, s, ``None`` for a single state."""
 
     times: Float[np.ndarray, " N"] | None
     poses: Mapping[str, Float[np.ndarray, "N 4 4"]]

@@ -40,9 +40,8 @@ def journal_frames(
     bearing's radius. The journal is dark in contact and light in flight.
 
     **Arguments:** `instants`: (M,) times, s; each picture shows the nearest observed time.
-    `section`: directions drawn to the right and upwards, as in `eccentricity_vectors`. `columns`:
-    instants in a row; further ones continue in a new pair of rows. `figure`: empty figure to draw
-    into; a new one by default.
+    `section`: directions as in `eccentricity_vectors`. `columns`: instants in a row; further ones
+    continue in a new pair of rows. `figure`: empty figure to draw into; a new one by default.
 
     >>> figure = plot.journal_frames(observed, "shoulder", 0.5e-3, [0.0, 0.01, 0.02])
     """
@@ -86,8 +85,8 @@ def animate_journal(
     right, dark in contact and light in flight. Clearance and eccentricity are enlarged.
 
     **Arguments:** `file`: path of the file, with the suffix ".gif". `instants`: (M,) times, s, one
-    for each frame, which shows the nearest observed time. `section`: directions drawn to the right
-    and upwards, as in `eccentricity_vectors`. `frames_per_second`: speed of the animation.
+    for each frame, which shows the nearest observed time. `section`: directions as in
+    `eccentricity_vectors`. `frames_per_second`: in the animation.
 
     >>> plot.animate_journal(observed, "shoulder", 0.5e-3, "journal.gif", np.linspace(0, 0.02, 5))
     """

@@ -76,9 +76,8 @@ def contact_forces(
     as both bases in planar motion, share one curve.
 
     **Arguments:** `logarithmic`: whether the force axis is logarithmic; zero force is then not
-    visible. By default the axis is logarithmic if the largest force exceeds six times the median of
-    the largest forces in each interval of contact, or eight times the median of the forces over the
-    time in contact.
+    visible. By default the axis is if the largest force exceeds six times the median of the peaks
+    in the intervals of contact, or eight times the median over time of the forces in contact.
 
     >>> axes = plot.contact_forces(observed, "shoulder", window=(0.01, 0.0115))
     """
@@ -163,8 +162,7 @@ def hysteresis(
     **Arguments:** `impacts`: of one contact: ``solution.impacts.of(joint, contact)``. `count`:
     largest number of impacts to draw.
 
-    **Raises:** `ValueError` without impacts, and for an impact with fewer than three observed
-    instants.
+    **Raises:** `ValueError` without impacts, and if fewer than three instants of one are observed.
 
     >>> axes = plot.hysteresis(observed, solution.impacts.of("shoulder", "V"), count=1)
     """

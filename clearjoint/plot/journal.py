@@ -168,8 +168,7 @@ def clearance_circle(axes: Axes, clearance: float, *, factor: float = 1e3) -> Ax
 
 
 def length_unit(clearance: float) -> tuple[float, str]:
-    """Return the factor from m to the unit in which to draw lengths about as large as a clearance,
-    m, and the unit's text."""
+    """Return the factor from m to the unit for lengths like a clearance, m, and the unit's text."""
     return (1e3, "mm") if clearance >= 0.2e-3 else (1e6, "µm")
 
 

@@ -48,11 +48,10 @@ def acceleration(
     window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw one global component of the acceleration of a body's centre of mass over time, a curve
-    for each run.
+    """Draw one global component, "X", "Y" or "Z", of the acceleration of a body's centre of mass
+    over time, a curve for each run.
 
-    **Arguments:** `observations`: of each run, at every accepted step, so that no peak is missed,
-    by the curve's label. `component`: "X", "Y" or "Z".
+    **Arguments:** `observations`: by the curve's label; at every step, so that no peak is missed.
 
     >>> axes = plot.acceleration({"with clearance": observed}, "arm 2", "Y")
     """
@@ -72,11 +71,10 @@ def path(
     window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw the path of a body's centre of mass, projected on a plane of the global frame, a curve
-    for each run. A dot marks the start; ``axes.legend()`` adds a legend.
+    """Draw the paths of a body's centre of mass in the `trajectories` of runs, given by the curve's
+    label, on a plane of the global frame. A dot marks the start; ``axes.legend()`` adds a legend.
 
-    **Arguments:** `trajectories`: of each run, such as `solution.saved`, by the curve's label.
-    `plane`: the two coordinates, "X", "Y" or "Z", drawn to the right and upwards.
+    **Arguments:** `plane`: the two coordinates, "X", "Y" or "Z", drawn to the right and upwards.
 
     >>> axes = plot.path({"with clearance": solution.saved}, "arm 3", ("Y", "Z"))
     """

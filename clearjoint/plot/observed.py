@@ -59,8 +59,7 @@ def _joined(names: list[str]) -> str:
 
 
 def named(argument: str, name: str, family: Mapping[str, T]) -> T:
-    """Return the entry `name` of the dictionary `family`. Raise a `ValueError` without this entry;
-    `argument`: the user's argument that the error names."""
+    """Return the entry `name` of the dictionary `family`; an error calls the name `argument`."""
     expected = f"one of those observed, {sorted(family)}"
     require(name in family, argument, name, expected, nearest(name, family, "correct the name"))
     return family[name]

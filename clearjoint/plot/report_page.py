@@ -234,9 +234,8 @@ def report(
       forces and phases are drawn at the saved times only, which may miss impacts.
     - `file`: path of the page, with the suffix ".png" or ".pdf"; not written by default.
     - `title`: by default "Run of" and the names of the bodies.
-    - `quantity`: whose spectrum is drawn, by default the component of the last body's velocity, or
-      angular velocity if the velocity is constant, that changes most. `unit`: SI unit of a
-      quantity that declares none.
+    - `quantity`: whose spectrum is drawn, with its SI `unit` if it declares none; by default the
+      component of the last body's velocity, or if constant angular velocity, that changes most.
 
     **Raises:** `ValueError` for another suffix, and for results that are not a `Solution`.
 
@@ -375,8 +374,7 @@ def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[
 
 def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observation) -> None:
     """Draw the orbits of the two journals with the largest forces, and the contact directions of
-    the first; without journals, the paths of the bodies along `path`. `observed`: the scene,
-    observed at the times of `path`."""
+    the first; without journals, the paths of the bodies. `observed`: observation along `path`."""
     journals = [name for name, joint in scene.joints.items() if isinstance(joint, HasJournal)]
     if not journals:
         _bodies(row.add_subplot(), path)

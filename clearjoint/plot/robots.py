@@ -13,8 +13,7 @@ Loop = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 class FittedRobot(Protocol):
-    """The method of `clearjoint.results.RobotFit` that `joint_hysteresis` calls. This module must
-    not import that class, since fits of robots and figures are rooms of the same layer."""
+    """What the figure needs of `clearjoint.results.RobotFit`; rooms of a layer import no other."""
 
     def hysteresis(self) -> Mapping[str, Loop]:
         """Return logged and predicted positions and torques, by name of the driven joint."""

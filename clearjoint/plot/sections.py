@@ -125,10 +125,8 @@ def poincare_section_of_lane(
     clearance: float | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw two quantities at the section crossings of one lane of a sweep.
-
-    **Arguments:** `section`: name of the `Section` among the sweep's outputs. `channels`, `after`
-    and `clearance`: quantities, start time, s, and circle to draw, see `poincare_section`.
+    """Draw two quantities, the `channels`, at the crossings of the output `section` in one lane of
+    a sweep. Further arguments are those of `poincare_section`.
 
     **Raises:** `ValueError` also for a lane that has not run yet.
 

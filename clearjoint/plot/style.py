@@ -82,8 +82,7 @@ def panels(
 
 
 def polar_or_new(axes: Axes | None) -> PolarAxes:
-    """Return polar `axes`, or new ones if it is None, to which grid lines at every 45° are added.
-    Raise an error for axes that are not polar."""
+    """Return polar axes, by default new ones, with grid lines at every 45°; refuse other axes."""
     if axes is None:
         axes = plt.figure(figsize=(4.8, 5.0), layout="constrained").add_subplot(projection="polar")
     remedy = 'make them by subplots(subplot_kw={"projection": "polar"})'

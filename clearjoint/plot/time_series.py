@@ -46,8 +46,7 @@ def rate_series(
     unit: str | None = None,
     trajectory: Trajectory | None = None,
 ) -> xr.DataArray:
-    """Return the time derivative (N,) of a quantity at the states that `series` takes for the same
-    arguments, as an array like that of `series`. `unit`: of the quantity, not of the derivative.
+    """Return the time derivative of a quantity, for the arguments and in the form of `series`.
 
     No differences of values are taken: the derivative follows from the velocities of each state,
     and from the accelerations that the equations of motion give for it. Entry speeds of contacts

@@ -151,13 +151,11 @@ def accelerometer(
     mass = SHARE * float(scene.bodies[body].mass) if mass is None else mass
     require_positive("mass", as_number(mass, "mass", "kg"), "give it in kg")
     # The spring's free length is long compared with its deflection, so that it acts linearly along
-    # the axis although it is a spring between two points: one on the body, and the mass.
+    # the axis although it is a spring between two points: one on the body, and the mass. It is
+    # unloaded with the mass at `point`.
     omega = 2.0 * math.pi * frequency
     stiffness, damping = mass * omega**2, 2.0 * damping_ratio * mass * omega
-    ends = (
-        position - ARM * direction,
-        np.zeros(3),
-    )  # the spring is unloaded with the mass at `point`
+    ends = position - ARM * direction, np.zeros(3)
     spring = SpringDamper(body, name, *ends, stiffness, damping, free_length=ARM)
     slide = PrismaticJoint(body, name, position, np.zeros(3), direction)
     # Making the new scene checks all elements again: don't repeat the warnings of the given scene.

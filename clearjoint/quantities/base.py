@@ -112,8 +112,7 @@ class Instant:
 
     @property
     def last_fraction(self) -> Scalar:
-        """The fraction of the step that ends here at which `just_before` is: somewhat below 1 if
-        quantities may jump at the end of the step (see `jumps`), otherwise 1."""
+        """The fraction of the step at which `just_before` is: 1, or less if `jumps` is true."""
         return 1.0 if self.jumps is None else where(self.jumps, 1.0 - NEAR, 1.0)
 
     def before_and_after(self, value_of: "Callable[[Instant], Scalar]") -> tuple[Scalar, Scalar]:
@@ -283,8 +282,7 @@ def require_known(argument: str, name: str, known: Collection[str]) -> None:
 
 
 def one_of(argument: str, *allowed: T) -> Callable[[T], T]:
-    """Return a function that returns an allowed value of the field `argument` as it is, and raises
-    a `ValueError` for another value: a `converter` of `equinox.field`."""
+    """Return a converter for the field `argument` that refuses values other than the `allowed`."""
 
     def checked(value: T) -> T:
         require(value in allowed, argument, value, f"one of {allowed}", "pass one of these")

@@ -83,8 +83,7 @@ class Acceleration(AbstractVectorQuantity, AbstractBodyQuantity):
 
 
 class AbstractPointQuantity(AbstractBodyQuantity):
-    """Base class of quantities of a point of a body: `point`, m from the body's centre of mass, in
-    body axes."""
+    """Base class of quantities of a `point` of a body, m from the centre of mass in body axes."""
 
     point: Numbers = eqx.field(static=True, converter=numbers)
 

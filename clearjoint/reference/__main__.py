@@ -31,8 +31,7 @@ FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[([](.*?)\\[)\]]</\1>', 
 
 
 def page_of(source: str) -> str:
-    """Return the path of the Markdown page that shows `source`, a README or a notebook of the
-    repository; of another file, the path of the copy."""
+    """Return the path of the page that shows a repository's README or notebook, or of a copy."""
     return re.sub(r"^(\.github/|clearjoint/)?_?", "", source).replace(".ipynb", ".md")
 
 

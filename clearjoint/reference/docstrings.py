@@ -61,8 +61,7 @@ def public_path(name: str, module: str = "") -> str | None:
 
 
 def with_links(text: str, module: str = "") -> str:
-    """Return a docstring or a Markdown text in which public names in backticks, outside of code
-    blocks, are links; `module`: path of the module whose docstring it is, "" for other texts."""
+    """Turn public names in backticks, outside of code, into links. `module`: that has the text."""
 
     def linked(match: re.Match) -> str:
         path = public_path(match[1], module)

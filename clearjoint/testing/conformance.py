@@ -59,8 +59,7 @@ def ensure(condition: Condition, message: str) -> None:
 
 
 def evaluated(name: str, function: Callable[..., Scalar], law: PyTree, *points: Points) -> Points:
-    """Return the values, (N,), of a scalar `function` of a law and of further numbers, for the N
-    values of each number in `points`.
+    """Return the values, (N,), of a scalar function of a law and of further numbers, the `points`.
 
     **Raises:** `AssertionError`, with the `name` of the function, if a value is not finite or if
     `jax.vmap` gives another value than a single evaluation.

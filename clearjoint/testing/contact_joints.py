@@ -157,9 +157,8 @@ def _require(condition: Condition, label: str, message: str) -> None:
 
 
 def _positions(joint: AbstractContactJoint, motions: Motions, together: bool) -> list[Motions]:
-    """The motions at which the joint is tested: the given ones; those with each contact at its
-    onset, and `PENETRATION` deeper; that with coincident attachment points, if the points can be
-    `together`; and all of these at rest."""
+    """The motions at which the joint is tested: the given ones; with each contact at its onset, and
+    `PENETRATION` deeper; with attachment points `together`, if true; and all of these at rest."""
     moving, scalar = [motions], unpack(joint)
     # A shift of the second body along the normal increases the penetration by its length.
     for label, contact in scalar.contacts(motions).items():
@@ -274,8 +273,7 @@ def _failures(
 
 
 def _beside(side: SideForce, first: Motion, second: Motion) -> Vector:
-    """Velocity of the second body relative to the first, m/s in global axes, at the point where a
-    `SideForce`, a contact's force in addition to the normal force, acts."""
+    """Global velocity of the second body relative to the first, m/s, where a `SideForce` acts."""
     return second.velocity_at(side.arm_second) - first.velocity_at(side.arm_first)
 
 
@@ -332,8 +330,7 @@ def _rows(contacts: Contacts) -> Rows:
 
 
 def _velocities(motions: Motions) -> Motions:
-    """Time derivatives of the numbers in motions at constant velocities and spins, as `Motion`s: in
-    place of the position is its derivative, the velocity, and so on."""
+    """Time derivatives of all numbers in motions, at constant velocities and spins, as motions."""
     rates = {}
     for name, motion in motions.items():
         rows = motion.rotation.row_x, motion.rotation.row_y, motion.rotation.row_z

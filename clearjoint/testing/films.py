@@ -99,8 +99,7 @@ def _states() -> jax.Array:
 
 
 def _rotated(rows: jax.Array, angle: float = 1.1) -> jax.Array:
-    """Rows of one or two plane vectors, (N, 2) or (N, 4), turned by an angle, rad; the default is
-    arbitrary."""
+    """Rows of one or two plane vectors, turned by an angle, rad; the default is arbitrary."""
     c, s = np.cos(angle), np.sin(angle)
     return (rows.reshape(len(rows), -1, 2) @ jnp.asarray([[c, s], [-s, c]])).reshape(rows.shape)
 
