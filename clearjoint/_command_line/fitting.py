@@ -104,7 +104,7 @@ def _measured(study: Study, part: FitPart, location: FileLocation) -> Measuremen
 
 
 def fit_parameters(study: Study, part: FitPart) -> tuple[dict[str, Parameter], dict[str, float]]:
-    """Return the parameters of the fit and, if the file has any, their guesses, SI units, by name."""
+    """Return the parameters of the fit and, as far as given, their guesses in SI units, by name."""
     parameters, guess = {}, {}
     for name, entry in part.parameters.items():
         part_location = study.location.at("fit", "parameters", name)

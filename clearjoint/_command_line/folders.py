@@ -126,6 +126,7 @@ def require_names(path: Path, needed: Iterable[str], available: Collection[objec
 def read_run(folder: Path) -> tuple[Scene, solutions.Solution]:
     """Return scene and solution of a run in a folder, without the accepted steps, and with sections
     as the only outputs. Saved states are from the file `DRAWN` or, without this, from `MOTION`."""
+    # Names of variables, coordinates and attributes that the tables must have.
     states = ["time", "body", *solutions.STATE_PARTS]
     needed = [*states, *(f"final_{part}" for part in solutions.STATE_PARTS), FORMULATION]
     needed += ["time_reached", "result", "attempts", "accepted", "redundant_constraints"]
@@ -180,6 +181,7 @@ def read_formulation(notes: Mapping[str, object], location: FileLocation) -> For
 
 
 def _state(scene: Scene, table: xr.Dataset, prefix: str = "") -> State:
+    # `prefix`: of the variables of the state in the table, "final_" for the last state of a run.
     parts = {part: table[prefix + part] for part in solutions.STATE_PARTS}
     bodies = {}
     for name in scene.bodies:

@@ -130,7 +130,7 @@ def write_report(folder: Path, dataset: xr.Dataset | None = None) -> None:
         results = open_wear(store)
         folders.require_names(store, needed, results)
         write_wear_report(folder, results)
-    else:  # a fit, of a robot or not
+    else:  # a fit, whose command has drawn the figures
         write_page(folder)
 
 

@@ -138,7 +138,8 @@ def fit_robot_of(study: RobotFitStudy, folder: Path) -> CommandResult:
     fit = result.fit
     summary = write_fit(fit, folder)
     summary["not_identifiable"] = ", ".join(result.undetermined) or "none"
-    # These replace the files of `write_fit`, which lack the intervals and the undetermined.
+    # These replace files of `write_fit`, which lack the intervals and the parameters that the log
+    # does not determine.
     write_table(folder, "estimates", result.to_xarray())
     (folder / REPORT).write_text(f"{result}\n", encoding="utf-8")
     write_summary(folder, "fit of a robot", study, summary)

@@ -37,10 +37,10 @@ def arrows(
     """Return arrows of an observation's contact forces on the second body of each joint, which end
     at the contact points, and of the loads in `pen`, which start at the points of application.
 
-    Lengths are forces times `scale`, m/N, at most `LONGEST`. Without a `scale`, the largest force
-    has this length. If it is more than five times the median of all forces that are not zero, as in
-    an impact during a motion along the wall, lengths are proportional to the square root of forces,
-    so that small forces are visible.
+    Lengths are forces times `scale`, m/N, at most `LONGEST` times the mechanism's size. Without a
+    `scale`, the largest force has this length; and if it exceeds five times the median of all
+    forces that are not zero, as in an impact during a motion along the wall, lengths are
+    proportional to the square root of forces, so that small forces are visible.
     """
     contact_forces = [] if observation is None else [*_contact_forces(pen, observation).items()]
     all_forces = [force for _, (_, force) in (*contact_forces, *pen.loads)]

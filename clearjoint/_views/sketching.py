@@ -87,8 +87,8 @@ class SketchingPen(AbstractPen):
     """Pen with which joints and forces draw themselves, and which makes the parts of a view.
 
     The methods from `mark` to `gear` add solids (`load` only a load), and note the points of their
-    arguments `Marker`: points, and axes, fixed to bodies. The method `body` then draws a body as a
-    bar: the convex hull of balls around these points.
+    markers (a `Marker` is a point, and maybe an axis, fixed to a body). The method `body` then
+    draws a body as a bar: the convex hull of balls around these points.
 
     - `element`: name of the joint or force that is being drawn.
     - `journals`: drawn journals, by the joint's name; the last one of a joint with several.
@@ -216,20 +216,23 @@ class SketchingPen(AbstractPen):
         `Proportions.bearing_scale`. So the drawn journal touches the drawn wall where the true
         journal touches the true wall.
         """
-        wide, scale = float(length) * self._sizes.bearing_scale, self._sizes.clearance_scale
+        scale = self._sizes.clearance_scale
+        drawn_length = float(length) * self._sizes.bearing_scale
         bore = self._sizes.bore(None if radius is None else float(radius))
         # Drawn radii of the journal and of the bearing's outside.
         journal_radius, outer = bore - float(clearance) * scale, bore * (1.0 + WALL)
-        wall, shaft = profiles
-        if wall is None:
-            self._fix(bearing, meshes.tube(bore, outer, wide))
+        wall_profile, journal_profile = profiles
+        if wall_profile is None:
+            self._fix(bearing, meshes.tube(bore, outer, drawn_length))
         else:
-            edge = self._edge(bore, wall)
+            inner_edge = self._edge(bore, wall_profile)
+            distances = np.linalg.norm(inner_edge, axis=1)  # from the axis
             # The wall keeps half of its thickness where it is worn deepest.
-            outer = max(outer, np.linalg.norm(edge, axis=1).max() + 0.5 * WALL * bore)
-            around = outer * edge / np.linalg.norm(edge, axis=1)[:, None]
+            outer = max(outer, distances.max() + 0.5 * WALL * bore)
+            outer_edge = outer * inner_edge / distances[:, None]
             frame = _transverse_frame(bearing.along())
-            tube = meshes.ring(edge, around, wide).moved(pose_at(bearing.point, frame))
+            ring = meshes.ring(inner_edge, outer_edge, drawn_length)
+            tube = ring.moved(pose_at(bearing.point, frame))
             self._add(bearing.body, tube)
         # Across the bearing's axis, the drawn offset of each end of the journal is the true offset
         # times the scale of clearances. Along the axis, the middle of the journal keeps its true
@@ -244,7 +247,7 @@ class SketchingPen(AbstractPen):
         for side in SIDES:
             offset = reach + journal_axis * (0.5 * side * float(length))
             across = offset - axis * np.sum(offset * axis, axis=1, keepdims=True)
-            along = np.sum(reach * axis, axis=1, keepdims=True) + 0.5 * side * sense * wide
+            along = np.sum(reach * axis, axis=1, keepdims=True) + 0.5 * side * sense * drawn_length
             ends.append(centre + axis * along + across * scale)
         drawn_axis = ends[1] - ends[0]
         drawn_axis /= np.linalg.norm(drawn_axis, axis=1, keepdims=True)
@@ -252,16 +255,16 @@ class SketchingPen(AbstractPen):
         local = _transverse_frame(journal.along())[:, 0]
         poses = frames(drawn_axis, self._poses.direction(journal.body, local))
         poses[:, :3, 3] = 0.5 * (ends[0] + ends[1])
-        visible = 1.3 * wide  # longer than the bearing
-        pin = meshes.cylinder(journal_radius, visible)
-        if shaft is not None:
-            pin = meshes.plate(self._edge(journal_radius, shaft), visible)
+        pin_length = 1.3 * drawn_length  # longer than the bearing, so that both ends are visible
+        pin = meshes.cylinder(journal_radius, pin_length)
+        if journal_profile is not None:
+            pin = meshes.plate(self._edge(journal_radius, journal_profile), pin_length)
         self._moving.append(DrawnPart(self.element, pin, poses, METAL, is_journal=True))
-        drawn = DrawnJournal(np.array(ends), poses, journal_radius, shaft, scale)
+        drawn = DrawnJournal(np.array(ends), poses, journal_radius, journal_profile, scale)
         self.journals[self.element] = drawn
         # The bar of the journal's body passes behind the bearing, and the bar of the bearing's body
         # ends at its wall, so that neither hides the journal.
-        self._hold(self._moved_back(journal, 0.5 * wide + 1.2 * self._bar))
+        self._hold(self._moved_back(journal, 0.5 * drawn_length + 1.2 * self._bar))
         self._hold(bearing, around=outer)
 
     @override

@@ -76,8 +76,8 @@ def contact_forces(
     as both bases in planar motion, share one curve.
 
     **Arguments:** `logarithmic`: whether the force axis is logarithmic; zero force is then not
-    visible. By default the axis is if the largest force exceeds six times the median of the peaks
-    in the intervals of contact, or eight times the median over time of the forces in contact.
+    visible. By default it is logarithmic if the largest force exceeds six times the median of the
+    peaks of the intervals of contact, or eight times the median over time of forces in contact.
 
     >>> axes = plot.contact_forces(observed, "shoulder", window=(0.01, 0.0115))
     """
@@ -95,7 +95,7 @@ def joint_forces(
 ) -> Axes:
     """Draw a curve over time for each joint with contacts: the resultant of the normal forces of
     its contacts, as `quantities.ContactForce`. Joints with equal curves share one. `logarithmic`:
-    whether the force axis is logarithmic; the default depends on peaks, see `contact_forces`.
+    whether the force axis is logarithmic, by default under the conditions of `contact_forces`.
 
     >>> axes = plot.joint_forces(observed)
     """
@@ -162,7 +162,7 @@ def hysteresis(
     **Arguments:** `impacts`: of one contact: ``solution.impacts.of(joint, contact)``. `count`:
     largest number of impacts to draw.
 
-    **Raises:** `ValueError` without impacts, and if fewer than three instants of one are observed.
+    **Raises:** `ValueError` without impacts, or with under three observed instants in an impact.
 
     >>> axes = plot.hysteresis(observed, solution.impacts.of("shoulder", "V"), count=1)
     """
@@ -202,8 +202,8 @@ def enclosed_energy(observation: Observation, impacts: Impacts, index: int) -> f
 
 
 def _loop(observation: Observation, impacts: Impacts, index: int) -> tuple[np.ndarray, np.ndarray]:
-    # Penetration, m, and normal force, N, in an impact, with a zero at either end, which closes the
-    # loop although no instant is observed exactly at the onset or the separation.
+    # Penetration, m, and normal force, N, in an impact, with zeros at both ends, which close the
+    # loop.
     contact = observed.contact(observation, impacts.joint[index], impacts.contact[index])
     times, onset, separation = observation.times, impacts.onset[index], impacts.separation[index]
     in_impact = (times >= onset) & (times <= separation)

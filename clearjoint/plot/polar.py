@@ -63,7 +63,7 @@ def contact_rose(
     weights = {}  # impulses, N s, or forces, N, in each sector
     for base in BASES:
         x, y = eccentricity_vectors(observation, joint, base, section).T
-        turns = np.arctan2(y, x) / (2.0 * np.pi) % 1.0  # the direction's angle, 0 to 1 full turn
+        turns = np.arctan2(y, x) / (2.0 * np.pi) % 1.0  # the direction's angle in turns, 0 to 1
         values = np.asarray(contact(observation, joint, base).normal_force)
         kind = "max"
         if weight == "impulse":

@@ -141,7 +141,7 @@ def _tolerances(solution: Solution) -> list[str]:
     # The solution records no settings, or those of a version in which they had other names.
     if not {"solver", "controller", "rtol", "atol"} <= notes.keys():
         return []
-    # The notes are texts such as "RK45(order=5)", of which the name of the class is shown.
+    # The notes are texts such as "Tsit5(scan_kind=None)", of which the name of the class is shown.
     solver, controller = (str(notes[name]).split("(")[0] for name in ("solver", "controller"))
     if controller != "None":  # a controller has its own tolerances: rtol and atol have no effect
         return [f"{solver}, {controller}"]
@@ -235,7 +235,7 @@ def report(
     - `file`: path of the page, with the suffix ".png" or ".pdf"; not written by default.
     - `title`: by default "Run of" and the names of the bodies.
     - `quantity`: whose spectrum is drawn, with its SI `unit` if it declares none; by default the
-      component of the last body's velocity, or if constant angular velocity, that changes most.
+      component that changes most of the last body's velocity or, if this is constant, its spin.
 
     **Raises:** `ValueError` for another suffix, and for results that are not a `Solution`.
 
@@ -290,15 +290,16 @@ def _parts(scene: Scene, solution: Solution, record: xr.DataArray) -> list[_Part
         path = solution.steps.between()
     else:
         path = trajectory_of(solution, solution.saved or solution.steps)
-    along = observe(scene, solution, path)
+    observed = observe(scene, solution, path)
     # Light letters are narrower than bold ones.
     lines = [line for text in run_lines(scene, solution) for line in wrap(text, LETTERS + 13)]
     # The functions draw later, when the heights of all rows are known.
     parts = [_text_part(lines, "normal", JOINT_COLUMNS, joint_rows(scene, 2 * MOST_ROWS))]
-    parts += [_Part(2.6, lambda row: draw_motion(row, scene, path, along))]
-    if along.contacts:  # the phases of the motion below the forces have a row for each joint
-        parts += [_Part(2.4 + 0.2 * len(along.contacts), lambda row: draw_over_time(row, along))]
-    parts += [_Part(2.5, lambda row: draw_energies(row, along, record))]
+    parts += [_Part(2.6, lambda row: draw_motion(row, scene, path, observed))]
+    if observed.contacts:  # the phases of the motion below the forces have a row for each joint
+        height = 2.4 + 0.2 * len(observed.contacts)
+        parts += [_Part(height, lambda row: draw_over_time(row, observed))]
+    parts += [_Part(2.5, lambda row: draw_energies(row, observed, record))]
     if solution.impacts:
         rows = impact_rows(solution.impacts, MOST_ROWS)
         parts += [_text_part(["Impacts of largest force"], "bold", IMPACT_COLUMNS, rows)]

@@ -13,7 +13,7 @@ Loop = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 class FittedRobot(Protocol):
-    """What the figure needs of `clearjoint.results.RobotFit`; rooms of a layer import no other."""
+    """What the figure needs of `clearjoint.results.RobotFit`, which this module must not import."""
 
     def hysteresis(self) -> Mapping[str, Loop]:
         """Return logged and predicted positions and torques, by name of the driven joint."""

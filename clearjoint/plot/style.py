@@ -164,6 +164,7 @@ def fit_labels(figure: Figure) -> None:
             if not (text := label.get_text()):
                 continue
             box, space = label.get_window_extent(), axes.get_window_extent()
+            # The length of the axis over that of the label.
             share = space.height / box.height if vertical else space.width / box.width
             if share < 0.9:  # a label may be a little longer than its axis
                 fitting = int(share * max(map(len, text.split("\n"))))

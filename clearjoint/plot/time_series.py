@@ -46,7 +46,7 @@ def rate_series(
     unit: str | None = None,
     trajectory: Trajectory | None = None,
 ) -> xr.DataArray:
-    """Return the time derivative of a quantity, for the arguments and in the form of `series`.
+    """Return the time derivative of a quantity; arguments and form of the result as for `series`.
 
     No differences of values are taken: the derivative follows from the velocities of each state,
     and from the accelerations that the equations of motion give for it. Entry speeds of contacts

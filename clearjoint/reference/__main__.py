@@ -31,7 +31,7 @@ FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[([](.*?)\\[)\]]</\1>', 
 
 
 def page_of(source: str) -> str:
-    """Return the path of the page that shows a repository's README or notebook, or of a copy."""
+    """Return the path, among the pages, of a README, a notebook or another repository file."""
     return re.sub(r"^(\.github/|clearjoint/)?_?", "", source).replace(".ipynb", ".md")
 
 
@@ -79,8 +79,9 @@ def write_api_page(name: str, package: griffe.Module, docs: Path) -> None:
         paths = [f"{page['module']}.{name}" for name in names.split()]
         entries += [f"## {group}", *(f"::: {path}" for path in paths)]
         for path in paths:
-            first = package[path.removeprefix("clearjoint.")].docstring.value.split("\n\n")[0]
-            line = with_links(first).replace("\n", " ").replace("|", "\\|")
+            docstring = package[path.removeprefix("clearjoint.")].docstring.value
+            first_paragraph = docstring.split("\n\n")[0]
+            line = with_links(first_paragraph).replace("\n", " ").replace("|", "\\|")
             table.append(f"| [`{path.rpartition('.')[2]}`][{path}] | {line} |")
     head = ["| Name | Description |", "|---|---|"] if table else []
     anchor = "" if "text" in page else f" {{#{page['module']}}}"  # where links to a module lead

@@ -61,7 +61,7 @@ def public_path(name: str, module: str = "") -> str | None:
 
 
 def with_links(text: str, module: str = "") -> str:
-    """Turn public names in backticks, outside of code, into links. `module`: that has the text."""
+    """Turn public names in backticks, outside of code, into links, in a docstring of `module`."""
 
     def linked(match: re.Match) -> str:
         path = public_path(match[1], module)

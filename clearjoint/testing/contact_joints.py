@@ -108,6 +108,7 @@ def check_contact_joint(
     for label, single in _rows(_contacts(joint, motions)).items():
         for message, failed in failures[label].items():
             _require(not failed.any(), label, message)
+        # The first of the tested positions is the given one, as in the single evaluation.
         same = jnp.allclose(single, rows[label][0], rtol=TOLERANCE, atol=1e-12)
         _require(same, label, "its forces under vmap differ from a single evaluation")
         finite = jnp.isfinite(slopes[label]).all()

@@ -126,6 +126,8 @@ def _check_slopes(force: Force, film: AbstractFilm) -> None:
     for state, exact in zip(smooth, slopes_at(film, smooth), strict=True):
         steps = STEP * state  # one for each of the four numbers, which are changed one at a time
         ahead, behind = (forces_at(film, state + sign * jnp.diag(steps)) for sign in (1, -1))
+        # Column k of `exact`, (2, 4), is the derivative by the k-th number, for which `ahead` and
+        # `behind` have row k.
         error = jnp.abs((ahead - behind).T / (2.0 * steps) - exact)
         agrees = error <= TOLERANCE * jnp.abs(exact).max(axis=0)
         message = "The derivative by offset or rate does not agree with finite differences."
