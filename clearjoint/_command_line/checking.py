@@ -157,7 +157,7 @@ saved states, end of the transient, and duration of a cycle."""
 def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
     """Return the texts of an example of a scene file and of a study file for one of `MECHANISMS`.
     `scene`, `study`: names of these files, which comments in the texts mention."""
-    with TemporaryDirectory() as folder:
+    with TemporaryDirectory() as folder:  # `save` writes a file, of which the text is needed
         path = Path(folder) / "scene.toml"
         save(*MECHANISMS[mechanism](), path)
         saved = path.read_text(encoding="utf-8")
@@ -175,7 +175,7 @@ def write_example(mechanism: str, folder: Path) -> tuple[Path, Path]:
     names = f"{mechanism}.toml", f"{mechanism}_study.toml"
     scene, study = folder / names[0], folder / names[1]
     folder.mkdir(parents=True, exist_ok=True)
-    for path in (scene, study):
+    for path in (scene, study):  # both are checked before the first is written
         if path.exists():
             remedy = "remove it, or choose another folder by --out"
             FileLocation(str(path)).refuse("a file", "no existing file", remedy)

@@ -109,6 +109,7 @@ def fit_parameters(study: Study, part: FitPart) -> tuple[dict[str, Parameter], d
     for name, entry in part.parameters.items():
         part_location = study.location.at("fit", "parameters", name)
         target = find_path(entry.path, study.scene, study.state, part_location.at("path"))
+        # `Parameter.initial` makes a parameter of the initial state, `Parameter` one of the scene.
         make = Parameter.initial if target.in_state else Parameter
         parameters[name] = make(target.path, entry.scale, unit=target.unit)
         if entry.guess is not None:

@@ -219,6 +219,7 @@ def _sections(folder: Path) -> dict[str, solutions.Crossings]:
         assert table is not None
         units = {str(name): row.attrs.get("units", "1") for name, row in table.items()}
         values = {name: table[name].values for name in units}
+        # The name of the file may be changed by `file_name`; the attribute has the original name.
         name = str(table.attrs["table"]).removeprefix(SECTION)
         sections[name] = solutions.Crossings(table["time"].values, values, units)
     return sections

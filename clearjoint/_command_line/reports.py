@@ -93,6 +93,7 @@ def _over_time(output: xr.DataArray) -> Axes:
     axes = plot.style.axes_or_new(None)
     times, values = scaled(output["time"]), scaled(output)
     axes.plot(times.values, values.values, color=plot.style.BLUE, linewidth=1.4)
+    # Only outputs that change fast, such as forces, have extremes from between the saved states.
     if "largest" in output.attrs:
         for which in ("largest", "smallest"):
             x = times.factor * output.attrs[f"{which}_time"]

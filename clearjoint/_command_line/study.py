@@ -116,6 +116,7 @@ class AxisPart:
         ends = [end for end in (self.start, self.stop) if end is not None]
         entries = {"values": self.values, "start": self.start, "stop": self.stop}
         expected = "either `values`, or `start` and `stop`"
+        # Both ends are needed without `values`, and neither is allowed with `values`.
         is_complete = len(ends) == (2 if self.values is None else 0)
         require(is_complete, "values", entries, expected, "give one")
         if self.values is not None:

@@ -272,6 +272,8 @@ class SketchingPen(AbstractPen):
         bore, scale = self._sizes.bore(float(radius)), self._sizes.clearance_scale
         self._fix(socket._replace(axis=None), meshes.ball(bore), opacity=CLEAR)
         inner = meshes.ball(bore - float(clearance) * scale)
+        # The ball turns with its body, and its offset from the socket's centre is enlarged like the
+        # clearance.
         poses = self._poses.poses[ball.body].copy()
         centre = self._poses.point(socket.body, socket.point)
         poses[:, :3, 3] = centre + scale * (self._poses.point(ball.body, ball.point) - centre)
@@ -373,6 +375,7 @@ class SketchingPen(AbstractPen):
             return
         self._solid.add(name)
         solid = equivalent_solid(body)
+        # A thicker solid is transparent, because it may hide joints.
         thin = np.sort(solid.sides)[1] <= 2.0 * self._bar
         sides = np.maximum(solid.sides, 2.0 * self._bar).tolist()
         shape = meshes.cylinder(0.5 * sides[0], sides[2]) if solid.round else meshes.box(sides)

@@ -103,6 +103,7 @@ def joint_forces(
     forces = {}
     for name, family in observation.contacts.items():
         pairs = ((np.asarray(c.normal), np.asarray(c.normal_force)) for c in family.values())
+        # For each contact the normal force as a vector, (n, 3) N; their sum is the resultant.
         vectors = [normal * force[:, None] for normal, force in pairs]
         forces[name] = np.linalg.norm(np.sum(vectors, axis=0), axis=1)
     return _over_time(observation.times, forces, window, logarithmic, axes)

@@ -84,7 +84,7 @@ def path(
         in_window = style.inside(np.asarray(trajectory.times), window)
         centre = named("body", body, trajectory.states.bodies).position[in_window]
         style.draw_lines(axes, [(label, centre[:, right], centre[:, up])], 1.3)
-        axes.plot(centre[:1, right], centre[:1, up], "o", color="black", markersize=5)
+        axes.plot(centre[:1, right], centre[:1, up], "o", color="black", markersize=5)  # the start
     axes.set_aspect("equal")
     return style.dress(axes, f"{plane[0]}, m", f"{plane[1]}, m")
 
@@ -104,7 +104,7 @@ def over_angle(
     """
     axes = style.axes_or_new(axes)
     style.draw_lines(axes, ((label, np.degrees(x), y) for label, (x, y) in curves.items()), 1.4)
-    if curves:
+    if curves:  # the axis has no margins: it ends with the smallest and the largest angle
         ends = np.degrees([(np.min(angles), np.max(angles)) for angles, _ in curves.values()])
         axes.set_xlim(ends.min(), ends.max())
     axes.xaxis.set_major_locator(MultipleLocator(90.0))

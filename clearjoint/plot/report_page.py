@@ -115,6 +115,7 @@ def run_lines(scene: Scene, solution: Solution) -> list[str]:
     parts = formulation.coordinates, formulation.stabilisation
     equations = [*_tolerances(solution), *(type(part).__name__ for part in parts)]
     ledger = "with energy ledger" if formulation.ledger else "without energy ledger"
+    # Names of the joints without contacts, by the name of their class.
     ideal: dict[str, list[str]] = {}
     for name, joint in scene.joints.items():
         if not isinstance(joint, AbstractContactJoint):
@@ -163,6 +164,7 @@ def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
     """Return the texts of `IMPACT_COLUMNS` for the `most` impacts with the largest peak forces.
     Simultaneous ones of a joint, as at both ends of a journal, share the row of the largest."""
     force = impacts.peak_force
+    # Each group of simultaneous impacts, by the index of its impact with the largest force.
     hardest = {max(group, key=lambda k: force[k]): group for group in _simultaneous(impacts)}
     rows = []
     for k in sorted(hardest, key=lambda k: -force[k])[:most]:
@@ -446,7 +448,7 @@ def draw_energies(row: SubFigure, observed: Observation, record: xr.DataArray) -
     panels = row.subplot_mosaic([["stored", "lines"], ["drift", "lines"]], height_ratios=(2.0, 1.0))
     panels["stored"].sharex(panels["drift"])
     energy_ledger(observed, axes=np.array([panels["stored"], panels["drift"]]))
-    panels["stored"].tick_params(labelbottom=False)
+    panels["stored"].tick_params(labelbottom=False)  # the times are below the lower axes
     axes = panels["lines"]
     if suits_spectrum(np.diff(record["time"].values)):
         spectrum_of(record, axes=axes)

@@ -39,6 +39,7 @@ def only_axis(dataset: xr.Dataset, axis: str | None) -> str:
         require_names(dataset, (axis,))
         return axis
     dims, swept = dataset["result"].dims, tuple(map(str, dataset["result"].coords))
+    # The dimension "lane" of a zipped sweep has no coordinate of that name.
     is_only = len(dims) == 1 and dims[0] in dataset.coords
     require(is_only, "axis", axis, f"one of {swept}", "name it")
     return str(dims[0])

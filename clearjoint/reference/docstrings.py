@@ -90,6 +90,7 @@ def _constructor(cls: griffe.Class, of: type) -> griffe.Function:
                 name,
                 kind=griffe.ParameterKind(parameter.kind.description),
                 annotation=getattr(cls.all_members.get(name), "annotation", None),
+                # A long default would hide the other parameters of a signature.
                 default=default if default is None or len(default) < 40 else "...",
             )
         )

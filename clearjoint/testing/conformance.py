@@ -77,6 +77,7 @@ def ensure_finite_slopes(function: Callable[..., Scalar], law: PyTree, **points:
     """Raise an `AssertionError` unless all derivatives of a scalar function of a law and of further
     numbers, by the parameters of the law and by the numbers in `points`, are finite."""
     arguments = jax.tree.map(jnp.asarray, law), *points.values()
+    # Derivatives by all arguments at once. The law is the same at all points.
     gradient = eqx.filter_grad(lambda arguments: function(*arguments))
     slopes = eqx.filter_vmap(gradient, in_axes=((None, *(0 for _ in points)),))(arguments)
     names = ("a parameter of the law", *(f"the {name.replace('_', ' ')}" for name in points))
