@@ -102,7 +102,7 @@ def write_table(folder: Path, name: str, table: xr.Dataset) -> None:
 def read_table(folder: Path, name: str, needed: Iterable[str] = ()) -> xr.Dataset | None:
     """Return the dataset in the file `name`.nc, or ``None`` if there is no such file.
 
-    **Raises:** `ValueError` if it lacks a variable, coordinate or attribute in `needed`.
+    **Raises:** `ValueError` if the file lacks a variable, coordinate or attribute in `needed`.
     """
     path = folder / f"{name}.nc"
     if not path.exists():

@@ -187,11 +187,12 @@ def write_results(
     if solution.impacts is not None:
         tables[folders.IMPACTS] = solution.impacts.to_xarray()
     for name, output in solution.outputs.items():
-        if isinstance(output, Table):
+        if isinstance(output, Table):  # sections, impacts and rejected steps have a file each
             tables[f"{PREFIXES[type(output)]}{name}"] = output.to_xarray()
     for name, table in tables.items():
         folders.write_table(folder, name, table)
     outputs = study.parts.run.outputs
+    # All quantities share a table along the saved states, and all reductions a table of numbers.
     quantities = {n: item for n, item in outputs.items() if isinstance(item, AbstractQuantity)}
     if quantities:
         folders.write_table(folder, folders.OUTPUTS, _outputs(quantities, study.scene, solution))

@@ -339,8 +339,8 @@ PARTS = tuple(part.name for part in fields(StudyParts))
 
 
 class AbstractStudy:
-    """A file about computations: its `parts`, with a title; its `location`; and the value of
-    `time.perf_counter` when it was read, s."""
+    """A file about computations: its `parts`, with a title; its `location`, which errors name; and
+    `started`, the value of `time.perf_counter` when the file was read, s."""
 
     parts: PyTree
     location: documents.FileLocation

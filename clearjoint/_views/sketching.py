@@ -187,8 +187,8 @@ class SketchingPen(AbstractPen):
 
     @override
     def load(self, marker: Marker, force: Triple | Callable[[jax.Array], Triple]) -> None:
-        """Add a load to `loads`, with its force in each frame; in a single state, at time zero. Its
-        arrow is made when the scale of forces is known."""
+        """Add a load to `loads`, with its force in each frame; in a single state, at time zero. The
+        arrow of the load is made later, when the scale of forces is known."""
         points = self._poses.point(marker.body, marker.point)
         if callable(force):
             times = np.zeros(1) if self._poses.times is None else self._poses.times
@@ -299,9 +299,10 @@ class SketchingPen(AbstractPen):
         surfaces: tuple[float, ...],
         excess: float,
     ) -> None:
-        """Draw plates perpendicular to `normal`, fixed to the body of `middle`, with the sides that
-        face this marker at the distances `surfaces` from it, m. At each end, the plates are longer
-        than the path of `runner` by `excess`, m, plus the radius of a bar."""
+        """Draw plates perpendicular to `normal`, in axes of the body of `middle`, to which they are
+        fixed. Their sides that face this marker are at the coordinates `surfaces`, m, along the
+        normal from the marker. At each end, the plates are longer than the path of the marker
+        `runner` by `excess`, m, plus the radius of a bar."""
         # The columns of `frame`, in body axes, are the direction along the walls, their normal, and
         # a direction as near as possible to the line of sight. If the viewer looks along the
         # normal, the direction along the walls is arbitrary.
@@ -526,7 +527,7 @@ def _unit(vector: ArrayLike) -> np.ndarray:
 
 
 def _transverse_frame(along: np.ndarray, phase: float = 0.0) -> np.ndarray:
-    """Return a rotation matrix that maps z to `along`, and x to the direction at the angle `phase`
-    about it, from which joints measure the angles of profiles and teeth."""
+    """Return a rotation matrix that maps z to `along`, and x to the direction at the angle `phase`,
+    rad, about `along` from the direction of zero angle of profiles and teeth."""
     zero = np.array([*map(float, transverse_axes(Vector(*map(float, along)))[0])])  # at angle zero
     return frame_about(along, zero * np.cos(phase) + np.cross(along, zero) * np.sin(phase))

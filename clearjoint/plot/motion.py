@@ -51,7 +51,7 @@ def acceleration(
     """Draw one global component, "X", "Y" or "Z", of the acceleration of a body's centre of mass
     over time, a curve for each run.
 
-    **Arguments:** `observations`: of runs, at every step, to miss no peak; by the curve's label.
+    **Arguments:** `observations`: of each run by the curve's label, at every step to miss no peak.
 
     >>> axes = plot.acceleration({"with clearance": observed}, "arm 2", "Y")
     """

@@ -180,6 +180,7 @@ def bifurcation(
     # The last dimension is that along the crossings, or the samples, of a lane.
     recorded = dataset[variable].where(succeeded).transpose(*dataset[axis].dims, ...)
     x, y = style.scaled(dataset[axis]), style.scaled(recorded.rename(channel))
+    # The parameter and the number of each crossing, in the shape of `y`: (lanes, crossings).
     positions, numbers = np.meshgrid(x.values, 1 + np.arange(y.values.shape[1]), indexing="ij")
     draw = partial(axes.scatter, positions, y.values, s=3, linewidths=0)
     if not number:

@@ -20,7 +20,7 @@ def is_successful(dataset: xr.Dataset) -> xr.DataArray:
 
 def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.DataArray:
     """Return the output `variable` as an array whose dimensions are the sweep's axes `along`, NaN
-    where a lane failed or has not run yet. Raise a `ValueError` for an output with others."""
+    where a lane failed or has not run yet; refuse an output that has other dimensions."""
     require_names(dataset, (variable, *along))
     require_several_values(dataset, along)
     # Axes that vary together share the dimension "lane".
@@ -123,8 +123,8 @@ def against(
     style.scale_axes(axes, x.values, y.values)
     mark_failed(axes, x.values, is_successful(dataset).values, colour)
     labels = axes.get_legend_handles_labels()[1]
-    # Two labels of more than 40 characters are too wide for the figure side by side.
-    if len(labels) > 1:
+    if len(labels) > 1:  # points of a single kind need no legend
+        # Two labels of more than 40 characters are too wide for the figure side by side.
         style.legend_above(axes, 1 if max(map(len, map(str, labels))) > 40 else 2)
     return style.dress(axes, x.label, y.label)
 

@@ -50,14 +50,13 @@ def write_page(source: str, docs: Path) -> None:
     else:
         text = (ROOT / source).read_text(encoding="utf-8")
 
-    # Returns the new target of the link that `LINK` has matched.
+    # Returns the new target of a link that `LINK` has matched: for a file of the repository, the
+    # file's page or, unless the file is Markdown or a notebook, a copy of the file.
     def relinked(match: re.Match) -> str:
-        # The target of a link to a file of the repository becomes the file's page or, unless it is
-        # Markdown or a notebook, a copy of the file.
         target = os.path.normpath(Path(source).parent / match[0])
         if (ROOT / target).is_dir():
             target = f"{target}/README.md"
-        if "://" in match[0] or not (ROOT / target).is_file():
+        if "://" in match[0] or not (ROOT / target).is_file():  # a web page, or no link to a file
             return match[0]
         copy = docs / page_of(target)
         if not target.endswith((".md", ".ipynb")):

@@ -106,6 +106,7 @@ class HouseStyle(griffe.Extension):
         """Change all docstrings and the public classes of a package."""
         for item in _walk(pkg):
             if item.docstring:
+                # The fences of the code block are indented like the session.
                 text = SESSION.sub(r"\n\1```pycon\n\g<0>\n\1```", item.docstring.value)
                 item.docstring.value = with_links(text, item.path if item.is_module else "")
         # griffe reads only the source, in which dataclasses have no constructors.

@@ -121,8 +121,9 @@ def _check_slopes(
     point: jax.Array,
     joint_and_motions: Callable[[jax.Array], tuple[AbstractContactJoint, Motions]],
 ) -> None:
-    """Check that the derivatives of the penetrations by each parameter of the joint agree with
-    finite differences. `point`: vector of all parameters and motions."""
+    """Check that the derivatives of the contacts' penetrations by each parameter of a joint agree
+    with finite differences. `point`: vector of all parameters of the joint and all numbers of the
+    motions, from which `joint_and_motions` makes joint and motions again."""
     leaves = jax.tree.leaves(parameters)
     sizes = jnp.concatenate([jnp.full(leaf.size, jnp.max(jnp.abs(leaf))) for leaf in leaves])
     # A row for each parameter: the change of the point in which it alone changes, by the largest
