@@ -77,7 +77,7 @@ def _elements(scene: Scene, report: ConstraintReport) -> Iterator[str]:
 
 
 def _contacts(scene: Scene, state: State) -> Iterator[str]:
-    with quiet():
+    with quiet():  # warnings of the scene's numbers were issued when the scene was read
         by_joint = depths(scene, state)
     for name, family in by_joint.items():
         joint = scene.contact_joints()[name]
@@ -97,6 +97,7 @@ def _length(value: object) -> str:
 
 def _require_satisfied(report: ConstraintReport) -> None:
     sizes = np.maximum(np.abs(report.values), np.abs(report.rates)).reshape(-1)
+    # The message has at most the three largest errors.
     worst = [k for k in np.argsort(-sizes)[:3] if sizes[k] > ACCEPTED_VIOLATION]
     if worst:
         rows = ", ".join(f"{report.names[k]} ({sizes[k]:.2g})" for k in worst)
@@ -154,9 +155,9 @@ saved states, end of the transient, and duration of a cycle."""
 
 
 def example_texts(mechanism: str, scene: str, study: str) -> tuple[str, str]:
-    """Return an example of a scene file and of a study file, which mention their names `scene` and
-    `study`."""
-    with TemporaryDirectory() as folder:
+    """Return the texts of an example of a scene file and of a study file for one of `MECHANISMS`.
+    `scene`, `study`: names of these files, which comments in the texts mention."""
+    with TemporaryDirectory() as folder:  # `save` writes a file, of which the text is needed
         path = Path(folder) / "scene.toml"
         save(*MECHANISMS[mechanism](), path)
         saved = path.read_text(encoding="utf-8")
@@ -174,7 +175,7 @@ def write_example(mechanism: str, folder: Path) -> tuple[Path, Path]:
     names = f"{mechanism}.toml", f"{mechanism}_study.toml"
     scene, study = folder / names[0], folder / names[1]
     folder.mkdir(parents=True, exist_ok=True)
-    for path in (scene, study):
+    for path in (scene, study):  # both are checked before the first is written
         if path.exists():
             remedy = "remove it, or choose another folder by --out"
             FileLocation(str(path)).refuse("a file", "no existing file", remedy)

@@ -37,6 +37,7 @@ def fit(study: Study, folder: Path) -> CommandResult:
     interrupted = False
 
     def say_iteration(iteration: Iteration) -> None:
+        # Prints values in SI units: the coordinates of an iteration are on the parameters' scales.
         pairs = zip(parameters.items(), iteration.coordinates, strict=True)
         values = [f"{name} {float(parameter.scale.value(x)):.6g}" for (name, parameter), x in pairs]
         rejected = "" if iteration.accepted else " (rejected)"
@@ -103,11 +104,12 @@ def _measured(study: Study, part: FitPart, location: FileLocation) -> Measuremen
 
 
 def fit_parameters(study: Study, part: FitPart) -> tuple[dict[str, Parameter], dict[str, float]]:
-    """Return the parameters of the fit and their first guesses, in SI units, by name."""
+    """Return the parameters of the fit and, as far as given, their guesses in SI units, by name."""
     parameters, guess = {}, {}
     for name, entry in part.parameters.items():
         part_location = study.location.at("fit", "parameters", name)
         target = find_path(entry.path, study.scene, study.state, part_location.at("path"))
+        # `Parameter.initial` makes a parameter of the initial state, `Parameter` one of the scene.
         make = Parameter.initial if target.in_state else Parameter
         parameters[name] = make(target.path, entry.scale, unit=target.unit)
         if entry.guess is not None:
@@ -121,6 +123,7 @@ def iteration_line(iteration: Iteration, most: int) -> str:
 
 
 def write_fit(result: Fit, folder: Path) -> dict[str, str | int | float]:
+    """Write the fitted scene, tables and the report; return entries for the summary."""
     folder.mkdir(parents=True, exist_ok=True)
     remove_old(folder, [f"{SERIES}*"])
     write_scene(folder, result.scene, result.state, "fitted.toml")

@@ -76,8 +76,8 @@ def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = 
     the tables and files whose names match one of the patterns `tables` or `files`. From a folder
     without a summary, and thus without results, nothing is removed."""
     if (folder / SUMMARY).is_file():
-        both = [f"{table}.{suffix}" for table in tables for suffix in ("nc", "csv")]
-        for pattern in (f"{FIGURES}/*.png", *both, *files):
+        table_files = [f"{table}.{suffix}" for table in tables for suffix in ("nc", "csv")]
+        for pattern in (f"{FIGURES}/*.png", *table_files, *files):
             for path in folder.glob(pattern):
                 path.unlink()
 
@@ -102,7 +102,7 @@ def write_table(folder: Path, name: str, table: xr.Dataset) -> None:
 def read_table(folder: Path, name: str, needed: Iterable[str] = ()) -> xr.Dataset | None:
     """Return the dataset in the file `name`.nc, or ``None`` if there is no such file.
 
-    **Raises:** `ValueError` if it lacks a variable, coordinate or attribute in `needed`.
+    **Raises:** `ValueError` if the file lacks a variable, coordinate or attribute in `needed`.
     """
     path = folder / f"{name}.nc"
     if not path.exists():
@@ -124,8 +124,9 @@ def require_names(path: Path, needed: Iterable[str], available: Collection[objec
 
 
 def read_run(folder: Path) -> tuple[Scene, solutions.Solution]:
-    """Return the scene and the solution of a run in a folder, without the accepted steps. The saved
-    states are the many `DRAWN`, if the folder has them."""
+    """Return scene and solution of a run in a folder, without the accepted steps, and with sections
+    as the only outputs. Saved states are from the file `DRAWN` or, without this, from `MOTION`."""
+    # Names of variables, coordinates and attributes that the tables must have.
     states = ["time", "body", *solutions.STATE_PARTS]
     needed = [*states, *(f"final_{part}" for part in solutions.STATE_PARTS), FORMULATION]
     needed += ["time_reached", "result", "attempts", "accepted", "redundant_constraints"]
@@ -180,6 +181,7 @@ def read_formulation(notes: Mapping[str, object], location: FileLocation) -> For
 
 
 def _state(scene: Scene, table: xr.Dataset, prefix: str = "") -> State:
+    # `prefix`: of the variables of the state in the table, "final_" for the last state of a run.
     parts = {part: table[prefix + part] for part in solutions.STATE_PARTS}
     bodies = {}
     for name in scene.bodies:
@@ -197,8 +199,10 @@ def _state(scene: Scene, table: xr.Dataset, prefix: str = "") -> State:
 def _by_label(
     names: Mapping[str, Iterable[str]], table: xr.DataArray | None, dim: str
 ) -> dict[str, dict[str, np.ndarray]]:
+    # Returns the entries of `table` along its dimension `dim` by the names of an element and of its
+    # contact or number, which `names` has by element.
     by_element: dict[str, dict[str, np.ndarray]] = {}
-    if table is None:
+    if table is None:  # such as the entry speeds of a scene whose laws do not use them
         return by_element
     # An element may lack an entry, such as a contact without bristles.
     for element, family in names.items():
@@ -215,6 +219,7 @@ def _sections(folder: Path) -> dict[str, solutions.Crossings]:
         assert table is not None
         units = {str(name): row.attrs.get("units", "1") for name, row in table.items()}
         values = {name: table[name].values for name in units}
+        # The name of the file may be changed by `file_name`; the attribute has the original name.
         name = str(table.attrs["table"]).removeprefix(SECTION)
         sections[name] = solutions.Crossings(table["time"].values, values, units)
     return sections

@@ -27,6 +27,7 @@ def command(name: str, *examples: str) -> Callable[[Callable], click.Command]:
     lines = "\n".join(f"  {example}" for example in examples)
 
     def decorate(function: Callable) -> click.Command:
+        # "\b" keeps click from joining the lines of the examples.
         text = f"{getdoc(function)}\n\n\b\nExamples:\n{lines}"
         return clearjoint.command(name, help=text)(understandable()(function))
 
@@ -266,7 +267,7 @@ def schema(kind: str, example: bool) -> None:
         click.echo(text if example else json.dumps(robot_fit_schema(), indent=2), nl=not example)
     elif example:
         texts = example_texts("four_bar", "four_bar.toml", "four_bar_study.toml")
-        click.echo(texts[kind == "study"], nl=False)
+        click.echo(texts[kind == "study"], nl=False)  # the text of the scene is the first
     else:
         click.echo(json.dumps(scene_schema() if kind == "scene" else study_schema(), indent=2))
 
@@ -317,8 +318,10 @@ def _compute(
     """Call the `function` of a `command`, and end the program with its result. `options` replace
     entries of the section of the study that has the command's name."""
     folder = out or Path("results") / file.stem / command
-    others = (f"{command}.{name}={value}" for name, value in options.items() if value is not None)
-    _end(function(_read_study(file, (*changes, *others)), folder), folder)
+    given = {name: value for name, value in options.items() if value is not None}
+    # The last change of an entry counts: an option prevails over --set.
+    all_changes = *changes, *(f"{command}.{name}={value}" for name, value in given.items())
+    _end(function(_read_study(file, all_changes), folder), folder)
 
 
 def _end(result: CommandResult, folder: Path) -> NoReturn:

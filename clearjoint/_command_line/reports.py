@@ -55,7 +55,7 @@ def _draw_run(folder: Path, scene: Scene, solution: Solution) -> None:
 
 
 def _draw_output(folder: Path, dataset: xr.Dataset, name: str, axes: list[str]) -> None:
-    if not np.isfinite(dataset[name].values).any():
+    if not np.isfinite(dataset[name].values).any():  # all lanes failed or have not run yet
         return
     if len(axes) == 1 or dataset["result"].dims == ("lane",):
         _save(folder, name, plot.against(dataset, name, axes[0]))
@@ -93,6 +93,7 @@ def _over_time(output: xr.DataArray) -> Axes:
     axes = plot.style.axes_or_new(None)
     times, values = scaled(output["time"]), scaled(output)
     axes.plot(times.values, values.values, color=plot.style.BLUE, linewidth=1.4)
+    # Only outputs that change fast, such as forces, have extremes from between the saved states.
     if "largest" in output.attrs:
         for which in ("largest", "smallest"):
             x = times.factor * output.attrs[f"{which}_time"]
@@ -130,7 +131,7 @@ def write_report(folder: Path, dataset: xr.Dataset | None = None) -> None:
         results = open_wear(store)
         folders.require_names(store, needed, results)
         write_wear_report(folder, results)
-    else:
+    else:  # a fit, whose command has drawn the figures
         write_page(folder)
 
 
@@ -229,7 +230,7 @@ def write_wear_report(folder: Path, dataset: xr.Dataset) -> None:
 
 
 def write_page(folder: Path, *parts: str) -> None:
-    """Write the page of a folder, with further `parts` in HTML. It loads nothing from a network."""
+    """Write a folder's page, with more `parts` in HTML. The page loads nothing from a network."""
     summary = folders.read_summary(folder)
     title = escape(str(summary.pop("title")))
 
@@ -289,5 +290,5 @@ def lane_table(dataset: xr.Dataset) -> pd.DataFrame:
 def _write_view(folder: Path, scene: Scene, solution: Solution) -> None:
     try:
         view(scene, solution).save(folder / folders.VIEW)
-    except ImportError as error:
+    except ImportError as error:  # the packages for views are optional
         say(f"note: {folders.VIEW} is not written. {error}")

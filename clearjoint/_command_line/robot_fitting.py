@@ -36,15 +36,17 @@ class RobotFitParts:
     """The file of the fit of a robot.
 
     - `find`: what to find of each joint, a list such as ["play", "friction"], or a table with
-      starts. `driven_by`: see `clearjoint.fit_robot`; a servo is the table of a `Servo` or `Motor`,
-      by default with the bodies and axis of the joint's motor.
+      starts. `driven_by`: how each joint is driven, a mode of `clearjoint.fit_robot`, or a servo as
+      the table of a `Servo` or `Motor`, by default with the bodies and axis of the joint's motor.
     - `angles`, `torques`, `goals`: columns of the log by joint: "name [unit]", or tables of a
       `LogColumn`; `time`: column of the times. `header`: whether the first row of the log has the
-      columns' names; if not, columns are named by their numbers. `missing`, `largest_gap`: see
-      `clearjoint.RobotLog.read`.
+      columns' names; if not, columns are named by their numbers. `missing`: "drop" or "refuse" for
+      samples that are not finite; `largest_gap`: longest time between samples, s, by default ten
+      times the median.
     - `start`, `end`: part of the log that is used, s.
-    - `drives`: drive trains by joint, see `clearjoint.Drive`; `play`: see `clearjoint.load_robot`.
-    - `grow`, `max_iterations`: see `clearjoint.identify`.
+    - `drives`: drive trains by joint, see `clearjoint.Drive`; `play`: arguments of the clearance
+      joints in place of the robot's joints, by joint, see `clearjoint.load_robot`.
+    - `grow`: ends, s, of parts of the log that are fitted first; `max_iterations`: of the fit.
     """
 
     find: Mapping[str, Mapping[str, float | str] | Sequence[str]]
@@ -92,12 +94,12 @@ def read_robot_fit(robot_file: Path, log_file: Path, path: Path) -> RobotFitStud
     written: PyTree = document["driven_by"]
     driven_by: dict[str, PyTree] = dict(written)
     for joint, mode in written.items():
-        if isinstance(mode, Mapping):
+        if isinstance(mode, Mapping):  # the table of a servo, which may leave out where it acts
             with location.at("driven_by", joint).in_errors():
                 first, second, axis = robot.motor_side(joint)
             table = {"first": first, "second": second, "axis": axis.tolist(), **mode}
             driven_by[joint] = reader.value(table, SERVO, location.at("driven_by", joint))
-    is_parquet = log_file.suffix == ".parquet"
+    is_parquet = log_file.suffix == ".parquet"  # its columns always have names
     options: dict[str, PyTree] = {} if parts.header or is_parquet else {"header": None}
     with location.in_errors():
         log = RobotLog.read(
@@ -136,6 +138,8 @@ def fit_robot_of(study: RobotFitStudy, folder: Path) -> CommandResult:
     fit = result.fit
     summary = write_fit(fit, folder)
     summary["not_identifiable"] = ", ".join(result.undetermined) or "none"
+    # These replace files of `write_fit`, which lack the intervals and the parameters that the log
+    # does not determine.
     write_table(folder, "estimates", result.to_xarray())
     (folder / REPORT).write_text(f"{result}\n", encoding="utf-8")
     write_summary(folder, "fit of a robot", study, summary)

@@ -70,10 +70,10 @@ def run(study: Study, folder: Path) -> CommandResult:
     # that there are at least `DRAWN`.
     parts = -(-DRAWN // (len(times) - 1))
     solution, code = _simulated(study, settings, extremes, divided(times, parts))
-    path = solution.saved
-    if path is not None:
+    drawn = solution.saved
+    if drawn is not None:
         # Every `parts`-th time is one at which the study saves a state.
-        saved = jax.tree.map(lambda rows: rows[::parts], path)
+        saved = jax.tree.map(lambda rows: rows[::parts], drawn)
         solution = replace(solution, saved=saved, saved_count=len(saved))
     folder.mkdir(parents=True, exist_ok=True)
     names = [folders.DRAWN, folders.MOTION, folders.OBSERVED, folders.IMPACTS, folders.OUTPUTS]
@@ -82,9 +82,9 @@ def run(study: Study, folder: Path) -> CommandResult:
     folders.write_scene(folder, study.scene, study.state)
     # All tables are left out if no state was saved, since most of them describe the saved states.
     force, contact = 0.0, ""
-    if path is not None and len(path):
+    if drawn is not None and len(drawn):
         force, contact = write_results(study, solution, extremes, folder)
-        write_netcdf(path.to_xarray(), folder / f"{folders.DRAWN}.nc")
+        write_netcdf(drawn.to_xarray(), folder / f"{folders.DRAWN}.nc")
     folders.write_scene(folder, study.scene, solution.final, folders.REACHED)
     summary = _summary(study, solution, code == INTERRUPTED)
     if force:
@@ -153,7 +153,7 @@ def _summary(study: Study, solution: Solution, interrupted: bool) -> dict[str, s
 
 def extremes_of(part: RunPart, settings: Settings) -> dict[str, AbstractReduction]:
     """Return two reductions for each output with a unit in `SHARP`: its largest and smallest value,
-    also between saved states. There are none if the solver has no dense output."""
+    also between saved states; but none, after a warning, if the solver has no dense output."""
     extremes: dict[str, AbstractReduction] = {}
     for name, output in part.outputs.items():
         if isinstance(output, AbstractQuantity) and output.unit in SHARP:
@@ -187,11 +187,12 @@ def write_results(
     if solution.impacts is not None:
         tables[folders.IMPACTS] = solution.impacts.to_xarray()
     for name, output in solution.outputs.items():
-        if isinstance(output, Table):
+        if isinstance(output, Table):  # sections, impacts and rejected steps have a file each
             tables[f"{PREFIXES[type(output)]}{name}"] = output.to_xarray()
     for name, table in tables.items():
         folders.write_table(folder, name, table)
     outputs = study.parts.run.outputs
+    # All quantities share a table along the saved states, and all reductions a table of numbers.
     quantities = {n: item for n, item in outputs.items() if isinstance(item, AbstractQuantity)}
     if quantities:
         folders.write_table(folder, folders.OUTPUTS, _outputs(quantities, study.scene, solution))

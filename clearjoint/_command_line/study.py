@@ -116,6 +116,7 @@ class AxisPart:
         ends = [end for end in (self.start, self.stop) if end is not None]
         entries = {"values": self.values, "start": self.start, "stop": self.stop}
         expected = "either `values`, or `start` and `stop`"
+        # Both ends are needed without `values`, and neither is allowed with `values`.
         is_complete = len(ends) == (2 if self.values is None else 0)
         require(is_complete, "values", entries, expected, "give one")
         if self.values is not None:
@@ -155,7 +156,7 @@ class ColumnPart:
 @dataclass(frozen=True)
 class ParameterPart:
     """A number to estimate, or several with the same value: `path`, or paths; `scale` of the
-    estimate; `guess`, a number in SI units or a text with a unit."""
+    estimate; `guess`, a number in SI units or a text with a unit, by default the scene's number."""
 
     path: str | Sequence[str]
     scale: AbstractScale = field(default_factory=Linear)
@@ -166,9 +167,9 @@ class ParameterPart:
 class FitPart:
     """The section [fit]: parameters to estimate from measurements.
 
-    - `measurements`: path of a CSV file, relative to the study's folder. `time`, `time_unit`,
-      `missing`: see `clearjoint.read_csv`; `comment`: first character of comment lines, none by
-      default.
+    - `measurements`: path of a CSV file, relative to the study's folder. `time`, `time_unit`:
+      column of the times, and its unit; `missing`: "drop" or "refuse" for samples that are not
+      finite; `comment`: first character of comment lines, none by default.
     - `columns`: measured quantities, by the name of the column.
     - `grow`, `max_iterations`, `starts`: see `clearjoint.identify`.
     - `start`: time at which runs begin, s; `preset`, `settings`: as in [run].
@@ -338,8 +339,8 @@ PARTS = tuple(part.name for part in fields(StudyParts))
 
 
 class AbstractStudy:
-    """A file about computations: its `parts`, with a title; its `location`; and the value of
-    `time.perf_counter` when it was read, s."""
+    """A file about computations: its `parts`, with a title; its `location`, which errors name; and
+    `started`, the value of `time.perf_counter` when the file was read, s."""
 
     parts: PyTree
     location: documents.FileLocation
@@ -396,8 +397,8 @@ class Study(AbstractStudy):
         return float(end)
 
     def check_elements(self, named: Mapping[str, Output], *keys: str) -> None:
-        """Check that the scene has the elements that outputs name. `named`: the outputs by name,
-        the table at `keys` of the file."""
+        """Raise a `ValueError` if the scene lacks an element that one of the outputs `named` (by
+        name) refers to. `keys`: those of the outputs' table in the file, for the error."""
         for name, entry in named.items():
             with self.location.at(*keys, name).in_errors():
                 if isinstance(entry, AbstractQuantity | RECORDED):

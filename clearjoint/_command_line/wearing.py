@@ -58,7 +58,7 @@ def wear(study: Study, folder: Path) -> CommandResult:
 def check_wear_section(study: Study, part: WearPart) -> None:
     with study.location.at("wear").in_errors():
         arguments: dict[str, Any] = _arguments(part) | {"cycles": np.asarray(part.cycles)}
-        CycleRun(**arguments).check(study.scene)
+        CycleRun(**arguments).check(study.scene)  # raises an error for entries out of range
 
 
 def _arguments(part: WearPart) -> dict[str, Any]:

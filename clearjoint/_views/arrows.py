@@ -23,8 +23,8 @@ MODE_NAMES = {
 
 
 class Arrows(NamedTuple):
-    """Arrows of forces. `scale`: length divided by force, m/N, before arrows that are too long are
-    cut, 1 without forces; `note`: text on the scale, for the legend."""
+    """Arrows of forces, the solids `parts`. `scale`: length divided by force, m/N, before arrows
+    that are too long are cut, 1 without forces; `note`: text on the scale, for the legend."""
 
     parts: list[DrawnPart]
     scale: float
@@ -34,13 +34,13 @@ class Arrows(NamedTuple):
 def arrows(
     pen: SketchingPen, observation: Observation | None, sizes: Proportions, scale: float | None
 ) -> Arrows:
-    """Return arrows of the contact forces on the second body of each joint, which end at the
-    contact points, and arrows of the loads, which start at the points of application.
+    """Return arrows of an observation's contact forces on the second body of each joint, which end
+    at the contact points, and of the loads in `pen`, which start at the points of application.
 
-    Lengths are proportional to forces. But if the `scale`, m/N, is ``None``, and the largest force
-    is more than five times the median of all forces that are not zero, as in an impact during a
-    motion along the wall, lengths are proportional to the square root of forces, so that small
-    forces are visible.
+    Lengths are forces times `scale`, m/N, at most `LONGEST` times the mechanism's size. Without a
+    `scale`, the largest force has this length; and if it exceeds five times the median of all
+    forces that are not zero, as in an impact during a motion along the wall, lengths are
+    proportional to the square root of forces, so that small forces are visible.
     """
     contact_forces = [] if observation is None else [*_contact_forces(pen, observation).items()]
     all_forces = [force for _, (_, force) in (*contact_forces, *pen.loads)]

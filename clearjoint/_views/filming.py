@@ -36,8 +36,9 @@ FRAMES_PER_SECOND = 25
 
 
 class Film:
-    """A matplotlib figure of a view, in which `show` draws one frame; `samples`: number of computed
-    points per inch."""
+    """A matplotlib figure of a view, in which `show` draws the frame with the index `k`, and `save`
+    writes an animation. `times`: of the frames, s, ``None`` for a single state; `samples`: number
+    of computed points per inch."""
 
     def __init__(
         self,
@@ -103,9 +104,9 @@ class Film:
             # Index of the triangle of this part that is seen at each point, -1 for none.
             shown = np.full(len(nearest), -1)
             for point, triangle, near in _covered(projected, closeness, width, height):
-                np.maximum.at(depths, point, near)
-                is_first = near == depths[point]
-                shown[point[is_first]] = triangle[is_first]
+                np.maximum.at(depths, point, near)  # a point may occur in several triangles
+                is_nearest = near == depths[point]
+                shown[point[is_nearest]] = triangle[is_nearest]
             seen = shown >= 0
             behind = (1.0 - part.opacity) * picture[seen]
             picture[seen] = behind + part.opacity * shades[shown[seen]]
@@ -147,7 +148,8 @@ def _covered(
         for f in (np.min, np.max)
     )
     triangle, row = _whole_numbers(low, high)
-    # A line is between the two edges of its triangle that cross its row.
+    # A line is between the two edges of its triangle that cross its row. An edge that does not
+    # cross the row gives NaN, which `fmin` and `fmax` ignore; a line without points is empty.
     y, crossings = row + 0.5, []
     for p, q in ((a, b), (b, c), (c, a)):
         p, q = p[triangle], q[triangle]
@@ -164,18 +166,20 @@ def _covered(
     rise_b, rise_c = values[:, 1] - values[:, 0], values[:, 2] - values[:, 0]
     double_area = bx * cy - cx * by
     slopes = np.array([rise_b * cy - rise_c * by, rise_c * bx - rise_b * cx]) / double_area
-    # Lines are taken in groups of about `MOST_POINTS` points, which limits the memory.
-    first, ends = 0, np.cumsum(np.maximum(right - left, 0))
-    while first < len(row):
-        done = ends[first - 1] if first else 0
-        last = max(first + 1, int(np.searchsorted(ends, done + MOST_POINTS)))
-        line, x = _whole_numbers(left[first:last], right[first:last])
-        line += first
+    # Lines are taken in groups of about `MOST_POINTS` points, which limits the memory. A group has
+    # the lines from `first_line` to `end_line` - 1; `points` counts the points up to each line.
+    first_line, points = 0, np.cumsum(np.maximum(right - left, 0))
+    while first_line < len(row):
+        done = points[first_line - 1] if first_line else 0
+        # At least one line, which alone may have more points.
+        end_line = max(first_line + 1, int(np.searchsorted(points, done + MOST_POINTS)))
+        line, x = _whole_numbers(left[first_line:end_line], right[first_line:end_line])
+        line += first_line  # indices within the group become those of all lines
         k = triangle[line]
         slope_x, slope_y = slopes[:, k]
         value = values[k, 0] + slope_x * (x + 0.5 - a[k, 0]) + slope_y * (y[line] - a[k, 1])
         yield row[line] * width + x, k, value
-        first = last
+        first_line = end_line
 
 
 def _whole_numbers(starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -189,8 +193,8 @@ def _whole_numbers(starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np
 
 
 def _time_text(time: float, duration: float) -> str:
-    """Text of a time, s, to a hundredth of the run's `duration` or finer."""
-    duration = duration or abs(time) or 1.0
+    """Text of a time, s, to a hundredth of the run's `duration`, s, or finer."""
+    duration = duration or abs(time) or 1.0  # a run of a single frame has no duration
     factor, unit = (1e6, "µs") if duration < 1e-3 else (1e3, "ms") if duration < 1.0 else (1.0, "s")
     digits = max(0, 2 - int(np.floor(np.log10(duration * factor))))
     return f"t = {time * factor:.{digits}f} {unit}"

@@ -131,10 +131,10 @@ def gear(radius: float, teeth: int, width: float) -> Mesh:
 def plate(rim: Float[np.ndarray, "N 2"], width: float) -> Mesh:
     """Return a plate of thickness `width` along z inside a counter-clockwise `rim`, all of which
     must be visible from the origin."""
-    # Triangles from the rim to the centre.
+    # Triangles from each edge of the rim to the centre, the vertex after those of the rim.
     count = len(rim)
-    first = np.arange(count)
-    faces = np.stack([first, np.roll(first, -1), np.full(count, count)], 1)
+    starts = np.arange(count)
+    faces = np.stack([starts, np.roll(starts, -1), np.full(count, count)], 1)
     return _extruded(np.vstack([rim, np.zeros((1, 2))]), faces, width)
 
 
@@ -177,7 +177,7 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def as_mesh(argument: str, value: MeshLike) -> Mesh:
-    """Return a user's mesh, passed as `argument`, after checks.
+    """Return a user's mesh after checks; errors call it `argument`.
 
     **Raises:** `ValueError` for a missing file, another type, and wrong arrays; the errors of
     trimesh for a file that it can't read.
@@ -209,15 +209,16 @@ def frames(
     perpendicular to it, by default to any perpendicular direction."""
     if start is None:  # the coordinate axis that is farthest from parallel
         start = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
-    first = start - axes * np.sum(start * axes, axis=1, keepdims=True)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    x_axes = start - axes * np.sum(start * axes, axis=1, keepdims=True)
+    x_axes /= np.linalg.norm(x_axes, axis=1, keepdims=True)
     poses = np.tile(np.eye(4), (len(axes), 1, 1))
-    poses[:, :3, :3] = np.stack([first, np.cross(axes, first), axes], axis=2)
+    poses[:, :3, :3] = np.stack([x_axes, np.cross(axes, x_axes), axes], axis=2)
     return poses
 
 
 def frame_about(axis: ArrayLike, start: ArrayLike | None = None) -> Float[np.ndarray, "3 3"]:
-    """Return the rotation matrix of `frames` for one axis (3,) of any length."""
+    """Return a rotation matrix that maps z to the direction of an `axis`, (3,) of any length, and x
+    to the part of `start` perpendicular to it, by default to any perpendicular direction."""
     rows = np.asarray(axis, dtype=float)[None]
     near = None if start is None else np.asarray(start, dtype=float)[None]
     return frames(rows / np.linalg.norm(rows), near)[0, :3, :3]
@@ -242,6 +243,7 @@ def _of(shape: HasTriangles) -> Mesh:
 
 def _skin(rings: int, corners: int) -> Int[np.ndarray, "F 3"]:
     """Return the triangles between successive rings of `corners` vertices each."""
+    # A quadrilateral between corners j and j + 1 of the rings k and k + 1 has two triangles.
     k, j = np.meshgrid(np.arange(rings - 1), np.arange(corners), indexing="ij")
     a, b = k * corners + j, k * corners + (j + 1) % corners
     lower = np.stack([a, b, a + corners], -1).reshape(-1, 3)
@@ -312,7 +314,7 @@ def corners(parts: Sequence[DrawnPart], instants: Sequence[int]) -> Float[np.nda
     for part in parts:
         ends = part.mesh.vertices.min(axis=0), part.mesh.vertices.max(axis=0)
         grid = np.stack(np.meshgrid(*zip(*ends, strict=True)), -1).reshape(-1, 3)
-        for k in instants if len(part.poses) > 1 else (0,):
+        for k in instants if len(part.poses) > 1 else (0,):  # a part at rest has one pose
             # `moved` transforms the corners of the box; the faces are not used.
             result.append(Mesh(grid, part.mesh.faces).moved(part.pose(k)).vertices)
     return np.vstack(result)

@@ -28,7 +28,8 @@ class Legend:
 def page(
     parts: list[DrawnPart], camera: Camera, legend: Legend, times: np.ndarray | None, height: int
 ) -> str:
-    """Return the HTML text of a page; `height`: of the view in a notebook, pixels."""
+    """Return the HTML text of a page. `times`: of the frames, s, ``None`` for a single state;
+    `height`: of the view in a notebook, pixels."""
     k3d = needed("k3d")
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Given trait value dtype")  # k3d's own conversions

@@ -14,7 +14,7 @@ from .._model.scene import Scene
 
 @dataclass(frozen=True)
 class BodyPoses:
-    """Poses of all bodies and of the ground in N frames at `times`, ``None`` for a single state."""
+    """Poses of all bodies and the ground in N frames at `times`, s, ``None`` for a single state."""
 
     times: Float[np.ndarray, " N"] | None
     poses: Mapping[str, Float[np.ndarray, "N 4 4"]]
@@ -73,8 +73,9 @@ def instants_to_show(times: np.ndarray, most: int) -> Int[np.ndarray, " M"]:
         return np.arange(len(times))
     wanted = np.linspace(times[0], times[-1], most)
     after = np.clip(np.searchsorted(times, wanted), 1, len(times) - 1)
-    nearer = wanted - times[after - 1] < times[after] - wanted
-    return np.unique(np.where(nearer, after - 1, after))
+    is_before_nearer = wanted - times[after - 1] < times[after] - wanted
+    # An instant that is the nearest of several wanted times becomes one frame.
+    return np.unique(np.where(is_before_nearer, after - 1, after))
 
 
 def require_bodies(

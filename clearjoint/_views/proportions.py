@@ -47,7 +47,7 @@ class Proportions:
     planar: bool
 
     def bore(self, radius: float | None) -> float:
-        """Drawn radius of a bearing with the true `radius`, None if unknown."""
+        """Drawn radius, m, of a bearing with the true `radius`, m, ``None`` if unknown."""
         return BORE * self.bar if radius is None else radius * self.bearing_scale
 
 
@@ -72,9 +72,11 @@ def proportions(
     if bearing_scale is None:
         bearing_scale = max(1.0, _rounded(BORE * bar / min(radii))) if radii else 1.0
     require_positive("bearing_scale", bearing_scale, "give the scale of the drawn bearings")
-    drawn = [BORE * bar if b.radius is None else b.radius * bearing_scale for b in noted.bores]
+    drawn_radii = [
+        BORE * bar if bore.radius is None else bore.radius * bearing_scale for bore in noted.bores
+    ]
     # The scale of each clearance at which it is as large as the drawn radius of its bearing.
-    limits = [bore / b.clearance for bore, b in zip(drawn, noted.bores, strict=True)]
+    limits = [r / bore.clearance for r, bore in zip(drawn_radii, noted.bores, strict=True)]
     if clearance_scale is None:  # makes the largest clearance visible, and keeps journals thick
         clearance_scale = max(1.0, _rounded(0.3 * min(limits))) if limits else 1.0
     require_positive("clearance_scale", clearance_scale, "give the scale of the drawn clearances")
@@ -225,8 +227,9 @@ def camera(parts: Sequence[DrawnPart], proportions: Proportions) -> Camera:
 def in_perspective(
     corners: Float[np.ndarray, "*N 3"], distance: float
 ) -> Float[np.ndarray, "*N 2"]:
-    """Project points, m, for a viewer at `distance`, m, to the plane through the target.
-    Coordinates are to the right, upwards and to the viewer, from the target."""
+    """Project points, for a viewer at `distance`, m, from the target, on the plane through the
+    target perpendicular to the line of sight. Coordinates, m, of points are to the right, upwards
+    and to the viewer, from the target; projections have the first two."""
     return corners[..., :2] * (distance / (distance - corners[..., 2:]))
 
 

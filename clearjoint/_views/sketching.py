@@ -87,8 +87,8 @@ class SketchingPen(AbstractPen):
     """Pen with which joints and forces draw themselves, and which makes the parts of a view.
 
     The methods from `mark` to `gear` add solids (`load` only a load), and note the points of their
-    markers. The method `body` then draws a body as a bar: the convex hull of balls around these
-    points.
+    markers (a `Marker` is a point, and maybe an axis, fixed to a body). The method `body` then
+    draws a body as a bar: the convex hull of balls around these points.
 
     - `element`: name of the joint or force that is being drawn.
     - `journals`: drawn journals, by the joint's name; the last one of a joint with several.
@@ -187,8 +187,8 @@ class SketchingPen(AbstractPen):
 
     @override
     def load(self, marker: Marker, force: Triple | Callable[[jax.Array], Triple]) -> None:
-        """Add a load to `loads`, with its force in each frame; in a single state, at time zero. Its
-        arrow is made when the scale of forces is known."""
+        """Add a load to `loads`, with its force in each frame; in a single state, at time zero. The
+        arrow of the load is made later, when the scale of forces is known."""
         points = self._poses.point(marker.body, marker.point)
         if callable(force):
             times = np.zeros(1) if self._poses.times is None else self._poses.times
@@ -216,20 +216,23 @@ class SketchingPen(AbstractPen):
         `Proportions.bearing_scale`. So the drawn journal touches the drawn wall where the true
         journal touches the true wall.
         """
-        wide, scale = float(length) * self._sizes.bearing_scale, self._sizes.clearance_scale
+        scale = self._sizes.clearance_scale
+        drawn_length = float(length) * self._sizes.bearing_scale
         bore = self._sizes.bore(None if radius is None else float(radius))
         # Drawn radii of the journal and of the bearing's outside.
         journal_radius, outer = bore - float(clearance) * scale, bore * (1.0 + WALL)
-        wall, shaft = profiles
-        if wall is None:
-            self._fix(bearing, meshes.tube(bore, outer, wide))
+        wall_profile, journal_profile = profiles
+        if wall_profile is None:
+            self._fix(bearing, meshes.tube(bore, outer, drawn_length))
         else:
-            edge = self._edge(bore, wall)
+            inner_edge = self._edge(bore, wall_profile)
+            distances = np.linalg.norm(inner_edge, axis=1)  # from the axis
             # The wall keeps half of its thickness where it is worn deepest.
-            outer = max(outer, np.linalg.norm(edge, axis=1).max() + 0.5 * WALL * bore)
-            around = outer * edge / np.linalg.norm(edge, axis=1)[:, None]
+            outer = max(outer, distances.max() + 0.5 * WALL * bore)
+            outer_edge = outer * inner_edge / distances[:, None]
             frame = _transverse_frame(bearing.along())
-            tube = meshes.ring(edge, around, wide).moved(pose_at(bearing.point, frame))
+            ring = meshes.ring(inner_edge, outer_edge, drawn_length)
+            tube = ring.moved(pose_at(bearing.point, frame))
             self._add(bearing.body, tube)
         # Across the bearing's axis, the drawn offset of each end of the journal is the true offset
         # times the scale of clearances. Along the axis, the middle of the journal keeps its true
@@ -244,7 +247,7 @@ class SketchingPen(AbstractPen):
         for side in SIDES:
             offset = reach + journal_axis * (0.5 * side * float(length))
             across = offset - axis * np.sum(offset * axis, axis=1, keepdims=True)
-            along = np.sum(reach * axis, axis=1, keepdims=True) + 0.5 * side * sense * wide
+            along = np.sum(reach * axis, axis=1, keepdims=True) + 0.5 * side * sense * drawn_length
             ends.append(centre + axis * along + across * scale)
         drawn_axis = ends[1] - ends[0]
         drawn_axis /= np.linalg.norm(drawn_axis, axis=1, keepdims=True)
@@ -252,16 +255,16 @@ class SketchingPen(AbstractPen):
         local = _transverse_frame(journal.along())[:, 0]
         poses = frames(drawn_axis, self._poses.direction(journal.body, local))
         poses[:, :3, 3] = 0.5 * (ends[0] + ends[1])
-        visible = 1.3 * wide  # longer than the bearing
-        pin = meshes.cylinder(journal_radius, visible)
-        if shaft is not None:
-            pin = meshes.plate(self._edge(journal_radius, shaft), visible)
+        pin_length = 1.3 * drawn_length  # longer than the bearing, so that both ends are visible
+        pin = meshes.cylinder(journal_radius, pin_length)
+        if journal_profile is not None:
+            pin = meshes.plate(self._edge(journal_radius, journal_profile), pin_length)
         self._moving.append(DrawnPart(self.element, pin, poses, METAL, is_journal=True))
-        drawn = DrawnJournal(np.array(ends), poses, journal_radius, shaft, scale)
+        drawn = DrawnJournal(np.array(ends), poses, journal_radius, journal_profile, scale)
         self.journals[self.element] = drawn
         # The bar of the journal's body passes behind the bearing, and the bar of the bearing's body
         # ends at its wall, so that neither hides the journal.
-        self._hold(self._moved_back(journal, 0.5 * wide + 1.2 * self._bar))
+        self._hold(self._moved_back(journal, 0.5 * drawn_length + 1.2 * self._bar))
         self._hold(bearing, around=outer)
 
     @override
@@ -269,6 +272,8 @@ class SketchingPen(AbstractPen):
         bore, scale = self._sizes.bore(float(radius)), self._sizes.clearance_scale
         self._fix(socket._replace(axis=None), meshes.ball(bore), opacity=CLEAR)
         inner = meshes.ball(bore - float(clearance) * scale)
+        # The ball turns with its body, and its offset from the socket's centre is enlarged like the
+        # clearance.
         poses = self._poses.poses[ball.body].copy()
         centre = self._poses.point(socket.body, socket.point)
         poses[:, :3, 3] = centre + scale * (self._poses.point(ball.body, ball.point) - centre)
@@ -294,9 +299,10 @@ class SketchingPen(AbstractPen):
         surfaces: tuple[float, ...],
         excess: float,
     ) -> None:
-        """Draw plates perpendicular to `normal`, fixed to the body of `middle`, with the sides that
-        face this marker at the distances `surfaces` from it, m. At each end, the plates are longer
-        than the path of `runner` by `excess`, m, plus the radius of a bar."""
+        """Draw plates perpendicular to `normal`, in axes of the body of `middle`, to which they are
+        fixed. Their sides that face this marker are at the coordinates `surfaces`, m, along the
+        normal from the marker. At each end, the plates are longer than the path of the marker
+        `runner` by `excess`, m, plus the radius of a bar."""
         # The columns of `frame`, in body axes, are the direction along the walls, their normal, and
         # a direction as near as possible to the line of sight. If the viewer looks along the
         # normal, the direction along the walls is arbitrary.
@@ -310,6 +316,7 @@ class SketchingPen(AbstractPen):
         deep = max(8.0 * self._bar, 2.0 * excess)
         plate = meshes.box((high - low + 2.0 * (excess + self._bar), self._bar, deep))
         for surface in surfaces:
+            # The plate is beyond its surface, as seen from the marker; at zero, towards `normal`.
             at = centre + across * (surface + math.copysign(0.5 * self._bar, surface))
             self.shape(middle.body, plate.moved(pose_at(at, frame)))
         self._hold(middle._replace(point=centre))
@@ -369,6 +376,7 @@ class SketchingPen(AbstractPen):
             return
         self._solid.add(name)
         solid = equivalent_solid(body)
+        # A thicker solid is transparent, because it may hide joints.
         thin = np.sort(solid.sides)[1] <= 2.0 * self._bar
         sides = np.maximum(solid.sides, 2.0 * self._bar).tolist()
         shape = meshes.cylinder(0.5 * sides[0], sides[2]) if solid.round else meshes.box(sides)
@@ -475,8 +483,8 @@ def sketch(
     centres: bool,
     solids: bool,
 ) -> SketchingPen:
-    """Draw all parts of a scene except arrows. `shapes`: meshes that replace bodies; `centres`,
-    `solids`: whether to add centres of mass and equivalent solids."""
+    """Draw all parts of a scene except arrows, and return the pen that has them. `shapes`: meshes
+    that replace bodies; `centres`, `solids`: whether to add centres of mass, equivalent solids."""
     pen = SketchingPen(poses, proportions, colours(scene.bodies))
     for name, mesh in shapes.items():
         pen.shape(name, mesh)
@@ -519,7 +527,7 @@ def _unit(vector: ArrayLike) -> np.ndarray:
 
 
 def _transverse_frame(along: np.ndarray, phase: float = 0.0) -> np.ndarray:
-    """Return a rotation matrix that maps z to `along`, and x to the direction at the angle `phase`
-    about it, from which joints measure the angles of profiles and teeth."""
-    first = np.array([*map(float, transverse_axes(Vector(*map(float, along)))[0])])
-    return frame_about(along, first * np.cos(phase) + np.cross(along, first) * np.sin(phase))
+    """Return a rotation matrix that maps z to `along`, and x to the direction at the angle `phase`,
+    rad, about `along` from the direction of zero angle of profiles and teeth."""
+    zero = np.array([*map(float, transverse_axes(Vector(*map(float, along)))[0])])  # at angle zero
+    return frame_about(along, zero * np.cos(phase) + np.cross(along, zero) * np.sin(phase))

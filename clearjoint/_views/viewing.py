@@ -188,16 +188,16 @@ def view(
     shapes = _shapes(scene, meshes, sizes)
     pen = sketch(scene, poses, sizes, shapes, centres=centres_of_mass, solids=inertias)
     # Rigid contacts have impulses, so the contact forces in their observation are meaningless.
-    pushing = None if isinstance(motion, NonsmoothSolution) else observed
-    force_arrows = arrows(pen, pushing, sizes, force_scale)
+    with_forces = None if isinstance(motion, NonsmoothSolution) else observed
+    force_arrows = arrows(pen, with_forces, sizes, force_scale)
     parts, modes = pen.parts(), []
     if observed is not None:
         parts, modes = coloured_by_mode(parts, observed)
     parts += force_arrows.parts
     entries = [(colour, name) for name, colour in colours(scene.bodies).items()]
     entries += [(MODES[int(mode)], f"journal: {MODE_NAMES[mode]}") for mode in modes]
-    shown = {part.colour for part in force_arrows.parts}
-    entries += [(c, n) for c, n in ((FORCE, "contact force"), (LOAD, "load")) if c in shown]
+    arrow_colours = {part.colour for part in force_arrows.parts}
+    entries += [(c, n) for c, n in ((FORCE, "contact force"), (LOAD, "load")) if c in arrow_colours]
     if noted.bores:  # scales of clearances and bearings
         notes.append(f"clearances enlarged {sizes.clearance_scale:g} ×")
         if sizes.bearing_scale != 1.0:
@@ -244,11 +244,14 @@ def _poses(
     chosen = instants_to_show(times, most)
     shown = _at(trajectory, chosen)
     if observation is not None:
-        observed = np.asarray(observation.times)
-        fits = observed.shape == times.shape and np.allclose(observed, times, rtol=1e-9, atol=0.0)
+        observed_times = np.asarray(observation.times)
+        is_of_motion = observed_times.shape == times.shape and np.allclose(
+            observed_times, times, rtol=1e-9, atol=0.0
+        )
         expected = f"of the motion's {len(times)} instants"
         remedy = "pass the result of observe(scene, solution), or nothing"
-        require(fits, "observation", f"of {observed.size} instants", expected, remedy)
+        given = f"of {observed_times.size} instants"
+        require(is_of_motion, "observation", given, expected, remedy)
         observation = _at(observation, chosen)
     elif forces and not isinstance(motion, Trajectory) and scene.contact_joints():
         observation = observe(scene, motion, shown)
@@ -257,6 +260,7 @@ def _poses(
 
 
 def _at(recorded: T, chosen: np.ndarray) -> T:
+    # The states or observations at the instants with the indices `chosen`.
     return jax.tree.map(lambda rows: np.asarray(rows)[chosen], recorded)
 
 

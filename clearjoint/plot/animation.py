@@ -40,8 +40,8 @@ def journal_frames(
     bearing's radius. The journal is dark in contact and light in flight.
 
     **Arguments:** `instants`: (M,) times, s; each picture shows the nearest observed time.
-    `columns`: number of instants in a row; further ones continue in a new pair of rows. `figure`:
-    empty figure to draw into; a new one by default.
+    `section`: directions as in `eccentricity_vectors`. `columns`: instants in a row; further ones
+    continue in a new pair of rows. `figure`: empty figure to draw into; a new one by default.
 
     >>> figure = plot.journal_frames(observed, "shoulder", 0.5e-3, [0.0, 0.01, 0.02])
     """
@@ -53,18 +53,19 @@ def journal_frames(
     for axes in grid.flat:
         axes.set_axis_off()
     nearest = _nearest(observation.times, instants)
-    for row, base in enumerate(BASES):
+    for row_of_pair, base in enumerate(BASES):
+        # Lengths in pictures are in radii of the bearing, of which the clearance is `DRAWN_GAP`.
         offsets = eccentricity_vectors(observation, joint, base, section) * (DRAWN_GAP / clearance)
         touching = observation.contacts[joint][base].penetration > 0.0
         for k, index in enumerate(nearest):
-            axes = grid[2 * (k // columns) + row, k % columns]
+            axes = grid[2 * (k // columns) + row_of_pair, k % columns]
             Picture(axes).show(offsets[index], touching[index])
-            if row == 0:
+            if row_of_pair == 0:  # a title above the upper picture holds for both bases
                 axes.set_title(f"{observation.times[index] * 1e3:.1f} ms", fontsize=10)
             if k % columns == 0:  # left of the bearing's wall, which ends at -(1 + WALL)
                 axes.text(-1.25, 0.0, f"base {base}", rotation=90, ha="right", va="center")
     samples = [Circle((0, 0), 1, facecolor=face, edgecolor=DARK) for face in (DARK, LIGHT)]
-    samples += [Circle((0, 0), 0, visible=False)]
+    samples += [Circle((0, 0), 0, visible=False)]  # the note on the clearance has no symbol
     texts = ["in contact", "in flight", NOTE]
     figure.legend(samples, texts, loc="outside lower center", ncols=3, frameon=False)
     return figure
@@ -81,10 +82,11 @@ def animate_journal(
     frames_per_second: int = 15,
 ) -> None:
     """Write a GIF file in which the journal moves in its bearing, base V on the left, base W on the
-    right, drawn as by `journal_frames`.
+    right, dark in contact and light in flight. Clearance and eccentricity are enlarged.
 
     **Arguments:** `file`: path of the file, with the suffix ".gif". `instants`: (M,) times, s, one
-    for each frame, which shows the nearest observed time. `frames_per_second`: in the animation.
+    for each frame, which shows the nearest observed time. `section`: directions as in
+    `eccentricity_vectors`. `frames_per_second`: in the animation.
 
     >>> plot.animate_journal(observed, "shoulder", 0.5e-3, "journal.gif", np.linspace(0, 0.02, 5))
     """
@@ -98,6 +100,7 @@ def animate_journal(
     for axes, base in zip(pair, BASES, strict=True):
         axes.set_axis_off()
         axes.set_title(f"base {base}", fontsize=10)
+        # Lengths in pictures are in radii of the bearing, of which the clearance is `DRAWN_GAP`.
         offsets = eccentricity_vectors(observation, joint, base, section) * (DRAWN_GAP / clearance)
         touching = observation.contacts[joint][base].penetration > 0.0
         pictures.append((Picture(axes), offsets, touching))

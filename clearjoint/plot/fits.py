@@ -17,10 +17,9 @@ from . import style
 
 
 def fitted(fit: Fit, series: list[str] | None = None) -> np.ndarray:
-    """Draw each measured series over time with the fitted prediction, and below it the residuals,
-    divided by the noise. The grey band, from -2 to 2, should contain 95 % of the residuals.
-
-    **Arguments:** `series`: names of the measured series to draw, by default all.
+    """Draw each measured series over time with the fitted prediction, and below it the residuals:
+    prediction less measurement, divided by the noise. The grey band, from -2 to 2, should contain
+    95 % of the residuals. `series`: names of the measured series to draw, by default all.
 
     **Returns:** array (2, number of series) of the axes in a new figure, with measurement and
     prediction in the first row, and residuals in the second.
@@ -31,12 +30,14 @@ def fitted(fit: Fit, series: list[str] | None = None) -> np.ndarray:
     names = measured if series is None else list(series)
     is_valid = bool(names) and set(names) <= set(measured)
     require(is_valid, "series", names, "names of series", f"choose from {', '.join(measured)}")
+    # Each panel is 4.4 by 3.8 inches, with upper axes twice as high as those of the residuals.
     figure, axes = style.panels(len(names), (4.4, 3.8), (2.0, 1.0), sharex=True)
     # All axes share the times, and thus need one unit for series of different lengths.
     samples = np.concatenate([fit.measurements.series[name].times for name in names])
     times = style.scaled(xr.DataArray(samples, name="time", attrs={"units": "s"}))
     for name, (above, below) in zip(names, axes.T, strict=True):
         _draw(fit, name, times, above, below)
+    # One legend for the figure, since all upper axes have the same two entries.
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=2, frameon=False)
     return axes
@@ -54,7 +55,7 @@ def _draw(fit: Fit, name: str, times: style.ScaledValues, above: Axes, below: Ax
     below.plot(scaled_times, fit.residuals[name], ".", color=style.BLUE, markersize=3)
     below.axhspan(-2.0, 2.0, color="0.92", linewidth=0, zorder=0)
     below.axhline(0.0, color=style.DARK, linewidth=0.8)
-    below.tick_params(labelbottom=True)
+    below.tick_params(labelbottom=True)  # shared axes have numbers in the lowest row only
     style.dress(below, times.label, "residual / noise")
 
 
@@ -109,6 +110,7 @@ def record_length(report: Identifiability, *, axes: Axes | None = None) -> Axes:
         axes.plot(times, finite, color=colour, linewidth=0.8, alpha=0.4)
         label = shown(report.scales[k].label(name))
         axes.plot(times, identifiable, color=colour, linestyle=dashes, linewidth=2, label=label)
+    # Parameters may have equal limits. All limits share one entry of the legend.
     for k, limit in enumerate(np.unique(report.limits)):
         label = "not identifiable above" if k == 0 else None
         axes.axhline(limit, color=style.GREY, linewidth=0.8, linestyle=":", label=label)
@@ -136,7 +138,7 @@ def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
 def integration_error(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
     """Draw upper bounds of integration errors over time: the errors of a run's outputs, divided by
     the measurement noise, and the relative errors of the outputs' derivatives by the parameters.
-    Vertical lines are as in `growth`.
+    Vertical lines mark times beyond which fits fail from wrong guesses, or errors are too large.
 
     >>> axes = plot.integration_error(limits)
     """
@@ -154,6 +156,7 @@ def _over_time(
     title: str | None,
     axes: Axes | None,
 ) -> Axes:
+    # `curves`: label and values (N,) at the N times of the horizon. `title`: of the legend.
     axes = style.axes_or_new(axes)
     times = horizon.times * 1e3  # ms
     # A logarithmic axis has no zero: values of zero, as at the start, are gaps.

@@ -76,8 +76,8 @@ def contact_forces(
     as both bases in planar motion, share one curve.
 
     **Arguments:** `logarithmic`: whether the force axis is logarithmic; zero force is then not
-    visible. By default it is if the largest force exceeds six times the median of the peaks of the
-    intervals of contact, or eight times the median over time of the forces in contact.
+    visible. By default it is logarithmic if the largest force exceeds six times the median of the
+    peaks of the intervals of contact, or eight times the median over time of forces in contact.
 
     >>> axes = plot.contact_forces(observed, "shoulder", window=(0.01, 0.0115))
     """
@@ -94,8 +94,8 @@ def joint_forces(
     axes: Axes | None = None,
 ) -> Axes:
     """Draw a curve over time for each joint with contacts: the resultant of the normal forces of
-    its contacts, as `quantities.ContactForce`. Joints with equal curves share one. For
-    `logarithmic`, see `contact_forces`.
+    its contacts, as `quantities.ContactForce`. Joints with equal curves share one. `logarithmic`:
+    whether the force axis is logarithmic, by default under the conditions of `contact_forces`.
 
     >>> axes = plot.joint_forces(observed)
     """
@@ -103,6 +103,7 @@ def joint_forces(
     forces = {}
     for name, family in observation.contacts.items():
         pairs = ((np.asarray(c.normal), np.asarray(c.normal_force)) for c in family.values())
+        # For each contact the normal force as a vector, (n, 3) N; their sum is the resultant.
         vectors = [normal * force[:, None] for normal, force in pairs]
         forces[name] = np.linalg.norm(np.sum(vectors, axis=0), axis=1)
     return _over_time(observation.times, forces, window, logarithmic, axes)
@@ -162,7 +163,7 @@ def hysteresis(
     **Arguments:** `impacts`: of one contact: ``solution.impacts.of(joint, contact)``. `count`:
     largest number of impacts to draw.
 
-    **Raises:** `ValueError` without impacts, and for fewer than three observed instants in one.
+    **Raises:** `ValueError` without impacts, or with under three observed instants in an impact.
 
     >>> axes = plot.hysteresis(observed, solution.impacts.of("shoulder", "V"), count=1)
     """
@@ -202,7 +203,8 @@ def enclosed_energy(observation: Observation, impacts: Impacts, index: int) -> f
 
 
 def _loop(observation: Observation, impacts: Impacts, index: int) -> tuple[np.ndarray, np.ndarray]:
-    # Penetration, m, and normal force, N, in an impact, with a zero before and after it.
+    # Penetration, m, and normal force, N, in an impact, with zeros at both ends, which close the
+    # loop.
     contact = observed.contact(observation, impacts.joint[index], impacts.contact[index])
     times, onset, separation = observation.times, impacts.onset[index], impacts.separation[index]
     in_impact = (times >= onset) & (times <= separation)
@@ -265,8 +267,9 @@ def _phases(contact: ContactObservation) -> np.ndarray:
         # At the first maximum, the surfaces cease to approach. If they approach throughout, it is
         # the appended instant after the last one.
         deepest = begin + int(np.argmin(np.append(approaching[begin:end], False)))
-        if begin == 0:
+        if begin == 0:  # the onset is not observed, so this may be the end of a lasting contact
             phases[begin:end] = ContactPhase.FOLLOWING
+        # The contact lasts beyond the observation, or the surfaces approach again.
         elif end == len(touching) or approaching[deepest:end].any():
             phases[deepest:end] = ContactPhase.FOLLOWING
     return phases
@@ -279,9 +282,9 @@ def motion_timeline(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw when each joint is in free flight, in impact, or following the wall, see
-    `contact_phases`. The numbers on the right are the percentages of the drawn time in these
-    phases.
+    """Draw bars over time that show when each joint is in free flight, in impact, or following the
+    wall (the phases that `contact_phases` returns). The numbers on the right are the percentages of
+    the drawn time in these phases.
 
     **Arguments:** `joints`: names of joints, from top to bottom; by default all with contacts.
 

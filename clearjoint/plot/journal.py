@@ -136,7 +136,8 @@ def orbit_in_contact(
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the path of the centre of one base in the bearing's cross-section, dark and thick where
-    the base touches the wall. The circle has the `clearance`, m, by default the observed one.
+    the base touches the wall, with a circle whose radius is the `clearance`, m, by default the
+    observed one. `section`: directions as in `eccentricity_vectors`.
 
     >>> axes = plot.orbit_in_contact(observed, "shoulder", "V", 0.5e-3)
     """
@@ -167,7 +168,7 @@ def clearance_circle(axes: Axes, clearance: float, *, factor: float = 1e3) -> Ax
 
 
 def length_unit(clearance: float) -> tuple[float, str]:
-    """Return the factor and the unit for lengths about as large as a clearance, m."""
+    """Return the factor from m to the unit for lengths like a clearance, m, and the unit's text."""
     return (1e3, "mm") if clearance >= 0.2e-3 else (1e6, "µm")
 
 
@@ -175,8 +176,9 @@ def observed_clearance(observation: Observation, joint: str) -> float:
     """Return the radial clearance of a joint, m: the median of the eccentricity of a base less its
     penetration, which varies only if the bearing or the journal has a profile."""
     bases = [c for c in contacts(observation, joint).values() if c.eccentricity is not None]
+    # For the error: the names of the joints with a journal.
     families = observation.contacts.items()
-    journals = [n for n, of in families if any(c.eccentricity is not None for c in of.values())]
+    journals = [n for n, f in families if any(c.eccentricity is not None for c in f.values())]
     require(len(bases) > 0, "joint", joint, f"one with a journal, of {journals}", "name one")
     return float(np.median(np.asarray(bases[0].eccentricity) - bases[0].penetration))
 

@@ -48,10 +48,10 @@ def acceleration(
     window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw one global component of the acceleration of a body's centre of mass over time, as
-    `position`.
+    """Draw one global component, "X", "Y" or "Z", of the acceleration of a body's centre of mass
+    over time, a curve for each run.
 
-    **Arguments:** `observations`: of each run, at every accepted step, so that no peak is missed.
+    **Arguments:** `observations`: of each run by the curve's label, at every step to miss no peak.
 
     >>> axes = plot.acceleration({"with clearance": observed}, "arm 2", "Y")
     """
@@ -71,8 +71,8 @@ def path(
     window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw the path of a body's centre of mass, projected on a plane of the global frame, a curve
-    for each run, as `position`. A dot marks the start; ``axes.legend()`` adds a legend.
+    """Draw the paths of a body's centre of mass in the `trajectories` of runs, given by the curve's
+    label, on a plane of the global frame. A dot marks the start; ``axes.legend()`` adds a legend.
 
     **Arguments:** `plane`: the two coordinates, "X", "Y" or "Z", drawn to the right and upwards.
 
@@ -84,7 +84,7 @@ def path(
         in_window = style.inside(np.asarray(trajectory.times), window)
         centre = named("body", body, trajectory.states.bodies).position[in_window]
         style.draw_lines(axes, [(label, centre[:, right], centre[:, up])], 1.3)
-        axes.plot(centre[:1, right], centre[:1, up], "o", color="black", markersize=5)
+        axes.plot(centre[:1, right], centre[:1, up], "o", color="black", markersize=5)  # the start
     axes.set_aspect("equal")
     return style.dress(axes, f"{plane[0]}, m", f"{plane[1]}, m")
 
@@ -104,7 +104,7 @@ def over_angle(
     """
     axes = style.axes_or_new(axes)
     style.draw_lines(axes, ((label, np.degrees(x), y) for label, (x, y) in curves.items()), 1.4)
-    if curves:
+    if curves:  # the axis has no margins: it ends with the smallest and the largest angle
         ends = np.degrees([(np.min(angles), np.max(angles)) for angles, _ in curves.values()])
         axes.set_xlim(ends.min(), ends.max())
     axes.xaxis.set_major_locator(MultipleLocator(90.0))

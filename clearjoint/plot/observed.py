@@ -43,11 +43,11 @@ def without_twins(curves: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarra
     scale = max((np.abs(values).max(initial=0.0) for values in curves.values()), default=0.0)
     distinct: list[tuple[list[str], np.ndarray]] = []
     for label, values in curves.items():
-        for names, first in distinct:
-            if np.allclose(values, first, rtol=1e-3, atol=1e-5 * scale):
+        for names, drawn_values in distinct:
+            if np.allclose(values, drawn_values, rtol=1e-3, atol=1e-5 * scale):
                 names.append(label)
                 break
-        else:
+        else:  # no curve in `distinct` equals this one
             distinct.append(([label], values))
     return [(_joined(names), values) for names, values in distinct]
 
@@ -59,7 +59,7 @@ def _joined(names: list[str]) -> str:
 
 
 def named(argument: str, name: str, family: Mapping[str, T]) -> T:
-    """Return the entry `name`, which the user passed as `argument`, of the dictionary `family`."""
+    """Return the entry `name` of the dictionary `family`; an error calls the name `argument`."""
     expected = f"one of those observed, {sorted(family)}"
     require(name in family, argument, name, expected, nearest(name, family, "correct the name"))
     return family[name]

@@ -49,6 +49,7 @@ def contact_rose(
       in all sectors, they share their bars, which show the sum of the two impulses, or the force of
       one base.
     - `sectors`: number of sectors; the first one begins at 0°, the direction drawn to the right.
+    - `section`: directions drawn to the right and upwards, as in `eccentricity_vectors`.
 
     >>> axes = plot.contact_rose(observed, "shoulder", weight="force")
     """
@@ -62,7 +63,7 @@ def contact_rose(
     weights = {}  # impulses, N s, or forces, N, in each sector
     for base in BASES:
         x, y = eccentricity_vectors(observation, joint, base, section).T
-        turns = np.arctan2(y, x) / (2.0 * np.pi) % 1.0
+        turns = np.arctan2(y, x) / (2.0 * np.pi) % 1.0  # the direction's angle in turns, 0 to 1
         values = np.asarray(contact(observation, joint, base).normal_force)
         kind = "max"
         if weight == "impulse":
@@ -95,6 +96,7 @@ def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxe
     require_names(lane, tuple(f"{output}_{base} 1" for base in BASES))
     volumes = {}
     for base in BASES:
+        # Each sector has a variable: "wear_V 1", "wear_V 2" and so on, until a name is missing.
         names = takewhile(lane.__contains__, (f"{output}_{base} {k}" for k in count(1)))
         sectors = [lane[name] for name in names]
         is_single = all(volume.ndim == 0 for volume in sectors)
@@ -152,6 +154,8 @@ def _bars(
     axes: PolarAxes,
     directions: Sequence[str] = ("x", "y"),
 ) -> PolarAxes:
+    # `weights`: lengths of bars in each sector, in the SI unit quantity[1], by their label, such as
+    # "base V". `tops`: the radii at which the outermost bar of each sector ends.
     tops = (np.sum if stacked else np.max)([*weights.values()], axis=0)
     sectors = len(tops)
     middles = 2.0 * np.pi * (np.arange(sectors) + 0.5) / sectors
@@ -179,6 +183,7 @@ def _dressed(
     # The numbers of the radial scale are midway between two of the grid lines at every 45°, where
     # they cover least of the bars.
     middles = 22.5 + 45.0 * np.arange(8)
+    # From each middle to each bar, -180° to 180°.
     distance = (np.degrees(angles) - middles[:, None] + 180.0) % 360.0 - 180.0
     covered = np.where(np.abs(distance) < 22.5, heights, 0.0).sum(axis=1)
     axes.set_rlabel_position(float(middles[np.argmin(covered)]))

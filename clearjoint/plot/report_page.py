@@ -100,7 +100,7 @@ def _play(joint: AbstractContactJoint) -> str:
         if units.get(name) and (play := _single_number(joint, name)) is not None:
             factor, unit = fitting_unit(np.array(play), str(units[name]))
             texts.append(f"{play * factor:.4g} {unit}")
-    return ", ".join(texts) or "yes"
+    return ", ".join(texts) or "yes"  # a joint with contacts has play, but maybe no single number
 
 
 def run_lines(scene: Scene, solution: Solution) -> list[str]:
@@ -115,6 +115,7 @@ def run_lines(scene: Scene, solution: Solution) -> list[str]:
     parts = formulation.coordinates, formulation.stabilisation
     equations = [*_tolerances(solution), *(type(part).__name__ for part in parts)]
     ledger = "with energy ledger" if formulation.ledger else "without energy ledger"
+    # Names of the joints without contacts, by the name of their class.
     ideal: dict[str, list[str]] = {}
     for name, joint in scene.joints.items():
         if not isinstance(joint, AbstractContactJoint):
@@ -138,11 +139,12 @@ def _counted(number: int, name: str, singular: str = "", plural: str = "s") -> s
 
 def _tolerances(solution: Solution) -> list[str]:
     notes = {name.removeprefix("setting_"): value for name, value in solution.settings}
-    # Without `Settings`, or of a version with others.
+    # The solution records no settings, or those of a version in which they had other names.
     if not {"solver", "controller", "rtol", "atol"} <= notes.keys():
         return []
+    # The notes are texts such as "Tsit5(scan_kind=None)", of which the name of the class is shown.
     solver, controller = (str(notes[name]).split("(")[0] for name in ("solver", "controller"))
-    if controller != "None":
+    if controller != "None":  # a controller has its own tolerances: rtol and atol have no effect
         return [f"{solver}, {controller}"]
     atol = f", atol {notes['atol']:.0e}" if isinstance(notes["atol"], float) else ""
     return [f"{solver}, rtol {notes['rtol']:.0e}{atol}"]
@@ -162,6 +164,7 @@ def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
     """Return the texts of `IMPACT_COLUMNS` for the `most` impacts with the largest peak forces.
     Simultaneous ones of a joint, as at both ends of a journal, share the row of the largest."""
     force = impacts.peak_force
+    # Each group of simultaneous impacts, by the index of its impact with the largest force.
     hardest = {max(group, key=lambda k: force[k]): group for group in _simultaneous(impacts)}
     rows = []
     for k in sorted(hardest, key=lambda k: -force[k])[:most]:
@@ -233,8 +236,8 @@ def report(
       forces and phases are drawn at the saved times only, which may miss impacts.
     - `file`: path of the page, with the suffix ".png" or ".pdf"; not written by default.
     - `title`: by default "Run of" and the names of the bodies.
-    - `quantity`: whose spectrum is drawn, by default the component of the last body's velocity, or
-      angular velocity, that changes most.
+    - `quantity`: whose spectrum is drawn, with its SI `unit` if it declares none; by default the
+      component that changes most of the last body's velocity or, if this is constant, its spin.
 
     **Raises:** `ValueError` for another suffix, and for results that are not a `Solution`.
 
@@ -289,15 +292,16 @@ def _parts(scene: Scene, solution: Solution, record: xr.DataArray) -> list[_Part
         path = solution.steps.between()
     else:
         path = trajectory_of(solution, solution.saved or solution.steps)
-    along = observe(scene, solution, path)
+    observed = observe(scene, solution, path)
     # Light letters are narrower than bold ones.
     lines = [line for text in run_lines(scene, solution) for line in wrap(text, LETTERS + 13)]
     # The functions draw later, when the heights of all rows are known.
     parts = [_text_part(lines, "normal", JOINT_COLUMNS, joint_rows(scene, 2 * MOST_ROWS))]
-    parts += [_Part(2.6, lambda row: draw_motion(row, scene, path, along))]
-    if along.contacts:  # the phases of the motion below the forces have a row for each joint
-        parts += [_Part(2.4 + 0.2 * len(along.contacts), lambda row: draw_over_time(row, along))]
-    parts += [_Part(2.5, lambda row: draw_energies(row, along, record))]
+    parts += [_Part(2.6, lambda row: draw_motion(row, scene, path, observed))]
+    if observed.contacts:  # the phases of the motion below the forces have a row for each joint
+        height = 2.4 + 0.2 * len(observed.contacts)
+        parts += [_Part(height, lambda row: draw_over_time(row, observed))]
+    parts += [_Part(2.5, lambda row: draw_energies(row, observed, record))]
     if solution.impacts:
         rows = impact_rows(solution.impacts, MOST_ROWS)
         parts += [_text_part(["Impacts of largest force"], "bold", IMPACT_COLUMNS, rows)]
@@ -328,6 +332,7 @@ def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[
     # Left end, as a fraction of the width; lines from the top; text; and weight of the letters.
     texts = [(0.0, float(k), text, weight) for k, text in enumerate(lines)]
     # The head of the table is 0.4 lines below the text, and its first row 1.3 lines below the head.
+    # `line` is the distance from the top at which the next row begins, in heights of a line.
     head = line = len(lines) + 0.4
     if rows:
         # Widths of the columns in letters, with two letters between columns.
@@ -347,6 +352,7 @@ def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[
             line += max(map(len, broken))
 
     def draw(row: SubFigure) -> None:
+        # Writes the texts into a row of the page, whose size in inches is known only then.
         axes = row.add_subplot()
         axes.set_axis_off()
         for x, down, text, weight in texts:
@@ -371,7 +377,7 @@ def _text_part(lines: Sequence[str], weight: str, titles: Cells, rows: Sequence[
 
 def draw_motion(row: SubFigure, scene: Scene, path: Trajectory, observed: Observation) -> None:
     """Draw the orbits of the two journals with the largest forces, and the contact directions of
-    the first; without journals, the paths of the bodies."""
+    the first; without journals, the paths of the bodies. `observed`: observation along `path`."""
     journals = [name for name, joint in scene.joints.items() if isinstance(joint, HasJournal)]
     if not journals:
         _bodies(row.add_subplot(), path)
@@ -442,7 +448,7 @@ def draw_energies(row: SubFigure, observed: Observation, record: xr.DataArray) -
     panels = row.subplot_mosaic([["stored", "lines"], ["drift", "lines"]], height_ratios=(2.0, 1.0))
     panels["stored"].sharex(panels["drift"])
     energy_ledger(observed, axes=np.array([panels["stored"], panels["drift"]]))
-    panels["stored"].tick_params(labelbottom=False)
+    panels["stored"].tick_params(labelbottom=False)  # the times are below the lower axes
     axes = panels["lines"]
     if suits_spectrum(np.diff(record["time"].values)):
         spectrum_of(record, axes=axes)

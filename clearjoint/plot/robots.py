@@ -13,17 +13,16 @@ Loop = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 class FittedRobot(Protocol):
-    """What the figure shows of `clearjoint.results.RobotFit`: figures don't import its package."""
+    """What the figure needs of `clearjoint.results.RobotFit`, which this module must not import."""
 
     def hysteresis(self) -> Mapping[str, Loop]:
-        """Return torque over position, by name of the joint."""
+        """Return logged and predicted positions and torques, by name of the driven joint."""
         ...
 
 
 def joint_hysteresis(fit: FittedRobot) -> np.ndarray:
-    """Draw the torque of each driven joint over its position, as logged and as predicted.
-
-    **Arguments:** `fit`: from `cj.fit_robot`.
+    """Draw the torque of each driven joint over the joint's position, as logged and as predicted by
+    a `fit` from `cj.fit_robot`.
 
     **Returns:** array (number of joints,) of the axes in a new figure.
 

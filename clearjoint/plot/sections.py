@@ -33,13 +33,14 @@ def poincare_map(
 def _mapped(
     x: np.ndarray, y: np.ndarray, numbers: np.ndarray, labels: tuple[str, str], axes: Axes | None
 ) -> Axes:
+    # `numbers`: of the points, from 1 on; not all successive if earlier crossings are omitted.
     axes = style.axes_or_new(axes, (5.4, 4.8))
     shades = LinearSegmentedColormap.from_list(
         "later is darker", [style.LIGHT, style.BLUE, style.DARK]
     )
     look = {"cmap": shades, "s": 14.0, "linewidths": 0.0, "zorder": 3}
     points = axes.scatter(x, y, c=numbers, **look)
-    if len(x) > 1:
+    if len(x) > 1:  # the colour of a single point tells nothing
         bar = axes.figure.colorbar(points, ax=axes, label="number of the crossing")
         bar.ax.yaxis.set_major_locator(MaxNLocator(6, integer=True))
     return style.dress(axes, *labels)
@@ -59,8 +60,8 @@ def poincare_section(
     **Arguments:**
 
     - `crossings`: recorded crossings, ``solution.outputs[name]`` of a `Section` of this name.
-    - `channels`: names of the section's channels that are drawn to the right and upwards; by
-      default the first two, or the time and the only one.
+    - `channels`: names of the two recorded quantities, the section's channels, that are drawn to
+      the right and upwards; by default the first two, or the time and the only channel.
     - `after`: time, s; crossings before this time, such as those of the transient, are omitted.
     - `clearance`: radius of a circle to draw, m, for channels that are the `JournalOffset` of a
       joint with this clearance.
@@ -75,6 +76,7 @@ def poincare_section(
     >>> axes.get_xlabel()
     'x, µm'
     """
+    # A single channel is drawn over the time of the crossings.
     recorded = {"time": (crossings.times, "s")} if len(crossings.values) < 2 else {}
     recorded |= {n: (row, crossings.units.get(n, "1")) for n, row in crossings.values.items()}
     chosen = tuple(recorded)[:2] if channels is None else tuple(channels)
@@ -94,17 +96,17 @@ def poincare_section(
     # With a circle the scales must be the same, whatever the sizes.
     largest = max(*sizes, 0.0 if clearance is None else clearance)
     similar = units[0] == units[1] and largest <= 20.0 * min(sizes)
-    same = similar or clearance is not None
+    same_scale = similar or clearance is not None
     columns = []
     for name, unit, row, size in zip(chosen, units, rows, sizes, strict=True):
-        factor, text = style.fitting_unit(np.array([largest if same else size]), unit)
+        factor, text = style.fitting_unit(np.array([largest if same_scale else size]), unit)
         suffix = "" if text == "1" else f", {text}"
         columns.append((row * factor, f"{shown(name.replace('_', ' '))}{suffix}", factor))
     (x, x_label, factor), (y, y_label, _) = columns
     axes = _mapped(x, y, 1 + np.flatnonzero(is_drawn), (x_label, y_label), axes)
     if clearance is not None:
         clearance_circle(axes, clearance, factor=factor)
-    if same:
+    if same_scale:
         # The limits are widened for equal scales. With a circle the axes are made smaller instead,
         # so that the circle fills them.
         axes.set_aspect("equal", adjustable="datalim" if clearance is None else "box")
@@ -123,7 +125,8 @@ def poincare_section_of_lane(
     clearance: float | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw two quantities at the section crossings of one lane of a sweep, as `poincare_section`.
+    """Draw two quantities, the `channels`, at the crossings of the output `section` in one lane of
+    a sweep. Further arguments are those of `poincare_section`.
 
     **Raises:** `ValueError` also for a lane that has not run yet.
 
@@ -161,8 +164,8 @@ def bifurcation(
 
     **Arguments:**
 
-    - `channel`: name of the section's channel to draw. An output named "section_channel", sampled
-      once a period, may replace a section.
+    - `section`, `channel`: names of the `Section` and of its recorded quantity to draw. In place of
+      a section, they may be "a" and "b" for an output "a_b" that is sampled once a period.
     - `number`: whether colours show the numbers of the crossings, from 1 on; this helps for a
       motion that decays, whose crossings depend on the time.
 
@@ -177,6 +180,7 @@ def bifurcation(
     # The last dimension is that along the crossings, or the samples, of a lane.
     recorded = dataset[variable].where(succeeded).transpose(*dataset[axis].dims, ...)
     x, y = style.scaled(dataset[axis]), style.scaled(recorded.rename(channel))
+    # The parameter and the number of each crossing, in the shape of `y`: (lanes, crossings).
     positions, numbers = np.meshgrid(x.values, 1 + np.arange(y.values.shape[1]), indexing="ij")
     draw = partial(axes.scatter, positions, y.values, s=3, linewidths=0)
     if not number:

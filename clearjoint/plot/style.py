@@ -61,11 +61,11 @@ def panels(
 ) -> tuple[Figure, np.ndarray]:
     """Return a new figure and the axes of `count` panels, side by side in pairs. A panel of width
     and height `size`, inches, has axes one above the other, with heights in the `ratios`; the array
-    of axes is (len(ratios), count)."""
-    columns, parts = min(2, count), len(ratios)
+    of axes is (len(ratios), count). `sharex`: whether all axes have the same horizontal limits."""
+    columns, axes_in_panel = min(2, count), len(ratios)
     rows = -(-count // columns)  # rounded up: the last row may have a single panel
     figure, grid = plt.subplots(
-        parts * rows,
+        axes_in_panel * rows,
         columns,
         figsize=(size[0] * columns, size[1] * rows),
         height_ratios=[*ratios] * rows,
@@ -73,14 +73,16 @@ def panels(
         squeeze=False,
         layout="constrained",
     )
-    axes = grid.reshape(rows, parts, columns).swapaxes(0, 1).reshape(parts, -1)
+    # From (axes_in_panel * rows, columns), as in the figure, to a column of axes for each panel.
+    grid_of_panels = grid.reshape(rows, axes_in_panel, columns)
+    axes = grid_of_panels.swapaxes(0, 1).reshape(axes_in_panel, -1)
     for empty in axes[:, count:].flat:
         empty.set_visible(False)
     return figure, axes[:, :count]
 
 
 def polar_or_new(axes: Axes | None) -> PolarAxes:
-    """Give polar axes, by default new ones, grid lines at every 45°, and return them."""
+    """Return polar axes, by default new ones, with grid lines at every 45°; refuse other axes."""
     if axes is None:
         axes = plt.figure(figsize=(4.8, 5.0), layout="constrained").add_subplot(projection="polar")
     remedy = 'make them by subplots(subplot_kw={"projection": "polar"})'
@@ -124,8 +126,8 @@ def legend_above(
     """Add a legend in `columns` columns without a frame above the axes, for the `handles`, by
     default all labelled curves. `height`: of the legend's lower edge, in heights of the axes."""
     if not any(child.get_label() == ROOM for child in axes.child_axes):
-        # Titles are placed above child axes. Empty ones, as large as the legend, keep the title
-        # from the legend.
+        # Matplotlib places titles above child axes, but not above legends. An empty child as large
+        # as the legend keeps the title from covering the legend.
         room = axes.inset_axes((0.0, 1.0, 1.0, 0.0), label=ROOM)
         room.set_axis_off()
         room.set_in_layout(False)
@@ -162,6 +164,7 @@ def fit_labels(figure: Figure) -> None:
             if not (text := label.get_text()):
                 continue
             box, space = label.get_window_extent(), axes.get_window_extent()
+            # The length of the axis over that of the label.
             share = space.height / box.height if vertical else space.width / box.width
             if share < 0.9:  # a label may be a little longer than its axis
                 fitting = int(share * max(map(len, text.split("\n"))))
@@ -181,9 +184,11 @@ def limit_to_window(
     expected = f"an interval within {as_shown(times[0])} to {as_shown(times[-1])} s"
     require(overlaps, "window", window, expected, "give the start and end of the drawn time")
     axes.set_xlim(factor * window[0], factor * window[1])
-    first, last = np.searchsorted(times, window[0], "right") - 1, np.searchsorted(times, window[1])
+    # The last time up to the window's start, and the first one from its end on.
+    before = np.searchsorted(times, window[0], "right") - 1
+    after = np.searchsorted(times, window[1])
     index = np.arange(len(times))
-    return (index >= first) & (index <= last)
+    return (index >= before) & (index <= after)
 
 
 def inside(
@@ -193,8 +198,8 @@ def inside(
     contents: str = "observed times",
     remedy: str = "widen it, or observe at more instants",
 ) -> np.ndarray:
-    """Return a mask (N,) of the values in a window, of which there must be some. The last three
-    arguments are for the error."""
+    """Return a mask (N,) of the `values` in a window, of all without one. Raise a `ValueError` if
+    no value is in the window; the last three arguments are for the text of this error."""
     first, last = (-np.inf, np.inf) if window is None else window
     mask = (values >= first) & (values <= last)
     require(window is None or mask.any(), argument, window, f"an interval with {contents}", remedy)
@@ -239,6 +244,7 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
             last = names.rpartition(", ")[2].split("/")[0]
             has_unit = last in {prefix + base for prefix in PREFIXES.values() for base in PREFIXED}
             require(not has_unit, "axes", present, "axes of data in 1", "draw it into new axes")
+        # The label lists the names of all data on the axis, each once.
         name = names if name in names.split(", ") else f"{names}, {name}"
     factor = 10.0**-exponent
     return ScaledValues(values * factor, name if unit == "1" else f"{name}, {unit}", factor)
@@ -303,8 +309,9 @@ def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
 
 
 def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
-    """Return whether an axis for `values`, of a parameter if `swept`, should be logarithmic (see
-    the docstring of `plot`)."""
+    """Return whether an axis for `values` should be logarithmic: if all are positive and the
+    largest exceeds 12 times the smallest; with `swept`, also for three or more values that form a
+    geometric series, as those of a swept parameter often do."""
     finite = values[np.isfinite(values)]
     if finite.size == 0 or finite.min() <= 0.0:
         return False

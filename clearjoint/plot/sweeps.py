@@ -19,7 +19,8 @@ def is_successful(dataset: xr.Dataset) -> xr.DataArray:
 
 
 def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.DataArray:
-    """Return an output along axes of a sweep, NaN where a lane failed or has not run yet."""
+    """Return the output `variable` as an array whose dimensions are the sweep's axes `along`, NaN
+    where a lane failed or has not run yet; refuse an output that has other dimensions."""
     require_names(dataset, (variable, *along))
     require_several_values(dataset, along)
     # Axes that vary together share the dimension "lane".
@@ -32,11 +33,13 @@ def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.D
 
 
 def only_axis(dataset: xr.Dataset, axis: str | None) -> str:
-    """Return `axis`, or if it is None the name of the only axis; a zipped sweep has none."""
+    """Return `axis`, or if it is None the name of the sweep's only axis. Raise a `ValueError` if
+    there are several or, as in a zipped sweep, whose parameters vary together, none."""
     if axis is not None:
         require_names(dataset, (axis,))
         return axis
     dims, swept = dataset["result"].dims, tuple(map(str, dataset["result"].coords))
+    # The dimension "lane" of a zipped sweep has no coordinate of that name.
     is_only = len(dims) == 1 and dims[0] in dataset.coords
     require(is_only, "axis", axis, f"one of {swept}", "name it")
     return str(dims[0])
@@ -45,7 +48,8 @@ def only_axis(dataset: xr.Dataset, axis: str | None) -> str:
 def mark_failed(
     axes: Axes, positions: np.ndarray, successful: np.ndarray, colour: str = style.VERMILLION
 ) -> None:
-    """Draw crosses for lanes, at `positions` (L,), that failed or have not run yet."""
+    """Draw crosses at the lower edge, at the horizontal `positions` (L,) of the lanes that are not
+    `successful` (L,): those that failed or have not run yet."""
     missing = positions[~successful]
     if missing.size:
         axes.plot(
@@ -83,8 +87,8 @@ def against(
     colour: str | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw an output of a sweep, such as a peak force, over a swept parameter, as a point for each
-    lane.
+    """Draw an output of a sweep, such as a peak force, over the swept parameter `axis`, by default
+    the only one, as a point for each lane.
 
     **Arguments:**
 
@@ -119,8 +123,8 @@ def against(
     style.scale_axes(axes, x.values, y.values)
     mark_failed(axes, x.values, is_successful(dataset).values, colour)
     labels = axes.get_legend_handles_labels()[1]
-    # Two labels of more than 40 characters are too wide for the figure side by side.
-    if len(labels) > 1:
+    if len(labels) > 1:  # points of a single kind need no legend
+        # Two labels of more than 40 characters are too wide for the figure side by side.
         style.legend_above(axes, 1 if max(map(len, map(str, labels))) > 40 else 2)
     return style.dress(axes, x.label, y.label)
 
@@ -204,7 +208,7 @@ def convergence(
 
     **Arguments:** `within`: smallest and largest parameter of the lanes that are fitted, in the
     unit of the data set; by default all lanes are fitted. `label`: text of the legend before the
-    rate. `colour`, `axes`: see `against`.
+    rate. `colour`: of the points and the line. `axes`: such as those of an earlier call.
 
     **Raises:** `ValueError` for fewer than two lanes to fit with positive parameter and output.
 

@@ -25,8 +25,9 @@ def series(
     unit: str | None = None,
     trajectory: Trajectory | None = None,
 ) -> xr.DataArray:
-    """Return the values (N,) of a quantity at the saved states of a solution, as an array with the
-    coordinate "time", s; its unit is in ``attrs["units"]``.
+    """Return the values (N,) of a quantity at the saved states of a solution, or at the states of a
+    `trajectory`, as an array with the coordinate "time", s, and with the unit in its
+    ``attrs["units"]``. `unit`: SI unit of a quantity that declares none.
 
     >>> positions = plot.series(scene, swing, x)
     >>> np.allclose(positions, 0.1 * np.cos(10.0 * positions["time"]), atol=1e-6)
@@ -45,7 +46,7 @@ def rate_series(
     unit: str | None = None,
     trajectory: Trajectory | None = None,
 ) -> xr.DataArray:
-    """Return the time derivative of a quantity at the saved states of a solution, as `series`.
+    """Return the time derivative of a quantity; arguments and form of the result as for `series`.
 
     No differences of values are taken: the derivative follows from the velocities of each state,
     and from the accelerations that the equations of motion give for it. Entry speeds of contacts
@@ -130,10 +131,10 @@ def phase_portrait(
     in_window = style.inside(values["time"].values, window)
     x, y = style.scaled(values[in_window]), style.scaled(rates[in_window])
     axes.plot(x.values, y.values, color=style.BLUE, linewidth=0.9)
-    for row, marker, label in ((0, "o", "start"), (-1, "s", "end")):
+    for index, marker, label in ((0, "o", "start"), (-1, "s", "end")):
         if len(x.values):
             look = {"color": style.DARK, "markersize": 5, "linestyle": "", "zorder": 3}
-            axes.plot(x.values[[row]], y.values[[row]], marker, label=label, **look)
+            axes.plot(x.values[[index]], y.values[[index]], marker, label=label, **look)
     style.legend_above(axes, 2)
     return style.dress(axes, x.label, y.label)
 
@@ -209,8 +210,8 @@ def spectrum(
     axes: Axes | None = None,
 ) -> Axes:
     """Draw the amplitude spectrum of a quantity at the saved states of a solution, on a logarithmic
-    scale, see `amplitude_spectrum`. Vibrations above half the sampling rate, such as those of an
-    impact, appear at wrong frequencies below it (aliasing).
+    scale. Vibrations above half the sampling rate, such as those of an impact, appear at wrong
+    frequencies below half that rate (aliasing). `taper`: as in `amplitude_spectrum`.
 
     >>> axes = plot.spectrum(scene, swing, rate)
     """
@@ -218,9 +219,9 @@ def spectrum(
 
 
 def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None = None) -> Axes:
-    """Draw the amplitude spectrum of values over time, such as measured ones, see
-    `amplitude_spectrum`. The scale begins at 1e-8 of the largest amplitude or above. A title names
-    the taper and the distance of the frequencies.
+    """Draw the amplitude spectrum of values over time, such as measured ones; `record` and `taper`
+    as in `amplitude_spectrum`. The scale begins at 1e-8 of the largest amplitude or above. A title
+    names the taper and the distance of the frequencies.
 
     >>> axes = plot.spectrum_of(plot.series(scene, swing, x), taper="boxcar")
     """

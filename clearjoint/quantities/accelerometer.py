@@ -65,6 +65,8 @@ class AccelerometerReading(AbstractQuantity):
         spring, slide = scene.forces[self.sensor + SPRING], scene.joints[self.sensor]
         assert isinstance(spring, SpringDamper) and isinstance(slide, PrismaticJoint)
         body, sensor = motions[slide.first], motions[slide.second]
+        # The deflection of the mass from where the spring is unloaded, m in axes of the body. The
+        # spring's force on the mass is opposite to this deflection.
         apart = body.components(sensor.position - body.point(slide.point_first))
         return -spring.stiffness / scene.bodies[self.sensor].mass * apart.dot(unit(slide.axis))
 
@@ -149,7 +151,8 @@ def accelerometer(
     mass = SHARE * float(scene.bodies[body].mass) if mass is None else mass
     require_positive("mass", as_number(mass, "mass", "kg"), "give it in kg")
     # The spring's free length is long compared with its deflection, so that it acts linearly along
-    # the axis although it is a spring between two points: one on the body, and the mass.
+    # the axis although it is a spring between two points: one on the body, and the mass. It is
+    # unloaded with the mass at `point`.
     omega = 2.0 * math.pi * frequency
     stiffness, damping = mass * omega**2, 2.0 * damping_ratio * mass * omega
     ends = position - ARM * direction, np.zeros(3)

@@ -106,19 +106,20 @@ class Instant:
 
     @property
     def just_before(self) -> "Instant":
-        """The instant at the end of the same step, before sampled forces, such as a `Servo`, loads
-        or contact forces, and with them accelerations, jump there."""
+        """The instant just before the end of the step that ends here, at which sampled forces, such
+        as a `Servo`, loads or contact forces, and with them accelerations, may jump."""
         return self.inside(self.last_fraction)
 
     @property
     def last_fraction(self) -> Scalar:
-        """The fraction of the step at which it is just before a jump at its end, otherwise 1."""
+        """The fraction of the step at which `just_before` is: 1, or less if `jumps` is true."""
         return 1.0 if self.jumps is None else where(self.jumps, 1.0 - NEAR, 1.0)
 
     def before_and_after(self, value_of: "Callable[[Instant], Scalar]") -> tuple[Scalar, Scalar]:
-        """Return a number at the end of the step, just before and just after it may jump there;
-        both are equal in scenes without jumps."""
+        """Return the number that `value_of` computes from an instant, at the end of the step that
+        ends here, just before and just after a jump; both are equal without a jump."""
         value = value_of(self)
+        # The memory of sampled forces may change at the end of any step, also without `jumps`.
         if self.memory:
             return value_of(self.just_before), value
         if self.jumps is None:
@@ -281,7 +282,7 @@ def require_known(argument: str, name: str, known: Collection[str]) -> None:
 
 
 def one_of(argument: str, *allowed: T) -> Callable[[T], T]:
-    """Return a converter for the field `argument`, which raises for values that aren't allowed."""
+    """Return a converter for the field `argument` that refuses values other than the `allowed`."""
 
     def checked(value: T) -> T:
         require(value in allowed, argument, value, f"one of {allowed}", "pass one of these")

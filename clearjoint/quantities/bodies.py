@@ -83,7 +83,7 @@ class Acceleration(AbstractVectorQuantity, AbstractBodyQuantity):
 
 
 class AbstractPointQuantity(AbstractBodyQuantity):
-    """Base class of quantities of a point of a body."""
+    """Base class of quantities of a `point` of a body, m from the centre of mass in body axes."""
 
     point: Numbers = eqx.field(static=True, converter=numbers)
 
@@ -242,9 +242,9 @@ class Angle(AbstractBodyQuantity):
 
 class Distance(AbstractQuantity):
     """Distance between a point of one body and a point of another, m: what a displacement sensor
-    reads. With `along`, a direction of any length in the first body's axes, the quantity is the
-    component in this direction of the vector from the first point to the second, such as a slider's
-    stroke.
+    reads. Points are in body axes, m from the centres of mass. With `along`, a direction of any
+    length in the first body's axes, the quantity is the component in this direction of the vector
+    from the first point to the second, such as a slider's stroke.
 
     >>> stretch = cj.quantities.Distance("ground", (0, 0, 0), "arm 2", (0.5, 0, 0))
     >>> stroke = cj.quantities.Distance("ground", (0, 0, 0), "slider", (0, 0, 0), along=(1, 0, 0))

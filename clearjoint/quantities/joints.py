@@ -85,7 +85,7 @@ class ContactForce(AbstractContactQuantity):
     def __call__(self, now: Instant) -> Scalar:
         contacts = now.contacts[self.joint]
         label = self.contact
-        if label is None and len(contacts) == 1:
+        if label is None and len(contacts) == 1:  # the resultant of one force needs no norm
             (label,) = contacts
         if label is not None:
             return contacts[label].normal_force
@@ -281,7 +281,8 @@ class AbstractReaction(AbstractJointQuantity):
         require_known("body", self.body, scene.joints[self.joint].body_names())
 
     def constraint_wrench(self, now: Instant) -> Wrench:
-        """Return the wrench of the joint's constraints on the body, without contacts and films."""
+        """Return the force, N in global axes, and the moment about the centre of mass, N m in body
+        axes, of the joint's constraints on the body, without those of contacts and films."""
         # In joint coordinates, rows of joints that the coordinates satisfy have no multipliers.
         return constraint_wrenches(now.absolute_dynamics, self.joint).get(self.body, NO_WRENCH)
 
@@ -317,6 +318,7 @@ class Reaction(AbstractVectorQuantity, AbstractReaction):
             if loaded.contact.turning is None and loaded.contact.lever is None:
                 on_second = on_second - loaded.contact.normal * loaded.normal_force
                 on_second = on_second if loaded.friction is None else on_second + loaded.friction
+            # The additional force of a contact that also depends on an angle, as of gear teeth.
             if loaded.contact.side is not None:
                 on_second = on_second + loaded.contact.side.on_second(loaded.normal_force)
         film_force = joint.film_wrenches(now.motions).get(self.body, NO_WRENCH).force
@@ -409,8 +411,8 @@ class JointAngle(AbstractJointAngle):
       both bodies, the angle is zero while the bodies' frames are parallel. In general it is zero
       while these frames differ by the shortest rotation that makes the two axes parallel, or
       opposite if their components enclose more than 170 degrees.
-    - Drivers of rotations, drive torques and torsional springs: the second body's angle about their
-      axis. It is zero while the orientation of the second body relative to the first is the
+    - Drivers of rotations, drive torques and torsional springs: the second body's angle about the
+      element's axis, zero while the orientation of the second body relative to the first is the
       argument `orientation` of the element.
     - User-defined joints and forces with a method ``relative_angle(motions)``: the value of the
       constraint row (`clearjoint.extend.Row`) that it returns.

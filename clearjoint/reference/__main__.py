@@ -31,13 +31,13 @@ FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[([](.*?)\\[)\]]</\1>', 
 
 
 def page_of(source: str) -> str:
-    """Return the path of the Markdown page that shows a file of the repository."""
+    """Return the path, among the pages, of a README, a notebook or another repository file."""
     return re.sub(r"^(\.github/|clearjoint/)?_?", "", source).replace(".ipynb", ".md")
 
 
 def write_page(source: str, docs: Path) -> None:
-    """Write a README or a notebook with its stored outputs as a page, and copy the other files
-    that it links to."""
+    """Write `source`, a README or a notebook with its stored outputs, as a page into the folder
+    `docs`, and copy the other files to which the page links."""
     page = docs / page_of(source)
     page.parent.mkdir(parents=True, exist_ok=True)
     if source.endswith(".ipynb"):
@@ -50,13 +50,13 @@ def write_page(source: str, docs: Path) -> None:
     else:
         text = (ROOT / source).read_text(encoding="utf-8")
 
+    # Returns the new target of a link that `LINK` has matched: for a file of the repository, the
+    # file's page or, unless the file is Markdown or a notebook, a copy of the file.
     def relinked(match: re.Match) -> str:
-        # The target of a link to a file of the repository becomes the file's page or, unless it is
-        # Markdown or a notebook, a copy of the file.
         target = os.path.normpath(Path(source).parent / match[0])
         if (ROOT / target).is_dir():
             target = f"{target}/README.md"
-        if "://" in match[0] or not (ROOT / target).is_file():
+        if "://" in match[0] or not (ROOT / target).is_file():  # a web page, or no link to a file
             return match[0]
         copy = docs / page_of(target)
         if not target.endswith((".md", ".ipynb")):
@@ -68,8 +68,8 @@ def write_page(source: str, docs: Path) -> None:
 
 
 def write_api_page(name: str, package: griffe.Module, docs: Path) -> None:
-    """Write a page of the API: a table of its public names, and then their docstrings, in groups.
-    A line beginning with ":::" makes mkdocstrings insert the docstring of an object."""
+    """Write the page `name` of the API: a table of its public names, and then their docstrings, in
+    groups. A line beginning with ":::" makes mkdocstrings insert the docstring of an object."""
     page = SITE["api"][name]
     options = f"members: {page.get('members', False)}, show_root_heading: false"
     module = f"::: {page['module']}\n    options: {{{options}, show_root_toc_entry: false}}"
@@ -78,8 +78,9 @@ def write_api_page(name: str, package: griffe.Module, docs: Path) -> None:
         paths = [f"{page['module']}.{name}" for name in names.split()]
         entries += [f"## {group}", *(f"::: {path}" for path in paths)]
         for path in paths:
-            first = package[path.removeprefix("clearjoint.")].docstring.value.split("\n\n")[0]
-            line = with_links(first).replace("\n", " ").replace("|", "\\|")
+            docstring = package[path.removeprefix("clearjoint.")].docstring.value
+            first_paragraph = docstring.split("\n\n")[0]
+            line = with_links(first_paragraph).replace("\n", " ").replace("|", "\\|")
             table.append(f"| [`{path.rpartition('.')[2]}`][{path}] | {line} |")
     head = ["| Name | Description |", "|---|---|"] if table else []
     anchor = "" if "text" in page else f" {{#{page['module']}}}"  # where links to a module lead
@@ -101,7 +102,7 @@ def finished(text: str) -> str:
 
 
 def build(folder: Path) -> None:
-    """Write the pages into a folder."""
+    """Write all pages of the documentation into a folder."""
     with tempfile.TemporaryDirectory() as name:
         docs, site = Path(name) / "docs", Path(name) / "site"
         nav = json.dumps(SITE["site"]["nav"])

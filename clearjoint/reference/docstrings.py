@@ -38,8 +38,8 @@ def public_path(name: str, module: str = "") -> str | None:
     """Return the path of the public object or module that a name in backticks means, such as
     "clearjoint.laws.Hertz" for "Hertz"; ``None`` for another word.
 
-    Of "View.save", the path is that of the class. A name that begins with a dot was written after
-    "cj" or "clearjoint". In the docstring of `module`, its own names come first.
+    For "View.save", the path is that of the class `View`. A name that begins with a dot was written
+    after "cj" or "clearjoint". In the docstring of a `module`, names of this module come first.
     """
     if f"{module}.{name}" in PATHS:
         return f"{module}.{name}"
@@ -61,7 +61,7 @@ def public_path(name: str, module: str = "") -> str | None:
 
 
 def with_links(text: str, module: str = "") -> str:
-    """Turn public names in backticks, outside of code blocks, into links."""
+    """Turn public names in backticks, outside of code, into links, in a docstring of `module`."""
 
     def linked(match: re.Match) -> str:
         path = public_path(match[1], module)
@@ -80,8 +80,8 @@ def _walk(parent: griffe.Module | griffe.Class) -> Iterator[griffe.Object]:
 
 
 def _constructor(cls: griffe.Class, of: type) -> griffe.Function:
-    """Return the constructor of the dataclass `of`, which is `cls` in the source, with the
-    annotations of its fields as they are written there."""
+    """Return the constructor of the dataclass `of`, with the annotations of the fields as they are
+    written in the source, which griffe has read as `cls`."""
     parameters = [griffe.Parameter("self", kind=griffe.ParameterKind.positional_only)]
     for name, parameter in inspect.signature(of).parameters.items():
         default = None if parameter.default is parameter.empty else repr(parameter.default)
@@ -90,6 +90,7 @@ def _constructor(cls: griffe.Class, of: type) -> griffe.Function:
                 name,
                 kind=griffe.ParameterKind(parameter.kind.description),
                 annotation=getattr(cls.all_members.get(name), "annotation", None),
+                # A long default would hide the other parameters of a signature.
                 default=default if default is None or len(default) < 40 else "...",
             )
         )
@@ -105,6 +106,7 @@ class HouseStyle(griffe.Extension):
         """Change all docstrings and the public classes of a package."""
         for item in _walk(pkg):
             if item.docstring:
+                # The fences of the code block are indented like the session.
                 text = SESSION.sub(r"\n\1```pycon\n\g<0>\n\1```", item.docstring.value)
                 item.docstring.value = with_links(text, item.path if item.is_module else "")
         # griffe reads only the source, in which dataclasses have no constructors.

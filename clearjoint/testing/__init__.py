@@ -1,9 +1,9 @@
 """Checks of user-defined laws, joints and forces, for the tests of their authors.
 
-Each `check_...` function raises an `AssertionError` that states the first problem. Except for
-constraints, it also demands that `jax.vmap` gives the same result as a single evaluation. `motions`
-is the motion of each body of an element, from `moving`, by the body's name, with "ground" if the
-element has it. Translating and rotating bodies make the strictest test.
+Each `check_...` function raises an `AssertionError` that states the first problem. Each except
+`check_constraint` also demands that `jax.vmap` gives the same result as a single evaluation. The
+argument `motions` has the motion of each body of an element, from `moving`, by the body's name,
+with "ground" if the element has it. Translating and rotating bodies make the strictest test.
 """
 
 from .._fields.objects import without_modules as _without_modules

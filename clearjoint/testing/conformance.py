@@ -59,14 +59,14 @@ def ensure(condition: Condition, message: str) -> None:
 
 
 def evaluated(name: str, function: Callable[..., Scalar], law: PyTree, *points: Points) -> Points:
-    """Return the values of a scalar function of a law and of further numbers at N points.
+    """Return the values, (N,), of a scalar function of a law and of further numbers, the `points`.
 
     **Raises:** `AssertionError`, with the `name` of the function, if a value is not finite or if
     `jax.vmap` gives another value than a single evaluation.
     """
     values = jnp.asarray(jax.vmap(function, in_axes=(None, *(0 for _ in points)))(law, *points))
     ensure(jnp.isfinite(values), f"{name} is not finite everywhere.")
-    few = zip(*(rows[:SINGLE] for rows in points), strict=True)
+    few = zip(*(rows[:SINGLE] for rows in points), strict=True)  # a tuple of numbers for each point
     single = jnp.stack([jnp.asarray(function(law, *point)) for point in few])
     same = jnp.allclose(single, values[:SINGLE])
     ensure(same, f"{name} under vmap differs from a single evaluation.")
@@ -74,9 +74,10 @@ def evaluated(name: str, function: Callable[..., Scalar], law: PyTree, *points: 
 
 
 def ensure_finite_slopes(function: Callable[..., Scalar], law: PyTree, **points: Points) -> None:
-    """Raise an `AssertionError` unless all derivatives of a scalar function, by the parameters of
-    the law and by the numbers in `points`, are finite."""
+    """Raise an `AssertionError` unless all derivatives of a scalar function of a law and of further
+    numbers, by the parameters of the law and by the numbers in `points`, are finite."""
     arguments = jax.tree.map(jnp.asarray, law), *points.values()
+    # Derivatives by all arguments at once. The law is the same at all points.
     gradient = eqx.filter_grad(lambda arguments: function(*arguments))
     slopes = eqx.filter_vmap(gradient, in_axes=((None, *(0 for _ in points)),))(arguments)
     names = ("a parameter of the law", *(f"the {name.replace('_', ' ')}" for name in points))
@@ -151,20 +152,22 @@ def check_law(
 
 
 def _check_differences(forces: Callable[..., Points], law: AbstractContactLaw) -> None:
-    # The numbers of which one at a time is multiplied by a factor.
+    # Checks the derivatives of the force by depth, rate, entry speed and each parameter of the law.
+    # One of these numbers at a time is multiplied by a factor.
     arguments = *jnp.asarray(SMOOTH).T, jax.tree.map(jnp.asarray, law)
-    numbers, rest = eqx.partition(arguments, eqx.is_inexact_array)
+    numbers, constants = eqx.partition(arguments, eqx.is_inexact_array)
     leaves, structure = jax.tree.flatten(numbers)
     names = ["the depth", "the rate", "the entry speed"]
     for path, _ in jax.tree_util.tree_leaves_with_path(numbers[-1]):
         names.append(f"`{jax.tree_util.keystr(path).lstrip('.')}`")
 
     def forces_with(k: int, factor: Scalar) -> Points:
+        # The forces at the points `SMOOTH`, with the k-th number multiplied by `factor`.
         leaf = leaves[k]
         # Zero times a factor would stay zero: such a parameter grows with the factor instead.
         leaf = jnp.where(jnp.any(leaf != 0.0), leaf * factor, leaf + (factor - 1.0))
         changed = jax.tree.unflatten(structure, [*leaves[:k], leaf, *leaves[k + 1 :]])
-        *points, law = eqx.combine(changed, rest)
+        *points, law = eqx.combine(changed, constants)
         return forces(law, *points)
 
     for k, name in enumerate(names):
@@ -174,7 +177,7 @@ def _check_differences(forces: Callable[..., Points], law: AbstractContactLaw) -
         numeric = (forces_of(1.0 + STEP) - forces_of(1.0 - STEP)) / (2.0 * STEP)
         allowed = TOLERANCE * (jnp.abs(exact) + 1e-3 * jnp.abs(forces_of(1.0)))
         wrong = ~(jnp.abs(exact - numeric) <= allowed)  # also for NaN
-        at = SMOOTH[int(jnp.argmax(wrong))]
+        at = SMOOTH[int(jnp.argmax(wrong))]  # the first point with a wrong derivative
         ensure(
             ~wrong,
             f"The derivative by {name} does not agree with finite differences of the force, at a "
@@ -188,6 +191,7 @@ def _check_jumps(forces: Callable[..., Points], law: AbstractContactLaw) -> None
     right = grid(DEPTHS[1:], RATES, ENTRY_SPEEDS)[0]
     sizes, depths = jumps(lambda depth: forces(law, depth, rate, entry), left, right)
     offset = jnp.asarray(law.onset_offset(), float)
+    # The onset is at the depth -offset: the force may begin before the surfaces touch.
     at_edge = jnp.abs(depths + offset) <= EDGE * jnp.maximum(offset, EDGE)
     inside = jnp.where(at_edge, 0.0, sizes)
     k = int(jnp.argmax(jnp.abs(inside)))
@@ -248,6 +252,7 @@ def check_friction(friction: AbstractFriction) -> None:
     k = int(jnp.argmax(jnp.abs(sizes)))
     ensure(sizes[k] == 0.0, f"ratio() jumps by {sizes[k]:.3g} at {at[k]:.3g} m/s: smooth it.")
 
+    # For a normal force of 1 N. The x component stands for the others.
     def force(law: AbstractFriction, x: Scalar, y: Scalar, z: Scalar) -> Scalar:
         return law.force(1.0, Vector(x, y, z)).x
 
@@ -283,6 +288,7 @@ def check_bristles(friction: AbstractBristleFriction) -> None:
         bristles = Vector(z * 0.6, z * 0.8, 0.0)
         return law.rate(bristles, Vector(v, 0.0, 0.0)).dot(bristles)
 
+    # The friction along the slip over the normal force.
     def ratio(law: AbstractBristleFriction, z: Scalar, v: Scalar) -> Scalar:
         bristles, slip = Vector(z * 0.6, z * 0.8, 0.0), Vector(v, 0.0, 0.0)
         return law.ratio(bristles, law.rate(bristles, slip), slip).x
@@ -313,14 +319,14 @@ def check_constraint(
     """Check that the constraint rows of an ideal joint agree with central differences in time.
 
     A row is a scalar equation. It has a value, which is zero if the joint is satisfied; a Jacobian
-    by the velocities and spins (angular velocities) of the bodies; a time rate, which is the rate
-    of the value with all bodies at rest; and a bias. The check demands that the rate of the value
-    is the Jacobian times the velocities and spins plus the time rate, and that the bias is the time
-    derivative of this sum at constant velocities and spins.
+    by the velocities and spins (angular velocities) of the bodies; a time rate, the time derivative
+    of the value with all bodies at rest; and a bias. The check demands that the time derivative of
+    the value is the Jacobian times the velocities and spins plus the time rate, and that the bias
+    is the time derivative of this sum at constant velocities and spins.
 
-    **Arguments:** `motions`: at time 0. `tolerance`: largest accepted difference of rates, relative
-    to one plus the size of the rate. The bias may differ by ten times as much, because its rounding
-    errors are larger.
+    **Arguments:** `motions`: of the joint's bodies at time 0, by name. `tolerance`: largest
+    accepted error of the value's time derivative, relative to one plus its size. The bias may
+    differ by ten times as much, because its rounding errors are larger.
 
     >>> motions = {
     ...     "ground": testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0)),

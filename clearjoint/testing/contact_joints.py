@@ -47,7 +47,8 @@ def check_contact_joint(
 
     - the joint's methods `laws` and `contacts` name the same contacts;
     - normals are unit vectors, or zero without contact; the `rate` of each contact's gap is the
-      time derivative of its penetration, and so is the rate of the gap's `factor`, if it has one;
+      time derivative of the penetration, and the rate of the gap's `factor`, if there is one, the
+      time derivative of this factor;
     - the forces on the two bodies are equal and opposite, with a common line of action, or the
       couples on them are equal and opposite;
     - the power of the normal force, or of the couples, agrees with the penetration rate, and the
@@ -83,13 +84,15 @@ def check_contact_joint(
     given_point, restored = ravel_pytree((parameters, motions))
 
     def joint_and_motions(point: jax.Array) -> tuple[AbstractContactJoint, Motions]:
+        # The inverse: the joint and the motions with the numbers of a vector.
         parameters, motions = restored(point)
         return eqx.combine(parameters, structure), motions
 
     @jax.jit
     @jax.vmap
     def evaluate(point: jax.Array, change: jax.Array) -> tuple[ByLabel[Condition], Rows, Rows]:
-        # Failures of the contacts at a point, their numbers, and the derivatives of these.
+        # Failures of the contacts at a point, the numbers of the contacts, and the derivatives of
+        # these numbers if the point changes at the rate `change`.
         contacts, rates = jax.jvp(
             lambda point: _contacts(*joint_and_motions(point)), (point,), (change,)
         )
@@ -105,6 +108,7 @@ def check_contact_joint(
     for label, single in _rows(_contacts(joint, motions)).items():
         for message, failed in failures[label].items():
             _require(not failed.any(), label, message)
+        # The first of the tested positions is the given one, as in the single evaluation.
         same = jnp.allclose(single, rows[label][0], rtol=TOLERANCE, atol=1e-12)
         _require(same, label, "its forces under vmap differ from a single evaluation")
         finite = jnp.isfinite(slopes[label]).all()
@@ -117,15 +121,16 @@ def _check_slopes(
     point: jax.Array,
     joint_and_motions: Callable[[jax.Array], tuple[AbstractContactJoint, Motions]],
 ) -> None:
-    """Check that the derivatives of the penetrations by each parameter of the joint agree with
-    finite differences. `point`: vector of all parameters and motions."""
+    """Check that the derivatives of the contacts' penetrations by each parameter of a joint agree
+    with finite differences. `point`: vector of all parameters of the joint and all numbers of the
+    motions, from which `joint_and_motions` makes joint and motions again."""
     leaves = jax.tree.leaves(parameters)
     sizes = jnp.concatenate([jnp.full(leaf.size, jnp.max(jnp.abs(leaf))) for leaf in leaves])
     # A row for each parameter: the change of the point in which it alone changes, by the largest
     # magnitude in its field, or by 1 if all are zero there. All derivatives below are thus in m.
     changes = jnp.eye(len(sizes), len(point)) * jnp.where(sizes > 0.0, sizes, 1.0)[:, None]
 
-    def depths(point: jax.Array) -> Rows:
+    def depths(point: jax.Array) -> Rows:  # the penetrations, m
         joint, motions = joint_and_motions(point)
         contacts = unpack(joint).contacts(motions)
         return {label: jnp.asarray(c.gap.depth, float) for label, c in contacts.items()}
@@ -133,6 +138,7 @@ def _check_slopes(
     @jax.jit
     @jax.vmap
     def slopes(change: jax.Array) -> tuple[Rows, Rows]:
+        # Derivatives of the penetrations along a change, by JAX and by central differences.
         _, exact = jax.jvp(depths, (point,), (change,))
         ahead, behind = (depths(point + sign * STEP * change) for sign in (1.0, -1.0))
         return exact, jax.tree.map(lambda a, b: (a - b) / (2.0 * STEP), ahead, behind)
@@ -153,7 +159,8 @@ def _require(condition: Condition, label: str, message: str) -> None:
 
 
 def _positions(joint: AbstractContactJoint, motions: Motions, together: bool) -> list[Motions]:
-    """The motions at which the joint is tested, as `check_contact_joint` says."""
+    """The motions at which the joint is tested: the given ones; with each contact at its onset, and
+    `PENETRATION` deeper; with attachment points `together`, if true; and all of these at rest."""
     moving, scalar = [motions], unpack(joint)
     # A shift of the second body along the normal increases the penetration by its length.
     for label, contact in scalar.contacts(motions).items():
@@ -174,15 +181,16 @@ def _positions(joint: AbstractContactJoint, motions: Motions, together: bool) ->
 
 
 def _shifted(joint: AbstractContactJoint, motions: Motions, shift: Vector) -> Motions:
-    """Motions with the second body, or the first instead of the ground, shifted in global axes."""
+    """Motions with the second body shifted by `shift`, m in global axes, relative to the first; if
+    the second is the ground, the first is shifted by the opposite vector."""
     first, second = joint.pair()
     name, shift = (first, -shift) if second == GROUND else (second, shift)
     return {**motions, name: replace(motions[name], position=motions[name].position + shift)}
 
 
 def _rotated(joint: AbstractContactJoint, motions: Motions, label: str, depth: Scalar) -> Motions:
-    """Motions with the second body, or the first instead of the ground, rotated until a contact
-    that transmits a couple has the penetration `depth`."""
+    """Motions with the second body, or with the first if the second is the ground, rotated until
+    the contact `label`, which transmits a couple, has the penetration `depth`, m."""
     first, second = joint.pair()
     name, k = (first, 0) if second == GROUND else (second, 1)
     for _ in range(ROTATIONS):
@@ -198,8 +206,8 @@ def _rotated(joint: AbstractContactJoint, motions: Motions, label: str, depth: S
 
 
 def _contacts(joint: AbstractContactJoint, motions: Motions) -> Contacts:
-    """The contacts of a joint with forces at the entry speed `ENTRY_SPEED` and energies, all as
-    arrays; bristles have half of their full deflection."""
+    """The contacts of a joint, with forces at the entry speed `ENTRY_SPEED`, and the stored energy
+    of each; all numbers are arrays. Bristles have half of their full deflection."""
     joint = unpack(joint)
     contacts, bristles = joint.contacts(motions), {}
     for label, bristle_law in joint.bristle_laws().items():
@@ -267,15 +275,15 @@ def _failures(
 
 
 def _beside(side: SideForce, first: Motion, second: Motion) -> Vector:
-    """Velocity of the second body relative to the first, m/s, where a `SideForce` acts."""
+    """Global velocity of the second body relative to the first, m/s, where a `SideForce` acts."""
     return second.velocity_at(side.arm_second) - first.velocity_at(side.arm_first)
 
 
 def _force_failures(
     loaded: LoadedContact, first: Motion, second: Motion, factor: Slope | None
 ) -> dict[str, jax.Array]:
-    """Whether each condition on normal force and friction of one contact without couples fails;
-    `factor`: time derivative of `contact.gap.factor`, ``None`` if that is."""
+    """Whether each condition on normal force and friction of one contact without couples fails, by
+    the text of the failure; `factor`: time derivative of the gap's `factor`, if there is one."""
     contact, friction, force = loaded.contact, loaded.friction, loaded.normal_force
     # Friction acts at the contact points. For a contact without friction, the joint may give other
     # points on the normal force's line of action.
@@ -324,7 +332,7 @@ def _rows(contacts: Contacts) -> Rows:
 
 
 def _velocities(motions: Motions) -> Motions:
-    """Time derivatives of the motions at constant velocities and spins, in the form of motions."""
+    """Time derivatives of all numbers in motions, at constant velocities and spins, as motions."""
     rates = {}
     for name, motion in motions.items():
         rows = motion.rotation.row_x, motion.rotation.row_y, motion.rotation.row_z

@@ -47,9 +47,11 @@ def jumps(
     edges, values = jnp.linspace(left, right, PIECES + 1), jax.vmap(function)
     ends, heights = (jnp.stack([rows[:-1], rows[1:]]) for rows in (edges, values(edges)))
 
+    # The bisection `k` of all pieces: `low` and `high` are the values at the left and right ends.
     def bisect(k: jax.Array, state: tuple[jax.Array, ...]) -> tuple[jax.Array, ...]:
         (left, right), (low, high), halfway = state
-        halfway = jnp.where(k == HALVINGS // 2, jnp.abs(high - low), halfway)  # of the bisections
+        # The change that is left after half of all bisections.
+        halfway = jnp.where(k == HALVINGS // 2, jnp.abs(high - low), halfway)
         middle = 0.5 * (left + right)
         value = values(middle)
         is_left = jnp.abs(value - low) >= jnp.abs(high - value)

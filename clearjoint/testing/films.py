@@ -91,8 +91,8 @@ def _at_all(function: Callable[..., PyTree]) -> Callable[[AbstractFilm, jax.Arra
 
 
 def _states() -> jax.Array:
-    """All combinations of `RATIOS`, `SPEEDS` and `ANGLES`, turned by 0.3 rad: offsets along x would
-    hide some mistakes."""
+    """All combinations of `RATIOS`, `SPEEDS` and `ANGLES` as states (N, 4), offset and rate, turned
+    by 0.3 rad: offsets along x would hide some mistakes."""
     ratio, speed, angle = grid(RATIOS, SPEEDS, ANGLES)
     columns = ratio, jnp.zeros_like(ratio), speed * jnp.cos(angle), speed * jnp.sin(angle)
     return _rotated(jnp.stack(columns, axis=1), 0.3)
@@ -126,6 +126,8 @@ def _check_slopes(force: Force, film: AbstractFilm) -> None:
     for state, exact in zip(smooth, slopes_at(film, smooth), strict=True):
         steps = STEP * state  # one for each of the four numbers, which are changed one at a time
         ahead, behind = (forces_at(film, state + sign * jnp.diag(steps)) for sign in (1, -1))
+        # Column k of `exact`, (2, 4), is the derivative by the k-th number, for which `ahead` and
+        # `behind` have row k.
         error = jnp.abs((ahead - behind).T / (2.0 * steps) - exact)
         agrees = error <= TOLERANCE * jnp.abs(exact).max(axis=0)
         message = "The derivative by offset or rate does not agree with finite differences."

@@ -79,7 +79,8 @@ def _check_balance(wrenches: Wrenches, motions: Mapping[str, Motion], tolerance:
     levers = [_size(motions[name].position) for name in wrenches]
     for parts, lever, unit in ((forces, 0.0, "N"), (moments, max(levers), "N m")):
         left = _size(sum(parts[1:], parts[0]))
-        # Moments may be small differences of large ones, which have the rounding errors of these.
+        # Moments may be small differences of large moments, and have the rounding errors of these:
+        # a force times a lever. For the sum of the forces, the scale of levers is zero.
         scale = lever * max(_size(force) for force in forces)
         ensure(
             left <= tolerance * max(scale, *(_size(part) for part in parts)),
@@ -97,6 +98,7 @@ def _check_power(
     element = unpack(force)
 
     def stored(step: float) -> float:
+        # The stored energy, J, after a short time `step`, s.
         return float(element.stored_energy(moved(motions, step), on_device(time + step)))
 
     rate = (stored(STEP) - stored(-STEP)) / (2.0 * STEP)
@@ -114,10 +116,10 @@ def _check_power(
 
 
 def _check_derivatives(force: AbstractForce, motions: Mapping[str, Motion], time: float) -> None:
-    numbers, rest = eqx.partition(jax.tree.map(on_device, force), eqx.is_inexact_array)
+    numbers, constants = eqx.partition(jax.tree.map(on_device, force), eqx.is_inexact_array)
 
     def wrenches(numbers: AbstractForce, motions: Mapping[str, Motion]) -> Wrenches:
-        return _wrenches(eqx.combine(numbers, rest), motions, time)
+        return _wrenches(eqx.combine(numbers, constants), motions, time)
 
     for tested in (motions, at_rest(motions)):
         point = numbers, tested

@@ -26,9 +26,9 @@ def native_seconds() -> dict[str, float]:
 def optimise_programs() -> None:
     """Optimise the native programs of this process now.
 
-    Otherwise, a program is optimised when it has run for about as long as optimising takes. A step
-    then takes two thirds of its former time, with equal bits. Call this function before timing
-    steps of long runs.
+    Otherwise, a program is optimised when it has run for about as long as optimising takes. With
+    an optimised program, a step takes two thirds of its former time, with equal bits. Call this
+    function before timing steps of long runs.
 
     >>> testing.optimise_programs()
     """
