@@ -146,8 +146,7 @@ class Adjoint(eqx.Module):
 
 @Native
 def begun(run: Adjoint, values: PyTree) -> tuple[Step, PyTree]:
-    """Return the `Step` before a run's first step, and the initial tallies of the reductions (what
-    they accumulate during a run), by name."""
+    """Return a run's initial `Step`, and the initial tallies of the reductions, by name."""
     start = run.start(values, 1)
     return start.step, start.records[REDUCTIONS]
 
@@ -157,8 +156,7 @@ def segment(
     run: Adjoint, values: PyTree, step: Step, tallies: PyTree
 ) -> tuple[Step, PyTree, RowBuffer[jax.Array]]:
     """Continue a run from `step` and `tallies` to its end, a failure, the limit of attempts, or a
-    full buffer of `ROWS` steps, whichever comes first. Return step and tallies then, and the
-    buffer, in which each row has the numbers of a `step_row`."""
+    full buffer of `ROWS` steps. Return the new step and tallies, and a buffer of `step_row`s."""
     loop = run.loop(values, ROWS)
     rows = loop.recorders[STEPS].start(RunStart(loop, step))
 
@@ -356,8 +354,8 @@ def pulled(
 def backward(
     run: Adjoint, values: PyTree, example: Step, steps: PulledSteps, after: Pulled
 ) -> Pulled:
-    """Pull the cotangents `after` the first `after.count` of the `steps` back to before the first
-    step, and return the cotangents there."""
+    """Pull the cotangents `after` the first `after.count` of the `steps` back through all of them,
+    and return the cotangents before the first one."""
 
     def body(_: Scalar, now: Pulled) -> Pulled:
         return pulled(run, values, example, steps, now)

@@ -60,8 +60,7 @@ def recorders_of(requested: Requested) -> dict[str, Recorders]:
 
 
 class Status(NamedTuple):
-    """What Python needs to know of a run after a segment: the time `t` reached, s, the number of
-    attempts since the start of the run, and the result code."""
+    """What Python needs of a run after a segment: time `t`, s, number of attempts, result code."""
 
     t: Scalar
     attempts: Scalar
@@ -69,8 +68,7 @@ class Status(NamedTuple):
 
 
 SavedRows: TypeAlias = tuple[State, dict[str, Numbers]]
-"""The state of a run, with vectors as separate scalars, and values of quantities by name, at one or
-more times."""
+"""States, with vectors as separate scalars, and values of quantities by name, at some times."""
 
 
 def begin(

@@ -76,8 +76,7 @@ def peak_in_step(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant, h: Scalar
 ) -> tuple[Point, Scalar]:
     """Return the largest normal force, N, and the largest depth, m, of a contact in a step of
-    length h, s, from `start` to `end`. The force is a `Point`: its value, and its position in the
-    step from 0 to 1.
+    length h, s, from `start` to `end`. The `Point` has the force and its place in the step, 0 to 1.
 
     In the whole step the law uses the entry speed at `start`. If this is zero, because the contact
     begins in the step, the law uses the current rate (see `contact_normal_force`).
@@ -128,8 +127,7 @@ def end_in_step(
 def _depths(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant
 ) -> tuple[Slope, Slope]:
-    """Return the depth, m, and its rate, m/s, at the start and at the end of a step. This depth is
-    counted from that at which the force of the `law` begins."""
+    """Return the depth beyond the force's onset, m, and its rate, m/s, at both ends of a step."""
     lead = law.onset_offset()
     return Slope(start.gap.depth + lead, start.gap.rate), Slope(end.gap.depth + lead, end.gap.rate)
 

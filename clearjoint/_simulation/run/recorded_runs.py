@@ -98,7 +98,7 @@ class Recorder:
             quantities |= _parts_of(name, reduction)
         self.quantities = keep_flattened(quantities)
         self._example: Step | None = None
-        # Whether runs are computed side by side. It becomes false if native code lacks an operation.
+        # Whether runs are computed side by side; false once native code lacks an operation.
         self.has_lanes = is_native()
 
     def example_like(self, step: Step) -> Step:
@@ -338,8 +338,7 @@ class RecordedRun:
 
 
 def _breakpoint_moves(systems: SystemFamily, start: Scalar, t: Scalar) -> bool:
-    """Return whether a step from `start` to `t`, s, ends at a breakpoint that depends on the
-    parameters."""
+    """Return whether a step from `start` to `t`, s, ends at a breakpoint that parameters move."""
     landings = since_breakpoints(systems.system(), start, t)
     if not any(bool(lands) for lands, _ in landings.values()):
         return False
@@ -471,9 +470,9 @@ def _through(
     serve: Callable[[int, np.ndarray, bool], bool],
 ) -> None:
     """Run the lanes 0 to `count` - 1 in the columns of a loop. `begin` gets the number of a lane,
-    and returns the cells of the lane's own data and of its state. Whenever the loop returns, `serve`
-    gets, for each lane, the number, the cells of the column, and whether the lane can take a step,
-    and returns whether the lane goes on. If not, the next lane gets the column."""
+    and returns the cells of the lane's own data and state. Whenever the loop returns, `serve` gets,
+    for each lane, the number, the cells of the column, and whether the lane can take a step, and
+    returns whether the lane goes on. If not, the next lane gets the column."""
     columns, waiting = loop.columns(shared), deque(range(count))
     # The lane in each column; ``None`` for an empty one.
     slots: list[int | None] = [None] * loop.width
@@ -501,8 +500,8 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
     rows_of_runs: dict[int, list[np.ndarray]] = defaultdict(list)
     begin_rows = _begun_lane.native.bound(run, values[0])
     stacked = jax.tree.map(lambda *leaves: np.stack(leaves), *values)
-    # Cells of the parameters of all runs, (runs, cells), and layout of a lane's state. A cell is one
-    # number in the memory of the loop.
+    # Cells, which are single numbers in the loop's memory, of the parameters of all runs, (runs,
+    # cells), and layout of a lane's state.
     parameters, state_cells = parameter_cells.rows(stacked), begin_rows.results
     example = state_cells.tree(begin_rows(parameters[:1])[0])
     loop = made_lane_loop(_stepped_lane, _status_of_lane, (run, values[0], example))
@@ -557,8 +556,8 @@ class _PulledLane:
 
     def next_steps(self, left: int, room: int) -> tuple[PulledSteps, int]:
         """Return the next steps to pull back through, up to `LANE_ROWS`, and their number: the
-        `left` steps that were given earlier and are not done yet, and the steps before them. `room`:
-        largest number of these steps that have cotangents."""
+        `left` steps that were given earlier and are not done yet, and the steps before them. At
+        most `room` of these steps have cotangents."""
         last = self.first + left
         self.first = max(0, last - LANE_ROWS)
         rows = np.zeros((LANE_ROWS, self.rows.shape[1]))
