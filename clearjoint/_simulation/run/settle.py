@@ -161,7 +161,7 @@ class Strobe:
 
 def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]]:
     """Return positions (m), velocities (m/s), spins (rad/s) and orientations of all bodies in N
-    states, by name. Orientations are products p_i p_j of Euler parameters, whose sign is arbitrary."""
+    states, by name. Orientations are products p_i p_j of Euler parameters (of arbitrary sign)."""
     parts = {
         name: np.stack([np.asarray(getattr(body, name)) for body in states.bodies.values()], axis=1)
         for name in ("position", "velocity", "spin", "orientation")
