@@ -182,6 +182,7 @@ class MeanPowerLost(AbstractLossReduction):
     @override
     def results(self, tally: LossTally, now: Instant) -> dict[str, Scalar]:
         window = self._window(now)
+        # Of the part of the window that the run covers; not positive if there is no such part.
         duration = jnp.minimum(now.time, window.end) - jnp.maximum(tally.begin, window.start)
         reached, lost = duration > 0.0, self._inside(tally, now)
         return {"": jnp.where(reached, lost / jnp.where(reached, duration, 1.0), jnp.nan)}
@@ -195,6 +196,7 @@ def _lost(now: Instant) -> Scalar:
     lost: Scalar = 0.0
     for name in LOSSES:
         lost = add(lost, now.work.get(name, 0.0))
+    # The ledger counts the energy that bristles store as dissipated by friction.
     if (stored := now.bristle_energy) is not None:
         lost = lost - stored
     return lost
@@ -288,11 +290,12 @@ class ArchardWear(AbstractWindowedReduction):
     @override
     def results(self, tally: WearTally, now: Instant) -> dict[str, Scalar]:
         _, _, volumes = tally
-        of_bases = {base: sum(family[1:], family[0]) for base, family in volumes.items()}
+        # Sums begin with the first volume, as one with the number 0 would add an operation.
+        of_bases = {base: sum(sectors[1:], sectors[0]) for base, sectors in volumes.items()}
         of_sectors = {
             self._label(base, k): volume
-            for base, family in volumes.items()
-            for k, volume in enumerate(family)
+            for base, sectors in volumes.items()
+            for k, volume in enumerate(sectors)
         }
         totals = [of_bases[base] for base in BASES]
         volumes_by_name = {"": sum(totals[1:], totals[0]), **of_bases, **of_sectors}

@@ -314,6 +314,7 @@ def observe(
     >>> print(f"{observed.contacts['shoulder']['V'].eccentricity.max() * 1e3:.2f} mm")
     0.51 mm
     """
+    # Both types of solutions have a formulation.
     kind, is_solution = type(solution).__name__, hasattr(solution, "formulation")
     require(is_solution, "solution", kind, "a Solution", "pass what simulate(scene, ...) returned")
     trajectory = solution.saved if trajectory is None else trajectory

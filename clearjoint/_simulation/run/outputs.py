@@ -114,6 +114,7 @@ class Requested:
         require_names("outputs", self.outputs, EXAMPLE)
         expected = "a quantity, a reduction, a Section, an ImpactTable or RejectedSteps"
         for name, output in self.outputs.items():
+            # A class, such as `Position` without arguments, is callable too, but no quantity.
             is_quantity = callable(output) and not isinstance(output, type)
             is_output = is_quantity or isinstance(output, RECORDED)
             require(is_output, f"outputs[{name!r}]", output, expected, EXAMPLE)

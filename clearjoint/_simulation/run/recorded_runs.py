@@ -108,6 +108,7 @@ class Recorder:
         return self._example
 
     def recorded(self, values: Sequence[PyTree]) -> "list[RecordedRun]":
+        # Runs that are too long for lanes, and all runs without lanes, are recorded one by one.
         recordings: dict[int, _Recording] = {}
         if len(values) > 1 and self.has_lanes:
             recordings = self._or_refused(lambda: _in_lanes(self, values)) or {}
@@ -283,7 +284,8 @@ class RecordedRun:
             for time in self._samples.instants[name]:
                 since_start = time - origin
                 k = int(np.abs(ends - since_start).argmin())
-                # Steps end at events, so an instant inside a step is none. Equal up to rounding.
+                # Steps end at events, so an instant inside a step is not at an event. Times are
+                # compared up to rounding errors.
                 tolerance = resolution * max(abs(origin), abs(since_start))
                 is_end = abs(ends[k] - since_start) <= tolerance
                 # The end of the last step is the end of the run, which does not move.

@@ -226,6 +226,6 @@ def begin_run(
 
 
 def final_result(step: Step, t_end: Scalar) -> RESULTS:
-    """Return the code of `step`, or `max_steps_reached` if it neither failed nor reached `t_end`."""
+    """Return the result code of `step`; `max_steps_reached` if it neither failed nor is at `t_end`."""
     unfinished = (step.t < t_end) & (step.result == RESULTS.successful)
     return RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)

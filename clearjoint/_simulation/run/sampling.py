@@ -67,8 +67,8 @@ class Sampled(eqx.Module):
     - `amplification`: (p,), for each parameter, the largest derivative of a speed, times the time
       from its instant to the end of the run, over the largest derivative of a position in that
       time. Relative errors of the former, times this factor, bound those of the latter.
-    - `records`: the records of the run's recorders. Impacts have times since the start of the run,
-      and crossings times on the clock of the scene.
+    - `states`: those at the N times, or ``None``; `records`: those of the run's recorders. Impacts
+      have times since the start of the run, and crossings times on the clock of the scene.
     """
 
     values: dict[str, Numbers]

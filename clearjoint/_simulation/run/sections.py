@@ -198,6 +198,7 @@ class Section:
         for name, channel in self.channels.items():
             pair = channel if isinstance(channel, tuple) else (channel, "1")
             is_pair = len(pair) == 2 and callable(pair[0]) and isinstance(pair[1], str)
+            # A class, such as `Position` without arguments, is callable too, but no quantity.
             is_pair = is_pair and not isinstance(pair[0], type)
             require(is_pair, f"channels[{name!r}]", channel, expected, PASS_CHANNELS)
         # The results have arrays with the times of the crossings and the number of crossings.

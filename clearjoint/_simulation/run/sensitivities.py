@@ -182,7 +182,8 @@ def sensitivities(
     check_parameters(parameters)
     for parameter in parameters.values():
         if isinstance(parameter.variation, SeriesDelay):
-            # All outputs are evaluated at the same times; the error says which calls do more.
+            # This raises an error, because here all outputs are evaluated at the same times. The
+            # error says which calls can delay a single series.
             parameter.variation.setter(scene, state, 0.0)
     settings = settings_or(settings, presets.derivatives)
     scheme = derivative_scheme(scene, state, settings, start_time)
