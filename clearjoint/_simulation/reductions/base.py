@@ -180,7 +180,7 @@ class TimeSpan:
         return jnp.clip(at_start, 0.0, 1.0), jnp.clip(at_end, 0.0, 1.0)
 
     def if_reached(self, value: Scalar, time: Scalar) -> Scalar:
-        """Return a result of a run that ended at `time`, s; NaN if the window begins later."""
+        """Return `value`, a result of a run that ended at `time`, s; NaN if the window is later."""
         return value if self.after is None else jnp.where(time >= self.after, value, jnp.nan)
 
 

@@ -290,7 +290,7 @@ class ArchardWear(AbstractWindowedReduction):
     @override
     def results(self, tally: WearTally, now: Instant) -> dict[str, Scalar]:
         _, _, volumes = tally
-        # Sums begin with the first volume, as one with the number 0 would add an operation.
+        # Sums begin with the first volume: from the number 0, there would be one more operation.
         of_bases = {base: sum(sectors[1:], sectors[0]) for base, sectors in volumes.items()}
         of_sectors = {
             self._label(base, k): volume

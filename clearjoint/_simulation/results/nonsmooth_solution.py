@@ -54,8 +54,9 @@ class ContactTotals(AbstractReadable):
 class NonsmoothSolution(AbstractReadable, AbstractTabular):
     """Result of `clearjoint.simulate_nonsmooth`.
 
-    - `time`, `final`: the end of the run, s, and its `State`; `result`: the `RESULTS` code, which
-      says whether the run succeeded. `formulation`, `redundant_constraints`: as in `Solution`.
+    - `time`, `final`, `result`: the end of the run, s, the `State` then, and the `RESULTS` code.
+    - `formulation`: coordinates, stabilisation and linear solver; `redundant_constraints`: names of
+      constraint equations that depend linearly on others.
     - `steps`: number of steps.
     - `saved`: the `Trajectory` at the N requested times; ``None`` if no times were requested.
     - `history[joint][contact]`: the `ContactTotals` from the start up to each of the N requested

@@ -101,7 +101,7 @@ STEPS = "steps"
 class Adjoint(eqx.Module):
     """What runs at different values of their parameters have in common.
 
-    - `family`: the scene of given parameters, with its derivative along the guard's direction.
+    - `family`: the scene for given parameters, and the direction whose derivative controls steps.
     - `reductions`: by name, those such as `Peak` whose result is at an instant that the run finds.
     - `origin`, `end`: s, the scene's time at the start and at the end of the run.
     - `first_step`: s, length of the first step; `max_steps`: largest number of attempts.
@@ -122,7 +122,7 @@ class Adjoint(eqx.Module):
 
     def systems(self, values: PyTree, direction: PyTree | None = None) -> SystemFamily:
         """Return the equations of motion at `values` of the parameters, with derivatives along the
-        guard's direction or, if `direction` is given, along this, in which they are then linear."""
+        direction of `family` or, as linear functions that can be transposed, along `direction`."""
         family, is_transposed = replace(self.family, values=values), direction is not None
         if is_transposed:
             family = replace(family, direction=direction)
@@ -197,7 +197,7 @@ def _row_of(example: Step, row: jax.Array) -> tuple[Step, Scalar]:
 @Native
 def repeated(run: Adjoint, values: PyTree, example: Step, rows: Numbers) -> jax.Array:
     """Compute N steps again from the numbers of their `step_row`s, (N, n). Return the numbers of
-    their `Attempt`s, (N, k), which dense output needs."""
+    their `Attempt`s, (N, k), which dense output needs. `example`: any `Step` of the run."""
     method, system = run.scheme.method, run.systems(values).system()
 
     def again(_: None, row: jax.Array) -> tuple[None, jax.Array]:
@@ -237,7 +237,7 @@ def values_at(
 ) -> Values:
     """Return the quantities `outputs`, (N,) each, at N `times`, s since the start of the run, for
     `values` of the parameters. Row k of `steps`, (N, n), is the row of the result of `repeated` for
-    the step in which time k lies."""
+    the step in which time k lies. `example`: any `Step` of the run."""
     method, system = run.scheme.method, run.systems(values).system()
 
     def at(_: None, pair: tuple[jax.Array, Scalar]) -> tuple[None, Values]:
@@ -255,7 +255,7 @@ class StepTangents(NamedTuple):
 
 
 def example_of(run: Adjoint, example: Step) -> StepTangents:
-    """Return an example of the structure, shapes and dtypes of the `StepTangents` of all steps."""
+    """Return an example of the structure, shapes and dtypes of `StepTangents`, from any `Step`."""
     tangents, solver = example.tangents, run.scheme.method.solver
     assert tangents is not None and isinstance(solver, UnrolledExplicit)
     information = solver.information_like(tangents.y)

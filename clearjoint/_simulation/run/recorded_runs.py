@@ -489,6 +489,7 @@ def _through(
         moves = loop.status_of(columns)["moves"].tolist()
         for column, lane in enumerate(slots):
             if lane is not None and not serve(lane, columns.floats[:, column], moves[column]):
+                # An empty column takes no steps.
                 loop.leave(columns, column)
                 slots[column] = None
 

@@ -226,6 +226,6 @@ def begin_run(
 
 
 def final_result(step: Step, t_end: Scalar) -> RESULTS:
-    """Return the result code of `step`; `max_steps_reached` if it neither failed nor is at `t_end`."""
+    """Return `step.result`, or `max_steps_reached` if a run neither failed nor reached `t_end`."""
     unfinished = (step.t < t_end) & (step.result == RESULTS.successful)
     return RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)

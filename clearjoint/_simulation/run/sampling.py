@@ -88,7 +88,7 @@ Initial: TypeAlias = tuple[Variables, EntrySpeeds]
 
 
 def initial_with_tangents(family: SystemFamily, t0: Scalar) -> tuple[Initial, Initial]:
-    """Return what the initial state sets, and the derivatives by the parameters, at `t0`, s."""
+    """Return variables and entry speeds at the start, `t0`, s; and their derivatives."""
 
     def initial(system: System, values: Coordinates) -> Initial:
         state = scenes.start(values)
