@@ -322,6 +322,7 @@ class ArchardWear(AbstractWindowedReduction):
             sector = jnp.floor((turns - jnp.floor(turns)) * self.sectors)
             # Rounding may make the fraction of a turn exactly 1.
             sector = jnp.minimum(sector, self.sectors - 1)
+            # Only the sector at which the base touches the wall is worn.
             rates[base] = [jnp.where(sector == k, rate, 0.0) for k in range(self.sectors)]
         return rates
 

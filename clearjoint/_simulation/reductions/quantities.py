@@ -384,6 +384,7 @@ class Quantiles(AbstractQuantityReduction):
             k = jnp.sum(below < target)
             above = jnp.clip(k, 1, last)
             low, high = below[above - 1], below[above]
+            # The quantile's position between the two edges, 0 to 1, by linear interpolation.
             part = (target - low) / jnp.where(high > low, high - low, 1.0)
             value = edges[above - 1] + part * (edges[above] - edges[above - 1])
             enclosed = (k >= 1) & (k <= last)

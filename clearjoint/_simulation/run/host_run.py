@@ -261,6 +261,7 @@ class Run:
         ending = self.scheme, self.folded_scene, *reductions, step, self.end
         ended, slid_out = (part.tree for part in _end_compiled.in_parts(*ending))
         time, attempts, accepted = jax.device_get((ended.time, ended.attempts, ended.accepted))
+        # States are sampled along with quantities, even if only these are wanted.
         states, values = saved.samples()
         trajectory = states if self.requested.save.states else None
         reduced = {

@@ -304,6 +304,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
 
         def instant(name: str, label: str) -> ContactInstant:
             speed = now.entry_speeds.get(name, {}).get(label)
+            # The record must have the same types before and after a step.
             gap = without_weak_types(now.contacts[name][label].contact.gap)
             return ContactInstant(gap, second_rates[name][label], speed)
 

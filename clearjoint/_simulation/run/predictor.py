@@ -225,6 +225,7 @@ class Predictor:
         redundant = scheme.formulation.redundant
         if redundant not in self._recorders:
             reductions = self._outputs.reductions
+            # Integrals that reductions need are integrated with the motion.
             formulation = replace(scheme.formulation, integrands=integrands_of(reductions))
             method, parameter_count = scheme.method, sum(map(np.size, jax.tree.leaves(values)))
             assert method.derivative_tolerance is not None

@@ -354,6 +354,7 @@ def _require_few_crossings(block: Solution, span: float | None) -> None:
 
 
 def _joined(blocks: list[Solution]) -> Solution:
+    # Saved states and crossings are those of all blocks; the end is that of the last one.
     saved, outputs = jax.tree.map(
         lambda *rows: np.concatenate(rows), *((block.saved, block.outputs) for block in blocks)
     )
