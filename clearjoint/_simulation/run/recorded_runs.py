@@ -416,6 +416,7 @@ def _recorded(recorder: Recorder, at: PyTree) -> _Recording:
         after, tallies, buffer = adjoint.segment(run, at, step, tallies)
         rows = np.asarray(buffer.filled())
         kept += rows.nbytes
+        # The last number of a row is the end time of the step.
         segments.append(_Segment(rows[:, -1].copy(), rows))
         if kept > KEPT_BYTES:
             segments[-1] = _without_rows(segments[-1], step, recorder.times)
@@ -537,7 +538,8 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
             return False
         last = state_cells.tree(column[loop.state_cells])
         rows = np.concatenate(rows_of_runs.pop(number))
-        # All rows are kept, so that no segment is computed again.
+        # All rows are kept, so that no segment is computed again. The last number of a row is the
+        # end time of the step.
         pieces = (rows[k : k + adjoint.ROWS] for k in range(0, len(rows), adjoint.ROWS))
         segments = [_Segment(piece[:, -1].copy(), piece) for piece in pieces]
         recordings[number] = _Recording(segments, last.step, last.records[REDUCTIONS])
