@@ -66,7 +66,7 @@ class AbstractReduction(AbstractConverting):
     needs_ledger: ClassVar[bool] = False
     differentiated: ClassVar[tuple[str, ...]] = ()
     finds_instants: ClassVar[bool] = False
-    """Whether `instants` needs the results of the run."""
+    """Whether the method `instants` needs the results of the run, as for the time of a peak."""
 
     def observed(self) -> tuple[Quantity, ...]:
         """Return the quantities whose values at instants determine the `differentiated` results."""
@@ -87,13 +87,13 @@ class AbstractReduction(AbstractConverting):
         self, values: Float[Array, "instants values"], instants: Times
     ) -> dict[str, Scalar]:
         """Return the `differentiated` results, by operations of JAX. Row k of `values` has the
-        `observed` quantities at instant k, then the integrals of the `integrands` until k."""
+        `observed` quantities at instants[k], then the integrals of `integrands` up to this time."""
         raise NotImplementedError
 
     def check(self, scene: Scene) -> None:
         """Check that a scene has the bodies, joints and contacts that the reduction names.
 
-        It is called before a run. By default all fields that are quantities are checked.
+        Called before each run. By default all fields that are quantities are checked.
 
         **Raises:** `ValueError` for a name that the scene lacks; the message lists the known names.
         """
@@ -107,10 +107,10 @@ class AbstractReduction(AbstractConverting):
 
     @abc.abstractmethod
     def update(self, tally: PyTree, now: Instant) -> PyTree:
-        """Return the tally after an accepted step, from the `tally` at its start.
+        """Return the tally after an accepted step, from the `tally` at the start of the step.
 
-        It is also called after a rejected attempt, with the time unchanged; that result is
-        discarded.
+        The method is also called after a rejected attempt, with the time unchanged; the result is
+        then discarded.
 
         **Arguments:** `now`: the instant at the end of the step. `now.inside(x)` is the instant at
         which a part x, 0 to 1, of the step's time has passed; `now.middle` is the same for x = 0.5.
@@ -176,17 +176,18 @@ class TimeSpan:
         """Return where the part in the window of a step from `begin` to `end`, s, begins and ends,
         as fractions of the step, 0 to 1; both are equal if no part of the step is in the window."""
         length = jnp.where(end > begin, end - begin, 1.0)
-        first, last = (self.start - begin) / length, (self.end - begin) / length
-        return jnp.clip(first, 0.0, 1.0), jnp.clip(last, 0.0, 1.0)
+        at_start, at_end = (self.start - begin) / length, (self.end - begin) / length
+        return jnp.clip(at_start, 0.0, 1.0), jnp.clip(at_end, 0.0, 1.0)
 
     def if_reached(self, value: Scalar, time: Scalar) -> Scalar:
-        """Return a result of a run that ended at `time`, s; NaN if the window begins later."""
+        """Return `value`, a result of a run that ended at `time`, s; NaN if the window is later."""
         return value if self.after is None else jnp.where(time >= self.after, value, jnp.nan)
 
 
 @dataclass(frozen=True)
 class Window:
-    """Window of time, whose edges may be functions of the scene. It raises the errors of `Peak`."""
+    """Window of time, whose edges may be functions of the scene. Raises a `ValueError` for a time
+    that is NaN or not a single number, and if `until` is not later than `after`."""
 
     after: Instants
     until: Instants
@@ -206,15 +207,15 @@ class Window:
 
 
 class AbstractWindowedReduction(AbstractReduction):
-    """Base class of reductions over a window of time, from `after` to `until` (see `Peak`). A
-    subclass gets the `TimeSpan` by `self._window(now)`, at any instant of the run."""
+    """Base class of reductions over a window of time, from `after` to just before `until`. A
+    subclass gets the window's `TimeSpan` by `self._window(now)`, at any instant of the run."""
 
     after: Instants = eqx.field(default=None, static=True, converter=optional_time, kw_only=True)
     until: Instants = eqx.field(default=None, static=True, converter=optional_time, kw_only=True)
 
     @override
     def __check_init__(self):
-        Window(self.after, self.until)  # which checks the times
+        Window(self.after, self.until)  # raises an error for wrong times
 
     @override
     def instants(self, results: Mapping[str, Scalar], span: tuple[float, float]) -> Times:

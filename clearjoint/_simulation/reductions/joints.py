@@ -63,6 +63,7 @@ class ImpactCount(AbstractWindowedReduction):
     def update(self, tally: CountTally, now: Instant) -> CountTally:
         count, after = tally.count, self._touching(now)
         for label, touches in after.items():
+            # A contact that touches now, but did not at the end of the step before.
             begins = touches & ~tally.touching[label]
             if tally.time is not None:
                 begins = begins & self._window(now).holds(self._onset(label, tally.time, now))
@@ -71,7 +72,7 @@ class ImpactCount(AbstractWindowedReduction):
 
     def _onset(self, label: str, before: Scalar, now: Instant) -> Scalar:
         # To first order, the time since the onset is the penetration at the end of the step over
-        # its rate there; zero if the surfaces already move apart.
+        # the rate there; zero if the surfaces already move apart. It is at most the step's length.
         gap = now.contact_gaps[self.joint][label]
         since = gap.depth / jnp.where(gap.rate > 0.0, gap.rate, jnp.inf)
         return now.time - jnp.clip(since, 0.0, now.time - before)
@@ -86,10 +87,10 @@ class ImpactCount(AbstractWindowedReduction):
 
 
 class LossTally(NamedTuple):
-    """Tally of a reduction of losses: the start of the run, `begin`, s; the end of the latest step,
-    `time`, s; and the energies, J, dissipated up to the start of the window, `at_begin`, and up to
-    its end, `at_end`, or up to `time` as long as the window has not begun or ended. If the window
-    is the whole run, `time` and `at_end` are ``None``."""
+    """Tally of a reduction of losses. `begin`: start of the run, s; `time`: end of the latest step,
+    s; `at_begin`, `at_end`: energies, J, dissipated up to the start and up to the end of the
+    window, or up to `time` while this edge of the window lies ahead. If the window is the whole
+    run, `time` and `at_end` are ``None``."""
 
     begin: Scalar
     at_begin: Scalar
@@ -98,7 +99,8 @@ class LossTally(NamedTuple):
 
 
 class AbstractLossReduction(AbstractWindowedReduction):
-    """Base class of reductions of the energy, by the ledger, that joints dissipate in a window."""
+    """Base class of reductions of the energy that joints dissipate in a window, taken from the
+    energy ledger of the run."""
 
     needs_ledger = True
     differentiated = ("",)
@@ -119,15 +121,16 @@ class AbstractLossReduction(AbstractWindowedReduction):
             return tally
         lost, window, step_begin = _lost(now), self._window(now), tally.time
 
-        # Before an edge of the window, the tally has the losses so far. In the step across the
-        # edge, it gets the losses at the edge, by dense output. Then they stay.
+        # The losses up to an edge of the window, which lies at `fraction` of this step. Before the
+        # edge, they are the losses so far. In the step across the edge, they are the losses at the
+        # edge, by dense output. After the edge, they stay as `before` this step.
         def up_to(edge: Scalar, fraction: Scalar, before: Scalar) -> Scalar:
             at_edge = _lost(now.inside(fraction))
             return jnp.where(now.time <= edge, lost, jnp.where(step_begin < edge, at_edge, before))
 
-        first, last = window.fractions(step_begin, now.time)
-        at_begin = up_to(window.start, first, tally.at_begin)
-        at_end = up_to(window.end, last, tally.at_end)
+        x_begin, x_end = window.fractions(step_begin, now.time)
+        at_begin = up_to(window.start, x_begin, tally.at_begin)
+        at_end = up_to(window.end, x_end, tally.at_end)
         return tally._replace(at_begin=at_begin, time=now.time, at_end=at_end)
 
     def _inside(self, tally: LossTally, now: Instant) -> Scalar:
@@ -179,6 +182,7 @@ class MeanPowerLost(AbstractLossReduction):
     @override
     def results(self, tally: LossTally, now: Instant) -> dict[str, Scalar]:
         window = self._window(now)
+        # Of the part of the window that the run covers; not positive if there is no such part.
         duration = jnp.minimum(now.time, window.end) - jnp.maximum(tally.begin, window.start)
         reached, lost = duration > 0.0, self._inside(tally, now)
         return {"": jnp.where(reached, lost / jnp.where(reached, duration, 1.0), jnp.nan)}
@@ -192,6 +196,7 @@ def _lost(now: Instant) -> Scalar:
     lost: Scalar = 0.0
     for name in LOSSES:
         lost = add(lost, now.work.get(name, 0.0))
+    # The ledger counts the energy that bristles store as dissipated by friction.
     if (stored := now.bristle_energy) is not None:
         lost = lost - stored
     return lost
@@ -265,6 +270,8 @@ class ArchardWear(AbstractWindowedReduction):
         before, at_start, volumes = tally
         latest = at_end = self._rates(now)
         window, length, middle = self._window(now), now.time - before, now.middle
+        # A step that ends at a jump of forces is integrated with the rates just before the jump.
+        # The next step starts with `latest`, the rates after it.
         if now.jumps is not None:
             at_end = jax.tree.map(partial(where, now.jumps), self._rates(now.just_before), latest)
         if not window.is_whole:
@@ -283,14 +290,15 @@ class ArchardWear(AbstractWindowedReduction):
     @override
     def results(self, tally: WearTally, now: Instant) -> dict[str, Scalar]:
         _, _, volumes = tally
-        of_bases = {base: sum(family[1:], family[0]) for base, family in volumes.items()}
+        # Sums begin with the first volume: from the number 0, there would be one more operation.
+        of_bases = {base: sum(sectors[1:], sectors[0]) for base, sectors in volumes.items()}
         of_sectors = {
             self._label(base, k): volume
-            for base, family in volumes.items()
-            for k, volume in enumerate(family)
+            for base, sectors in volumes.items()
+            for k, volume in enumerate(sectors)
         }
-        both = [of_bases[base] for base in BASES]
-        volumes_by_name = {"": sum(both[1:], both[0]), **of_bases, **of_sectors}
+        totals = [of_bases[base] for base in BASES]
+        volumes_by_name = {"": sum(totals[1:], totals[0]), **of_bases, **of_sectors}
         window = self._window(now)
         return {name: window.if_reached(v, now.time) for name, v in volumes_by_name.items()}
 
@@ -314,13 +322,14 @@ class ArchardWear(AbstractWindowedReduction):
             sector = jnp.floor((turns - jnp.floor(turns)) * self.sectors)
             # Rounding may make the fraction of a turn exactly 1.
             sector = jnp.minimum(sector, self.sectors - 1)
+            # Only the sector at which the base touches the wall is worn.
             rates[base] = [jnp.where(sector == k, rate, 0.0) for k in range(self.sectors)]
         return rates
 
 
 def sliding_speed(now: Instant, joint: str, label: str) -> Scalar:
-    """Return the speed, m/s, at which the surfaces of a contact, such as "V", slide on each other,
-    computed from the motion, since contacts without friction have no `slip`."""
+    """Return the speed, m/s, at which the surfaces of a contact, such as "V", slide on each other.
+    The motion gives the speed, because only contact forces with friction have a `slip`."""
     contact = now.contacts[joint][label].contact
     pair = now.scene.contact_joints()[joint].pair()
     first, second = (now.motions[name] for name in pair)

@@ -111,6 +111,7 @@ class Peak(AbstractQuantityReduction):
         start, end = Point(0.0, tally.end.value), Point(1.0, value_before)
         # The quantity is evaluated at several instants, but traced only once.
         value_of = traced_once(self._value)
+        # The part of the step that is in the window.
         first, last, window = start, end, self._window(now)
         if not window.is_whole:
             a, b = window.fractions(tally.end.x, now.time)
@@ -132,6 +133,7 @@ class Peak(AbstractQuantityReduction):
         results = {"": tally.highest.value, "time": tally.highest.x}
         if self._window(now).is_whole:
             return results
+        # The value is minus infinity as long as no part of the window has been reached.
         reached = tally.highest.value > -jnp.inf
         return {name: jnp.where(reached, value, jnp.nan) for name, value in results.items()}
 
@@ -164,8 +166,8 @@ class AbstractIntegralReduction(AbstractQuantityReduction):
     def _updated(
         self, tally: IntegralTally, now: Instant
     ) -> tuple[IntegralTally, Parabola, Scalar, Scalar]:
-        """Return the tally after the step that ends at `now`, the parabola of the quantity in this
-        step, and the fractions of the step between which it is in the window."""
+        """Return the tally after the step that ends at `now`; the parabola of the quantity in this
+        step, with x from 0 to 1; and the two x between which the step is in the window."""
         t0, t1, (end, value) = tally.time, now.time, now.before_and_after(self._value)
         # The parabola's variable is 0 at t0 and 1 at t1. A rejected attempt has t1 = t0; its tally
         # is computed too, and discarded.
@@ -173,7 +175,8 @@ class AbstractIntegralReduction(AbstractQuantityReduction):
         length = jnp.where(t1 > t0, t1 - t0, 1.0)
         a, b = self._window(now).fractions(t0, t1)
         h = jnp.where(b > a, (b - a) * length, 0.0)
-        # Three Gauss nodes integrate the parabola and its square exactly.
+        # Three Gauss nodes integrate the parabola and its square, of degree 4, exactly. They are
+        # moved from the interval -1 to 1 to the interval a to b.
         values = [arc.at(0.5 * (a + b) + 0.5 * node * (b - a)) for node in GAUSS_NODES]
         pairs = list(zip(GAUSS_WEIGHTS, values, strict=True))
         first = tally.first + h * sum(weight * v for weight, v in pairs)
@@ -221,7 +224,8 @@ class Integral(AbstractIntegralReduction):
 
 
 class _Square(eqx.Module):
-    # Equal squares are equal, as two functions made by `lambda` are not: programs are kept by them.
+    # The square of a quantity. Programs are kept by their quantities, so two squares of the same
+    # quantity must be equal, as two functions made by `lambda` are not.
     quantity: Quantity = eqx.field(static=True)
 
     def __call__(self, now: Instant) -> Scalar:
@@ -238,7 +242,7 @@ class Statistics(AbstractIntegralReduction):
     The results are named "mean", "rms", "smallest" and "largest", all in the unit of the quantity.
     In each step the quantity is approximated by the parabola through both ends and the middle. A
     `clearjoint.predictor`, which has only "mean" and "rms", integrates them with the motion. Both
-    are inexact for an angle that jumps at half a revolution: take those of its sine.
+    ways are inexact for an angle that jumps at half a revolution: take the sine of the angle.
 
     **Arguments:** `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit;
     `after`, `until`: s, the window of time, by default the whole run; see `Peak`.
@@ -273,7 +277,8 @@ class Statistics(AbstractIntegralReduction):
         integrals, arc, a, b = self._updated(integrals, now)
         inside, (low, high) = b > a, arc.extremes(a, b)
         period = getattr(self.quantity, "period", None)
-        if period is not None:  # the parabola goes beyond both ends of the jump of an angle
+        # In a step in which an angle jumps, the parabola goes beyond both ends of the jump.
+        if period is not None:
             low, high = (jnp.clip(value, -0.5 * period, 0.5 * period) for value in (low, high))
         smallest = jnp.where(inside, jnp.minimum(smallest, low), smallest)
         largest = jnp.where(inside, jnp.maximum(largest, high), largest)
@@ -299,7 +304,7 @@ class Statistics(AbstractIntegralReduction):
 
 QuantilesTally: TypeAlias = tuple[tuple[Scalar, Scalar], Scalar, jax.Array]
 """Tally of `Quantiles`: (latest time, s, and the value there); the duration inside the window, s;
-and the part of it, s, for which the quantity was below each of the K edges, (K,)."""
+and, for each of the K edges, for how long in this duration the quantity was below it, (K,) s."""
 
 
 class Quantiles(AbstractQuantityReduction):
@@ -379,6 +384,7 @@ class Quantiles(AbstractQuantityReduction):
             k = jnp.sum(below < target)
             above = jnp.clip(k, 1, last)
             low, high = below[above - 1], below[above]
+            # The quantile's position between the two edges, 0 to 1, by linear interpolation.
             part = (target - low) / jnp.where(high > low, high - low, 1.0)
             value = edges[above - 1] + part * (edges[above] - edges[above - 1])
             enclosed = (k >= 1) & (k <= last)

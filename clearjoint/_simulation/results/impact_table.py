@@ -72,10 +72,12 @@ class Impacts(AbstractTabular):
     def of_rows(rows: Iterable[tuple[str | float, ...]]) -> "Impacts":
         """Return the table made of `rows`, in any order: tuples of the values of all fields."""
         names = [f.name for f in fields(Impacts)]
+        # Without rows, `zip` gives no columns; a table without impacts has empty ones.
         columns = list(zip(*rows, strict=True)) or [()] * len(names)
-        kinds = [object if name in NAMED else float for name in names]
-        table = Impacts(*map(np.array, columns, kinds))
-        # Impacts are ordered by their onset, and impacts with equal onsets by joint and contact.
+        dtypes = [object if name in NAMED else float for name in names]
+        table = Impacts(*map(np.array, columns, dtypes))
+        # Impacts are ordered by their onset, and impacts with equal onsets by joint and contact:
+        # `lexsort` takes the most important key last.
         keys = table.contact.astype(str), table.joint.astype(str), table.onset
         return table._rows(np.lexsort(keys))
 

@@ -54,17 +54,19 @@ class ContactTotals(AbstractReadable):
 class NonsmoothSolution(AbstractReadable, AbstractTabular):
     """Result of `clearjoint.simulate_nonsmooth`.
 
-    - `time`, `final`, `result`, `formulation`, `redundant_constraints`: as in `Solution`.
+    - `time`, `final`, `result`: the end of the run, s, the `State` then, and the `RESULTS` code.
+    - `formulation`: coordinates, stabilisation and linear solver; `redundant_constraints`: names of
+      constraint equations that depend linearly on others.
     - `steps`: number of steps.
     - `saved`: the `Trajectory` at the N requested times; ``None`` if no times were requested.
     - `history[joint][contact]`: the `ContactTotals` from the start up to each of the N requested
       times; ``None`` if no times were requested.
-    - `saved_count`: number of requested times that the run reached. In `saved` and `history`, the
-      rows of times that it did not reach repeat the last state.
+    - `saved_count`: number of requested times that the run reached, or ``None``. In `saved` and
+      `history`, the rows of times that the run did not reach repeat the last state.
     - `contacts[joint][contact]`: the `ContactTotals` of the whole run.
     - `residual`: largest violation of the contact conditions in any step that did not fail: that no
       contact approaches after the impact faster than its restitution allows, that no impulse pulls,
-      that it is zero at a contact that opens faster than by restitution, and that friction obeys
+      that none acts at a contact that opens faster than by restitution, and that friction obeys
       Coulomb's law. The violation is relative to the largest velocity at closed contacts that the
       impulses, or the projection of the positions, have to change, but at least to 1e-9 m/s.
 

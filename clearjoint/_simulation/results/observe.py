@@ -238,10 +238,10 @@ class Observation(eqx.Module, AbstractTabular):
     def ledger_residual(self) -> Numbers:
         """Return the energy that the ledger does not explain, (N,) J, a measure of the run's error.
 
-        It is the change, since the first time, of the mechanical plus the dissipated energy less
+        This is the change, since the first time, of the mechanical plus the dissipated energy less
         the supplied one, and zero for an exact solution. Without the ledger, it is the change of
         the mechanical energy. At `interpolated` times, the result is interpolated between the ends
-        of steps. If all times are `interpolated`, it includes the error of the states there.
+        of steps. If all times are `interpolated`, the result has the error of the states there too.
         """
         losses = ("normal damping", "friction", "film", "stabilisation")
         dissipated = sum(self.energies.get(name, 0.0) for name in losses)
@@ -256,8 +256,8 @@ class Observation(eqx.Module, AbstractTabular):
 def _rows_of(
     kind: type[eqx.Module], parts: Mapping[str, PyTree], dim: str, *attributes: Mapping[str, object]
 ) -> dict[str, tuple[Any, ...]]:
-    """Return by name of the variable, for each field of the class `kind`, the arguments of
-    `_stacked`: `dim`, this field of each of the `parts`, its unit, description, `attributes`."""
+    """Return, for each field of the class `kind` by name of the variable, the arguments of
+    `_stacked`: `dim`, the field of all `parts` (objects of the class), unit, text, `attributes`."""
     rows = {}
     for f in fields(kind):
         series = [getattr(part, f.name) for part in parts.values()]
@@ -274,6 +274,7 @@ def _stacked(
 ) -> Labelled:
     """Return K series at N times as one variable, (N, K), or (N, K, 3) for vectors, with `dim` as
     name of the second dimension. A series that is ``None`` becomes NaN; not all may be ``None``."""
+    # All series have the shape of any that is not ``None``.
     shape = next(np.shape(row) for row in series if row is not None)
     lacking = np.full(shape, np.nan)
     values = np.stack([lacking if row is None else np.asarray(row) for row in series], 1)
@@ -313,6 +314,7 @@ def observe(
     >>> print(f"{observed.contacts['shoulder']['V'].eccentricity.max() * 1e3:.2f} mm")
     0.51 mm
     """
+    # Both types of solutions have a formulation.
     kind, is_solution = type(solution).__name__, hasattr(solution, "formulation")
     require(is_solution, "solution", kind, "a Solution", "pass what simulate(scene, ...) returned")
     trajectory = solution.saved if trajectory is None else trajectory
@@ -343,7 +345,7 @@ def observe(
 
 def _observed(now: Instant) -> Observation:
     """Quantity: the observation at an instant in absolute coordinates, without the energy ledger.
-    Whether reactions are unique is not known here."""
+    `observe` sets `reactions_unique`, which is not known here."""
     dynamics, scene = now.dynamics, now.scene
     motions, forces = dynamics.motions, dynamics.contact_forces
     energies = mechanical_energy(scene, motions, now.time)
@@ -416,11 +418,13 @@ def _modes(scene: Scene, dynamics: Dynamics) -> dict[str, Integers]:
             touches_v, touches_w = v.gap.depth > 0.0, w.gap.depth > 0.0
             # If the normals at both bases point to the same side, the journal lies along a line of
             # the wall; otherwise it is tilted from one side to the other.
-            both = jnp.where(
+            if_both_touch = jnp.where(
                 v.normal.dot(w.normal) > 0.0, MotionMode.LINE_CONTACT, MotionMode.OPPOSITE_SIDES
             )
-            either = jnp.where(touches_v | touches_w, MotionMode.ONE_BASE, MotionMode.FREE_FLIGHT)
-            modes[name] = jnp.where(touches_v & touches_w, both, either)
+            otherwise = jnp.where(
+                touches_v | touches_w, MotionMode.ONE_BASE, MotionMode.FREE_FLIGHT
+            )
+            modes[name] = jnp.where(touches_v & touches_w, if_both_touch, otherwise)
     return modes
 
 
@@ -460,8 +464,8 @@ def _along(
     states: State,
     rates: bool = False,
 ) -> Result:
-    """Return a function of an instant at N times and states, in absolute coordinates: its result, a
-    PyTree, with arrays of a first axis of length N. `rates`: as in `values_along`."""
+    """Return the results of `quantity` at N times and states, in absolute coordinates, as one
+    PyTree, whose arrays have a first axis of length N; with `rates`, their time derivatives."""
     used = solution.formulation
     absolute = Formulation(AbsoluteCoordinates(), used.stabilisation, used.redundant)
     # The program is compiled for the exact zeros and ones of the scene, which need no operations.
@@ -472,12 +476,14 @@ def _along(
         # Repeats rows to fill up the last chunk; makes zeros if there is no row at all.
         return np.resize(rows[first : first + CHUNK], (CHUNK, *rows.shape[1:]))
 
-    parts = []
+    chunks = []
+    # Without states there is one chunk, from which the structure of the empty result follows.
     for first in range(0, max(count, 1), CHUNK):
-        part = jax.tree.map(lambda leaf, first=first: chunk(leaf, first), rows)
-        here = np.asarray(min(CHUNK, count - first))
-        parts.append(jax.device_get(_along_compiled(*fixed, here, *part)))
-    return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:count], *parts)
+        times_and_states = jax.tree.map(lambda leaf, first=first: chunk(leaf, first), rows)
+        count_in_chunk = np.asarray(min(CHUNK, count - first))
+        results = _along_compiled(*fixed, count_in_chunk, *times_and_states)
+        chunks.append(jax.device_get(results))
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:count], *chunks)
 
 
 # If native code cannot be made, XLA compiles this function. No warning is issued then, because it
@@ -492,7 +498,7 @@ def _along_compiled(
     times: Numbers,
     states: State,
 ) -> Result:
-    """Return the results of `_along` at the first `count` of N times and states."""
+    """Return the results that `_along` returns, at the first `count` of N times and states."""
     system = System(unpack(folded_scene), absolute)
 
     def at(t: Scalar, state: State) -> Result:

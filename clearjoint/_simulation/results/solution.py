@@ -62,11 +62,12 @@ def by_contact(tables: Mapping[str, Mapping[str, T]]) -> dict[str, T]:
 
 
 def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict[str, Labelled]:
-    """Return states as arrays by name of variable, with `rows`, such as ("time",), as the names of
-    the first dimensions, and with `prefix` in front of each name."""
+    """Return states as arrays by name of variable, with `prefix` in front of each name. `rows`:
+    names of the first dimensions of all arrays in `states`, such as ("time",) or ()."""
     arrays = {}
     for field in fields(BodyState):
         values = [np.asarray(getattr(body, field.name)) for body in states.bodies.values()]
+        # Bodies are stacked along a new dimension before that of the components.
         dims = (*rows, "body", STATE_PARTS[field.name][0])
         arrays[prefix + field.name] = Labelled(dims, np.stack(values, -2), *field.metadata.values())
     of_entry = "speed of approach at the onset of the contact; zero in flight"
@@ -88,7 +89,7 @@ def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict
 
 
 def state_labels(states: State) -> dict[str, Labelled]:
-    """Return the labels along each dimension of the arrays of `state_arrays`."""
+    """Return the labels along each dimension of the arrays that `state_arrays` returns."""
     labels = {"body": [*states.bodies], **LABELS}
     labels[CONTACTS] = [*by_contact(states.entry_speeds)]
     labels[BRISTLES] = [*by_contact(states.bristles)]
@@ -129,11 +130,12 @@ def instants_of_smooth_curves(times: Times, states: State) -> Wanted:
     # is proportional to the square root of the bend.
     parts = np.maximum(FINEST * np.sqrt(bend / largest), rotation / LARGEST_ROTATION)
     parts = np.clip(np.ceil(parts), 1, MOST).astype(int)
-    # `part` counts the parts of each step from 0, in one array for all steps.
+    # For all parts of all steps: `step` is the index of the step, and `part` counts the parts of
+    # this step from 0. The difference is the number of parts in all earlier steps.
     step = np.repeat(np.arange(len(parts)), parts)
     part = np.arange(len(step)) - (np.cumsum(parts) - parts)[step]
-    inside = times[step] + part / parts[step] * lengths[step]
-    return np.append(inside, times[-1:])
+    starts_of_parts = times[step] + part / parts[step] * lengths[step]
+    return np.append(starts_of_parts, times[-1:])
 
 
 def states_between(times: Times, states: State, wanted: Wanted) -> State:
@@ -147,7 +149,8 @@ def states_between(times: Times, states: State, wanted: Wanted) -> State:
     h = (times[left + 1] - times[left])[:, None]
     x = np.where(h > 0.0, (wanted - times[left])[:, None] / np.where(h > 0.0, h, 1.0), 1.0)
     bodies = {name: _body(body, left, x, h) for name, body in states.bodies.items()}
-    ends = np.where(x[:, 0] == 1.0, left + 1, left)
+    # Entry speeds and memories are those of the start of the step, except at its end.
+    kept_rows = np.where(x[:, 0] == 1.0, left + 1, left)
 
     def linear(rows: Numbers) -> np.ndarray:
         rows = np.asarray(rows)
@@ -155,24 +158,26 @@ def states_between(times: Times, states: State, wanted: Wanted) -> State:
         part = x.reshape(-1, *[1] * (rows.ndim - 1))
         return (1.0 - part) * rows[left] + part * rows[left + 1]
 
-    both = states.entry_speeds, states.memory
-    entry_speeds, memory = jax.tree.map(lambda rows: np.asarray(rows)[ends], both)
+    kept = states.entry_speeds, states.memory
+    entry_speeds, memory = jax.tree.map(lambda rows: np.asarray(rows)[kept_rows], kept)
     work, bristles = jax.tree.map(linear, (states.work, states.bristles))
     return State(bodies, entry_speeds, work, bristles, memory)
 
 
+# Interpolates at the parts `x` of steps of lengths `h`, which begin at the rows `left` of the body.
 def _body(body: BodyState, left: Rows, x: np.ndarray, h: np.ndarray) -> BodyState:
     positions, velocities = np.asarray(body.position), np.asarray(body.velocity)
     start, end = (Slope(positions[row], velocities[row]) for row in (left, left + 1))
     position, velocity = _along(start, end, x, h)
     orientations, spins = np.asarray(body.orientation), np.asarray(body.spin)
-    first, second = orientations[left], orientations[left + 1]
-    # Both signs of Euler parameters are the same orientation: take the nearer one.
-    sign = np.where(np.sum(first * second, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+    at_start, at_end = orientations[left], orientations[left + 1]
+    # Both signs of Euler parameters are the same orientation: at the end, take the one that is
+    # nearer to the start.
+    sign = np.where(np.sum(at_start * at_end, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
     # The rate of the Euler parameters p is the quaternion product p (0, w)/2, where w is the spin.
     rates = 0.5 * _product(orientations, np.pad(spins, ((0, 0), (1, 0))))
-    turned = Slope(sign * second, sign * rates[left + 1])
-    orientation, rate = _along(Slope(first, rates[left]), turned, x, h)
+    signed_end = Slope(sign * at_end, sign * rates[left + 1])
+    orientation, rate = _along(Slope(at_start, rates[left]), signed_end, x, h)
     # The same relation gives the spin, (0, w) = 2 p^-1 dp/dt. Its scalar part is left out: it is
     # not zero inside the step, only because the size of the interpolated p changes there.
     size = np.linalg.norm(orientation, axis=1, keepdims=True)
@@ -183,9 +188,9 @@ def _body(body: BodyState, left: Rows, x: np.ndarray, h: np.ndarray) -> BodyStat
 def _along(start: Slope, end: Slope, x: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return cubic Hermite interpolants and their rates, (M, components), at the parts `x`, (M, 1),
     0 to 1, of steps of lengths `h`, (M, 1) s; the values at `end` where h is zero."""
-    there, length = h > 0.0, np.where(h > 0.0, h, 1.0)
+    is_step, length = h > 0.0, np.where(h > 0.0, h, 1.0)
     value, rate = hermite_value(x, start, end, length), hermite_rate(x, start, end, length)
-    return np.where(there, value, end.value), np.where(there, rate, end.rate)
+    return np.where(is_step, value, end.value), np.where(is_step, rate, end.rate)
 
 
 def _product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -321,7 +326,7 @@ class Solution(AbstractReadable, AbstractTabular):
     - `formulation`: coordinates, stabilisation, and whether the energy ledger was integrated.
     - `redundant_constraints`: names of constraint equations that depend linearly on others. If
       there are any, the reactions are not unique, and those of least norm are computed.
-    - `settings`: pairs of a name and a text or number; empty under a JAX transformation.
+    - `settings`: those of the run, pairs of name and value; empty under a JAX transformation.
 
     >>> solution = cj.simulate(scene, state, 0.1, save=cj.Saving([0.0, 0.1]), progress=False)
     >>> positions = solution.saved.states.bodies["ball"].position
@@ -409,7 +414,7 @@ class FinishedRun(Protocol):
 
 
 def is_abstract(tree: PyTree) -> bool:
-    """Return whether JAX traces a leaf, or the result is of several runs, as from `jax.vmap`."""
+    """Return whether JAX traces a leaf of a result, or `jax.vmap` has computed several runs."""
     time = getattr(tree, "time", 0.0)
     return np.ndim(time) > 0 or any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(tree))
 
@@ -417,7 +422,8 @@ def is_abstract(tree: PyTree) -> bool:
 def run_text(
     run: FinishedRun, final: State, redundant: tuple[str, ...], lines: Sequence[str]
 ) -> str:
-    """Return the text that `repr` shows for a result, with `lines` after the first line."""
+    """Return the text that `repr` shows for a result: type, time and result code of the `run`, the
+    `lines`, names of `redundant` constraints, and the motion of bodies in the `final` state."""
     if redundant:
         names = ", ".join(map(repr, redundant))
         lines = [*lines, f"redundant constraints: {names}"]

@@ -47,8 +47,8 @@ Values = dict[str, Numbers]
 
 
 def step_row(step: Step, t1: Scalar) -> tuple[Step, Scalar]:
-    """Return what is recorded of an accepted step from `step` to `t1`, s since the run's start:
-    both, with ``None`` for those fields of `step` that derivatives of the step do not need."""
+    """Return what is recorded of an accepted step that begins with `step` and ends at `t1`, s since
+    the run's start: `step` without the fields that derivatives of it do not need, and `t1`."""
     proposal = replace(
         step.proposal, t_next=None, full_length=None, entry_length=None, controller_state=None
     )
@@ -66,15 +66,16 @@ def in_one_array(tree: PyTree) -> jax.Array:
 def like(example: PyTree, numbers: Numbers) -> PyTree:
     """Invert `in_one_array`: give `numbers`, (n,), structure, shapes and dtypes of `example`."""
     leaves, structure = jax.tree.flatten(example)
-    made, start = [], 0
+    converted, start = [], 0
     for leaf in leaves:
         end = start + np.size(leaf)
         part = numbers[start:end].reshape(np.shape(leaf))
         # For thirty joints, asking JAX for the dtypes of all leaves takes several milliseconds.
         dtype = leaf.dtype if hasattr(leaf, "dtype") else jnp.result_type(leaf)
-        made.append(part != 0.0 if dtype is np.dtype(bool) else part.astype(dtype))
+        # `in_one_array` has made 0.0 and 1.0 of ``False`` and ``True``.
+        converted.append(part != 0.0 if dtype is np.dtype(bool) else part.astype(dtype))
         start = end
-    return jax.tree.unflatten(structure, made)
+    return jax.tree.unflatten(structure, converted)
 
 
 class AcceptedSteps(AbstractRecorder[RowBuffer[jax.Array]]):
@@ -100,8 +101,8 @@ STEPS = "steps"
 class Adjoint(eqx.Module):
     """What runs at different values of their parameters have in common.
 
-    - `family`: the scene of given parameters, with its derivative along the guard's direction.
-    - `reductions`: by name of the output, those whose instants the run finds, such as `Peak`.
+    - `family`: the scene for given parameters, and the direction whose derivative controls steps.
+    - `reductions`: by name, those such as `Peak` whose result is at an instant that the run finds.
     - `origin`, `end`: s, the scene's time at the start and at the end of the run.
     - `first_step`: s, length of the first step; `max_steps`: largest number of attempts.
     """
@@ -116,12 +117,12 @@ class Adjoint(eqx.Module):
 
     @property
     def own_end(self) -> Scalar:
-        """The end of the run, s since its start."""
+        """The end of the run, s since the start of the run."""
         return self.end - self.origin
 
     def systems(self, values: PyTree, direction: PyTree | None = None) -> SystemFamily:
-        """Return the equations of motion at `values` of the parameters, with their derivatives
-        along the guard's direction, or along `direction` if given, as linear functions of it."""
+        """Return the equations of motion at `values` of the parameters, with derivatives along the
+        direction of `family` or, as linear functions that can be transposed, along `direction`."""
         family, is_transposed = replace(self.family, values=values), direction is not None
         if is_transposed:
             family = replace(family, direction=direction)
@@ -145,7 +146,7 @@ class Adjoint(eqx.Module):
 
 @Native
 def begun(run: Adjoint, values: PyTree) -> tuple[Step, PyTree]:
-    """Return a run before its first step: the `Step`, and the tallies of the reductions by name."""
+    """Return a run's initial `Step`, and the initial tallies of the reductions, by name."""
     start = run.start(values, 1)
     return start.step, start.records[REDUCTIONS]
 
@@ -155,7 +156,7 @@ def segment(
     run: Adjoint, values: PyTree, step: Step, tallies: PyTree
 ) -> tuple[Step, PyTree, RowBuffer[jax.Array]]:
     """Continue a run from `step` and `tallies` to its end, a failure, the limit of attempts, or a
-    full buffer of `ROWS` steps. Return step, tallies and buffer, with a `step_row` in each row."""
+    full buffer of `ROWS` steps. Return the new step and tallies, and a buffer of `step_row`s."""
     loop = run.loop(values, ROWS)
     rows = loop.recorders[STEPS].start(RunStart(loop, step))
 
@@ -187,14 +188,16 @@ def _linear_step(
 
 
 def _row_of(example: Step, row: jax.Array) -> tuple[Step, Scalar]:
-    """Invert `step_row`, whose numbers are `row`; fields that it lacks are those of `example`."""
+    """Return the start of a step and its end time, s, from `row`, the numbers of a `step_row`.
+    Fields that a `step_row` leaves out, except tangents, are taken from `example`."""
     recorded, t1 = like(step_row(example, example.t), row)
     return eqx.combine(recorded, replace(example, tangents=None)), t1
 
 
 @Native
 def repeated(run: Adjoint, values: PyTree, example: Step, rows: Numbers) -> jax.Array:
-    """Compute N steps again from their `step_row`s. Return their `Attempt`s as numbers, (N, k)."""
+    """Compute N steps again from the numbers of their `step_row`s, (N, n). Return the numbers of
+    their `Attempt`s, (N, k), which dense output needs. `example`: any `Step` of the run."""
     method, system = run.scheme.method, run.systems(values).system()
 
     def again(_: None, row: jax.Array) -> tuple[None, jax.Array]:
@@ -233,8 +236,8 @@ def values_at(
     run: Adjoint, values: PyTree, example: Step, outputs: Quantities, steps: Numbers, times: Numbers
 ) -> Values:
     """Return the quantities `outputs`, (N,) each, at N `times`, s since the start of the run, for
-    `values` of its parameters. Row k of `steps`, the result of `repeated`, has the numbers of the
-    step in which time k lies, of the structure of `example`."""
+    `values` of the parameters. Row k of `steps`, (N, n), is the row of the result of `repeated` for
+    the step in which time k lies. `example`: any `Step` of the run."""
     method, system = run.scheme.method, run.systems(values).system()
 
     def at(_: None, pair: tuple[jax.Array, Scalar]) -> tuple[None, Values]:
@@ -252,7 +255,7 @@ class StepTangents(NamedTuple):
 
 
 def example_of(run: Adjoint, example: Step) -> StepTangents:
-    """Return an example of the structure, shapes and dtypes of the `StepTangents` of all steps."""
+    """Return an example of the structure, shapes and dtypes of `StepTangents`, from any `Step`."""
     tangents, solver = example.tangents, run.scheme.method.solver
     assert tangents is not None and isinstance(solver, UnrolledExplicit)
     information = solver.information_like(tangents.y)
@@ -269,16 +272,18 @@ def pulled_outputs(
     times: Numbers,
     cotangents: dict[str, Numbers],
 ) -> tuple[jax.Array, PyTree]:
-    """Pull cotangents[name], (N,), of the derivatives of quantities at N times (see `values_at`)
-    back to the tangents of the steps with these times, and to the direction of the parameters.
-    Return for each time the cotangents of the `StepTangents` of its step, (N, m), and those of the
-    direction, summed over all times."""
+    """Pull cotangents[name], (N,), of the derivatives of quantities at N times back to the tangents
+    of the steps in which the times lie, and to the direction of the parameters. Return for each
+    time the cotangents of the `StepTangents` of the step, (N, m), and those of the direction,
+    summed over all times. The other arguments are those of `values_at`."""
     method, zeros = run.scheme.method, jax.tree.map(jnp.zeros_like, values)
 
-    def pull(total: PyTree, parts: PyTree) -> tuple[PyTree, jax.Array]:
-        numbers, time, seeds = parts
+    # Pulls the cotangents at one time back. `total`: those of the direction at earlier times.
+    def pull(total: PyTree, row: PyTree) -> tuple[PyTree, jax.Array]:
+        numbers, time, seeds = row
         tried = _attempt_of(run, example, numbers)
 
+        # Returns the derivatives of the quantities at this time.
         def along(tangents: StepTangents, direction: PyTree) -> Values:
             step = replace(tried.step, tangents=tangents.end)
             with_tangents = replace(tried, step=step, tangents=tangents.inside)
@@ -322,8 +327,8 @@ class PulledSteps(NamedTuple):
 def pulled(
     run: Adjoint, values: PyTree, example: Step, steps: PulledSteps, after: Pulled
 ) -> Pulled:
-    """Pull the cotangents `after` the first `after.count` of the `steps` back through the last one
-    of these, and return the cotangents before it."""
+    """Pull the cotangents `after` the first `after.count` of the `steps` back through one step, the
+    last of these `after.count` steps, and return the cotangents before this step."""
     example_tangents, example_step_tangents = example.tangents, example_of(run, example)
     index = after.count - 1
     place = jax.lax.dynamic_index_in_dim(jnp.asarray(steps.places), index, keepdims=False)
@@ -331,15 +336,17 @@ def pulled(
     of_outputs = jax.lax.dynamic_index_in_dim(jnp.asarray(steps.added), place, keepdims=False)
     step, t1 = _row_of(example, row)
 
+    # The linear map of this step, which is transposed.
     def along(tangents: Tangents, direction: PyTree) -> tuple[Tangents, TangentsInside]:
         return _linear_step(run, values, step, t1, tangents, direction)
 
-    seeds = like(example_step_tangents, of_outputs)
+    # Cotangents from the outputs that are evaluated in this step; zero if there are none.
+    from_outputs = like(example_step_tangents, of_outputs)
     zeros = jax.tree.map(jnp.zeros_like, values)
-    # The tangents at the end of the step act on its own outputs and on the later steps.
-    end = jax.tree.map(jnp.add, seeds.end, like(example_tangents, after.cotangents))
+    # The tangents at the end of the step act on the step's outputs and on the later steps.
+    end = jax.tree.map(jnp.add, from_outputs.end, like(example_tangents, after.cotangents))
     transposed = jax.linear_transpose(along, example_tangents, zeros)
-    before, by_direction = transposed((end, seeds.inside))
+    before, by_direction = transposed((end, from_outputs.inside))
     return Pulled(index, in_one_array(before), jax.tree.map(jnp.add, after.total, by_direction))
 
 
@@ -347,7 +354,8 @@ def pulled(
 def backward(
     run: Adjoint, values: PyTree, example: Step, steps: PulledSteps, after: Pulled
 ) -> Pulled:
-    """Pull the cotangents `after` the first `after.count` of the `steps` back through all these."""
+    """Pull the cotangents `after` the first `after.count` of the `steps` back through all of them,
+    and return the cotangents before the first one."""
 
     def body(_: Scalar, now: Pulled) -> Pulled:
         return pulled(run, values, example, steps, now)
@@ -359,8 +367,8 @@ def backward(
 def pulled_start(
     run: Adjoint, values: PyTree, example: Step, row: Numbers, cotangents: Tangents
 ) -> PyTree:
-    """Pull `cotangents` of the tangents before the run's first step back to the direction of the
-    parameters, and return those of the direction. `row`: the `step_row` of the first step."""
+    """Return the cotangents of the parameters' direction that follow from `cotangents` of the
+    tangents before the run's first step. `row`: numbers of the `step_row` of the first step."""
     method, (step, _) = run.scheme.method, _row_of(example, jnp.asarray(row))
 
     def along(direction: PyTree) -> Tangents:

@@ -60,7 +60,7 @@ def recorders_of(requested: Requested) -> dict[str, Recorders]:
 
 
 class Status(NamedTuple):
-    """What Python needs to know of a run after a segment: time `t`, s, attempts and result."""
+    """What Python needs of a run after a segment: time `t`, s, number of attempts, result code."""
 
     t: Scalar
     attempts: Scalar
@@ -68,7 +68,7 @@ class Status(NamedTuple):
 
 
 SavedRows: TypeAlias = tuple[State, dict[str, Numbers]]
-"""The state of a run, in scalar form, and values of quantities, at one or more times."""
+"""States, with vectors as separate scalars, and values of quantities by name, at some times."""
 
 
 def begin(
@@ -80,8 +80,8 @@ def begin(
     first_step: Scalar,
     recorders: Recorders,
 ) -> tuple[Step, Records, Status]:
-    """Return step, records and status of a run before its first step, from a packed `state`.
-    `t0`, `t_end`: s, start and end of the run; `first_step`: s, length of the first step."""
+    """Return step, records and status of a run before its first step, from an initial `state` whose
+    vectors are arrays. `t0`, `t_end`: start and end; `first_step`: length of the first step, s."""
     method, system = scheme.method, scheme.system(unpack(folded_scene))
     step = begin_run(method, system, state, t0, t_end, first_step)
     now = without_weak_types(RunLoop(method, system, t_end, recorders).start(step))
@@ -190,6 +190,7 @@ class Run:
         run = segment(*program, self.recorders, *rest)
         # JAX's own error about the loops of steps does not say what to call instead.
         step, _, _, saved = eqxi.nondifferentiable_backward(run, msg=REVERSE_MODE)
+        # There are no reductions to end, since traced runs refuse them.
         ended, _ = _end_of(*program, {}, {}, step, self.end)
         trajectory, count, values = None, None, {}
         if saved is not None:
@@ -260,6 +261,7 @@ class Run:
         ending = self.scheme, self.folded_scene, *reductions, step, self.end
         ended, slid_out = (part.tree for part in _end_compiled.in_parts(*ending))
         time, attempts, accepted = jax.device_get((ended.time, ended.attempts, ended.accepted))
+        # States are sampled along with quantities, even if only these are wanted.
         states, values = saved.samples()
         trajectory = states if self.requested.save.states else None
         reduced = {
@@ -286,8 +288,8 @@ class Run:
 
 
 class _SavedBySegments:
-    """What the segments of a run have saved: samples at the first `count` of the times `save_at`,
-    (N,) s, states after steps, and rows of impacts."""
+    """What the segments of a run have saved: the `SavedRows` at the first `count` of the times
+    `save_at`, (N,) s, ``None`` if nothing is saved at times; states after steps; and impacts."""
 
     def __init__(self, save_at: Numbers | None) -> None:
         self.save_at = save_at
@@ -301,14 +303,16 @@ class _SavedBySegments:
         return self.save_at is None or self.count == len(self.save_at)
 
     def next_times(self, end: float) -> np.ndarray | None:
-        """Return the next `SAVES_A_SEGMENT` times, s, filled up with `end`; ``None`` for none."""
+        """Return the next times to save at, s, filled up with copies of the `end` of the run to
+        `SAVES_A_SEGMENT` numbers; ``None`` if nothing is saved at times."""
         if self.save_at is None:
             return None
         following = self.save_at[self.count :][:SAVES_A_SEGMENT]
         return np.pad(following, (0, SAVES_A_SEGMENT - len(following)), constant_values=end)
 
     def add(self, records: Records, sampled: tuple[SavedRows, jax.Array] | None) -> Records:
-        """Take what a segment has saved; `sampled` is its last result. Return emptied records."""
+        """Keep what a segment has saved in the buffers of `records` and in `sampled`, the last
+        result of `segment`. Return the records with empty buffers."""
         if sampled is not None and self.save_at is not None:
             # Only the first samples are kept. The others are at times that the run has not reached
             # yet, or belong to the filling.
@@ -334,8 +338,8 @@ class _SavedBySegments:
 
 
 class Outcome(eqx.Module):
-    """How a run has ended: its end, s, result code, numbers of steps that were tried and accepted,
-    final state, packed, and results[name][part] of the reductions."""
+    """How a run has ended: the time reached, s, the result code, the numbers of steps tried and
+    accepted, the final state, with vectors as arrays, and results[name][part] of reductions."""
 
     time: Scalar
     result: RESULTS

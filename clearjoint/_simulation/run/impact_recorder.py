@@ -76,8 +76,7 @@ def peak_in_step(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant, h: Scalar
 ) -> tuple[Point, Scalar]:
     """Return the largest normal force, N, and the largest depth, m, of a contact in a step of
-    length h, s, from `start` to `end`. The force is a `Point`, with its position in the step from 0
-    to 1.
+    length h, s, from `start` to `end`. The `Point` has the force and its place in the step, 0 to 1.
 
     In the whole step the law uses the entry speed at `start`. If this is zero, because the contact
     begins in the step, the law uses the current rate (see `contact_normal_force`).
@@ -104,6 +103,7 @@ def peak_in_step(
     return _largest(force), _largest(quintic.value).value
 
 
+# Returns the peak of a function of the position in the step, 0 to 1.
 def _largest(value_at: Callable[[Scalar], Scalar]) -> Point:
     # Among all triples of neighbouring points, the one with the highest middle point is selected.
     # The ends of the step are in the middle of no triple, so they are compared with the result.
@@ -118,7 +118,8 @@ def end_in_step(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant, h: Scalar
 ) -> Scalar:
     """Return the fraction, 0 to 1, of a step of length h, s, after which a contact that exists at
-    `start` ends; 1 if it lasts. The depth is the cubic through depths and rates at both ends."""
+    `start` ends; 1 if it still exists at `end`. The depth in the step is taken as the cubic through
+    the depths, and their rates, at both ends."""
     before, after = _depths(law, start, end)
     return jnp.where(after.value < 0.0, hermite_root(before, after, h), 1.0)
 
@@ -126,7 +127,7 @@ def end_in_step(
 def _depths(
     law: AbstractContactLaw, start: ContactInstant, end: ContactInstant
 ) -> tuple[Slope, Slope]:
-    """Return the depth, m, counted from the onset of the force, and its rate, m/s, at both ends."""
+    """Return the depth beyond the force's onset, m, and its rate, m/s, at both ends of a step."""
     lead = law.onset_offset()
     return Slope(start.gap.depth + lead, start.gap.rate), Slope(end.gap.depth + lead, end.gap.rate)
 
@@ -136,7 +137,7 @@ INSTANTS = ("onset", "separation", "peak_time")
 
 
 class ImpactRow(eqx.Module):
-    """A finished contact. The fields are those of `Impacts`, with times on the clock of the run."""
+    """A finished contact. Units are those of `Impacts`; times are on the clock of the run."""
 
     onset: Scalar
     separation: Scalar
@@ -147,8 +148,8 @@ class ImpactRow(eqx.Module):
     largest_penetration: Scalar
 
     def columns(self, *_: object) -> dict[str, Scalar]:
-        """Return all fields by name, and the "duration", s. Arguments are ignored: lanes pass those
-        that `Snapshot.columns` needs."""
+        """Return all fields by name, and the "duration", s. Arguments are ignored: lanes call this
+        method with the arguments of `Snapshot.columns`, the other type of row."""
         return {**vars(self), "duration": self.separation - self.onset}
 
 
@@ -157,7 +158,7 @@ class ContactSoFar(eqx.Module):
 
     - `instant`: the contact at that time.
     - `begun`: whether it touches at that time and its onset was after the start of the run.
-    - `row`: its onset, its entry speed and its peaks so far, valid only if `begun`. `separation`
+    - `row`: the contact's onset, entry speed and peaks so far, valid only if `begun`. `separation`
       and `exit_speed` have no meaning before the contact ends.
     """
 
@@ -169,16 +170,16 @@ class ContactSoFar(eqx.Module):
         self, law: AbstractContactLaw, t0: Scalar, t1: Scalar, end: ContactInstant, lands: bool
     ) -> tuple["ContactSoFar", Condition, ImpactRow]:
         """Return the contact after a further step, from t0 to t1, s; whether a contact that began
-        in an earlier step of the run ended in this one; and its row, valid only in this case.
+        in an earlier step of the run ended in this one; and, valid only if it did, its row.
 
         **Arguments:** `end`: the contact at t1; `lands`: whether steps end at contact events.
         """
         start, row, h = self.instant, self.row, t1 - t0
         touched, touches = start.touches(law), end.touches(law)
         # The peak mostly lies inside a step, not at its ends.
-        peak, depth = peak_in_step(law, start, end, h)
+        peak, deepest = peak_in_step(law, start, end, h)
         stronger = peak.value > row.peak_force
-        first, last = _depths(law, start, end)
+        depth_at_start, depth_at_end = _depths(law, start, end)
         x_end = end_in_step(law, start, end, h)
         # `separation` and `exit_speed` are overwritten in each step, until the contact ends. If
         # steps land at the ends of contacts, the rate there needs no interpolation.
@@ -187,10 +188,12 @@ class ContactSoFar(eqx.Module):
             separation=t0 + h * x_end,
             entry_speed=row.entry_speed,
             # Surfaces that separate have a negative rate of the depth, but a positive exit speed.
-            exit_speed=-(end.gap.rate if lands else hermite_rate(x_end, first, last, h)),
+            exit_speed=-(
+                end.gap.rate if lands else hermite_rate(x_end, depth_at_start, depth_at_end, h)
+            ),
             peak_force=jnp.where(stronger, peak.value, row.peak_force),
             peak_time=jnp.where(stronger, t0 + h * peak.x, row.peak_time),
-            largest_penetration=jnp.maximum(row.largest_penetration, depth),
+            largest_penetration=jnp.maximum(row.largest_penetration, deepest),
         )
         begins = touches & jnp.logical_not(touched)
         if lands:
@@ -205,9 +208,10 @@ class ContactSoFar(eqx.Module):
         else:
             # The contact may have begun long before the end of the step, and may already recede
             # there.
-            x_onset = hermite_root(first, last, h)
-            onset, speed = t0 + h * x_onset, hermite_rate(x_onset, first, last, h)
-            peak_force, peak_time, largest_penetration = peak.value, t0 + h * peak.x, depth
+            x_onset = hermite_root(depth_at_start, depth_at_end, h)
+            onset = t0 + h * x_onset
+            speed = hermite_rate(x_onset, depth_at_start, depth_at_end, h)
+            peak_force, peak_time, largest_penetration = peak.value, t0 + h * peak.x, deepest
         # The separation and the exit speed are still unknown, so these fields get any numbers.
         fresh = ImpactRow(
             onset=onset,
@@ -237,7 +241,7 @@ ImpactRecord = dict[str, dict[str, ContactRecord]]
 
 
 class ImpactRecorder(AbstractRecorder[ImpactRecord]):
-    """Recorder of the impacts of one joint, or of all joints.
+    """Recorder of the impacts of one joint, or of all joints, with rows for each contact.
 
     - `joint`: name of the joint, or ``None`` for all joints.
     - `window`: span of the scene's time in which recorded contacts begin; ``None`` records all.
@@ -260,6 +264,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
         rows = RowBuffer.like(blank, self.capacity)
         instants = self._instants(loop.method, loop.system, start.now, start.step)
 
+        # The record of one contact, with an empty buffer.
         def record(name: str, label: str) -> ContactRecord:
             return ContactRecord(ContactSoFar(instants[name][label], begun, blank), rows)
 
@@ -299,6 +304,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
 
         def instant(name: str, label: str) -> ContactInstant:
             speed = now.entry_speeds.get(name, {}).get(label)
+            # The record must have the same types before and after a step.
             gap = without_weak_types(now.contacts[name][label].contact.gap)
             return ContactInstant(gap, second_rates[name][label], speed)
 

@@ -116,6 +116,7 @@ class Requested:
         object.__setattr__(self, "outputs", {str(n): o for n, o in self.outputs.items()})
         expected = "a quantity, a reduction, a Section, an ImpactTable or RejectedSteps"
         for name, output in self.outputs.items():
+            # A class, such as `Position` without arguments, is callable too, but no quantity.
             is_quantity = callable(output) and not isinstance(output, type)
             is_output = is_quantity or isinstance(output, RECORDED)
             require(is_output, f"outputs[{name!r}]", output, expected, EXAMPLE)
@@ -150,9 +151,9 @@ class Requested:
                     check_quantity("quantity", output, scene)
 
     def check_names(self) -> None:
-        """Raise a `ValueError` for names that arrays in files cannot have, for a result of a
-        reduction, such as "peak_time", named as another output, and for quantities without sample
-        times."""
+        """Raise a `ValueError` for names that arrays in files cannot have, for an output with the
+        name of a further result of a reduction, such as "peak_time" of a `Peak` named "peak", and
+        for quantities without sample times."""
         require_array_names("outputs", self.outputs, EXAMPLE)
         # The result "" of a reduction has the name of the output itself.
         parts = {result_name(n, p) for n, o in self.reductions.items() for p in o.units() if p}
@@ -164,8 +165,8 @@ class Requested:
             require(self.save.times is not None, "times", None, expected, remedy)
 
     def refuse(self, kinds: type | UnionType, expected: str, remedy: str) -> None:
-        """Raise a `ValueError` if an output is of one of the `kinds`, which the present kind of run
-        cannot compute. The message has the output's name, what is `expected`, and the `remedy`."""
+        """Raise a `ValueError` if an output is of one of the types `kinds`, which the caller cannot
+        compute. The message has the output's name, what is `expected`, and the `remedy`."""
         for name, output in self.outputs.items():
             is_possible = not isinstance(output, kinds)
             require(is_possible, f"outputs[{name!r}]", output, expected, remedy)
@@ -183,6 +184,7 @@ class Requested:
         """Return by name of the output the tables in the records of a run. `origin`, s, is the
         scene's time at which the clock of the run was zero."""
         found: dict[str, Table] = {}
+        # Times of crossings are recorded on the scene's clock, so the origin is not added to them.
         for name, section in self.sections.items():
             columns = records[SECTIONS][name].rows.filled()
             units = {key: unit for key, (_, unit) in section.pairs.items()}

@@ -81,11 +81,13 @@ class Predictor:
         family = DirectedScene(
             values=numbers, direction=direction, base=(scene, state), changes=changes, patterns=()
         )
+        # Zeros and ones of the scene that no parameter changes become constants of the program.
         self._family = replace(family, patterns=fold_constants(scene, family.varied()).patterns)
         self._runs: OrderedDict[bytes, RecordedRun] = OrderedDict()
         # Functions that the programs of values and gradients share (see `one_call`).
         self._traced: SharedFunctions = {}
-        # By whether constraints are redundant, which needs other equations of motion.
+        # Made when needed, by whether constraints are redundant, for which the equations of motion
+        # are solved in another way.
         self._recorders: dict[bool, Recorder] = {}
         self._shapes = {n: jax.ShapeDtypeStruct(times.shape, float) for n in outputs.quantities}
         for name, reduction in outputs.reductions.items():
@@ -101,13 +103,14 @@ class Predictor:
             shapes = jax.tree.map(lambda v: jax.ShapeDtypeStruct(np.shape(v), float), values)
             return (on_host(self._gradient, shapes, values, cotangents),)
 
+        # The backward pass needs only the values: it looks up the recorded run by them.
         predict.defvjp(lambda values: (predict(values), values), backward)
         self._predict = predict
 
     def __call__(self, values: Mapping[str, PyTree]) -> dict[str, Float[Array, "..."]]:
         """Return the outputs for `values` of the parameters, SI, which have the form of the
-        attribute `values`: quantities, (N,) each, and results of reductions, numbers. Leaves that
-        are no arrays of floats, such as functions of a network, are ignored.
+        attribute `values`. Outputs are arrays, (N,) for a quantity and () for each result of a
+        reduction. Leaves that are no arrays of floats, such as functions of a network, are ignored.
 
         **Raises:** `ValueError` for values of another form, and for numbers that the scene can't
         have; `SimulationError` if the run fails. Inside of `jax.jit` and `jax.vmap`, JAX raises an
@@ -116,8 +119,9 @@ class Predictor:
         return self._predict(self._checked(values))
 
     def or_nan(self, values: Mapping[str, PyTree]) -> dict[str, Float[Array, "..."]]:
-        """Return the outputs as a call does, without derivatives, but NaN for a run that fails and
-        for numbers that the scene can't have. Raise a `ValueError` for values of another form."""
+        """Return the outputs for `values`, as when the object is called, but without derivatives,
+        and with NaN for a run that fails and for numbers that the scene can't have. Raise a
+        `ValueError` for values whose form is not that of the attribute `values`."""
 
         def computed(values: dict[str, PyTree]) -> dict[str, np.ndarray]:
             return self._values(values, or_nan=True)
@@ -144,10 +148,10 @@ class Predictor:
         return jax.tree.unflatten(structure, [_as_floats(leaf) for leaf in given])
 
     def _values(self, values: dict[str, PyTree], or_nan: bool = False) -> dict[str, np.ndarray]:
-        starts, shape = self._elements(values)
+        elements, shape = self._elements(values)
         outputs: list[dict[str, np.ndarray]] = []
         with one_call(self._traced):
-            for group in _groups(starts):
+            for group in _groups(elements):
                 for run in self._recorded(group, or_nan):
                     outputs.append(self._outputs_of(run, or_nan))
         return _in_batch(outputs, shape)
@@ -163,14 +167,16 @@ class Predictor:
 
     def _gradient(self, values: dict[str, PyTree], cotangents: dict[str, PyTree]) -> PyTree:
         batch = _batch_shape(self._shapes, cotangents)
-        starts, shape = self._elements(values, batch)
-        along = _elements_of(self._shapes, cotangents, shape)
-        slopes: list[PyTree] = []
+        # The values and the cotangents may have different axes of a batch, and are broadcast.
+        elements, shape = self._elements(values, batch)
+        by_element = _elements_of(self._shapes, cotangents, shape)
+        gradients: list[PyTree] = []
         with one_call(self._traced):
-            for group, of_group in zip(_groups(starts), _groups(along), strict=True):
+            for group, of_group in zip(_groups(elements), _groups(by_element), strict=True):
+                # A failed run raises an error here, so that none is ``None``.
                 runs = [run for run in self._recorded(group) if run is not None]
-                slopes += _gradients(runs, of_group)
-        return _in_batch(slopes, shape)
+                gradients += _gradients(runs, of_group)
+        return _in_batch(gradients, shape)
 
     def _elements(
         self, values: dict[str, PyTree], batch: tuple[int, ...] = ()
@@ -206,6 +212,7 @@ class Predictor:
                     if not or_nan:
                         raise
         self._runs |= runs
+        # The first of the kept runs is the one whose last use is the earliest.
         total = sum(run.bytes_kept for run in self._runs.values())
         while len(self._runs) > KEPT_RUNS and total > KEPT_BYTES:
             total -= self._runs.popitem(last=False)[1].bytes_kept
@@ -218,6 +225,7 @@ class Predictor:
         redundant = scheme.formulation.redundant
         if redundant not in self._recorders:
             reductions = self._outputs.reductions
+            # Integrals that reductions need are integrated with the motion.
             formulation = replace(scheme.formulation, integrands=integrands_of(reductions))
             method, parameter_count = scheme.method, sum(map(np.size, jax.tree.leaves(values)))
             assert method.derivative_tolerance is not None
@@ -244,20 +252,21 @@ class Predictor:
 def _gradients(runs: list[RecordedRun], cotangents: list[dict[str, np.ndarray]]) -> list[PyTree]:
     # A recorder computes the gradients of its runs side by side. Those with redundant constraints
     # have another recorder (see `Predictor._recorder`).
-    slopes: list[PyTree] = [None] * len(runs)
+    gradients: list[PyTree] = [None] * len(runs)
+    # A dictionary keeps each recorder once, in the order of the runs.
     for recorder in {run.recorder: None for run in runs}:
-        numbers = [k for k, run in enumerate(runs) if run.recorder is recorder]
+        indices = [k for k, run in enumerate(runs) if run.recorder is recorder]
         of_recorder = recorder.gradients(
-            [runs[k] for k in numbers], [cotangents[k] for k in numbers]
+            [runs[k] for k in indices], [cotangents[k] for k in indices]
         )
-        for k, slope in zip(numbers, of_recorder, strict=True):
-            slopes[k] = slope
-    return slopes
+        for k, gradient in zip(indices, of_recorder, strict=True):
+            gradients[k] = gradient
+    return gradients
 
 
 def _batch_shape(examples: PyTree, arrays: PyTree) -> tuple[int, ...]:
-    """Return the shape of a batch, whose elements are like `examples`: the axes of each of `arrays`
-    before those that an element has too, broadcast over all arrays; ``()`` without a batch."""
+    """Return the shape of a batch of elements like `examples`: the axes that each of `arrays` has
+    before the axes of its example, broadcast over all arrays; ``()`` without a batch."""
     pairs = zip(jax.tree.leaves(examples), jax.tree.leaves(arrays), strict=True)
     return np.broadcast_shapes(
         *(np.shape(array)[: np.ndim(array) - len(np.shape(example))] for example, array in pairs)
@@ -295,8 +304,8 @@ def _as_floats(leaf: ArrayLike) -> jax.Array | np.ndarray:
 
 
 def on_host(function: Callable[..., PyTree], shapes: PyTree, *arguments: PyTree) -> PyTree:
-    """Return the result of a function of NumPy arrays for `arguments`, which JAX may trace: it then
-    calls the function from compiled code. `shapes`: a PyTree of the result's shapes and dtypes."""
+    """Return the result of a function of NumPy arrays for `arguments`. If JAX traces these, its
+    compiled code calls the function. `shapes`: a PyTree of the result's shapes and dtypes."""
     if is_traced(arguments):
         return jax.pure_callback(function, shapes, *arguments, vmap_method="expand_dims")
     # A callback would wrap the error of a run that fails in one of JAX's own.
@@ -369,6 +378,7 @@ def predictor(
     settings = settings_or(settings, presets.derivatives)
     requested.check(scene, settings.ledger)
     check_span(start_time, end_time)
+    # Without quantities no times are needed.
     checked = np.zeros(0)
     if requested.quantities or times is not None:
         remedy = "pass the times at which quantities are evaluated"

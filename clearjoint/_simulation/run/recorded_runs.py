@@ -52,9 +52,9 @@ T = TypeVar("T")
 
 class _Segment(NamedTuple):
     """M successive steps of a run. `ends`: (M,) s since the start of the run; `rows`: (M, n), a
-    `step_row` for each step, or ``None`` if they are not kept, but computed again from `start`, the
-    `Step` before the first; `picked`: by index of the step in the segment, single rows that are
-    kept nevertheless."""
+    `step_row` for each step, or ``None`` if rows are not kept. They are then computed again from
+    `start`, the `Step` before the segment, except single rows that are kept nevertheless: `picked`,
+    by the index of the step in the segment."""
 
     ends: np.ndarray
     rows: np.ndarray | None
@@ -71,9 +71,9 @@ class _Recording(NamedTuple):
 
 
 class _Samples(NamedTuple):
-    """Times, (N,) s since the start of a run, at which quantities are evaluated: first those of the
-    requested quantities, then those of reductions. `places`: (N,), for each time the index in the
-    run of the step in which the time lies; `rows`: (N, n), the `step_row` of this step;
+    """`times`, (N,) s since the start of a run, at which quantities are evaluated: first those of
+    the requested quantities, then those of reductions. `places`: (N,), for each time the index in
+    the run of the step in which the time lies; `rows`: (N, n), the `step_row` of this step;
     `instants[name]`: s, the times of a reduction again, but on the scene's clock."""
 
     times: np.ndarray
@@ -85,8 +85,8 @@ class _Samples(NamedTuple):
 class Recorder:
     """Records runs at values of parameters, and computes outputs and their derivatives.
 
-    **Arguments:** `outputs`: quantities and reductions; `times`: (N,) s of the scene's time, not
-    decreasing, between start and end of the runs, at which the quantities are evaluated.
+    **Arguments:** `run`: what all runs have in common; `outputs`: quantities and reductions;
+    `times`: (N,) s of the scene's time, not decreasing, within the runs, to evaluate quantities at.
     """
 
     def __init__(self, run: Adjoint, outputs: Requested, times: np.ndarray):
@@ -98,7 +98,7 @@ class Recorder:
             quantities |= _parts_of(name, reduction)
         self.quantities = keep_flattened(quantities)
         self._example: Step | None = None
-        # Whether runs can be computed side by side, until native code for them turns out not to be.
+        # Whether runs are computed side by side; false once native code lacks an operation.
         self.has_lanes = is_native()
 
     def example_like(self, step: Step) -> Step:
@@ -108,6 +108,7 @@ class Recorder:
         return self._example
 
     def recorded(self, values: Sequence[PyTree]) -> "list[RecordedRun]":
+        # Runs that are too long for lanes, and all runs without lanes, are recorded one by one.
         recordings: dict[int, _Recording] = {}
         if len(values) > 1 and self.has_lanes:
             recordings = self._or_refused(lambda: _in_lanes(self, values)) or {}
@@ -122,10 +123,12 @@ class Recorder:
         """Return for each run the derivatives, by all parameters, of the sum of its outputs times
         their `cotangents`. A run may occur several times, with different cotangents."""
 
+        # Called only when a run's turn comes, so that few runs have their cotangents in memory.
         def seeds_of(number: int) -> Seeds:
             return runs[number].pulled_outputs(cotangents[number])
 
         slopes = None
+        # Lanes do not compute steps again, so they need runs of which all steps are kept.
         if len(runs) > 1 and self.has_lanes and all(run.is_kept() for run in runs):
             slopes = self._or_refused(lambda: _gradients_in_lanes(self, runs, seeds_of))
         return slopes or [run.gradient(seeds_of(number)) for number, run in enumerate(runs)]
@@ -201,15 +204,16 @@ class RecordedRun:
         return _Samples(times, places, self._rows_at(places), instants)
 
     def _rows_at(self, places: np.ndarray) -> np.ndarray:
-        # The segment has the steps with the indices `first` to `stop` - 1 of the run.
+        # The row of each of the steps with the indices `places` in the run.
         rows_by_place: dict[int, np.ndarray] = {}
         first = 0
         for segment in self.segments:
+            # The segment has the steps `first` to `stop` - 1 of the run.
             stop = first + len(segment.ends)
             in_segment = np.unique(places[(first <= places) & (places < stop)] - first).tolist()
             known = segment.picked if segment.rows is None else segment.rows
-            # Picked are the steps of the times of quantities, but not those of instants of
-            # reductions, which are found at the end of the run.
+            # The picked rows are those for the times of quantities. Instants of reductions may need
+            # others, since they are found only at the end of the run.
             if segment.rows is None and not segment.picked.keys() >= set(in_segment):
                 known = self.rows_of(segment)
             rows_by_place |= {first + k: known[k] for k in in_segment}
@@ -228,6 +232,7 @@ class RecordedRun:
             adjoint.values_at(*shared, self._repeated(rows), times)
             for rows, times in _pieces(samples.rows, samples.times)
         ]
+        # The last piece is filled up, so values after the last time are left out.
         return jax.tree.map(lambda *parts: np.concatenate(parts)[: len(samples.times)], *pieces)
 
     def _repeated(self, rows: np.ndarray) -> np.ndarray:
@@ -266,21 +271,27 @@ class RecordedRun:
         return Seeds(total, np.concatenate(pulled)[: len(samples.times)], samples.places)
 
     def _require_still_instants(self, cotangents: dict[str, np.ndarray]) -> None:
-        """Raise a `ValueError` if an instant that the run has found, such as that of a peak, is
-        that of a contact event, or of a breakpoint that depends on the parameters. A shift of such
-        an instant changes the value to first order, unlike that of a smooth peak."""
+        """Raise a `ValueError` if an instant that the run has found, such as the time of a peak, is
+        at a contact event or at a breakpoint that depends on the parameters. There, unlike at a
+        smooth peak, a shift of the instant changes the value to first order."""
         run, ends = self.recorder.run, np.concatenate([s.ends for s in self.segments])
         origin, resolution = float(run.origin), 8.0 * np.finfo(float).eps
         for name, reduction in run.reductions.items():
             parts = [cotangents[result_name(name, part)] for part in reduction.differentiated]
+            # Without cotangents, no derivative of this reduction is asked for.
             if not np.any(parts):
                 continue
             for time in self._samples.instants[name]:
-                own = time - origin
-                k = int(np.abs(ends - own).argmin())
-                is_end = abs(ends[k] - own) <= resolution * max(abs(origin), abs(own))
+                since_start = time - origin
+                k = int(np.abs(ends - since_start).argmin())
+                # Steps end at events, so an instant inside a step is not at an event. Times are
+                # compared up to rounding errors.
+                tolerance = resolution * max(abs(origin), abs(since_start))
+                is_end = abs(ends[k] - since_start) <= tolerance
+                # The end of the last step is the end of the run, which does not move.
                 if not is_end or k + 1 == len(ends):
                     continue
+                # A contact event shows as a difference of the gaps before and after the step.
                 rows = self._rows_at(np.array([k, k + 1]))
                 (before, t1), (after, _) = (
                     like(adjoint.step_row(self.example, self.example.t), row) for row in rows
@@ -329,12 +340,12 @@ class RecordedRun:
 
 
 def _breakpoint_moves(systems: SystemFamily, start: Scalar, t: Scalar) -> bool:
-    """Return whether a step from `start` to `t`, s, ends at a breakpoint that depends on the
-    parameters."""
+    """Return whether a step from `start` to `t`, s, ends at a breakpoint that parameters move."""
     landings = since_breakpoints(systems.system(), start, t)
     if not any(bool(lands) for lands, _ in landings.values()):
         return False
 
+    # The time from each breakpoint to the end of the step, which is differentiated.
     def since(system: System) -> dict[str, Scalar]:
         return {name: time for name, (_, time) in since_breakpoints(system, start, t).items()}
 
@@ -345,6 +356,7 @@ def _breakpoint_moves(systems: SystemFamily, start: Scalar, t: Scalar) -> bool:
 def _pieces(rows: np.ndarray, times: np.ndarray, *cotangents: PyTree) -> Iterator[tuple]:
     """Yield N rows, their times and cotangents, in pieces of `adjoint.ROWS`. The last of several is
     filled up by copies of the last row, with zero cotangents; a single piece may be shorter."""
+    # Pieces of the same length share a compiled program.
     missing = -len(rows) % adjoint.ROWS if len(rows) > adjoint.ROWS else 0
 
     def filled(column: np.ndarray, mode: str) -> np.ndarray:
@@ -363,8 +375,9 @@ def _count_of_tangents(example: Step) -> int:
 class Seeds(NamedTuple):
     """Cotangents with which a backward loop begins.
 
-    - `total`: of the direction of the parameters, on which outputs depend at fixed tangents too.
-    - `pulled`: (K, m), of the `StepTangents` of the steps with the indices `places`, (K,).
+    - `total`: those of the direction of the parameters, on which outputs depend directly, beside
+      their dependence through the tangents.
+    - `pulled`: (K, m), those of the `StepTangents` of the steps with the indices `places`, (K,).
     """
 
     total: PyTree
@@ -372,15 +385,15 @@ class Seeds(NamedTuple):
     places: np.ndarray
 
     def steps_needed(self) -> int:
-        """Return how many steps the run has up to the last one that has cotangents."""
+        """Return the number of steps up to the last one that has cotangents; 0 if none has."""
         places = self.places[self.pulled.any(axis=1)]
         return int(places.max(initial=-1)) + 1
 
     def steps(self, rows: np.ndarray, first: int, last: int, room: int) -> PulledSteps:
         """Return the steps with the indices `first` to `last` - 1 in the run. Their rows are the
         first ones of `rows`, and at most `room` of these steps have cotangents."""
-        # Row 0 of `added` stays zero, for steps without cotangents. Steps in which outputs are
-        # evaluated at several times get the sum of their cotangents.
+        # Row 0 of `added` stays zero, for steps without cotangents; hence `order + 1`. A step in
+        # which outputs are evaluated at several times gets the sum of these cotangents.
         added = np.zeros((room + 1, self.pulled.shape[1]))
         places = np.zeros(len(rows), int)
         here = np.flatnonzero((first <= self.places) & (self.places < last))
@@ -403,10 +416,11 @@ def _recorded(recorder: Recorder, at: PyTree) -> _Recording:
         after, tallies, buffer = adjoint.segment(run, at, step, tallies)
         rows = np.asarray(buffer.filled())
         kept += rows.nbytes
+        # The last number of a row is the end time of the step.
         segments.append(_Segment(rows[:, -1].copy(), rows))
         if kept > KEPT_BYTES:
             segments[-1] = _without_rows(segments[-1], step, recorder.times)
-        # The leaves are views of the memory of a whole call.
+        # The leaves are views of the memory of a whole call, which copies allow to be freed.
         step = jax.tree.map(np.array, after)
     return _Recording(segments, step, tallies)
 
@@ -459,9 +473,9 @@ def _through(
     serve: Callable[[int, np.ndarray, bool], bool],
 ) -> None:
     """Run the lanes 0 to `count` - 1 in the columns of a loop. `begin` gets the number of a lane,
-    and returns the cells of its own data and of its state. Whenever the loop returns, `serve` gets,
-    for each lane, its number, the cells of its column, and whether it moves, that is, could take a
-    step; it returns whether the lane goes on. If not, the next lane gets the column."""
+    and returns the cells of the lane's own data and state. Whenever the loop returns, `serve` gets,
+    for each lane, the number, the cells of the column, and whether the lane can take a step, and
+    returns whether the lane goes on. If not, the next lane gets the column."""
     columns, waiting = loop.columns(shared), deque(range(count))
     # The lane in each column; ``None`` for an empty one.
     slots: list[int | None] = [None] * loop.width
@@ -476,6 +490,7 @@ def _through(
         moves = loop.status_of(columns)["moves"].tolist()
         for column, lane in enumerate(slots):
             if lane is not None and not serve(lane, columns.floats[:, column], moves[column]):
+                # An empty column takes no steps.
                 loop.leave(columns, column)
                 slots[column] = None
 
@@ -489,11 +504,13 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
     rows_of_runs: dict[int, list[np.ndarray]] = defaultdict(list)
     begin_rows = _begun_lane.native.bound(run, values[0])
     stacked = jax.tree.map(lambda *leaves: np.stack(leaves), *values)
-    # Cells of the parameters of all runs, (runs, cells), and layout of a lane's state.
+    # Cells, which are single numbers in the loop's memory, of the parameters of all runs, (runs,
+    # cells), and layout of a lane's state.
     parameters, state_cells = parameter_cells.rows(stacked), begin_rows.results
     example = state_cells.tree(begin_rows(parameters[:1])[0])
     loop = made_lane_loop(_stepped_lane, _status_of_lane, (run, values[0], example))
-    # Cells, in a lane's column, of the buffer of accepted steps: its rows and their count.
+    # Where the buffer of accepted steps is in a lane's column: the cells of its rows and of their
+    # count. `buffer` has the index of a cell in place of each number.
     buffer = state_cells.columns().records[STEPS]
     state_at, row_size = loop.state_cells.start, buffer.rows.shape[1]
     rows_from, count_at = state_at + int(buffer.rows[0, 0]), state_at + int(buffer.count)
@@ -509,6 +526,7 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
         if moves and count < LANE_ROWS // 2:
             return True
         rows = column[rows_from : rows_from + count * row_size].reshape(count, row_size)
+        # A copy, since the loop writes to the column again.
         read = rows_of_runs[number]
         read.append(np.array(rows))
         integers[count_at] = 0
@@ -520,7 +538,8 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
             return False
         last = state_cells.tree(column[loop.state_cells])
         rows = np.concatenate(rows_of_runs.pop(number))
-        # All rows are kept, so that no segment is computed again.
+        # All rows are kept, so that no segment is computed again. The last number of a row is the
+        # end time of the step.
         pieces = (rows[k : k + adjoint.ROWS] for k in range(0, len(rows), adjoint.ROWS))
         segments = [_Segment(piece[:, -1].copy(), piece) for piece in pieces]
         recordings[number] = _Recording(segments, last.step, last.records[REDUCTIONS])
@@ -541,8 +560,9 @@ class _PulledLane:
     first: int
 
     def next_steps(self, left: int, room: int) -> tuple[PulledSteps, int]:
-        """Return the next steps to pull back through, up to `LANE_ROWS`, and how many there are:
-        the `left` ones that were given before and are not done, and the steps before these."""
+        """Return the next steps to pull back through, up to `LANE_ROWS`, and their number: the
+        `left` steps that were given earlier and are not done yet, and the steps before them. At
+        most `room` of these steps have cotangents."""
         last = self.first + left
         self.first = max(0, last - LANE_ROWS)
         rows = np.zeros((LANE_ROWS, self.rows.shape[1]))

@@ -84,9 +84,9 @@ class LatestAttempt(AbstractRecorder[Attempt]):
 
 
 class TangentPeak(NamedTuple):
-    """For each of p parameters: the largest derivative of a speed so far, at the end of any
-    accepted step, `size`, (p,); the `time` when it was reached, (p,) s since the start of the run;
-    and the largest derivative of a position since then, `positions`, (p,)."""
+    """For each of p parameters: `size`, (p,), the largest derivative of any speed at the ends of
+    the steps so far; `time`, (p,) s since the start of the run, when it was reached; and
+    `positions`, (p,), the largest derivative of any position since then."""
 
     size: jax.Array
     time: jax.Array
@@ -133,7 +133,7 @@ class LatestDenseStep(AbstractRecorder[DenseStep]):
 
 
 class TimedState(eqx.Module):
-    """A time `t`, s, on the clock of the run, and the `state` then, in scalar form."""
+    """A time `t`, s, on the run's clock, and the `state` then, with vectors as separate scalars."""
 
     t: Numbers
     state: State

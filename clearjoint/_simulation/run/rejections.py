@@ -109,6 +109,7 @@ class RejectionRecorder(AbstractRecorder[RejectionRecord]):
         # At most one reason is true (see `decide_step`), so that the sum is its index.
         number = sum(REASONS.index(reason) * is_true for reason, is_true in reasons.items())
         row = RejectedRow(t, rejected.t1 - t, jnp.asarray(number, float))
+        # Reasons that cannot occur in the run are missing in `reasons`.
         counts = {n: count + reasons.get(n, 0) for n, count in record.counts.items()}
         is_rejected = sum(counts.values()) > sum(record.counts.values())
         return RejectionRecord(record.rows.with_row(row, is_rejected), counts)

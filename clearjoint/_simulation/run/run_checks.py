@@ -85,14 +85,15 @@ def check_start(
     coordinates: AbstractCoordinates,
     flat: FlatArguments | None = None,
 ) -> tuple[str, ...]:
-    """Check all numbers of a scene and a state, and the state against the constraints at
-    `start_time`, s, as `check_numbers` and `check_structure`, and return the names of the redundant
-    constraints. `flat`: scene and state, if flattened already, with arrays of floats as leaves."""
+    """Check all numbers of a scene and a state (see `check_numbers`), and the state against the
+    constraints at `start_time`, s (see `check_structure`), and return the names of the redundant
+    constraints. `flat`: scene and state, flattened by `flattened_arrays`, if they already are."""
     if not (isinstance(scene, Scene) and isinstance(state, State)):
         check_numbers(scene, state)  # raises the error
     arguments = flat_start(scene, state, start_time, coordinates, flat)
     key = arguments.key, arguments.numbers
     redundant = starts.passed.recent(key)
+    # ``None``: no such start has passed recently. A start without redundant constraints has ().
     if redundant is None:
         before = number_issued()
         # The native check is fast, but cannot say why a start fails. A start that fails is
@@ -169,7 +170,8 @@ _recheck = cached_by_numbers(recheck)
 class StartValues(NamedTuple):
     """What the checks of a start compare with their limits: depths, m, and rates of approach, m/s,
     of contacts; the constraint equations' `rows`; by joint, `cosines` of the angles from declared
-    orientations; and `variables` and `orientations`, the results of `assembly.round_trip`."""
+    orientations; `variables`, the state in the coordinates; and by body, `orientations`, the Euler
+    parameters that these variables represent."""
 
     depths: ByLabel[Scalar]
     approaches: ByLabel[Scalar]
@@ -203,7 +205,8 @@ def _passes(
     """
     scene = folded_scene.tree
     holds: list[Condition] = [*conditions_of(lambda: assembly.check_names(scene, state))]
-    if not scene.joints:  # nor constraints or contacts
+    # Without joints there are no constraints and no contacts to check.
+    if not scene.joints:
         return reduce(and_, holds, jnp.asarray(True)), ((), np.zeros(0))
     # `start_values` itself computes known numbers by NumPy. Here JAX traces, so the function inside
     # of its wrapper is called.
@@ -297,14 +300,16 @@ class _Starts:
         **Raises:** `ValueError` for numbers that the scene can't have.
         """
         scene, unfolded = arguments.arguments[0], arguments.parts[0]
+        # The program takes the scene's exact zeros and ones as constants.
         arguments = FlatArguments.joined((flattened(folded(unfolded)), *arguments.parts[1:]))
         self._seen[arguments.key] += 1
         if not is_native():
             return None
+        # Another process may have saved the program. That is looked up only once.
         if self._seen[arguments.key] == 1:
             self._function.load(arguments)
         # Compiling takes longer than the checks of a few starts, so the first ones of a structure
-        # are left to Python, unless another process has saved the program.
+        # are left to Python, unless a saved program has been loaded.
         if self._seen[arguments.key] <= BY_NUMPY and not self._function.is_made(arguments):
             return None
         try:
@@ -324,7 +329,8 @@ class _Starts:
         distances = self._distances.setdefault(arguments.key, {})
         if len(distances) >= KEPT:
             distances.clear()
-        # Of rows that depend on each other, the last ones count as redundant.
+        # Of rows that depend on each other, the last ones count as redundant. So rows are put in
+        # the order of the scene's joints first.
         order = constraint_report.scene_order(names, scene)
         names, reduced = tuple(names[k] for k in order), reduced[order]
         redundant, uncertain = constraint_report.dependent(names, reduced, distances)

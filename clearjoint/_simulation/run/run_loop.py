@@ -37,7 +37,7 @@ R = TypeVar("R", bound=PyTree)
 
 @dataclass(frozen=True, eq=False)
 class RunStart:
-    """A run before its first step, as recorders receive it."""
+    """A run before its first `step`, as recorders receive it."""
 
     loop: "RunLoop"
     step: Step
@@ -102,7 +102,7 @@ class StepOutcome:
 
     @property
     def _jumps(self) -> Condition | None:
-        """The `Instant.jumps` of `now`."""
+        """Whether the step ends at an event at which quantities may jump; ``None`` if none can."""
         scene, before, after = self.system.scene, self.before, self.after
         events = [lands for lands, _ in since_breakpoints(self.system, before.t, after.t).values()]
         if contacts_jump(scene):
@@ -183,8 +183,8 @@ class RunLoop:
 
     def _method(self, step: Step) -> Method:
         # A step limits the rotations of the bodies on which the `searched` numbers of recorders
-        # depend. To find these bodies, the numbers are traced, but not computed. So any instant of
-        # the next step will do, and each stands for all others `inside` of it.
+        # depend. To find these bodies, the numbers are traced, but not computed. So the instant at
+        # the start of the step serves, also in place of all instants `inside` of the step.
         def searched(motion: MotionVariables) -> PyTree:
             snapshot = Snapshot(step.t, replace(step.y, motion=motion), step.entry_speeds)
 
@@ -203,9 +203,9 @@ class RunLoop:
         attempts: Scalar,
         goes: Callable[[Progress], Condition] | None = None,
     ) -> Progress:
-        """Return the run after further steps, up to the first that ends at or after time `stop`, s.
-        It may stop earlier: at a failure, at its end, after `attempts` attempts since its start, or
-        when `goes`, which is called with the run before each attempt, returns false."""
+        """Return the run `now` after further steps, up to the first that ends at time `stop`, s, or
+        later. It may stop earlier: at a failure, at the run's end, after `attempts` attempts since
+        the run's start, or when `goes`, called with the run before each attempt, returns false."""
 
         def continues(now: Progress) -> Condition:
             more = (now.step.t < stop) & running(now.step, self.t_end, attempts)
@@ -218,7 +218,7 @@ def begin_run(
     method: Method, system: System, state: State, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
     """Return the complete state of a run before its first step, which has the length `first_step`,
-    s. Entry speeds, bristles, memories and ledger that the packed `state` lacks are initialised."""
+    s. Entry speeds, bristles, memories and ledger that `state` lacks are initialised."""
     motion = system.encode(unpack(state.bodies))
     work = state.work if system.formulation.ledger else {}
     y = Variables(motion, work, unpack(state.bristles), state.memory)
@@ -226,6 +226,6 @@ def begin_run(
 
 
 def final_result(step: Step, t_end: Scalar) -> RESULTS:
-    """Return a run's result code: `max_steps_reached` if it neither failed nor reached `t_end`."""
+    """Return `step.result`, or `max_steps_reached` if a run neither failed nor reached `t_end`."""
     unfinished = (step.t < t_end) & (step.result == RESULTS.successful)
     return RESULTS.where(unfinished, RESULTS.max_steps_reached, step.result)

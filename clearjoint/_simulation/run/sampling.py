@@ -65,10 +65,10 @@ class Sampled(eqx.Module):
     - `reached`: (N,), whether the run reached each time. Other rows are meaningless.
     - `time`: s, end of the run, on the scene's clock.
     - `amplification`: (p,), for each parameter, the largest derivative of a speed, times the time
-      from then on, over the largest derivative of a position from then on. Times the relative error
-      of that derivative of a speed, it bounds the relative error of that of a position.
-    - `records`: the records of the run's recorders. Impacts have times since the start of the run,
-      and crossings times on the clock of the scene.
+      from its instant to the end of the run, over the largest derivative of a position in that
+      time. Relative errors of the former, times this factor, bound those of the latter.
+    - `states`: those at the N times, or ``None``; `records`: those of the run's recorders. Impacts
+      have times since the start of the run, and crossings times on the clock of the scene.
     """
 
     values: dict[str, Numbers]
@@ -88,6 +88,8 @@ Initial: TypeAlias = tuple[Variables, EntrySpeeds]
 
 
 def initial_with_tangents(family: SystemFamily, t0: Scalar) -> tuple[Initial, Initial]:
+    """Return variables and entry speeds at the start, `t0`, s; and their derivatives."""
+
     def initial(system: System, values: Coordinates) -> Initial:
         state = scenes.start(values)
         motion = system.encode(state.bodies)
@@ -110,7 +112,8 @@ def first_tangents(
     t_end: Scalar,
     initial: tuple[Initial, Initial],
 ) -> Tangents:
-    """Return the tangents before the first step; `initial` is as by `initial_with_tangents`."""
+    """Return the tangents before the first step, `step`. `initial`: the initial values and their
+    derivatives, as `initial_with_tangents` returns them; `t_end`: any time after the start, s."""
     (_, entry_speeds), (y_along, entry_speeds_along) = initial
 
     # The solver of an explicit method has a state of its own: the rates at the start of the step,
@@ -123,8 +126,8 @@ def first_tangents(
     zeros = jnp.zeros(family.family.tangents)
     y_along = replace(y_along, work=dict.fromkeys(step.y.work, zeros))
 
-    # The entry speed of a contact that begins at the start is its penetration rate there, which
-    # depends on the parameters like that of a later onset.
+    # The entry speed of a contact that begins at the start is the penetration rate there, which
+    # depends on the parameters as it does at a later onset.
     def completed(system: System, y: Variables, entry_speeds: EntrySpeeds) -> EntrySpeeds:
         gaps = system.contact_gaps(y.motion)
         return initial_entry_speeds(system.scene, gaps, entry_speeds, step.second_rates)
@@ -135,14 +138,14 @@ def first_tangents(
     _, state_along = family.with_derivatives(
         solver_state, (step.y, step.entry_speeds), (y_along, entry_speeds_along)
     )
-    return Tangents(y_along, entry_speeds_along, state_along)
+    return Tangents(y=y_along, entry_speeds=entry_speeds_along, solver_state=state_along)
 
 
 def look_at_tangents(
     method: Method, system: System, attempt: Attempt, t: Scalar, entry_speeds: EntrySpeeds
 ) -> tuple[Variables, EntrySpeeds]:
     """Return the derivatives of variables and entry speeds at a time t, s since the start of the
-    run, in the accepted step of an `attempt`. `entry_speeds`: those by `look_inside` at this time.
+    run, in the accepted step of an `attempt`. `entry_speeds`: the entry speeds themselves then.
     Inside the step the results are derivatives of dense output, and at its end those of the stored
     state. The correction by which `look_inside` satisfies the constraints is not differentiated."""
     t1, inside, at_t1 = attempt.step.t, attempt.tangents, attempt.step.tangents
@@ -152,7 +155,8 @@ def look_at_tangents(
     y = choose(is_end, at_t1.y, dense.evaluate(dense_time(attempt, t)))
 
     def speed_along(name: str, label: str) -> Gradients:
-        # A contact that began in this step has its entry speed from the end of the step.
+        # A contact that began earlier in this step has the entry speed, and its derivatives, of the
+        # step's end. All others have those of the start.
         before = attempt.entry_speeds_start[name][label]
         began = (before == 0.0) & (entry_speeds[name][label] > 0.0)
         kept = inside.entry_speeds_start[name][label]
@@ -257,7 +261,7 @@ def _sampled_from(
 
 
 def _amplification(step: Step, peak: TangentPeak) -> jax.Array:
-    # Nothing is amplified if no position depends on the parameter.
+    # Nothing is amplified if no position depends on the parameter: the result is then zero.
     positions = jnp.where(peak.positions > 0.0, peak.positions, jnp.inf)
     return peak.size * (step.t - peak.time) / positions
 
@@ -314,7 +318,8 @@ def sampled(
 def _joined(runs: list[Sampled], count: int) -> Sampled:
     """Join runs, each with the derivatives by some of `count` parameters, to one result."""
 
-    # All groups have the same size, for which the last one may repeat the last parameter.
+    # All groups have the same size, for which the last one may repeat the last parameter. The
+    # repeated columns are cut off.
     def together(*parts: jax.Array) -> jax.Array:
         return jnp.concatenate(parts, axis=-1)[..., :count]
 
@@ -337,9 +342,9 @@ def _joined(runs: list[Sampled], count: int) -> Sampled:
 def recorded_run(
     arguments: tuple[PyTree, ...], recorders: dict[str, Recorders], has_states: bool, impacts: bool
 ) -> Sampled:
-    """Return the result of `sampled` as NumPy arrays. `arguments` are those of `sampled` before
-    `recorders`; with `impacts`, all impacts are recorded at the key `IMPACTS`. The run is repeated
-    until its buffers have room for all impacts."""
+    """Return the result of `sampled` as NumPy arrays. `arguments`: all arguments of `sampled` that
+    precede `recorders`. With `impacts`, all impacts are recorded, in the record `IMPACTS`; the run
+    is repeated with larger buffers until these have room for all impacts."""
     room = IMPACTS_AT_FIRST
     while True:
         every = {IMPACTS: ImpactRecorder(capacity=room)} if impacts else {}

@@ -44,15 +44,15 @@ class SectionRecord(eqx.Module):
 class SectionRecorder(AbstractRecorder[SectionRecord]):
     """Recorder of the crossings of a section.
 
-    - `quantity`: function of an `Instant`; its value is called the level. A step contains a
-      crossing if the level is negative at the step's start, and positive or zero at its end; also
-      if the level has the same sign at both ends, but the opposite sign at a turning point in
+    - `quantity`: function of an `Instant`, whose value is called the level. A step contains a
+      crossing if the level is negative at the step's start, and positive or zero at the step's end;
+      also if the level has the same sign at both ends, but the opposite sign at a turning point in
       between. At most one crossing is found in a step.
     - `earliest`: s, time of the scene before which crossings are ignored.
     - `channels`: pairs of a name and a quantity. A row of the record has the time of a crossing and
       the values of the quantities; with ``None``, as in lanes, a row is a `Snapshot`.
-    - `wanted`: number of rows in the buffer after which no further crossing is recorded or counted
-      until the buffer is emptied; ``None`` for `capacity`, the number for which it has room.
+    - `wanted`: largest number of rows in the buffer; further crossings are neither recorded nor
+      counted until it is emptied. ``None`` for `capacity`, the number for which it has room.
     """
 
     quantity: Quantity = eqx.field(static=True)
@@ -69,16 +69,19 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
     @override
     def after(self, record: SectionRecord, step_outcome: StepOutcome) -> SectionRecord:
         accepted, now, before = step_outcome.accepted, step_outcome.now, record.level
+        # The level at the end of the step, just before and just after it may jump there.
         last, after = now.before_and_after(self._level)
         start, end = self._bracket(now, before, last)
+        # In scenes without jumps both are the same object. A level that jumps through zero crosses
+        # it at the end of the step, between `last` and `after`.
         if last is not after:
-            leaps = (last < 0.0) & (after >= 0.0)  # The level rises by a jump at the end.
+            leaps = (last < 0.0) & (after >= 0.0)
             at_end = Point(1.0, last), Point(1.0, after)
             start, end = choose(leaps, at_end, (start, end))
         rises = accepted & (start.value < 0.0) & (end.value >= 0.0)
         period = getattr(self.quantity, "period", None)
         if period is not None:
-            # An angle that falls below -pi jumps to pi without a crossing.
+            # An angle that falls below -pi jumps to pi, by 2 pi, which is no crossing.
             rises &= end.value - start.value < 0.5 * period
         if self.channels is None:
             # In lanes, which cannot branch one by one, the root is searched for in every step.
@@ -110,7 +113,7 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         # If there is a crossing, the level is negative at the first point of the result, and
         # positive or zero at the second.
         parabola = Parabola.through(before, self._level(now.middle), after)
-        below, first, last = before < 0.0, Point(0.0, before), Point(1.0, after)
+        below, at_start, at_end = before < 0.0, Point(0.0, before), Point(1.0, after)
         # A level with the same sign at both ends may rise through zero before or after a turning
         # point inside the step. A ball that is thrown up, for example, flies without integration
         # errors: in a single step it passes a height twice. x is the turning point of the parabola.
@@ -123,9 +126,10 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
 
         # In lanes, both branches of a condition would be computed.
         value = level() if self.channels is None else jax.lax.cond(turns, level, lambda: before)
-        inner = Point(x, value)
-        start = choose(turns & jnp.logical_not(below), inner, first)
-        return start, choose(turns & below, inner, last)
+        turning_point = Point(x, value)
+        # From below, the level rises before the turning point; from above, after it.
+        start = choose(turns & jnp.logical_not(below), turning_point, at_start)
+        return start, choose(turns & below, turning_point, at_end)
 
     def _crossing(self, step_outcome: StepOutcome, start: Point, end: Point) -> Snapshot:
         system, method, dense = step_outcome.system, step_outcome.method, step_outcome.dense_step
@@ -140,8 +144,10 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         t = jnp.where(ends, dense.end.t, dense.start.t + x * length)
         row = dense.at(method, system, t)
         # The entry speed of a contact that ends is known only before the event.
-        both = dense.start.entry_speeds, row.entry_speeds
-        speeds = jax.tree.map(lambda old, now: jnp.where(ends & (old > 0.0), old, now), *both)
+        start_and_row = dense.start.entry_speeds, row.entry_speeds
+        speeds = jax.tree.map(
+            lambda old, now: jnp.where(ends & (old > 0.0), old, now), *start_and_row
+        )
         return Snapshot(row.t, row.y, speeds)
 
     def _none(self) -> dict[str, Scalar]:
@@ -192,6 +198,7 @@ class Section:
         for name, channel in self.channels.items():
             pair = channel if isinstance(channel, tuple) else (channel, "1")
             is_pair = len(pair) == 2 and callable(pair[0]) and isinstance(pair[1], str)
+            # A class, such as `Position` without arguments, is callable too, but no quantity.
             is_pair = is_pair and not isinstance(pair[0], type)
             require(is_pair, f"channels[{name!r}]", channel, expected, PASS_CHANNELS)
         # The results have arrays with the times of the crossings and the number of crossings.
@@ -221,7 +228,7 @@ class Section:
 
     @property
     def state_recorder(self) -> SectionRecorder:
-        """The recorder of states at crossings, for lanes, which empty its buffer during the run."""
+        """The recorder of states at crossings, for lanes, which empty the buffer during the run."""
         return SectionRecorder(self.crossing, self._earliest, None, ROWS)
 
     def check(self, scene: Scene) -> None:

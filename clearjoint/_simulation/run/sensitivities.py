@@ -58,8 +58,9 @@ class Sensitivities(datasets.AbstractTabular):
       with respect to the coordinates of the parameters' scales: for a parameter with the scale
       `Log`, with respect to its natural logarithm.
     - `saved`: the `Trajectory` at `Saving.times`, ``None`` unless requested.
-    - `time`, `result`, `attempts`, `accepted`, `impacts`, `settings`: as in `Solution`. Derivatives
-      by more than 16 parameters are computed in several runs, whose steps are added up.
+    - `time`: s, end of the run; `result`: its `RESULTS` code; `attempts`, `accepted`: numbers of
+      steps tried and accepted, added up over the several runs that more than 16 parameters need.
+    - `impacts`: table of impacts, ``None`` unless requested; `settings`: pairs of name and value.
     - `units[name]`: unit of each quantity that declares one.
     - `scales`: (p,) labels of the parameters' coordinates, such as "log clearance".
 
@@ -181,7 +182,8 @@ def sensitivities(
     check_parameters(parameters)
     for parameter in parameters.values():
         if isinstance(parameter.variation, SeriesDelay):
-            # All outputs are evaluated at the same times; the error says which calls do more.
+            # This raises an error, because here all outputs are evaluated at the same times. The
+            # error says which calls can delay a single series.
             parameter.variation.setter(scene, state, 0.0)
     settings = settings_or(settings, presets.derivatives)
     scheme = derivative_scheme(scene, state, settings, start_time)
@@ -249,7 +251,8 @@ def _checked_outputs(outputs: Mapping[str, Output], save: Saving | None) -> Requ
 def _reached_rows(
     run: Sampled, all_times: Float[np.ndarray, " N"], times: Float[np.ndarray, " some"]
 ) -> Int[np.ndarray, " reached"]:
-    """Return the indices in `all_times`, the times of a run, of those `times` that it reached."""
+    """Return the indices in `all_times` of those `times` that the run has reached. `all_times`: the
+    sample times of the run, in rising order, among which are all `times`."""
     rows = np.searchsorted(all_times, times)
     return rows[run.reached[rows]]
 
@@ -266,7 +269,8 @@ def _caution_amplified(
     # In a short and stiff impact, derivatives of speeds grow and decrease again by many orders of
     # magnitude. Their error at the peak remains, and may be larger than what follows.
     tolerance = settings.rtol * settings.derivative_tolerance
-    # A tolerance of one or more asks for derivatives without control of their errors.
+    # A controller of the user's has its own tolerances, which are unknown here. A tolerance of one
+    # or more asks for derivatives without control of their errors.
     if settings.controller is not None or tolerance >= 1.0:
         return
     for name, factor in zip(names, amplification, strict=True):
@@ -287,8 +291,9 @@ cause. Along a regular motion, derivatives grow about as the time or its square.
 
 
 def _growth_of_derivatives(run: Sensitivities) -> str | None:
-    """Return a message if a run failed because its derivatives have grown, otherwise ``None``."""
+    """Return a message if a run failed because derivatives grew `GROWN` times, else ``None``."""
     stuck = [RESULTS.max_steps_reached, RESULTS.step_too_small]
+    # The largest growth of any derivative, by quantity and parameter.
     growth = 1.0
     for rows in run.derivatives.values():
         for column in np.abs(rows.T):

@@ -35,7 +35,7 @@ SECTION = "settle"
 
 
 class Settling(enum.Enum):
-    """How a motion settled. The value of each member is a description in words.
+    """How a motion settled. Each member's value describes it in words; a steady motion is at rest.
 
     >>> cj.Settling.UNSETTLED.value
     'not settled'
@@ -103,8 +103,7 @@ class Settled:
 
 SETTLED_STATISTICS = 0.1
 """Largest difference between the means, and the standard deviations, in two spans of a motion that
-count as the same, relative to its range. It leaves room for the scatter of the statistics of a
-chaotic motion."""
+count as the same, relative to its range. It leaves room for scatter in a chaotic motion."""
 ROOM = PHASES * BLOCK
 """Number of crossings of a section for which there is room in a block of periods."""
 CONFIRMING = 3
@@ -120,18 +119,19 @@ bound of the scales of the times between crossings, s, and of the channels, each
 class Strobe:
     """A motion as D numbers for each of n periods, `rows`, (n, D), in which `settle` looks for
     repetition. Changes in each column are divided by `scales`, (D,), and are known up to multiples
-    of `periods`, (D,), if these are given: of an angle 2 pi, otherwise infinity."""
+    of `periods`, (D,): 2 pi for an angle, otherwise infinity; ``None`` if there is no angle."""
 
     rows: Float[np.ndarray, "n D"]
     scales: Float[np.ndarray, " D"]
     periods: Float[np.ndarray, " D"] | None = None
 
     def change(self, multiple: int) -> Float[np.ndarray, " changes"]:
-        """Return the largest scaled change of each row since `multiple` rows earlier; there are n -
-        `multiple` such rows."""
+        """Return for each row but the first `multiple` ones, (n - `multiple`,), the largest change
+        in any column since the row `multiple` rows earlier, over the column's scale."""
         difference = self.rows[multiple:] - self.rows[:-multiple]
         if self.periods is not None:
             turns = np.round(difference / self.periods)
+            # Zero turns of an infinite period would be NaN.
             difference = difference - turns * np.where(turns == 0.0, 0.0, self.periods)
         return np.max(np.abs(difference) / self.scales, axis=1, initial=0.0)
 
@@ -161,8 +161,7 @@ class Strobe:
 
 def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]]:
     """Return positions (m), velocities (m/s), spins (rad/s) and orientations of all bodies in N
-    states, by name. Orientations are products p_i p_j of Euler parameters, of which the sign is
-    arbitrary."""
+    states, by name. Orientations are products p_i p_j of Euler parameters (of arbitrary sign)."""
     parts = {
         name: np.stack([np.asarray(getattr(body, name)) for body in states.bodies.values()], axis=1)
         for name in ("position", "velocity", "spin", "orientation")
@@ -173,8 +172,8 @@ def columns(states: State) -> dict[str, Float[np.ndarray, "N bodies components"]
 
 
 def ranges(parts: dict[str, Float[np.ndarray, "N bodies components"]]) -> dict[str, float]:
-    """Return for each array the largest range of a component over the N states, at least `STILL`;
-    for orientations 1."""
+    """Return, for each array from `columns`, the largest range of a component over the N states, at
+    least `STILL`; for orientations 1, since they are pure numbers of about this size."""
     sizes = {name: np.max(np.ptp(part, axis=0), initial=STILL) for name, part in parts.items()}
     return {**sizes, "orientation": 1.0}
 
@@ -204,9 +203,9 @@ def section_strobe(
     times: Float[np.ndarray, " n"], values: list[np.ndarray], periods: Sequence[float | None]
 ) -> Strobe:
     """Return a motion as a table with a row for each crossing of a section except the first: the
-    time since the previous crossing, s, and the value of each channel, of which angles have a
-    period. The scales are the mean time (1 s with fewer than two crossings), and the largest
-    magnitude of each channel."""
+    time since the previous crossing, s, and the value of each channel. `periods`: for each channel,
+    such as 2 pi for an angle, otherwise ``None``. The scales are the mean time (1 s with fewer than
+    two crossings), and the largest magnitude of each channel."""
     waits = np.diff(times)
     rows = np.stack([waits, *(value[1:] for value in values)], axis=1)
     wait = np.mean(waits) if len(waits) else 1.0
@@ -337,7 +336,7 @@ def settle(
 
 def _kind(strobe: Strobe, multiple: int | None, is_last: bool) -> Settling | None:
     """Return the kind of a motion that is not at rest; ``None`` if more periods have to be run.
-    `multiple`: that of `Strobe`; `is_last`: whether the largest number of periods is reached."""
+    `multiple`: result of `Strobe.multiple`; `is_last`: whether no more periods are allowed."""
     if multiple is not None:
         return Settling.PERIODIC
     if not is_last:
@@ -355,6 +354,7 @@ def _require_few_crossings(block: Solution, span: float | None) -> None:
 
 
 def _joined(blocks: list[Solution]) -> Solution:
+    # Saved states and crossings are those of all blocks; the end is that of the last one.
     saved, outputs = jax.tree.map(
         lambda *rows: np.concatenate(rows), *((block.saved, block.outputs) for block in blocks)
     )
@@ -368,6 +368,7 @@ def _joined(blocks: list[Solution]) -> Solution:
     )
 
 
+# Checks the three arguments of `settle`, and returns the length of a period or of a span, s.
 def _period(period: float | None, section: Section | None, span: float | None) -> float:
     is_one_given = (period is None) != (section is None)
     remedy = "pass the drive's period in s; or a section, with its span in s"

@@ -156,6 +156,7 @@ def simulate(
     if interrupted:
         raise RunInterrupted(solution)
     if throw:
+        # If steps became too short, the error names contacts whose damping may be the cause.
         is_short = result_number(solution.result) in map(result_number, SHORT_STEPS)
         final = solution.final, solution.time
         raise_failure(solution, causes=overdamped_contacts(scene, *final) if is_short else [])

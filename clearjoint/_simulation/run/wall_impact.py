@@ -89,22 +89,23 @@ def free_impact(
             require_smaller_clearance(clearance, bearing_radius, "the bearing's radius")
     numbers = jnp.asarray(mass, dtype=float), jnp.asarray(entry_speed, dtype=float)
     contact = partial(_contact, law, *numbers, bearing_radius, clearance)
-    # The first run finds the duration.
-    whole = contact(jnp.asarray(jnp.inf))
+    # The first run, with steps of any length, finds the duration.
+    first_run = contact(jnp.asarray(jnp.inf))
     # diffrax fills the rows for steps that were not taken with infinity.
-    times = np.asarray(whole.ts)
+    times = np.asarray(first_run.ts)
     duration = float(np.max(times, where=np.isfinite(times), initial=0.0))
-    rebounds = bool(whole.result == diffrax.RESULTS.event_occurred)
+    rebounds = bool(first_run.result == diffrax.RESULTS.event_occurred)
     expected = f"one from which a mass rebounds at {entry_speed} m/s"
     remedy = "raise the entry speed, or the law's `entry_speed_floor`"
     require(rebounds, "law", law, expected, remedy)
     # The peaks are found from a second run with shorter steps.
-    resolved = contact(jnp.asarray(duration / STEPS_A_CONTACT))
-    is_step = np.isfinite(np.asarray(resolved.ts))
-    times, (depth, rate) = np.asarray(resolved.ts)[is_step], np.asarray(resolved.ys)[is_step].T
+    second_run = contact(jnp.asarray(duration / STEPS_A_CONTACT))
+    is_step = np.isfinite(np.asarray(second_run.ts))
+    times, (depth, rate) = np.asarray(second_run.ts)[is_step], np.asarray(second_run.ys)[is_step].T
     gap = Gap(depth, rate, bearing_radius, clearance)
     force = np.asarray(contact_normal_force(law, gap, np.full_like(depth, entry_speed)))
     return FreeImpact(
+        # The rate of the penetration is negative when the mass leaves the wall.
         restitution=-float(rate[-1]) / entry_speed,
         peak_force=_crest(times, force),
         largest_penetration=_crest(times, depth),
