@@ -94,11 +94,11 @@ class NativeProgram:
         small = [k for k, aval in enumerate(avals) if aval.size < LARGE]
         self._small: list[tuple[list[int], np.ndarray, np.ndarray]] = []
         for are_floats in (True, False):
-            joined_ones = [k for k in small if (avals[k].dtype.kind == "f") is are_floats]
+            indices = [k for k in small if (avals[k].dtype.kind == "f") is are_floats]
             cells_and_sources = _joined_cells(
-                [self.inputs[k] for k in joined_ones], [avals[k].size for k in joined_ones]
+                [self.inputs[k] for k in indices], [avals[k].size for k in indices]
             )
-            self._small.append((joined_ones, *cells_and_sources))
+            self._small.append((indices, *cells_and_sources))
         self._large = {
             k: r for k, r in enumerate(self.inputs) if r is not None and avals[k].size >= LARGE
         }
@@ -172,10 +172,9 @@ def _indices(cells: Iterable[slice]) -> np.ndarray:
 def _joined_cells(
     regions: Sequence[Region | None], sizes: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the cells of all `regions`, in one array, and for each cell the index of the element
-    that belongs there, in the array that joins arrays of the given `sizes`, one for each region. An
-    array whose region is ``None`` is not in memory, but counts in the indices."""
-    # Each array, of the size of its region, ends where the sum of sizes up to it ends.
+    """Return the cells of all `regions`, in one array, and for each cell the index of its element
+    in the array that joins arrays of the given `sizes`, one for each region. An array whose region
+    is ``None`` is not in memory, but counts in these indices."""
     pairs = zip(regions, np.cumsum(sizes).tolist(), strict=True)
     used = [(r.cells, slice(end - r.size, end)) for r, end in pairs if r is not None]
     return _indices(cells for cells, _ in used), _indices(elements for _, elements in used)
