@@ -149,7 +149,7 @@ class _Joining:
         moved, move none and return ``None``. Cells that can be moved hold values from outside of
         the function that reads them, such as parameters of elements."""
         program = self._program
-        # Only full vectors are loaded: a shorter one would have to be filled up in memory.
+        # A load of a vector reads `CALLS_AT_ONCE` cells, so it serves no smaller group of calls.
         if len(values) < CALLS_AT_ONCE or not all(value in self._loads for value in values):
             return None
         cells = [self._loads[value].number for value in values]

@@ -546,7 +546,7 @@ class _Writer:
         return content
 
     def _store(self, entry: Operation) -> None:
-        """Write a store to a cell or, if lanes may have different indices, to a cell for each."""
+        """Write a store to a cell or, if lanes may have different indices, to a cell per lane."""
         value, index = (*entry.arguments, None)[:2]  # `None` if the operation has no index
         assert value is not None
         kind, content = self._program.kinds[value], self._value(value)

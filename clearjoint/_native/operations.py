@@ -425,8 +425,8 @@ class Operations:
             self._mask = outer
 
     def _address(self, start: int, index: Value | None) -> tuple[int, tuple[Value, ...]]:
-        """Return the `number` of a load or store of the cell `start` + `index`, and a tuple with the
-        argument for the index. A known index is added to the number, and the tuple is empty."""
+        """Return the `number` of a load or store of the cell `start` + `index`, and its argument for
+        the index, in a tuple: an empty one for a known index, which is added to `number`."""
         number = None if index is None else self.constants.get(index)
         if number is None:
             return start, () if index is None else (index,)
@@ -544,8 +544,8 @@ class Operations:
         ]
 
     def once(self, key: tuple, add: Callable[[], Value]) -> Value:
-        """Call `add`, which adds entries to the program, and return its value; if the current block,
-        or one around it, has done so for the same `key`, return the value found then instead."""
+        """Call `add`, which adds entries to the program, and return its result. If this has been
+        done for the same `key` in the current block, or in one around it, return that result."""
         value = self._known.get(key)
         if value is None:
             value = self._known[key] = add()
