@@ -393,8 +393,8 @@ class Compiled(Generic[Arguments, Result]):
         update_wrapper(self, function)
 
     # The function as a part of another program, for which JAX accepts no compiler options, and as a
-    # program of its own. Each is made when it is needed: both together take 6 ms, and most functions
-    # of the package are never compiled in a process.
+    # program of its own. Each is made when it is needed: both together take 6 ms, and a process
+    # never compiles most functions of the package.
     @cached_property
     def _inner(self) -> Callable[..., Result]:
         return eqx.filter_jit(self._traced)

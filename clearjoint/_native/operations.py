@@ -425,8 +425,8 @@ class Operations:
             self._mask = outer
 
     def _address(self, start: int, index: Value | None) -> tuple[int, tuple[Value, ...]]:
-        """Return the `number` of a load or store of the cell `start` + `index`, and its argument for
-        the index, in a tuple: an empty one for a known index, which is added to `number`."""
+        """Return, for a load or store of the cell `start` + `index`, its `number` and a tuple with
+        its argument for the index; a known index is added to the number, and the tuple is empty."""
         number = None if index is None else self.constants.get(index)
         if number is None:
             return start, () if index is None else (index,)
