@@ -63,7 +63,7 @@ class Native(Generic[Arguments, Result]):
 
     def in_parts(self, *arguments: PyTree) -> tuple[FlatArguments, ...]:
         """Return the elements of the result, which must be a tuple, each flattened as an argument
-        of other calls. Native code makes no PyTree of an element that is only passed on to them."""
+        of other calls. Native code makes no PyTree of an element that only these calls use."""
         return self._result(
             arguments,
             self.native.run_in_parts,

@@ -132,7 +132,7 @@ def _sign(a: Symbol) -> Symbol:
 def _integer_power(a: Symbol, exponent: int) -> Symbol:
     if exponent < 0:
         return a.like(1) / _integer_power(a, -exponent)
-    # The product of those of the powers a, a^2, a^4, ... whose bit in the exponent is one.
+    # The product of those powers a, a^2, a^4, ... whose bit in the exponent is one.
     result: Symbol | None = None
     while exponent:
         if exponent & 1:

@@ -523,8 +523,8 @@ class _Writer:
         return self._type(("f" if kind[0] == "f" else "i") + kind[1:])
 
     def _load(self, entry: Operation) -> Word:
-        """Write the read of a cell or, if lanes may have different indices, of a cell for each
-        lane; return what is read."""
+        """Write a load of a cell or, if lanes may have different indices, of a cell per lane, and
+        return the result."""
         assert entry.out is not None
         kind, index = self._program.kinds[entry.out], next(iter(entry.arguments), None)
         cell = self._form_in_memory(kind)
