@@ -70,7 +70,7 @@ def _is_as_before(names: _Namespace, before: _Namespace) -> bool:
     """Return whether a namespace has the same objects under the same names as before.
 
     A module may have further names, such as those of submodules. A class may have further names
-    only if they begin with two underscores, since Python adds such names: another added method may
+    only if they begin with two underscores, of which Python adds some: any other added method might
     override an inherited one.
     """
     # The namespace of a module is a dictionary, that of a class a view of one.

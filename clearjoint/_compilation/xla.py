@@ -136,9 +136,9 @@ class NotSharedError(Exception):
 def _traced_for(
     function: Callable[..., PyTree], leaves: Sequence[PyTree], structure: PyTree, is_called: bool
 ) -> _Shared:
-    """Trace a function of PyTrees for the kind of arguments that the leaves of an example and a
-    structure give. Return the traced function, which takes the arrays among the leaves, and returns
-    the function's result. `is_called`, and what a kind is: see `traced_for_a_kind`."""
+    """Trace a function of PyTrees for arguments of one kind, of which the leaves of an example and
+    the structure are given. Return the traced function, which takes the arrays among the leaves.
+    Kinds and `is_called`: see `traced_for_a_kind`."""
     others, arrays = divided(leaves)
     # The leaves of the function's result, with placeholders for arrays, and its structure, once JAX
     # has traced it. Structural zeros stay Python numbers, which the caller leaves out of its
@@ -163,7 +163,7 @@ def _traced_for(
 
 
 def _evaluation_of(call: ClosedJaxpr) -> Callable[..., Sequence[PyTree]]:
-    """Return a function that evaluates a jaxpr, whose single equation calls another jaxpr.
+    """Return a function that evaluates the jaxpr `call`, in which one equation calls another jaxpr.
 
     Adding this equation to the program that is being traced takes two fifths of the time of
     `jaxpr_as_fun`, and less than `jax.jit`, whose checks of arguments were a tenth of the tracing

@@ -63,6 +63,9 @@ class _Plan:
     - `slots`: index of each stored block by its place (row, column), on or below the diagonal, also
       of blocks that are zero in the matrix but not in its factor (fill-in).
     - `entries`: the places of the blocks of the matrix itself.
+
+    **Arguments:** `coupled`: row i tells for each j < i whether block (i, j) is not zero; `sizes`:
+    as above. In both, the groups are in their original order.
     """
 
     def __init__(self, coupled: Sequence[Sequence[bool]], sizes: Sequence[int]):
@@ -73,9 +76,8 @@ class _Plan:
         self.entries = [(i, j) for i, j in places if i == j or i in neighbours[j]]
 
     def rows(self, group: int, block: int) -> list[int]:
-        """Return the indices of the rows of the stored block with the index `block` that are rows
-        of the given group of rows, without the padding after these. Here and in the tables, rows
-        are counted over all blocks."""
+        """Return the indices of those rows of a stored block that belong to a group of rows: all
+        but the padding. Here and in the tables, rows are counted over all blocks."""
         return [SIZE * block + row for row in range(self.sizes[group])]
 
     def factorisation(self) -> list[_Step]:
@@ -353,8 +355,7 @@ def _product(plan: _Plan, blocks: jax.Array, vector: jax.Array) -> jax.Array:
 
 
 def _iterated(blocks: jax.Array, right: jax.Array, table: Sequence[_Step]) -> jax.Array:
-    """Return the solution of a system of equations for a right side, by the operations in a table
-    of `_Plan.solution`, which refers to blocks by their indices in `blocks`."""
+    """Return the solution for a right side, by a table of `_Plan.solution` and its `blocks`."""
 
     def step(vectors: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
         former, sign, transposed, target, block, source = row

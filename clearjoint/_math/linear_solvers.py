@@ -215,6 +215,7 @@ class LeastNorm(AbstractSolver):
     @override
     def solving(self, matrix: AbstractMatrix) -> Solve:
         trace = matrix.trace()
+        # A shift of zero would leave a matrix of zeros singular; any other serves.
         shift = jnp.where(trace > 0.0, trace * (self.relative_shift / matrix.n), 1.0)
         return matrix.solving(shift, self.sweeps)
 

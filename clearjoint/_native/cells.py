@@ -90,8 +90,7 @@ class Cells:
             self.size += leaf.size
 
     def columns(self) -> PyTree:
-        """Return the example with each element of its arrays replaced by the index in a row at
-        which `rows` puts this element."""
+        """Return the example with the elements of its arrays replaced by their indices in a row."""
         return self._tree([np.arange(self.size)[r.cells].reshape(r.shape) for r in self._regions])
 
     def rows(self, trees: PyTree) -> Float[np.ndarray, "n {self.size}"]:

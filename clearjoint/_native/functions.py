@@ -252,9 +252,8 @@ def evaluated(
 
 
 class _Key:
-    """Key of flattened arguments. The hash is computed once, and `of` returns the same object for
-    equal `parts`, so that parts are rarely compared: for thirty joints, comparing the parts of two
-    keys takes as long as flattening."""
+    """Key of flattened arguments, hashed once. `of` returns the same object for equal `parts`, so
+    that parts are rarely compared: for thirty joints, this takes as long as flattening."""
 
     __slots__ = ("_hash", "layout", "parts")
 
@@ -507,8 +506,7 @@ class NativeFunction:
         return result(program(flat.arrays, flat.floats))
 
     def run_in_parts(self, flat: FlatArguments) -> tuple[FlatArguments, ...]:
-        """Return the elements of the result, which must be a tuple, each flattened as an argument
-        of other calls."""
+        """Return the elements of the result, a tuple, each flattened as an argument of calls."""
         program, result = self.program(flat)
         return result.in_parts(program(flat.arrays, flat.floats))
 

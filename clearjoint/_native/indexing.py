@@ -43,8 +43,7 @@ def _moved_inside(
     lower: Lowering, starts: Sequence[Value], lengths: Sequence[int], sizes: Sequence[int]
 ) -> tuple[list[Symbol], Symbol]:
     """Return the starts of a block along some axes, moved so that the block lies inside of the
-    array, and whether it lay there already. Along the same axes, `lengths` are those of the array,
-    and `sizes` those of the block."""
+    array, and whether it lay there already. `lengths` are the array's, and `sizes` the block's."""
     inside: list[Symbol] = []
     fits = Symbol(lower.ops, lower.ops.constant("b", True))
     for start, length, size in zip(starts, lengths, sizes, strict=True):
@@ -309,8 +308,7 @@ def _scatter(
 
 
 def _combination(lower: Lowering, equation: Equation, name: str) -> Callable[[Value, Value], Value]:
-    """Return the function of an element and an update that returns the new element, in `_scatter`
-    with the same `name`."""
+    """Return the function of an element and an update that returns the new element (`_scatter`)."""
     if name:
         return lower.operation(name, aval_of(equation.invars[0]))
     # "scatter" has a jaxpr that returns the update or, for `x.at[k].apply`, a function of the

@@ -212,8 +212,7 @@ def _traced(
     static: tuple[PyTree, PyTree, PyTree],
 ) -> tuple[list[str], core.ClosedJaxpr, core.ClosedJaxpr]:
     """Return the names of the scalars of `status`, and the jaxprs of `step` and `status` as
-    functions of `arrays`: the PyTrees `shared`, `own` and `state` with ``None`` in place of leaves
-    that are no arrays, which `static` has instead."""
+    functions of `arrays`, the arrays in `shared`, `own` and `state`. `static` has all else."""
     names: list[str] = []
 
     def arrays_after(*trees: PyTree) -> list[PyTree]:

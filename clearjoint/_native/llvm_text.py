@@ -109,6 +109,7 @@ class _Writer:
         blocks = [*self._program.functions, self._program.block]
         # A function is called only by later ones, so its needed results are known.
         for number, block in reversed(list(enumerate(blocks))):
+            # The calls use these values of the function.
             self._uses.update(self._results(number))
             self._mark(block)
         for block in blocks:
@@ -188,7 +189,8 @@ class _Writer:
         return [self._program.signatures[function][1][k] for k in needed]
 
     def _mark(self, block: Block) -> bool:
-        """Mark the entries of a block, from its end backwards, as `_mark_entry` does."""
+        """Mark the entries of a block, from its end backwards, by `_mark_entry`, and return whether
+        any of them has an effect other than its values."""
         # A list, since `any` alone would stop at the first effect and leave entries unmarked.
         effects = [self._mark_entry(entry) for entry in reversed(block)]
         return any(effects)

@@ -155,8 +155,7 @@ def count_equations(jaxpr: core.Jaxpr) -> int:
 @dataclass
 class RepeatedCall:
     """Several equations that call the same jaxpr. For each argument, `shared` tells whether it is
-    the same in all calls. `function` computes the jaxpr; it is ``None`` until one of the equations
-    is lowered."""
+    the same in all calls. `function` computes the jaxpr; ``None`` until an equation is lowered."""
 
     shared: list[bool]
     function: "Function | None" = None
@@ -249,7 +248,7 @@ def _float_operation(equation: Equation) -> str | None:
 class Survey:
     """Properties of a jaxpr, found once, although it may be inlined at hundreds of places.
 
-    - `operations`: for each equation, the operation of `FLOAT_OPERATIONS`, or ``None``.
+    - `operations`: each equation's operation in `FLOAT_OPERATIONS`; ``None`` if it needs a rule.
     - `last_reads`: for each variable, the index of the last equation that reads the variable, and
       may overwrite it; the number of equations for a result of the jaxpr.
     - `has_repeated_calls`: whether the jaxpr has `repeated_calls`.
@@ -365,8 +364,7 @@ class Lowering:
         return memory if memory.size > LARGEST_UNROLLED else self.read(memory)
 
     def read(self, memory: InMemory) -> Array:
-        """Load each of the elements of an array, of which there must be at most `LARGEST_UNROLLED`,
-        and return the array of the values."""
+        """Load the elements of an array, at most `LARGEST_UNROLLED`; return the array of values."""
         return self.array(self.values(memory), memory.shape)
 
     def write(self, array: Array, start: int, index: Value | None = None) -> None:
@@ -657,7 +655,8 @@ class Lowering:
     def _call(
         self, repeated: RepeatedCall, closed: core.ClosedJaxpr, arguments: list[Array]
     ) -> list[Array]:
-        """Add a call of the function for the jaxpr `closed`, and with the first call the function.
+        """Add a call of the function for the jaxpr `closed`, and with the first call the function
+        itself; return the results of the call.
 
         Functions keep programs short, since LLVM's time for a block grows faster than its length:
         each Runge-Kutta stage computes the rates by the same large jaxpr.
@@ -712,9 +711,9 @@ class Lowering:
         ]
 
     def _call_shared(self, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
-        """Add a call of the function for a jaxpr that many places share, and at the first call the
-        function itself. Unlike the function of `_call`, this one uses no values from outside but
-        its arguments and constants, so that it can be called from any block."""
+        """Add a call of the function for a jaxpr that many places share, and with the first call
+        the function itself; return the results of the call. The function uses no values but its
+        arguments and constants, unlike that of `_call`, so that any block can call it."""
         ops = self.ops
         # The function takes values only, which an array in memory does not have.
         if any(isinstance(array, InMemory) for array in arguments):

@@ -438,8 +438,8 @@ class Operations:
         """Add a function that the current block, and blocks inside it, can call; return its index.
 
         `build` adds the entries of the function. Values from outside that the function uses are
-        written to memory in the current block, and the function reads them there. It writes in all
-        lanes, even inside a `masked` context.
+        written to memory in the current block, and the function reads them there. The function
+        writes in all lanes, even if it is added inside a `masked` context.
         """
         inner, depth = [], len(self._outside)
         self._outside.append((self.block, len(self._scopes) - 1))
