@@ -88,6 +88,7 @@ class _Plan:
         table: list[_Step] = []
         slots, first_inverse = self.slots, len(self.slots)
         for j, column in enumerate(self._below):
+            # The inverse of L in the diagonal block, by which the blocks below are multiplied.
             diagonal, inverse = self.rows(j, slots[j, j]), first_inverse + j
             for target, row in zip(self.rows(j, inverse), diagonal, strict=True):
                 table.append((_FACTORISE, target, row, inverse))
@@ -120,7 +121,8 @@ class _Plan:
                 table += [(0, 1, 0, r[k], identity, b[k]) for k in range(count)]
                 for target, slot, source, transposed in self.products():
                     table.append((1, -1, transposed, r[target], slot, x[source]))
-            # r = (L L^T)^-1 r, by forward and back substitution.
+            # r = (L L^T)^-1 r, by forward and back substitution. A division by a diagonal block of
+            # L is a product with its inverse.
             for j, column in enumerate(self._below):
                 table.append((0, 1, 0, r[j], first_inverse + j, r[j]))
                 table += [(1, -1, 0, r[i], of_factor[i, j], r[j]) for i in column]

@@ -183,8 +183,8 @@ def _joined_cells(
 class BoundFunction:
     """A native function with some of its arguments fixed, for many calls.
 
-    It takes and returns rows of numbers as in `Cells`, one for each call. Only one thread may call
-    it at a time, because all calls use the same memory.
+    It takes rows of numbers (see `Cells`), one with the varied arguments of each call, and returns
+    rows of results. Only one thread may use it at a time, because all calls use the same memory.
 
     - `results`: converts rows of results to PyTrees.
 

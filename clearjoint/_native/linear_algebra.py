@@ -65,8 +65,8 @@ def large_product(lower: Lowering, equation: Equation, *factors: Array) -> list[
         # Row-major indices of the elements, in the order (batch, other axes, summed axes).
         others = [k for k in range(len(shape)) if k not in (*batch, *along)]
         indices = np.arange(math.prod(shape)).reshape(shape).transpose([*batch, *others, *along])
-        count, length = (math.prod(shape[k] for k in axes) for axes in (batch, along))
-        rows = indices.reshape(count, -1, length)
+        batch_size, length = (math.prod(shape[k] for k in axes) for axes in (batch, along))
+        rows = indices.reshape(batch_size, -1, length)
         starts.append(rows[:, :, 0])
         steps.append(lower.table(rows[0, 0] - rows[0, 0, 0]))
     # For each element of the result, with the axes (batch, other axes of the first factor, other

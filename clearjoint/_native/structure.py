@@ -326,8 +326,8 @@ def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Arra
         elements = (Symbol(lower.ops, value) for value in lower.values(array))
         values = np.array([convert(x, kind_of(out)).value for x in elements]).reshape(shape)
         others = [k for k in range(len(shape)) if k not in (*batch, *along)]
-        count, length = (math.prod(shape[k] for k in axes) for axes in (batch, along))
-        return values.transpose([*batch, *others, *along]).reshape(count, -1, length).tolist()
+        batch_size, length = (math.prod(shape[k] for k in axes) for axes in (batch, along))
+        return values.transpose([*batch, *others, *along]).reshape(batch_size, -1, length).tolist()
 
     # Each element of the result is the inner product of a row of one array and a row of the other.
     add, multiply = (lower.operation(name, out) for name in ("add", "mul"))
