@@ -136,9 +136,9 @@ class NotSharedError(Exception):
 def _traced_for(
     function: Callable[..., PyTree], leaves: Sequence[PyTree], structure: PyTree, is_called: bool
 ) -> _Shared:
-    """Trace a function of PyTrees for arguments of one kind, of which the leaves of an example and
-    the structure are given. Return the traced function, which takes the arrays among the leaves.
-    Kinds and `is_called`: see `traced_for_a_kind`."""
+    """Trace a function of PyTrees for one kind of arguments (see `traced_for_a_kind`), given by the
+    leaves and structure of an example. Return the traced function, which takes the arrays among the
+    leaves. `is_called`: whether it becomes one function of native code, or is repeated inline."""
     others, arrays = divided(leaves)
     # The leaves of the function's result, with placeholders for arrays, and its structure, once JAX
     # has traced it. Structural zeros stay Python numbers, which the caller leaves out of its
