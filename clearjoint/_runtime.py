@@ -131,7 +131,7 @@ def _keep() -> bool:
 
 def _usable(cache: str) -> str | None:
     """Make the folder `cache`, and return its path; ``None``, with a warning, if it can't be made
-    or if other users may write to it. URLs of cloud storage stay as they are.
+    or if other users may write to it. A URL of cloud storage is returned as it is.
 
     **Raises:** `ValueError` if the path is that of a file, or leads through one.
     """
@@ -146,8 +146,8 @@ def _usable(cache: str) -> str | None:
 
 
 def threads_of_sweeps() -> int:
-    """Return the number of threads that share the runs of a sweep: that set by `configure` or
-    `adopt`, else the number of accelerators or, without any, of usable cores."""
+    """Return the number of threads that share the runs of a sweep: the number that `configure` or
+    `adopt` has set, else the number of accelerators or, without any, of usable cores."""
     if _threads is not None:
         return _threads
     if jax.default_backend() != "cpu":

@@ -13,7 +13,7 @@ LONG = 40
 
 
 def digest(*parts: str | bytes, digits: int = DIGITS) -> str:
-    """Return the digest of texts or bytes in `digits` hexadecimal digits, even and at most 128."""
+    """Return the digest of texts or bytes, in `digits` (even, at most 128) hexadecimal digits."""
     state = hashlib.blake2b(digest_size=digits // 2)
     for part in parts:
         content = part.encode() if isinstance(part, str) else part

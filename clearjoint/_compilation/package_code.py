@@ -69,9 +69,9 @@ def source_digest() -> str:
 def _is_as_before(names: _Namespace, before: _Namespace) -> bool:
     """Return whether a namespace has the same objects under the same names as before.
 
-    Modules may have further names, such as those of submodules. Classes may not, since an added
-    method may override an inherited one, except for names that begin with two underscores, of which
-    Python adds some.
+    A module may have further names, such as those of submodules. A class may have further names
+    only if they begin with two underscores, of which Python adds some: any other added method might
+    override an inherited one.
     """
     # The namespace of a module is a dictionary, that of a class a view of one.
     added = () if isinstance(names, dict) else names.keys() - before.keys()

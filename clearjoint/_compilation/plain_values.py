@@ -77,24 +77,28 @@ def _nested(value: object) -> object:
     # Functions and classes have a qualified name.
     if isinstance(getattr(value, "__qualname__", None), str):
         return _named(value)
-    named = _named(kind)
+    named_class = _named(kind)
+    # An instance is identified by what `pickle` would save of it.
     try:
         reduced = value.__reduce_ex__(4)
     except (TypeError, ValueError):
         reduced = None
     if not isinstance(reduced, tuple):
         raise NotPlainError(f"an instance of {kind.__qualname__}, whose data cannot be read")
-    # Items of lists and dictionaries are iterators.
+    # `pickle` gets the items of subclasses of lists and dictionaries by iterators.
     parts = [list(part) if isinstance(part, Iterator) else part for part in reduced]
-    return "instance", named, *map(_nested, parts)
+    return "instance", named_class, *map(_nested, parts)
 
 
 def _named(value: object) -> object:
     """Return module and qualified name of a function or class of a known package.
 
-    **Raises:** `NotPlainError` if that name refers neither to `value` nor to a wrapper of `value`.
+    **Raises:** `NotPlainError` for another package, or if this name in this module refers neither
+    to `value` nor to a wrapper of `value`.
     """
     module, name = str(getattr(value, "__module__", None)), getattr(value, "__qualname__", "")
+    # A qualified name leads from the module to the value, through classes. From a module that is
+    # not known or not loaded, it leads to `None`.
     member = sys.modules.get(module) if module.split(".")[0] in _KNOWN else None
     for part in name.split("."):
         member = getattr(member, part, None)

@@ -19,7 +19,7 @@ import jax
 from .digests import LONG, digest
 
 MOST_BYTES = 1_000_000_000
-"""Largest total size of the files. Beyond it, those not used for longest are removed."""
+"""Largest total size of the files. Beyond this size, the least recently used ones are removed."""
 _OTHER_PATH = "give another path to `configure(cache=...)` or in the variable CLEARJOINT_CACHE."
 _is_on = False
 """Whether whole native programs are saved."""
@@ -156,6 +156,7 @@ class ProgramStore:
         with system_errors_suppressed(), suppress(zlib.error):
             stored = _read_private(path) or b""
             content = zlib.decompress(stored[LONG:])
+        # Without a file, or with one that cannot be decompressed, the checksums differ too.
         if stored[:LONG] != _checksum(key, content):
             return None
         with system_errors_suppressed():

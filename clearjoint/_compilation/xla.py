@@ -136,8 +136,9 @@ class NotSharedError(Exception):
 def _traced_for(
     function: Callable[..., PyTree], leaves: Sequence[PyTree], structure: PyTree, is_called: bool
 ) -> _Shared:
-    """Trace a function of PyTrees for one kind of arguments (see `traced_for_a_kind`), given by
-    example leaves and a structure. The result is a function of the arrays among the leaves."""
+    """Trace a function of PyTrees for one kind of arguments (see `traced_for_a_kind`), given by the
+    leaves and structure of an example. Return the traced function, which takes the arrays among the
+    leaves. `is_called`: whether it becomes one function of native code, or is repeated inline."""
     others, arrays = divided(leaves)
     # The leaves of the function's result, with placeholders for arrays, and its structure, once JAX
     # has traced it. Structural zeros stay Python numbers, which the caller leaves out of its
@@ -162,7 +163,7 @@ def _traced_for(
 
 
 def _evaluation_of(call: ClosedJaxpr) -> Callable[..., Sequence[PyTree]]:
-    """Return the function that a jaxpr computes, whose single equation calls another jaxpr.
+    """Return a function that evaluates the jaxpr `call`, in which one equation calls another jaxpr.
 
     Adding this equation to the program that is being traced takes two fifths of the time of
     `jaxpr_as_fun`, and less than `jax.jit`, whose checks of arguments were a tenth of the tracing
@@ -170,11 +171,12 @@ def _evaluation_of(call: ClosedJaxpr) -> Callable[..., Sequence[PyTree]]:
     """
     jaxpr = call.jaxpr
     if not jaxpr.outvars:
-        # Scenes have hundreds of ideal joints without constraint rows.
+        # Scenes have hundreds of ideal joints without constraint rows, which need no equation.
         return lambda *arrays: []
     if len(jaxpr.eqns) == 1:
         (equation,) = jaxpr.eqns
-        # JAX may pass an argument that is also a result by the call.
+        # The equation alone does not suffice if an argument is also a result: JAX may return such
+        # an argument without passing it through the call.
         if equation.invars == jaxpr.invars and equation.outvars == jaxpr.outvars:
             return partial(equation.primitive.bind, **equation.params)
     return jaxpr_as_fun(call)
@@ -188,8 +190,8 @@ def one_call(shared: SharedFunctions | None = None) -> Iterator[None]:
     """Context of a call of the package that makes several programs, which share the functions that
     `traced_for_a_kind` traces: tracing these again took a tenth of the time to the first answer for
     a humanoid with servos. Later calls trace anew, because a global variable that a function reads
-    may have changed. Calls that belong together pass the same dictionary `shared`, empty at first.
-    """
+    may have changed. `shared`: dictionary of these functions, empty at first, which calls that
+    belong together pass; by default that of a context around this one, or a new dictionary."""
     if shared is None:
         shared = _shared_by_call.get()
     token = _shared_by_call.set({} if shared is None else shared)
@@ -215,8 +217,8 @@ def joined(leaves: Sequence[PyTree], arrays: Iterable[PyTree]) -> list[PyTree]:
 
 
 def _is_array(leaf: PyTree) -> bool:
-    # The question is asked several hundred thousand times while a large program is traced, and that
-    # of Equinox takes longer than the other two.
+    # This function is called several hundred thousand times while a large program is traced, and
+    # the test of Equinox takes longer than the two before it.
     if isinstance(leaf, Tracer | np.ndarray):
         return True
     return type(leaf) is not float and eqx.is_array(leaf)
@@ -244,7 +246,7 @@ def traced_for_a_kind(
     key = function, is_called, structure, kinds
     try:
         shared = program.shared.get(key)
-    except TypeError as error:
+    except TypeError as error:  # a part of the key is not hashable
         raise NotSharedError from error
     if shared is None:
         shared = program.shared[key] = _traced_for(function, leaves, structure, is_called)
@@ -272,7 +274,7 @@ def shared_by_many(calls: int, function: Callable[..., Result], *arguments: PyTr
 
 
 def kind_of_leaf(leaf: PyTree) -> tuple[PyTree, ...]:
-    """Return that on which a program depends. For an array these are `ARRAY`, shape, dtype, and
+    """Return what of a leaf a program depends on. For an array, this is `ARRAY`, shape, dtype, and
     whether the type is weak (of a Python number, which takes the type of the other operand); for
     any other leaf, its type and the leaf itself, a float by its digits."""
     # The attributes of a tracer itself take ten times as long as those of its `aval`.
@@ -287,7 +289,7 @@ class Traced(NamedTuple):
     """A function that JAX has traced.
 
     - `jaxpr`: the operations of the function.
-    - `shapes`: its result, with shapes and dtypes in place of numbers.
+    - `shapes`: the result of the function, with shapes and dtypes in place of arrays.
     - `tangents`: number of parameters by which the function differentiates; 0 for none.
     """
 
@@ -342,8 +344,8 @@ def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Argument
 
     @wraps(function)
     def traced(*arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
-        # Outside that context nothing would end the time. A batch of gradients once made its loops
-        # so, and all later progress bars of the process said that they were compiling.
+        # The time begins only once, and only within that context. Nothing would end it outside, and
+        # all later progress bars of the process would say that a program is being compiled.
         thread = threading.get_ident()
         if thread in _began and _began[thread] is None:
             _began[thread] = time.monotonic()
@@ -390,8 +392,9 @@ class Compiled(Generic[Arguments, Result]):
         self._traced, self._options = begins_a_program(function), OPTIONS | compiler_options
         update_wrapper(self, function)
 
-    # Making both takes 6 ms, and most functions of the package are never compiled in a process.
-    # JAX accepts compiler options only for programs that are not part of another one.
+    # The function as a part of another program, for which JAX accepts no compiler options, and as a
+    # program of its own. Each is made when it is needed: both together take 6 ms, and a process
+    # never compiles most functions of the package.
     @cached_property
     def _inner(self) -> Callable[..., Result]:
         return eqx.filter_jit(self._traced)
@@ -421,7 +424,7 @@ _NEEDS_JAX = (*USUAL_ERRORS, NotImplementedError)
 class HostFirst(Generic[Arguments, Result]):
     """Function of PyTrees that NumPy computes if it can, and otherwise a program of XLA.
 
-    It serves for functions that are called once or twice in a run: NumPy takes milliseconds for
+    It is for functions that are called once or twice in a run: NumPy takes milliseconds for
     some hundred scalar operations, which XLA compiles in half a second. NumPy cannot compute a
     function that needs JAX, for instance for a derivative.
     """
@@ -442,8 +445,9 @@ class HostFirst(Generic[Arguments, Result]):
         is_traced = any(isinstance(leaf, Tracer) for leaf in leaves)
         by_numpy = self._by_numpy.get(structure)
         if not is_traced and by_numpy is not False:
-            numbers, named = jax.tree.unflatten(structure, map(_on_host, leaves))
-            call = partial(self.__wrapped__, *numbers, **named)
+            host_arguments, host_options = jax.tree.unflatten(structure, map(_on_host, leaves))
+            call = partial(self.__wrapped__, *host_arguments, **host_options)
+            # A list with the result, or an empty one.
             results = self._results(call, is_new=by_numpy is None)
             self._by_numpy[structure] = bool(results)
             if results:

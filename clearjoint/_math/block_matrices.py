@@ -63,6 +63,9 @@ class _Plan:
     - `slots`: index of each stored block by its place (row, column), on or below the diagonal, also
       of blocks that are zero in the matrix but not in its factor (fill-in).
     - `entries`: the places of the blocks of the matrix itself.
+
+    **Arguments:** `coupled`: row i tells for each j < i whether block (i, j) is not zero; `sizes`:
+    as above. In both, the groups are in their original order.
     """
 
     def __init__(self, coupled: Sequence[Sequence[bool]], sizes: Sequence[int]):
@@ -73,8 +76,8 @@ class _Plan:
         self.entries = [(i, j) for i, j in places if i == j or i in neighbours[j]]
 
     def rows(self, group: int, block: int) -> list[int]:
-        """Return the indices of the rows of the stored block number `block` that belong to a group,
-        without the padding after them. Here and in the tables, rows are counted over all blocks."""
+        """Return the indices of those rows of a stored block that belong to a group of rows: all
+        but the padding. Here and in the tables, rows are counted over all blocks."""
         return [SIZE * block + row for row in range(self.sizes[group])]
 
     def factorisation(self) -> list[_Step]:
@@ -85,6 +88,7 @@ class _Plan:
         table: list[_Step] = []
         slots, first_inverse = self.slots, len(self.slots)
         for j, column in enumerate(self._below):
+            # The inverse of L in the diagonal block, by which the blocks below are multiplied.
             diagonal, inverse = self.rows(j, slots[j, j]), first_inverse + j
             for target, row in zip(self.rows(j, inverse), diagonal, strict=True):
                 table.append((_FACTORISE, target, row, inverse))
@@ -100,10 +104,10 @@ class _Plan:
         return table
 
     def solution(self, sweeps: int) -> list[_Step]:
-        """Return the table for `_iterated`. A row (former, sign, transposed, target, block, source)
-        means part[target] = former * part[target] + sign * block @ part[source], with the block
-        transposed if `transposed` is 1. The parts belong to three vectors, one after the other:
-        b, x (zero at first) and r (b at first)."""
+        """Return the table for `_iterated` with `sweeps` iterations of `AbstractMatrix.solving`. A
+        row (former, sign, transposed, target, block, source) means part[target] = former *
+        part[target] + sign * block @ part[source], with the block transposed if `transposed` is 1.
+        The parts belong to three vectors in turn: b, x (zero at first) and r (b at first)."""
         count = len(self.order)
         b, x, r = ([*range(first, first + count)] for first in (0, count, 2 * count))
         # The blocks of the matrix come first, then those of the factor, inverses, and the identity.
@@ -117,7 +121,8 @@ class _Plan:
                 table += [(0, 1, 0, r[k], identity, b[k]) for k in range(count)]
                 for target, slot, source, transposed in self.products():
                     table.append((1, -1, transposed, r[target], slot, x[source]))
-            # r = (L L^T)^-1 r, by forward and back substitution.
+            # r = (L L^T)^-1 r, by forward and back substitution. A division by a diagonal block of
+            # L is a product with its inverse.
             for j, column in enumerate(self._below):
                 table.append((0, 1, 0, r[j], first_inverse + j, r[j]))
                 table += [(1, -1, 0, r[i], of_factor[i, j], r[j]) for i in column]
@@ -251,7 +256,7 @@ def _blocks(
 
 
 def _gathered(numbers: Sequence[Scalar], index: np.ndarray) -> jax.Array:
-    """Return an array with the number of each index, and zero for an index of -1."""
+    """Return the array of `numbers` at the given indices, with zero for an index of -1."""
     array = jnp.stack([*map(jnp.asarray, (*numbers, 0.0))])
     # The remainder turns -1 into the index of the zero at the end.
     return _taken(array, index % len(array))
@@ -308,6 +313,8 @@ def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
     for j, size in enumerate(plan.sizes):
         inverses[j, range(size, SIZE), range(size, SIZE)] = 1.0
 
+    # Row `target` of W: `row` is that of the block, `lower` is W times `row`, and `inverse` has the
+    # rows of W that are known. The pivot is 1 over the diagonal element of L.
     def inverse_row(row: jax.Array, lower: jax.Array, inverse: jax.Array, target: jax.Array):
         unit = jnp.asarray(np.arange(SIZE) == target % SIZE, float)
         lower = jnp.where(unit > 0.0, 0.0, lower)
@@ -319,12 +326,12 @@ def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
         kind, target, source, block = entries
         # An update subtracts L_kj times a row of L_ij from the same row of block (i, k). A division
         # multiplies a row of block (i, j) by the inverse of L_jj, which gives the row of L_ij.
-        here, row, factor = _row(blocks, target), _row(blocks, source), _block(blocks, block)
+        former, row, factor = _row(blocks, target), _row(blocks, source), _block(blocks, block)
         image = factor @ row
         numbers = jax.lax.cond(
             kind == _FACTORISE,
             lambda: inverse_row(row, image, factor, target),
-            lambda: jnp.where(kind == _UPDATE, here - image, image),
+            lambda: jnp.where(kind == _UPDATE, former - image, image),
         )
         return numbers, target
 
@@ -350,7 +357,7 @@ def _product(plan: _Plan, blocks: jax.Array, vector: jax.Array) -> jax.Array:
 
 
 def _iterated(blocks: jax.Array, right: jax.Array, table: Sequence[_Step]) -> jax.Array:
-    """Return the solution for a right side, by the operations in a table of `_Plan.solution`."""
+    """Return the solution for a right side, by a table of `_Plan.solution` and its `blocks`."""
 
     def step(vectors: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
         former, sign, transposed, target, block, source = row
@@ -364,8 +371,8 @@ def _iterated(blocks: jax.Array, right: jax.Array, table: Sequence[_Step]) -> ja
 def _solving(
     plan: _Plan, blocks: jax.Array, shifted: jax.Array, sweeps: int
 ) -> Callable[[jax.Array], jax.Array]:
-    """Factorise the matrix `shifted`, and return the function that solves S x = b for the matrix S
-    in `blocks`, see `AbstractMatrix.solving`.
+    """Factorise the matrix `shifted`, S + shift I, and return the function that solves S x = b for
+    the matrix S in `blocks`, in `sweeps` iterations (see `AbstractMatrix.solving`).
 
     The factorisation and the iteration are not differentiated, but the solution x of S x = b is: of
     a nonsingular S, x' = S^-1 (b' - S' x). Of a singular one, of constant rank and with the
@@ -389,10 +396,10 @@ def _solving(
         solve = partial(solution, stored, blocks)
         x = solve(right)
         rate = solve(right_rate - _product(plan, matrix_rate, x))
-        # Only a singular matrix takes several sweeps.
+        # Only a singular matrix takes several sweeps. Here `solve` is P, and S' P x is `image`.
         if sweeps > 1:
-            across = _product(plan, matrix_rate, solve(x))
-            rate += across - solve(_product(plan, blocks, across))
+            image = _product(plan, matrix_rate, solve(x))
+            rate += image - solve(_product(plan, blocks, image))
         return x, rate
 
     return partial(solution, stored, blocks)

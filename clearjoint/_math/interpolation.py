@@ -29,8 +29,8 @@ the distance between these two. The next parabola divides by distances of points
 distance would enlarge rounding errors. The last evaluation, without a next parabola, has no limit.
 """
 GUESS_MARGIN = 0.1
-"""As `MARGIN`, for the first evaluation in `highest_after` and the ends of the interval. It is
-larger, because the position of this evaluation is extrapolated."""
+"""Smallest distance of the first evaluation in `highest_after` from the ends of the interval, over
+its length: larger than `MARGIN`, because the position of this evaluation is extrapolated."""
 LARGEST_SHIFT = 0.25
 """Largest distance between the maxima of the parabola and of the cubic in `highest_after`, relative
 to the length of the interval. A single Newton step does not find a maximum that is farther away."""
@@ -50,7 +50,7 @@ class Slope(NamedTuple):
 
 
 def hermite_value(x: Scalar, start: Slope, end: Slope, h: Scalar) -> Scalar:
-    """Return the value at x of the cubic with given values and rates at the ends of a step."""
+    """Return the value at x, 0 to 1, of the cubic with given values and rates at a step's ends."""
     y = 1.0 - x
     left = y * y * ((1.0 + 2.0 * x) * start.value + x * h * start.rate)
     right = x * x * ((1.0 + 2.0 * y) * end.value - y * h * end.rate)
@@ -73,6 +73,7 @@ def hermite_root(start: Slope, end: Slope, h: Scalar) -> Scalar:
     sign = jnp.where(end.value > 0.0, 1.0, -1.0)
     for _ in range(NEWTON_STEPS):
         value = hermite_value(x, start, end, h)
+        # Where the value has the sign of the end, x is past the root.
         past = sign * value > 0.0
         lower, upper = jnp.where(past, lower, x), jnp.where(past, x, upper)
         slope = h * hermite_rate(x, start, end, h)
@@ -159,6 +160,7 @@ class Parabola(NamedTuple):
         # and above/q.
         q = -0.5 * (self.slope + jnp.where(self.slope < 0.0, -root, root))
         r, s = q / bend, above / jnp.where(q == 0.0, 1.0, q)
+        # The length of the part of [a, b] between the roots.
         between = jnp.clip(jnp.maximum(r, s), a, b) - jnp.clip(jnp.minimum(r, s), a, b)
         # A parabola that opens upwards is below the level between its roots, another one outside.
         crossing = jnp.where(bend > 0.0, between, (b - a) - between)
@@ -184,12 +186,15 @@ def secant_root(value_at: Callable[[Scalar], Scalar], start: Point, end: Point) 
         # The root lies between the latest point and `other`.
         last, other = state
         change = last.value - other.value
-        slope = jnp.where(change == 0.0, 1.0, change)
-        x = jnp.where(change == 0.0, last.x, last.x - last.value * (last.x - other.x) / slope)
+        # Between equal values, such as zeros, there is no secant with a root: the position stays.
+        divisor = jnp.where(change == 0.0, 1.0, change)
+        x = jnp.where(change == 0.0, last.x, last.x - last.value * (last.x - other.x) / divisor)
         new = Point(x, value_at(x))
+        # If the sign changes, the root is between the latest and the new point, and otherwise still
+        # on the side of `other`.
         crosses = (new.value > 0.0) != (last.value > 0.0)
-        # If the far end of the bracket stays, its value is reduced, so that the next secant meets
-        # zero on the other side of the root. Otherwise one end would never move.
+        # If `other` stays the far end of the bracket, its value is reduced, so that the next secant
+        # meets zero on the other side of the root. Otherwise one end would never move.
         ratio = 1.0 - new.value / jnp.where(last.value == 0.0, 1.0, last.value)
         reduced = other.value * jnp.where(ratio > 0.0, ratio, 0.5)
         # At a root, neither the position nor the value must change any more.
@@ -204,11 +209,12 @@ def secant_root(value_at: Callable[[Scalar], Scalar], start: Point, end: Point) 
 def vertex(first: Point, middle: Point, last: Point) -> Scalar:
     """Return the position x of the maximum of the parabola through three points, clipped to the
     interval between the outer ones; the middle point's x if the parabola has no maximum."""
-    left = _slope(first, middle)
-    right = _slope(middle, last)
-    bend = (right - left) / _positive(last.x - first.x)
+    left_slope = _slope(first, middle)
+    right_slope = _slope(middle, last)
+    # Half of the parabola's second derivative.
+    bend = (right_slope - left_slope) / _positive(last.x - first.x)
     # The slope of the parabola at the middle point, from which its maximum is a Newton step away.
-    slope = left + bend * (middle.x - first.x)
+    slope = left_slope + bend * (middle.x - first.x)
     # Without a maximum, the divisor is infinite, and the shift is zero.
     shift = -0.5 * slope / jnp.where(bend < 0.0, bend, -jnp.inf)
     return jnp.clip(middle.x + shift, first.x, last.x)
@@ -237,9 +243,9 @@ def highest_after(
     a, b, c = _nearest_three(first, middle, last, Point(refined, value_at(refined)))
     # The higher inner point is b. If an end is above it, also one that is not its neighbour, the
     # maximum is at that end.
-    end = higher(first, last)
-    x = jnp.where(b.value >= end.value, vertex(a, b, c), end.x)
-    return Point(x, higher(end, b).value)
+    higher_end = higher(first, last)
+    x = jnp.where(b.value >= higher_end.value, vertex(a, b, c), higher_end.x)
+    return Point(x, higher(higher_end, b).value)
 
 
 def _cubic_vertex(before: Point, first: Point, middle: Point, last: Point) -> Scalar:
@@ -289,10 +295,10 @@ def _nearest_three(
 ) -> tuple[Point, Point, Point]:
     """Return the higher of the points `middle` and `new`, and its two neighbours, in order of x."""
     is_right = new.x > middle.x
-    low, high = _either(is_right, middle, new), _either(is_right, new, middle)
+    left, right = _either(is_right, middle, new), _either(is_right, new, middle)
     # If the left inner point is the higher one, the last point is dropped, and otherwise the first.
-    falls = low.value >= high.value
-    return (_either(falls, first, low), _either(falls, low, high), _either(falls, high, last))
+    falls = left.value >= right.value
+    return (_either(falls, first, left), _either(falls, left, right), _either(falls, right, last))
 
 
 def higher(first: Point, second: Point) -> Point:

@@ -30,9 +30,10 @@ def elimination_order(
     **Arguments:** `nonzero`: row i tells which of the first i entries are nonzero, by numbers or
     bools that are zero or not.
 
-    **Returns:** the indices of the unknowns in the order of their elimination; and, counted in this
-    order, for each unknown the others with a nonzero entry in its row of the matrix, and for each
-    column of the triangular factor the sorted rows of the nonzero entries below the diagonal.
+    **Returns:** the indices of the unknowns in the order of their elimination; for each unknown in
+    this order, the set of others with a nonzero entry in its row of the matrix; and for each column
+    of the triangular factor, the sorted rows of its nonzero entries below the diagonal. In the sets
+    and rows, unknowns are numbered in the order of their elimination.
     """
     neighbours: list[set[int]] = [set() for _ in nonzero]
     for i, row in enumerate(nonzero):
@@ -82,6 +83,7 @@ class Factorisation:
         self._inverse_diagonal: list[Scalar] = []
         scaled: list[dict[int, Scalar]] = [{} for _ in range(n)]
 
+        # The entry of unknowns i and j of the order, from the lower triangle of the matrix.
         def entry(i: int, j: int) -> Scalar:
             row, column = self._order[i], self._order[j]
             return matrix[max(row, column)][min(row, column)]
@@ -96,6 +98,7 @@ class Factorisation:
                 self._lower[i][j] = multiply(scaled[i][j], self._inverse_diagonal[j])
 
     def solve(self, right: Sequence[Scalar]) -> list[Scalar]:
+        # The solution for a right side of structural zeros is zero, and needs no operations.
         if all(map(is_zero, right)):
             return list(right)
         # Solve L z = right, then D L^T x = z.
@@ -212,6 +215,7 @@ class LeastNorm(AbstractSolver):
     @override
     def solving(self, matrix: AbstractMatrix) -> Solve:
         trace = matrix.trace()
+        # A shift of zero would leave a matrix of zeros singular; any other serves.
         shift = jnp.where(trace > 0.0, trace * (self.relative_shift / matrix.n), 1.0)
         return matrix.solving(shift, self.sweeps)
 

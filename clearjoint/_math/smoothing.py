@@ -24,7 +24,8 @@ def where(condition: Condition, first: Scalar, second: Scalar) -> Scalar:
     """Return `first` where the condition holds, else `second`."""
     if isinstance(condition, bool | np.bool_):
         return first if condition else second
-    # JAX traces the primitive in less time than `jax.numpy.where`.
+    # JAX traces the primitive, here with a condition of shape (), in less time than
+    # `jax.numpy.where`.
     if isinstance(condition, Tracer) and are_traced_alike(first, second) and not condition.shape:
         return jax.lax.select(condition, first, second)
     return library((condition, first, second)).where(condition, first, second)

@@ -324,9 +324,9 @@ _DIGITS = (None, 0.0, 1.0)
 def _patterns(
     digits: bytes, vectors: tuple[int, ...], sizes: tuple[int, ...], leaves: int
 ) -> tuple[Pattern, ...]:
-    """Return the patterns of a number of `leaves`. `vectors` are the indices of the leaves that are
-    vectors or matrices, `sizes` their numbers of components, and `digits` (see `_DIGITS`) has one
-    digit for each component."""
+    """Return the patterns of the leaves of a PyTree, `leaves` in number. `vectors` are the indices
+    of those that are vectors or matrices, `sizes` has the number of components of each of these,
+    and `digits` a digit for each component (see `_DIGITS`)."""
     patterns: list[Pattern] = [None] * leaves
     components = iter(digits)
     for k, size in zip(vectors, sizes, strict=True):
@@ -339,8 +339,8 @@ def _vectors(
     structure: jax.tree_util.PyTreeDef,  # pyright: ignore
     shapes: tuple[tuple[int, ...], ...],
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Return, from the shapes of all leaves, the indices of leaves that are vectors or matrices,
-    whose components may be structural zeros and ones, and their numbers of components."""
+    """Return the indices of the leaves of a PyTree that are vectors or matrices, whose components
+    may be structural, and the number of components of each; from the `shapes` of all leaves."""
     rows = enumerate(zip(shapes, _in_tables(structure), strict=True))
     vectors = tuple(k for k, (shape, table) in rows if not table and shape in ((3,), (3, 3)))
     return vectors, tuple(math.prod(shapes[k]) for k in vectors)
@@ -374,6 +374,7 @@ def _unpack_leaf(leaf: jax.Array, pattern: Pattern, leading: int) -> PyTree:
     if shape not in ((3,), (4,), (3, 3)):
         return leaf
     constants = (None,) * math.prod(shape) if pattern is None else pattern
+    # Each component is its constant or, without one, the component of the leaf.
     if isinstance(leaf, Tracer):
         # One equation for all components, where an index would be two for each.
         components = jax.lax.unstack(jax.lax.collapse(leaf, leading), axis=leading)

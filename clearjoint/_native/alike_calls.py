@@ -130,9 +130,11 @@ class _Joining:
         the function of vectors with the index `function`."""
         program = self._program
         arguments: list[Value] = [program.constant("i", function)]
+        # `values` are those of one argument in all calls; the first argument is the function.
         for values in zip(*(call.arguments[1:] for call in calls), strict=True):
             arguments.append(program.new(f"{program.kinds[values[0]]}v"))
             start = self._next_to_each_other(values)
+            # One load, or one value for all elements, costs less than putting elements together.
             if start is not None:
                 yield Operation(arguments[-1], "load", (), start)
             elif all(value == values[0] for value in values):
@@ -147,6 +149,7 @@ class _Joining:
         moved, move none and return ``None``. Cells that can be moved hold values from outside of
         the function that reads them, such as parameters of elements."""
         program = self._program
+        # A load of a vector reads `CALLS_AT_ONCE` cells, so it serves no smaller group of calls.
         if len(values) < CALLS_AT_ONCE or not all(value in self._loads for value in values):
             return None
         cells = [self._loads[value].number for value in values]
@@ -164,13 +167,14 @@ class _Joining:
         """Yield the operations that replace `result`, an operation that reads one value of a single
         call. They take the element with the index `place`, which stands for the single call, of a
         vector that the joined `call` returns."""
-        program, number = self._program, result.arguments[2]
+        program, index_of_result = self._program, result.arguments[2]
         assert result.out is not None and call.out is not None
-        vector = self._vectors.get((call.out, number))
+        # The first of the single calls reads the vector; the others take their elements of it.
+        vector = self._vectors.get((call.out, index_of_result))
         if vector is None:
             vector = program.new(f"{program.kinds[result.out]}v")
-            self._vectors[call.out, number] = vector
-            yield Operation(vector, "result", (call.out, call.arguments[0], number))
+            self._vectors[call.out, index_of_result] = vector
+            yield Operation(vector, "result", (call.out, call.arguments[0], index_of_result))
         yield Operation(result.out, "element", (vector, program.constant("i", place)))
 
     def _use_moved_cells(self, block: Block) -> None:

@@ -65,7 +65,7 @@ class Memory:
         numbers_of(self.floats, region.dtype)[region.cells] = np.asarray(array).reshape(-1, 1)
 
     def read(self, region: Region) -> np.ndarray:
-        """Return an array from the memory of one lane, as a view if its dtype has 64 bits."""
+        """Return the array in a region, if the memory has one lane: a view for a 64-bit dtype."""
         numbers = numbers_of(self.floats, region.dtype)[region.cells]
         return numbers.reshape(region.shape).astype(region.dtype, copy=False)
 
@@ -90,7 +90,7 @@ class Cells:
             self.size += leaf.size
 
     def columns(self) -> PyTree:
-        """Return the example with each element of its arrays replaced by its index in a row."""
+        """Return the example with the elements of its arrays replaced by their indices in a row."""
         return self._tree([np.arange(self.size)[r.cells].reshape(r.shape) for r in self._regions])
 
     def rows(self, trees: PyTree) -> Float[np.ndarray, "n {self.size}"]:

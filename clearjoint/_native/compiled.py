@@ -38,8 +38,8 @@ class Native(Generic[Arguments, Result]):
     - on accelerators, or if the environment variable `CLEARJOINT_NATIVE` is 0;
     - inside of JAX's transformations, such as `jax.jit` and `jax.grad`;
     - for calls with keyword arguments;
-    - if native code cannot be made, for instance if a primitive has no rule; also in later calls
-      with arguments of this structure, shapes, dtypes and static leaves.
+    - if native code cannot be made, for instance if a primitive has no rule; then also in later
+      calls with arguments of the same structure, shapes, dtypes and static leaves.
 
     Arrays in results of native code are NumPy arrays.
 
@@ -62,8 +62,8 @@ class Native(Generic[Arguments, Result]):
         return self._result(arguments, self.native.run, lambda result: result)
 
     def in_parts(self, *arguments: PyTree) -> tuple[FlatArguments, ...]:
-        """Return the parts of the result, a tuple, flattened as arguments of other calls. In native
-        code, no PyTree is made of a part that is only passed on."""
+        """Return the elements of the result, which must be a tuple, each flattened as an argument
+        of other calls. Native code makes no PyTree of an element that only these calls use."""
         return self._result(
             arguments,
             self.native.run_in_parts,
@@ -76,9 +76,10 @@ class Native(Generic[Arguments, Result]):
         by_native: Callable[[FlatArguments], T],
         of_xla: Callable[[Result], T],
     ) -> T:
+        # Within a program that JAX traces, this function becomes a part of that program.
         if not is_tracing() and is_native():
             flat = FlatArguments.of(arguments)
-            # A program that could not be made is not tried again.
+            # Native code takes no tracers. A program that could not be made is not tried again.
             if not flat.traced and self._refused.recent(flat.key) is None:
                 try:
                     return by_native(flat)
@@ -86,6 +87,7 @@ class Native(Generic[Arguments, Result]):
                     self._refused.add(flat.key, True)
                     if self._warns:
                         report_fallback(error)
+        # XLA takes PyTrees also for arguments that come flattened from `in_parts`.
         trees = [part.tree if isinstance(part, FlatArguments) else part for part in arguments]
         return of_xla(self._compiled(*trees))  # pyright: ignore[reportCallIssue]
 
@@ -109,21 +111,22 @@ def over_rows(function: Callable[..., Result], count: ArrayLike, *rows: PyTree) 
         return jax.vmap(function)(*rows)
     call, first_rows = traced_once(function), jax.tree.map(lambda leaf: leaf[0], rows)
     length = len(jax.tree.leaves(rows)[0])
-    arrays = jax.tree.map(
+    # Zeros in the place of all results, each of the shape and dtype that `eval_shape` finds.
+    zeros = jax.tree.map(
         lambda of_row: jnp.zeros((length, *of_row.shape), of_row.dtype),
         jax.eval_shape(call, *first_rows),
     )
 
-    def add(k: jax.Array, arrays: Result) -> Result:
+    def add(k: jax.Array, results: Result) -> Result:
         # Native code has rules for these functions with large arrays, unlike for ``array[k]``.
         row = jax.tree.map(lambda leaf: dynamic_index_in_dim(leaf, k, keepdims=False), rows)
         return jax.tree.map(
-            lambda array, result: dynamic_update_index_in_dim(array, result, k, 0),
-            arrays,
+            lambda array, of_row: dynamic_update_index_in_dim(array, of_row, k, 0),
+            results,
             call(*row),
         )
 
-    return jax.lax.fori_loop(0, count, add, arrays)
+    return jax.lax.fori_loop(0, count, add, zeros)
 
 
 def report_fallback(error: UnsupportedPrimitiveError) -> None:

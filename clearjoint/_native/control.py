@@ -77,11 +77,11 @@ def _selected(lower: Lowering, condition: Value, yes: list[Array], no: list[Arra
     if _moved(yes, no):
         raise UnsupportedPrimitiveError("branches that give different arrays, in lanes")
     ops, selected = lower.ops, []
-    for a, b in zip(lower.flatten(yes), lower.flatten(no), strict=True):
-        kind = ops.kinds[a]
+    for yes_value, no_value in zip(lower.flatten(yes), lower.flatten(no), strict=True):
+        kind = ops.kinds[yes_value]
         # For a vector of tangents the condition is repeated for each tangent.
         is_yes = ops.emit("splat", "bp", condition) if kind.endswith("p") else condition
-        selected.append(ops.emit("select", kind, is_yes, a, b))
+        selected.append(ops.emit("select", kind, is_yes, yes_value, no_value))
     return lower.unflatten(selected, yes)
 
 
@@ -174,14 +174,15 @@ def apart(lower: Lowering, arrays: list[Array]) -> list[Array]:
 
 
 def _while(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]:
+    # JAX's arguments are constants of the condition, constants of the body and first carries.
     parameters = equation.params
     condition, body = parameters["cond_jaxpr"], parameters["body_jaxpr"]
-    outside = parameters["cond_nconsts"]
-    inside = outside + parameters["body_nconsts"]
+    begin_of_body = parameters["cond_nconsts"]
+    begin_of_carries = begin_of_body + parameters["body_nconsts"]
     # Constants are read in each iteration, and the body reads the carries after the condition has
     # read them: none of these may be overwritten.
-    condition_consts = [borrowed(a) for a in arguments[:outside]]
-    body_consts = [borrowed(a) for a in arguments[outside:inside]]
+    condition_consts = [borrowed(a) for a in arguments[:begin_of_body]]
+    body_consts = [borrowed(a) for a in arguments[begin_of_body:begin_of_carries]]
 
     def holds(carries: list[Array]) -> Value:
         (result,) = lower.inline(condition, [*condition_consts, *map(borrowed, carries)])
@@ -190,7 +191,7 @@ def _while(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array
     def iterate(carries: list[Array]) -> list[Array]:
         return lower.inline(body, [*body_consts, *carries])
 
-    return loop(lower, list(arguments[inside:]), holds, iterate)
+    return loop(lower, list(arguments[begin_of_carries:]), holds, iterate)
 
 
 def loop(
@@ -283,7 +284,8 @@ def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]
     def first_of_row(memory: InMemory, row: Value) -> Value:
         return (Symbol(ops, row) * math.prod(memory.shape[1:])).value
 
-    # The first carry of the loop is the number of the iteration.
+    # The first carry of the loop is the number of the iteration. An iteration reads one row of each
+    # input and writes one row of each output.
     def iterate(carries: list[Array]) -> list[Array]:
         k = scalar(carries[0])
         row = ops.emit("sub", "i", end, k) if parameters["reverse"] else k

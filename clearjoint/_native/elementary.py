@@ -77,13 +77,14 @@ def _fma(a: Symbol, b: Symbol | float, c: Symbol | float) -> Symbol:
 
 
 def _polynomial(x: Symbol, coefficients: Sequence[float]) -> Symbol:
-    """Return a polynomial at x by Estrin's scheme, in which most operations do not depend on each
-    other."""
+    """Return the polynomial with the given coefficients, the constant first, at x by Estrin's
+    scheme, in which most operations do not depend on each other."""
     terms = [x.like(coefficient) for coefficient in coefficients]
     while len(terms) > 1:
-        rest = terms[len(terms) // 2 * 2 :]  # the last term of an odd number
+        # Each pair of coefficients, low + high x, is one coefficient of a polynomial in x^2.
+        unpaired = terms[len(terms) // 2 * 2 :]  # the last term of an odd number
         pairs = zip(terms[::2], terms[1::2], strict=False)
-        terms = [_fma(high, x, low) for low, high in pairs] + rest
+        terms = [_fma(high, x, low) for low, high in pairs] + unpaired
         x = x * x
     return terms[0]
 
@@ -111,7 +112,7 @@ def _of_bits(bits: Symbol) -> Symbol:
 
 
 def _scaled(a: Symbol, n: Symbol) -> Symbol:
-    """Return a 2**n; both a and the result must be normal. Only the last 12 bits of n count."""
+    """Return a * 2**n, for a normal `a` and a normal result. Only the last 12 bits of n count."""
     # The exponent of a double begins at bit 52.
     return _of_bits(_bits(a) + n.emit("shift_left", 52))
 
@@ -160,10 +161,11 @@ def _with_library(name: str, fits: Symbol, usual: Symbol, *arguments: Symbol) ->
     """Return `usual` where `fits` holds, else the result of the C function `name` of the arguments,
     which a program calls only if `fits` is false in some lane."""
     ops, beyond = usual.ops, ~fits
-    first, *others = arguments
+    argument, *further_arguments = arguments
 
+    # Lanes in which `fits` holds keep `usual`, so that their results do not depend on other lanes.
     def by_library() -> list[int]:
-        return [beyond.select(first.emit(name, *others), usual).value]
+        return [beyond.select(argument.emit(name, *further_arguments), usual).value]
 
     def result() -> int:
         return ops.branch(beyond.value, by_library, lambda: [usual.value])[0]
@@ -179,8 +181,9 @@ def _sine(angle: Symbol, name: str = "sin") -> Symbol:
         # Python refuses infinite angles.
         return angle.like(getattr(math, name)(float(number)) if math.isfinite(number) else math.nan)
     sine, cosine, quarter = _sine_and_cosine(angle)
+    # sin(x + n pi/2) is sin(x), cos(x), -sin(x) and -cos(x) for n = 0 to 3, the last two bits of n,
+    # in which `quarter` ends.
     even, odd = (sine, cosine) if name == "sin" else (cosine, sine)
-    # sin(x + n pi/2) is sin(x), cos(x), -sin(x) and -cos(x) for n = 0 to 3, the last two bits of n.
     size = _has_bit(quarter, 1).select(odd, even)
     if name == "cos":  # The sign follows from cos(x + n pi/2) = sin(x + (n + 1) pi/2).
         quarter = quarter + 1

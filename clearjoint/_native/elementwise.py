@@ -38,7 +38,8 @@ IDENTITIES = ("copy", "stop_gradient", "optimization_barrier")
 
 
 def apply(ops: Operations, name: str, *values: Value, parameter: object = None) -> Value:
-    """Apply the rule of a primitive to values, with its parameter if it is in `PARAMETERS`."""
+    """Add the operations of the elementwise primitive `name` for given values to a program, and
+    return the result. `parameter`: value of the primitive's parameter in `PARAMETERS`, if any."""
     arguments: list[object] = [Symbol(ops, value) for value in values]
     if parameter is not None:
         arguments.append(parameter)
@@ -62,7 +63,8 @@ def _compare(name: str) -> Rule:
 
 
 def _compare_totally(name: str) -> Rule:
-    """Return the rule of a comparison for sorting, where NaN is largest and equals NaN."""
+    """Return the rule of the comparison "lt", "le" or "eq" as for sorting: NaN is larger than all
+    numbers and equals NaN."""
 
     def rule(a: Symbol, b: Symbol) -> Symbol:
         if a.letter != "f":
@@ -130,6 +132,7 @@ def _sign(a: Symbol) -> Symbol:
 def _integer_power(a: Symbol, exponent: int) -> Symbol:
     if exponent < 0:
         return a.like(1) / _integer_power(a, -exponent)
+    # The product of those powers a, a^2, a^4, ... whose bit in the exponent is one.
     result: Symbol | None = None
     while exponent:
         if exponent & 1:

@@ -45,7 +45,7 @@ Smaller ones are joined and written together, since a call takes longer than cop
 numbers."""
 Argument = TypeVar("Argument")
 _COMPILES = threading.RLock()
-"""Held while a thread makes a program, so that no two threads make the same one."""
+"""Lock that a thread holds while it makes a program, so that no two threads make the same one."""
 
 
 class NativeProgram:
@@ -69,7 +69,9 @@ class NativeProgram:
         jaxpr, used = partial_eval.dce_jaxpr(closed.jaxpr, [True] * len(outs), instantiate=False)
         lowering = Lowering(Operations(tangents=tangents, calls_at_once=CALLS_AT_ONCE), RULES)
         needed = iter(jaxpr.invars)
-        self.inputs = [lowering.region(aval_of(next(needed))) if yes else None for yes in used]
+        self.inputs = [
+            lowering.region(aval_of(next(needed))) if is_used else None for is_used in used
+        ]
         arguments = [lowering.argument(r) for r in self.inputs if r is not None]
         # Results are views of the memory. With cells of their own, a caller who changes one of them
         # in place does not change another.
@@ -79,6 +81,8 @@ class NativeProgram:
         self.outputs = [
             lowering.stored(array, aval_of(out)) for array, out in zip(results, outs, strict=True)
         ]
+        # The cells of arguments and results are known to the caller, so they must not move. Those
+        # of arrays with several elements never do.
         regions = [*filter(None, self.inputs), *self.outputs]
         join_alike_calls(lowering.ops, (r.start for r in regions if r.size == 1))
         stopwatch.end("lowering")
@@ -90,9 +94,11 @@ class NativeProgram:
         small = [k for k, aval in enumerate(avals) if aval.size < LARGE]
         self._small: list[tuple[list[int], np.ndarray, np.ndarray]] = []
         for are_floats in (True, False):
-            ks = [k for k in small if (avals[k].dtype.kind == "f") is are_floats]
-            cells = _joined_cells([self.inputs[k] for k in ks], [avals[k].size for k in ks])
-            self._small.append((ks, *cells))
+            indices = [k for k in small if (avals[k].dtype.kind == "f") is are_floats]
+            cells_and_sources = _joined_cells(
+                [self.inputs[k] for k in indices], [avals[k].size for k in indices]
+            )
+            self._small.append((indices, *cells_and_sources))
         self._large = {
             k: r for k, r in enumerate(self.inputs) if r is not None and avals[k].size >= LARGE
         }
@@ -105,11 +111,13 @@ class NativeProgram:
         `floats`: their `FlatArguments.floats`, if known.
         """
         memory = self.code.memory()
+        # In the order of `_small`: where its numbers are written, and the numbers, if known.
         targets = (memory.floats, floats), (memory.integers, None)
-        for (target, numbers), (ks, cells, sources) in zip(targets, self._small, strict=True):
+        for (target, numbers), (indices, cells, sources) in zip(targets, self._small, strict=True):
             if len(cells):
                 if numbers is None:
-                    numbers = np.concatenate([leaves[k] for k in ks], axis=None)
+                    numbers = np.concatenate([leaves[k] for k in indices], axis=None)
+                # The memory of a program without lanes has a single column.
                 target[cells, 0] = numbers[sources]
         for k, region in self._large.items():
             memory.write(region, leaves[k])
@@ -126,8 +134,8 @@ class NativeProgram:
 
 
 class _Reading:
-    """Reads the arrays of regions, and small arrays of floats of equal shape together: results have
-    hundreds of arrays, and a separate read of one takes a microsecond."""
+    """Reads the arrays in given regions of memory. Small arrays of floats with equal shapes are
+    read together: results have hundreds of arrays, and each separate read takes a microsecond."""
 
     def __init__(self, regions: Sequence[Region]):
         by_shape: dict[tuple[int, ...], list[int]] = {}
@@ -164,9 +172,9 @@ def _indices(cells: Iterable[slice]) -> np.ndarray:
 def _joined_cells(
     regions: Sequence[Region | None], sizes: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return where the elements of arrays of the given sizes, joined to one array, have their place
-    in memory: cells, and the index in the joined array of the element for each cell. Arrays without
-    a region (``None``) have no place."""
+    """Return the cells of all `regions`, in one array, and for each cell the index of its element
+    in the array that joins arrays of the given `sizes`, one for each region. An array whose region
+    is ``None`` is not in memory, but counts in these indices."""
     pairs = zip(regions, np.cumsum(sizes).tolist(), strict=True)
     used = [(r.cells, slice(end - r.size, end)) for r, end in pairs if r is not None]
     return _indices(cells for cells, _ in used), _indices(elements for _, elements in used)
@@ -175,8 +183,8 @@ def _joined_cells(
 class BoundFunction:
     """A native function with some of its arguments fixed, for many calls.
 
-    It takes and returns rows of numbers as in `Cells`, one for each call. Only one thread may call
-    it at a time, because all calls use the same memory.
+    It takes rows of numbers (see `Cells`), one with the varied arguments of each call, and returns
+    rows of results. Only one thread may use it at a time, because all calls use the same memory.
 
     - `results`: converts rows of results to PyTrees.
 
@@ -244,8 +252,8 @@ def evaluated(
 
 
 class _Key:
-    """Key of flattened arguments. Its hash is computed once, and `of` returns the same object for
-    equal parts: for thirty joints, comparing the parts of two keys takes as long as flattening."""
+    """Key of flattened arguments, hashed once. `of` returns the same object for equal `parts`, so
+    that parts are rarely compared: for thirty joints, this takes as long as flattening."""
 
     __slots__ = ("_hash", "layout", "parts")
 
@@ -342,6 +350,7 @@ class FlatArguments:
         if self.parts:
             return np.concatenate([part.floats for part in self.parts])
         layout = self._layout
+        # Most parts have no other arrays, and need no selection.
         small = self.arrays if layout.others == [] else [*compress(self.arrays, layout.small)]
         if small and layout.all_double:
             # A third of the time of `np.concatenate`, and a scene has hundreds of arrays. Arrays of
@@ -365,8 +374,9 @@ class FlatArguments:
             return None
         ends = np.cumsum([array.size for array in self.arrays])  # pyright: ignore
         changed = np.zeros(len(ends), bool)
-        numbers = np.flatnonzero(self.floats != earlier.floats)
-        changed[np.searchsorted(ends, numbers, side="right")] = True
+        differing = np.flatnonzero(self.floats != earlier.floats)
+        # A number belongs to the first leaf whose end is after the number's index.
+        changed[np.searchsorted(ends, differing, side="right")] = True
         return tuple(changed.tolist())
 
     @property
@@ -415,7 +425,7 @@ gets the same `id`."""
 
 
 def keep_flattened(argument: Argument) -> Argument:
-    """Return the argument, whose flattened form is kept for further calls. It must not change."""
+    """Return the argument, which must not change: its flattened form is kept for further calls."""
     _KEPT.add(id(argument), of_leaves(argument, *jax.tree.flatten(argument)))
     return argument
 
@@ -437,6 +447,7 @@ def _folded(tree: FlatArguments, made: ConstantFolded) -> FlatArguments:
         tree.traced,
         _Key.of((tree.key, patterns)),
     )
+    # Both have the same arrays, whose numbers are joined once.
     if not tree.traced:
         vars(flat)["floats"] = tree.floats
     return flat
@@ -447,8 +458,8 @@ def of_leaves(
     leaves: list[PyTree],
     structure: jax.tree_util.PyTreeDef,  # pyright: ignore
 ) -> FlatArguments:
-    # Nearly all leaves are arrays of float64, of which the shape is the key. This loop takes most
-    # of the time after that of flattening.
+    # Nearly all leaves are arrays of float64, of which the shape is the key. Besides flattening,
+    # this loop takes most of the time, so it does nothing else.
     keys: list[Hashable] = [
         leaf.shape if type(leaf) is np.ndarray and leaf.dtype is _FLOAT64 else None
         for leaf in leaves
@@ -456,6 +467,7 @@ def of_leaves(
     others = [k for k, key in enumerate(keys) if key is None]
     for k in others:
         keys[k] = _key_of_leaf(leaves[k])
+    # Leaves that are no arrays are parts of the program, and are not passed to it.
     static = {k for k in others if not eqx.is_array(leaves[k])}
     arrays = [leaf for k, leaf in enumerate(leaves) if k not in static] if static else leaves
     traced = any(isinstance(leaves[k], Tracer) for k in others)
@@ -494,36 +506,39 @@ class NativeFunction:
         return result(program(flat.arrays, flat.floats))
 
     def run_in_parts(self, flat: FlatArguments) -> tuple[FlatArguments, ...]:
-        """Return the parts of the result, a tuple, flattened as arguments of other calls."""
+        """Return the elements of the result, a tuple, each flattened as an argument of calls."""
         program, result = self.program(flat)
         return result.in_parts(program(flat.arrays, flat.floats))
 
     def rows(self, arguments: tuple[PyTree, ...], columns: Sequence[np.ndarray | None]) -> PyTree:
         """Return the results of n calls as one PyTree of arrays (n, ...).
 
-        **Arguments:** `arguments`: those of one call; `columns`: for each leaf of the arguments its
-        n values, (n, ...), or ``None`` if it is the same in all calls. At least one array must have
-        a column; columns of leaves that are no arrays are not used.
+        **Arguments:** `arguments`: arguments of one call; `columns`: for each of their leaves its n
+        values, (n, ...), or ``None`` if it is the same in all calls. At least one array must have a
+        column; columns of leaves that are no arrays are not used.
         """
         flat = FlatArguments.of(arguments)
+        # The arrays among the leaves, as in `flat.arrays`, each with its column.
         pairs = [pair for pair in zip(flat.leaves, columns, strict=True) if eqx.is_array(pair[0])]
         varied = [k for k, (_, column) in enumerate(pairs) if column is not None]
         assert varied, "no array has a column"
-        examples, values = ([pairs[k][part] for k in varied] for part in (0, 1))
+        examples, values = [pairs[k][0] for k in varied], [pairs[k][1] for k in varied]
         bound = BoundFunction(self, flat, varied)
-        return bound.results.trees(bound(Cells(examples).rows(values)))
+        rows_of_arguments = Cells(examples).rows(values)
+        return bound.results.trees(bound(rows_of_arguments))
 
     def bound(self, shared: PyTree, *examples: PyTree) -> BoundFunction:
-        """Return this function with its first argument fixed. The numbers in the `examples` of the
-        other arguments are not used."""
+        """Return this function with `shared` as its first argument in all calls. The numbers in the
+        `examples` of the other arguments are not used."""
         flat, fixed = FlatArguments.of((shared, *examples)), len(FlatArguments.of((shared,)).arrays)
         return BoundFunction(self, flat, range(fixed, len(flat.arrays)))
 
     def program(self, flat: FlatArguments) -> tuple[NativeProgram, "Result"]:
-        """Return the program, loaded or made, and the form of its result."""
+        """Return the program for arguments, loaded or made if new, and the form of its result."""
         program = self._programs.recent(flat.key)
         if program is None:
-            # Calls may come from several threads, but each program is compiled once.
+            # Calls may come from several threads, but each program is compiled once: another thread
+            # may have made it while this one waited for the lock.
             with collector_at_rest(), program_is_made_inside(), _COMPILES:
                 program = self._programs.recent(flat.key)
                 if program is None:
@@ -546,7 +561,8 @@ class NativeFunction:
             self._add(flat, cast(tuple[NativeProgram, Result], program))
 
     def _compiled(self, flat: FlatArguments) -> tuple[NativeProgram, "Result"]:
-        # The structure of the function's result, known once JAX has traced `of_arrays`.
+        # The function's result with `ARRAY` in place of its arrays, as the only member of this
+        # list, once JAX has traced `of_arrays`.
         result: list[PyTree] = []
 
         # Leaves that are no arrays are not arguments of the program but parts of it.
@@ -555,9 +571,9 @@ class NativeFunction:
             outs, structure = jax.tree.flatten(
                 self._traced(*jax.tree.unflatten(flat.structure, leaves))
             )
-            static, traced = divided(outs)
-            result[:] = [jax.tree.unflatten(structure, static)]
-            return traced
+            placeholders_and_others, out_arrays = divided(outs)
+            result[:] = [jax.tree.unflatten(structure, placeholders_and_others)]
+            return out_arrays
 
         stopwatch = Stopwatch()
         traced = program_of(of_arrays, flat.arrays)
@@ -587,9 +603,9 @@ class Result:
         return jax.tree.unflatten(self._structure, joined(self._leaves, arrays))
 
     def in_parts(self, arrays: Sequence[np.ndarray]) -> tuple[FlatArguments, ...]:
-        """Return the parts of a result that is a tuple, as flattened arguments. Their PyTrees are
-        made only when needed: for thirty joints, making and flattening PyTrees was a third of the
-        time of a call."""
+        """Return the elements of a result that is a tuple, as flattened arguments, from the arrays
+        of the result. PyTrees of the elements are made only when needed: for thirty joints, making
+        and flattening PyTrees was a third of the time of a call."""
         remaining = iter(arrays)
         return tuple(part._flattened(remaining) for part in self._parts)
 
@@ -598,6 +614,7 @@ class Result:
         return tuple(map(Result, self._tree))
 
     def _flattened(self, remaining: Iterator[np.ndarray]) -> FlatArguments:
+        # Takes as many of the remaining arrays as this part has.
         leaves, structure = joined(self._leaves, remaining), self._structure
         if self._form is None:
             example = of_leaves(None, leaves, structure)

@@ -43,7 +43,7 @@ def _moved_inside(
     lower: Lowering, starts: Sequence[Value], lengths: Sequence[int], sizes: Sequence[int]
 ) -> tuple[list[Symbol], Symbol]:
     """Return the starts of a block along some axes, moved so that the block lies inside of the
-    array, and whether it did so before. `lengths` are those of the array, `sizes` of the block."""
+    array, and whether it lay there already. `lengths` are the array's, and `sizes` the block's."""
     inside: list[Symbol] = []
     fits = Symbol(lower.ops, lower.ops.constant("b", True))
     for start, length, size in zip(starts, lengths, sizes, strict=True):
@@ -68,7 +68,7 @@ def read_block(
     lower: Lowering, memory: InMemory, first: Value, offsets: np.ndarray, shape: tuple[int, ...]
 ) -> Array:
     """Return a block that lies wholly inside of the array `memory`, in the given shape. `first` is
-    the index of the block's first element, and `offsets` are those of its elements from there."""
+    the index of the block's first element, and `offsets` has the offset of each element from it."""
     ops = lower.ops
     if offsets.size <= LARGEST_UNROLLED:
         return lower.array(_elements(lower, memory, first, offsets), shape)
@@ -122,11 +122,13 @@ def _dynamic_update_slice(
     number = lower.ops.number(first)
     small = not isinstance(array, InMemory)
     if small and number is not None:
+        # At a known index, the values of a small array are replaced while the program is built.
         values = lower.values(array)
         for k, value in zip(offsets, lower.values(update), strict=True):
             values[int(k) + int(number)] = value
         return [lower.array(values, shape)]
     memory = lower.in_memory(array, shape)
+    # Only cells that nothing else reads may be overwritten.
     if not memory.owned:
         memory = lower.copied(memory)
     # Only a block of consecutive elements can be copied from memory to memory by one loop.
@@ -212,13 +214,15 @@ def _block_reader(
     lower: Lowering, array: Array, shape: tuple[int, ...], offsets: np.ndarray
 ) -> Callable[[Value], list[Value]]:
     memory = array if isinstance(array, InMemory) else None
-    small = None if memory is not None else lower.values(array)
+    small_values = None if memory is not None else lower.values(array)
 
+    # The elements of the block whose first element has the index `first`.
     def read(first: Value) -> list[Value]:
         nonlocal memory
         number = lower.ops.number(first)
-        if small is not None and number is not None:
-            return [small[int(number) + int(k)] for k in offsets]
+        # At a known index, a small array is not read from memory.
+        if small_values is not None and number is not None:
+            return [small_values[int(number) + int(k)] for k in offsets]
         # A small array is written to memory once, for all blocks at computed indices.
         if memory is None:
             memory = lower.in_memory(array, shape)
@@ -281,8 +285,9 @@ def _scatter(
         window_starts = starts[row * depth : (row + 1) * depth]
         inside, fits = _moved_inside(lower, window_starts, lengths, extents)
         along = [start + offsets.pop(axis) for start, axis in zip(inside, axes, strict=True)]
-        rest = sum(strides[axis] * offset for axis, offset in offsets.items())
-        target = flat_index(lower, along, [strides[axis] for axis in axes]) + rest
+        # Along the other axes, whose offsets remain, each window starts at 0.
+        known_offset = sum(strides[axis] * offset for axis, offset in offsets.items())
+        target = flat_index(lower, along, [strides[axis] for axis in axes]) + known_offset
         if memory is not None:
             # Moved inside, the target is an element of the array even if nothing is to change.
             old = Symbol(ops, ops.load(memory.kind, memory.start, target.value))
@@ -303,7 +308,7 @@ def _scatter(
 
 
 def _combination(lower: Lowering, equation: Equation, name: str) -> Callable[[Value, Value], Value]:
-    """Return the function of an element and an update that gives the new element (`_scatter`)."""
+    """Return the function of an element and an update that returns the new element (`_scatter`)."""
     if name:
         return lower.operation(name, aval_of(equation.invars[0]))
     # "scatter" has a jaxpr that returns the update or, for `x.at[k].apply`, a function of the

@@ -63,7 +63,8 @@ class AbstractLaneLoop(abc.ABC):
         """
 
     def write_lane(self, columns: Memory, lane: int, own: np.ndarray, state: np.ndarray) -> None:
-        """Put a lane into the column `lane`, from the rows (see `Cells`) of its data and state."""
+        """Put a lane into the column with the index `lane`. `own` and `state` are the rows of
+        numbers (see `Cells`) of the lane's constant data and of its state."""
         columns.floats[self.own_cells, lane] = own
         columns.floats[self.state_cells, lane] = state
         columns.integers[self.occupied, lane] = 1
@@ -87,7 +88,8 @@ class LaneLoop(AbstractLaneLoop):
     **Arguments:**
 
     - `step`: function of `shared`, `own` and `state` that returns the state after a step.
-    - `status`: function of the same three that returns scalars by name, among them "moves".
+    - `status`: function of the same three that returns scalars by name, among them "moves": whether
+      the lane can take a step without the host.
     - `shared`: data of all lanes.
     - `own`, `state`: constant data and state of one lane. Of the arrays in `shared`, `own` and
       `state`, only shapes and dtypes are used; all other leaves become part of the program.
@@ -195,6 +197,8 @@ def made_lane_loop(
     with program_is_made_inside(), _LOOPS_LOCK:
         loop = _LOOPS.recent(key)
         if loop is None:
+            # Progress bars show for how long the loop has been compiled, from its tracing on. The
+            # key of the saved program is made of the function itself, not of its wrapper.
             traced = begins_a_program(step)
             loop = load_or_make(step, trees, lambda: LaneLoop(traced, status, *trees))
             _LOOPS.add(key, loop)
@@ -208,7 +212,7 @@ def _traced(
     static: tuple[PyTree, PyTree, PyTree],
 ) -> tuple[list[str], core.ClosedJaxpr, core.ClosedJaxpr]:
     """Return the names of the scalars of `status`, and the jaxprs of `step` and `status` as
-    functions of `arrays`, those of `shared`, `own` and `state`. `static` has the other leaves."""
+    functions of `arrays`, the arrays in `shared`, `own` and `state`. `static` has all else."""
     names: list[str] = []
 
     def arrays_after(*trees: PyTree) -> list[PyTree]:
@@ -223,8 +227,8 @@ def _traced(
     # All arguments are kept (`instantiate`), so that both jaxprs have the same ones.
     def program(function: Callable[..., list[PyTree]]) -> core.ClosedJaxpr:
         closed = program_of(lambda *trees: function(*eqx.combine(trees, static)), *arrays).jaxpr
-        outs = [True] * len(closed.jaxpr.outvars)
-        needed, _ = partial_eval.dce_jaxpr(closed.jaxpr, outs, instantiate=True)
+        all_results = [True] * len(closed.jaxpr.outvars)
+        needed, _ = partial_eval.dce_jaxpr(closed.jaxpr, all_results, instantiate=True)
         return core.ClosedJaxpr(needed, closed.consts)
 
     return names, program(arrays_after), program(scalars)

@@ -43,7 +43,7 @@ def _read(lower: Lowering, memory: InMemory, index: Symbol) -> Symbol:
 
 
 def _known(lower: Lowering, table: InMemory, index: Symbol) -> Symbol:
-    """Return the integer with an index in a table. It is the same in all lanes, as the index is."""
+    """Return the integer at an index of a table: the same one in all lanes, as the index is."""
     number = _read(lower, table, index)
     lower.ops.mark_uniform(number.value)
     return number
@@ -53,18 +53,20 @@ def large_product(lower: Lowering, equation: Equation, *factors: Array) -> list[
     """Return the products of two arrays, summed along some axes (`jax.lax.dot_general`)."""
     contracted, batches = equation.params["dimension_numbers"]
     out = aval_of(equation.outvars[0])
+    # Each element of the result is the inner product of two rows, which extend along the summed
+    # axes of the factors. Of each factor: its memory, the index of the first element of each row,
+    # and a table of the offsets of a row's elements from the first one, which all rows share.
     memories, starts, steps = [], [], []
     for factor, atom, along, batch in zip(
         factors, equation.invars, contracted, batches, strict=True
     ):
         shape = tuple(aval_of(atom).shape)
         memories.append(lower.in_memory(factor, shape))
-        # Row-major indices of the elements, in the order (batch, other axes, summed axes). The
-        # index of an element is that of the first one in its row plus an index along the row.
+        # Row-major indices of the elements, in the order (batch, other axes, summed axes).
         others = [k for k in range(len(shape)) if k not in (*batch, *along)]
         indices = np.arange(math.prod(shape)).reshape(shape).transpose([*batch, *others, *along])
-        count, length = (math.prod(shape[k] for k in axes) for axes in (batch, along))
-        rows = indices.reshape(count, -1, length)
+        batch_size, length = (math.prod(shape[k] for k in axes) for axes in (batch, along))
+        rows = indices.reshape(batch_size, -1, length)
         starts.append(rows[:, :, 0])
         steps.append(lower.table(rows[0, 0] - rows[0, 0, 0]))
     # For each element of the result, with the axes (batch, other axes of the first factor, other
@@ -74,6 +76,7 @@ def large_product(lower: Lowering, equation: Equation, *factors: Array) -> list[
     result = lower.new_array(tuple(out.shape), kind_of(out))
     zero = Symbol(lower.ops, lower.ops.constant(result.kind, 0))
 
+    # Compute and write element n of the result.
     def visit(n: Symbol) -> None:
         begins = [_known(lower, table, n) for table in tables_of_starts]
 
@@ -102,7 +105,8 @@ def _cholesky(lower: Lowering, equation: Equation, matrix: Array) -> list[Array]
 
     def row(number: Symbol) -> None:
         # `number` counts the rows of all matrices. In row i, L_ij = rest(j) / L_jj for j < i, and
-        # L_ii = sqrt(rest(i)), with rest(j) = A_ij - (sum of L_ik L_jk over k < j).
+        # L_ii = sqrt(rest(i)), with rest(j) = A_ij - (sum of L_ik L_jk over k < j). `top` is the
+        # index of the matrix's first number: i rows before this one, each of n numbers.
         i = number.emit("remainder_whole", n)
         top = (number - i) * n
 
@@ -116,15 +120,16 @@ def _cholesky(lower: Lowering, equation: Equation, matrix: Array) -> list[Array]
         def store(j: Symbol, value: Symbol) -> None:
             ops.store(value.value, factor.start, (top + i * n + j).value)
 
-        def below(j: Symbol) -> None:
+        def left_of_diagonal(j: Symbol) -> None:
             store(j, rest(j) / _read(lower, factor, top + j * n + j))
 
-        def above(j: Symbol) -> None:
+        def right_of_diagonal(j: Symbol) -> None:
             store(j, Symbol(ops, ops.constant("f", 0.0)))
 
-        _counted(lower, zero, i, below)
+        # Each element needs those left of it in its row, so the row is computed from the left.
+        _counted(lower, zero, i, left_of_diagonal)
         store(i, rest(i).emit("sqrt"))
-        _counted(lower, i + 1, _index(lower, n), above)
+        _counted(lower, i + 1, _index(lower, n), right_of_diagonal)
 
     _counted(lower, zero, _index(lower, math.prod(shape[:-1])), row)
     return [lower.in_usual_form(factor)]
@@ -133,16 +138,17 @@ def _cholesky(lower: Lowering, equation: Equation, matrix: Array) -> list[Array]
 def _triangular_solve(
     lower: Lowering, equation: Equation, matrix: Array, right: Array
 ) -> list[Array]:
-    """Return the solution X of A X = B, or X A = B, by substitution, for triangular matrices A,
-    `matrix`, and B, `right` (see `jax.lax.linalg.triangular_solve`)."""
+    """Return the solution X of A X = B, or of X A = B, by substitution, for a triangular A in
+    `matrix` and any B in `right` (see `jax.lax.linalg.triangular_solve`)."""
     parameters, ops = equation.params, lower.ops
     shapes = [tuple(aval_of(atom).shape) for atom in equation.invars]
     pairs = zip((matrix, right), shapes, strict=True)
     a, b = (lower.in_memory(array, shape) for array, shape in pairs)
     x, n, on_left = lower.copied(b), shapes[0][-1], parameters["left_side"]
-    # X A = B is A^T X^T = B^T, so that A is transposed once more if it stands on the right. There
-    # are `columns` systems of n equations for each matrix. Successive unknowns of a system are
-    # `step` cells from each other, and the first unknowns of successive systems `apart`.
+    # X A = B is A^T X^T = B^T, so that A is transposed once more if it stands on the right. The
+    # first equation of a lower triangular matrix has one unknown, so substitution goes forward.
+    # There are `columns` systems of n equations for each matrix. Successive unknowns of a system
+    # are `step` cells from each other, and the first unknowns of successive systems `apart`.
     transposed = parameters["transpose_a"] == on_left
     forward = parameters["lower"] != transposed
     columns = shapes[1][-1] if on_left else shapes[1][-2]

@@ -109,6 +109,7 @@ class _Writer:
         blocks = [*self._program.functions, self._program.block]
         # A function is called only by later ones, so its needed results are known.
         for number, block in reversed(list(enumerate(blocks))):
+            # The calls use these values of the function.
             self._uses.update(self._results(number))
             self._mark(block)
         for block in blocks:
@@ -123,7 +124,8 @@ class _Writer:
                 self._width = self._program.width_of(number)
                 self._types, self._values = {}, {}
             written.append(cells_written(self._program, block, written) if is_long else set())
-            # Functions run several times in a step, so that passing values would cost more.
+            # Only the program itself is divided. Its functions run several times in a step, so that
+            # passing values between their pieces would cost more.
             if is_long and is_program:
                 division = Division(
                     self._program, self._by_need, self._needed, len(blocks), written[-1]
@@ -187,7 +189,8 @@ class _Writer:
         return [self._program.signatures[function][1][k] for k in needed]
 
     def _mark(self, block: Block) -> bool:
-        """Mark the entries of a block, from its end backwards, as `_mark_entry` does."""
+        """Mark the entries of a block, from its end backwards, by `_mark_entry`, and return whether
+        any of them has an effect other than its values."""
         # A list, since `any` alone would stop at the first effect and leave entries unmarked.
         effects = [self._mark_entry(entry) for entry in reversed(block)]
         return any(effects)
@@ -256,6 +259,7 @@ class _Writer:
                         break
 
     def _remove_unwritten(self, block: Block) -> None:
+        # Entries that are not needed, and products, which are written with their sums.
         block[:] = [
             entry
             for entry in block
@@ -321,6 +325,7 @@ class _Writer:
 
     def _write_operations(self, operations: list[Operation]) -> None:
         for k, operation in enumerate(operations, 1):
+            # A jump to the next line only divides a long block, for the sake of LLVM's time.
             if k % LONGEST_BLOCK == 0:
                 following = self._label()
                 self._lines.append(f"br label %{following}")
@@ -359,13 +364,14 @@ class _Writer:
             # recursion.
             stack = [entry]
             while stack:
-                needed = [value for value in operands[id(stack[-1])] if value in definitions]
-                if needed:
-                    stack.append(definitions[max(needed, key=depths.__getitem__)])
+                # Operands that are not placed yet come before the operation on top of the stack.
+                unplaced = [value for value in operands[id(stack[-1])] if value in definitions]
+                if unplaced:
+                    stack.append(definitions[max(unplaced, key=depths.__getitem__)])
                 else:
-                    ordered.append(last := stack.pop())
-                    if last.out in definitions:
-                        del definitions[last.out]
+                    ordered.append(placed := stack.pop())
+                    if placed.out in definitions:
+                        del definitions[placed.out]
         return ordered
 
     def _needed(self, entry: Operation) -> tuple[Value, ...]:
@@ -456,7 +462,8 @@ class _Writer:
     def _call(
         self, name: str, form: Form, arguments: Sequence[tuple[Form, Word]], attributes: str = ""
     ) -> Word:
-        """Call a function from outside of the module, and declare it at its first use."""
+        """Write a call of a function from outside of the module, with a result of the type `form`,
+        and return the result. `attributes` belong to the declaration, made at the first call."""
         if name not in self._declared:
             types = ", ".join(form_of_argument for form_of_argument, _ in arguments)
             self._declared[name] = f"declare {form} @{name}({types}){attributes}"
@@ -499,8 +506,8 @@ class _Writer:
         return self._call(f"llvm.vector.reduce.or.{_mangled(form)}", "i1", [(form, word)])
 
     def _pointer(self, start: int, index: Value | None, lane: int = 0) -> Word:
-        """Return the address of a lane's number in the cell `start`, or `start` + `index`. The
-        address for lane 0 is that of the whole cell."""
+        """Write the computation of the address of a lane's number in the cell `start`, or `start` +
+        `index`, and return the address; for lane 0, it is also the address of the whole cell."""
         offset: Word = str(start * self._width + lane)
         if index is not None:
             word = self._value(index)
@@ -518,7 +525,8 @@ class _Writer:
         return self._type(("f" if kind[0] == "f" else "i") + kind[1:])
 
     def _load(self, entry: Operation) -> Word:
-        """Read a cell or, if lanes may have different indices, a cell for each lane."""
+        """Write a load of a cell or, if lanes may have different indices, of a cell per lane, and
+        return the result."""
         assert entry.out is not None
         kind, index = self._program.kinds[entry.out], next(iter(entry.arguments), None)
         cell = self._form_in_memory(kind)
@@ -535,12 +543,12 @@ class _Writer:
             content = self._vector(cell, [load(element, lane) for lane in range(self._width)])
         if kind[0] == "b":
             return self._add(f"icmp ne {cell} {content}, {_constant(cell, 0)}")
-        if kind[0] == "w":
+        if kind[0] == "w":  # an integer of 32 bits
             return self._add(f"trunc {cell} {content} to {self._type(kind)}")
         return content
 
     def _store(self, entry: Operation) -> None:
-        """Write a cell or, if lanes may have different indices, a cell for each lane."""
+        """Write a store to a cell or, if lanes may have different indices, to a cell per lane."""
         value, index = (*entry.arguments, None)[:2]  # `None` if the operation has no index
         assert value is not None
         kind, content = self._program.kinds[value], self._value(value)
@@ -589,8 +597,9 @@ class _Writer:
         self._lines.append(f"br i1 {condition}, label %{body}, label %{end}")
         self._begin_block(body)
         self._write(entry.body)
-        # A phi names the basic block from which the jump comes. If the body contains branches or
-        # loops, that is not `body` but the block in which its writing has ended.
+        # A phi lists the carry's value for each basic block from which a jump comes. If the body
+        # contains branches or loops, the jump back comes not from `body` but from the block in
+        # which the writing of the body has ended.
         carries = zip(entry.carries, entry.first, entry.following, strict=True)
         for k, (carry, *values) in enumerate(carries, start):
             phi = self._phi(values, [before, self._block])

@@ -134,12 +134,13 @@ def is_contiguous(indices: np.ndarray) -> bool:
 
 
 def inner_jaxprs(equation: Equation) -> Iterator[core.Jaxpr]:
-    # Rules know the parameters of primitives that work element by element, which are most.
+    # Most primitives work element by element, and none of these has an inner jaxpr.
     if equation.primitive.name in RULES:
         return
     for parameter in equation.params.values():
         items = parameter if isinstance(parameter, tuple | list) else [parameter]
         for item in items:
+            # A closed jaxpr holds the jaxpr itself. What has no equations is not a jaxpr.
             jaxpr = getattr(item, "jaxpr", item)
             if hasattr(jaxpr, "eqns"):
                 yield jaxpr
@@ -154,7 +155,7 @@ def count_equations(jaxpr: core.Jaxpr) -> int:
 @dataclass
 class RepeatedCall:
     """Several equations that call the same jaxpr. For each argument, `shared` tells whether it is
-    the same in all calls. `function` computes the jaxpr; ``None`` until a call is lowered."""
+    the same in all calls. `function` computes the jaxpr; ``None`` until an equation is lowered."""
 
     shared: list[bool]
     function: "Function | None" = None
@@ -205,9 +206,10 @@ def repeated_calls(jaxpr: core.Jaxpr) -> dict[int, RepeatedCall]:
         if len(equations) < FEWEST_CALLS:
             continue
         if count_equations(equations[0].params["jaxpr"].jaxpr) >= SMALLEST_FUNCTION:
-            columns = zip(*(equation.invars for equation in equations), strict=True)
-            group = RepeatedCall([_are_equal(column) for column in columns])
-            calls.update((id(equation), group) for equation in equations)
+            # For each argument of the jaxpr, what the equations pass for it.
+            passed = zip(*(equation.invars for equation in equations), strict=True)
+            call = RepeatedCall([_are_equal(atoms) for atoms in passed])
+            calls.update((id(equation), call) for equation in equations)
     return calls
 
 
@@ -246,7 +248,7 @@ def _float_operation(equation: Equation) -> str | None:
 class Survey:
     """Properties of a jaxpr, found once, although it may be inlined at hundreds of places.
 
-    - `operations`: for each equation, the operation of `FLOAT_OPERATIONS`, or ``None``.
+    - `operations`: each equation's operation in `FLOAT_OPERATIONS`; ``None`` if it needs a rule.
     - `last_reads`: for each variable, the index of the last equation that reads the variable, and
       may overwrite it; the number of equations for a result of the jaxpr.
     - `has_repeated_calls`: whether the jaxpr has `repeated_calls`.
@@ -260,6 +262,7 @@ class Survey:
     def of(jaxpr: core.Jaxpr) -> "Survey":
         # The results are read last.
         reads = [*(equation.invars for equation in jaxpr.eqns), jaxpr.outvars]
+        # A later read of a variable replaces the earlier ones in the dictionary.
         last_reads: dict[Atom, int] = {
             atom: number
             for number, atoms in enumerate(reads)
@@ -357,16 +360,16 @@ class Lowering:
         return self.ops.pack(values * (self.ops.tangents if len(values) == 1 else 1))
 
     def in_usual_form(self, memory: InMemory) -> Array:
-        """Return the array, or its values if it has at most `LARGEST_UNROLLED` elements."""
+        """Return an array of more than `LARGEST_UNROLLED` elements as it is, others as values."""
         return memory if memory.size > LARGEST_UNROLLED else self.read(memory)
 
     def read(self, memory: InMemory) -> Array:
-        """Load each element of an array, which must have at most `LARGEST_UNROLLED`."""
+        """Load the elements of an array, at most `LARGEST_UNROLLED`; return the array of values."""
         return self.array(self.values(memory), memory.shape)
 
     def write(self, array: Array, start: int, index: Value | None = None) -> None:
-        """Write an array to the cells from `start`, or `start` + `index`, on. Cells of an array in
-        memory must not overlap with these, since it is copied element by element."""
+        """Write an array to the cells from `start`, or `start` + `index`, on. The cells of an array
+        in memory must not be among these, since it is copied element by element."""
         ops = self.ops
         if not isinstance(array, InMemory):
             for k, value in enumerate(self.values(array)):
@@ -432,6 +435,7 @@ class Lowering:
         """Return the elements of an array at row-major `indices`, in the shape of `indices`. If the
         array is in memory, the result may share its cells."""
         shape, flat, ops = indices.shape, indices.ravel(), self.ops
+        # Consecutive elements in memory need no copy.
         if isinstance(array, InMemory) and is_contiguous(flat):
             part = InMemory(array.start + int(flat[0]), shape, array.kind, array.owned)
             if flat.size <= LARGEST_UNROLLED:
@@ -471,29 +475,31 @@ class Lowering:
         """
         ops = self.ops
         out = self.new_array(shape, kind)
-        forms = [a if isinstance(a, int) else self.in_memory(a, shape) for a in arguments]
+        # Each iteration reads its elements from memory; a scalar serves all iterations.
+        operands = [a if isinstance(a, int) else self.in_memory(a, shape) for a in arguments]
 
-        def apply_to(suffix: str, elements: Sequence[Value | InMemory], index: Value) -> None:
+        # Compute the element `index` or, with the suffix "p", a vector of elements from there on.
+        def apply_to(suffix: str, sources: Sequence[Value | InMemory], index: Value) -> None:
             values = [
                 a if isinstance(a, int) else ops.load(a.kind + suffix, a.start, index)
-                for a in elements
+                for a in sources
             ]
             ops.store(rule(*values), out.start, index)
 
-        step = ops.padded_tangents if by_vectors and ops.padded_tangents else 1
-        if step == 1:
-            ops.repeat(out.size, partial(apply_to, "", forms))
+        elements_at_once = ops.padded_tangents if by_vectors and ops.padded_tangents else 1
+        if elements_at_once == 1:
+            ops.repeat(out.size, partial(apply_to, "", operands))
             return out
-        vectors = [self.vector(a) if isinstance(a, int) else a for a in forms]
-        length = ops.constant("i", step)
+        vectors = [self.vector(a) if isinstance(a, int) else a for a in operands]
+        length = ops.constant("i", elements_at_once)
 
         def visit(k: Value) -> None:
             apply_to("p", vectors, ops.emit("mul", "i", k, length))
 
-        ops.repeat(out.size // step, visit)
+        ops.repeat(out.size // elements_at_once, visit)
         # The elements that don't fill a vector.
-        for k in range(out.size // step * step, out.size):
-            apply_to("", forms, ops.constant("i", k))
+        for k in range(out.size // elements_at_once * elements_at_once, out.size):
+            apply_to("", operands, ops.constant("i", k))
         return out
 
     def _by_one_loop(self, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
@@ -501,20 +507,21 @@ class Lowering:
         such a jaxpr. If its equations do not allow this, add each equation on its own."""
         results: list[Array] = []
         for out in closed.jaxpr.outvars:
-            # The derivatives of a linear function do not need its values, which have another shape.
-            part, used = partial_eval.dce_jaxpr(
+            # The jaxpr of this result alone, and which arguments it needs. The derivatives of a
+            # linear function do not need its values, which have another shape.
+            of_result, used = partial_eval.dce_jaxpr(
                 closed.jaxpr, [other is out for other in closed.jaxpr.outvars]
             )
             shape, kind = tuple(aval_of(out).shape), kind_of(aval_of(out))
-            variables = (*part.invars, *(v for e in part.eqns for v in e.outvars))
+            variables = (*of_result.invars, *(v for e in of_result.eqns for v in e.outvars))
             # Versions of JAX differ in how they repeat a scalar: an equation for it has no rule
             # for single elements, and then each operation has a loop.
             if not all(tuple(aval_of(v).shape) in ((), shape) for v in variables) or not all(
-                equation.primitive.name in RULES for equation in part.eqns
+                equation.primitive.name in RULES for equation in of_result.eqns
             ):
                 return self.inline(closed, arguments)
             needed = [array for array, is_used in zip(arguments, used, strict=True) if is_used]
-            rule = partial(self._element, part)
+            rule = partial(self._element, of_result)
             results.append(self._by_loop(rule, kind, shape, needed, by_vectors=True))
         return results
 
@@ -526,7 +533,7 @@ class Lowering:
         for equation in jaxpr.eqns:
             name = equation.primitive.name
             operands = [scalar(self._atom(atom, arrays)) for atom in equation.invars]
-            # Numbers in the jaxpr are scalars.
+            # Numbers in the jaxpr are scalars, also if the arguments are vectors.
             operands = [*map(self.vector, operands)] if are_vectors else operands
             parameter = _parameter_of(equation)
             rule = self.operation(name, aval_of(equation.outvars[0]), parameter)
@@ -648,7 +655,8 @@ class Lowering:
     def _call(
         self, repeated: RepeatedCall, closed: core.ClosedJaxpr, arguments: list[Array]
     ) -> list[Array]:
-        """Add a call of the function for the jaxpr `closed`, and with the first call the function.
+        """Add a call of the function for the jaxpr `closed`, and with the first call the function
+        itself; return the results of the call.
 
         Functions keep programs short, since LLVM's time for a block grows faster than its length:
         each Runge-Kutta stage computes the rates by the same large jaxpr.
@@ -674,8 +682,8 @@ class Lowering:
             def build() -> None:
                 loaded = [ops.load(*row) for row in zip(kinds, parameters, strict=True)]
                 remaining = iter(self.unflatten(loaded, places))
-                mixed = [array if shared else next(remaining) for array, shared in pairs]
-                results[:] = self.inline(closed, mixed)
+                all_arguments = [array if shared else next(remaining) for array, shared in pairs]
+                results[:] = self.inline(closed, all_arguments)
                 # Values from outside of the function are the same for all calls.
                 for value in self.flatten(results):
                     if value not in cells and ops.is_inside(value):
@@ -693,19 +701,21 @@ class Lowering:
                 if isinstance(array, InMemory) and isinstance(place, InMemory):
                     self.write(array, place.start)
         ops.call(function.number)
+        # Values that the function does not compute are those from outside of it.
         loaded = {v: ops.load(ops.kinds[v], cell) for v, cell in function.cells.items()}
-        new = [loaded.get(value, value) for value in self.flatten(function.results)]
+        result_values = [loaded.get(value, value) for value in self.flatten(function.results)]
         # The next call overwrites the arrays that the function has left in memory.
         return [
             self.copied(array) if isinstance(array, InMemory) else array
-            for array in self.unflatten(new, function.results)
+            for array in self.unflatten(result_values, function.results)
         ]
 
     def _call_shared(self, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
-        """Add a call of the function for a jaxpr that many places share, and at the first call the
-        function itself. Unlike the function of `_call`, this one uses no values from outside but
-        its arguments and constants, so that it can be called from any block."""
+        """Add a call of the function for a jaxpr that many places share, and with the first call
+        the function itself; return the results of the call. The function uses no values but its
+        arguments and constants, unlike that of `_call`, so that any block can call it."""
         ops = self.ops
+        # The function takes values only, which an array in memory does not have.
         if any(isinstance(array, InMemory) for array in arguments):
             return self.inline(closed, arguments)
         values = self.flatten(arguments)
@@ -714,10 +724,12 @@ class Lowering:
         key = id(closed.jaxpr), (*shapes, *kinds), ops.width
         function = self._shared.get(key)
         if function is None:
+            # Passing the values of a short function would take longer than computing its results.
             if count_equations(closed.jaxpr) < SMALLEST_SHARED:
                 return self.inline(closed, arguments)
             function = self._shared_function(partial(self.inline, closed), arguments, kinds)
             self._shared[key] = function
+            # The jaxpr is kept, since its identity is a part of the key.
             self._jaxprs.append(closed.jaxpr)
         return self.unflatten(self._called(function, values), function.results)
 
@@ -735,12 +747,14 @@ class Lowering:
             computed[:] = [value for value in values if self.ops.number(value) is None]
             return computed
 
-        function, elementary = PureFunction(0, [], []), self._count_of_elementary
+        # `build` fills the two lists of the function.
+        function, count_before = PureFunction(0, [], []), self._count_of_elementary
         number = self.ops.pure_function(kinds, partial(build, function.results, function.computed))
-        # In a function of vectors, the same elementary functions are calls. So the operations, and
-        # with them the bits of results, are those of the function of numbers.
-        self._count_of_elementary = elementary
+        # With the same count, the same elementary functions are calls in a function of vectors. So
+        # the operations, and with them the bits of results, are those of the function of numbers.
+        self._count_of_elementary = count_before
         with suppress(UnsupportedPrimitiveError):
+            # The lists that it fills are not used: its results correspond to those of `function`.
             self.ops.add_function_of_vectors(number, kinds, partial(build, [], []))
         return replace(function, number=number)
 
@@ -750,9 +764,9 @@ class Lowering:
         return [values_by_name.get(value, value) for value in self.flatten(function.results)]
 
     def _elementary(self, name: str, *values: Value) -> Value:
-        """Add the operations of an elementary function of floats or, after `MOST_ELEMENTARY` of
-        them, a call of a function of machine code. Sines and cosines share one function, which
-        returns both, since most of their operations are the same."""
+        """Add the operations of an elementary function of floats, such as "exp", or, after
+        `MOST_ELEMENTARY` such functions, a call of a function of machine code; return the result. A
+        sine and a cosine call one function, which returns both from operations that they share."""
         ops = self.ops
         # Functions of known numbers are not counted: a sine, for instance, needs no operation then.
         if all(ops.number(value) is not None for value in values):
@@ -776,8 +790,8 @@ class Lowering:
     def operation(
         self, name: str, aval: ShapedArray, parameter: object = None
     ) -> Callable[..., Value]:
-        """Return the function that applies the elementwise primitive `name` to values, with a
-        `parameter` as in `apply`. Its result has the dtype of `aval`."""
+        """Return the function that adds the operations of the elementwise primitive `name` for
+        values, and returns the result, of the dtype of `aval`. `parameter`: as for `apply`."""
         if name in ELEMENTARY:
             return partial(self._elementary, name)
 

@@ -112,8 +112,8 @@ class Code:
 
     - `seconds`: processor time, s, of each stage of making the code, by name.
 
-    **Arguments:** `result`: value of the program, an int64, that `run` returns for the first lane;
-    `stopwatch`: has the times of earlier stages.
+    **Arguments:** `lowering`: has built the program; `result`: value of the program, an int64, that
+    `run` returns for the first lane; `stopwatch`: has the times of earlier stages.
 
     **Raises:** `UnsupportedPrimitiveError` if LLVM rejects the program.
     """
@@ -124,6 +124,7 @@ class Code:
         stopwatch.end("writing")
         self._text = zlib.compress(text.encode(), 1)
         self._digest = digest(text, digits=LONG)
+        # Running time until the code is optimised; infinite once it is.
         self._seconds_left = len(text) * SECONDS_A_CHARACTER
         self._object_file = b""
         if not self._read_optimised():
@@ -286,7 +287,7 @@ def load_or_make(
     if kept is not None:
         return cast(Program, kept)
     program = make()
-    # It is not saved if the package's code has changed in the meantime.
+    # A program is not saved if the package's code has changed while it was made.
     if place is not None and _is_unchanged():
         store, key = place
         with suppress(*_NOT_PICKLED), system_errors_suppressed():
@@ -342,8 +343,8 @@ def _key(function: Callable[..., PyTree], arguments: tuple[PyTree, ...]) -> str:
 def _form(leaf: PyTree) -> PyTree:
     if not eqx.is_array(leaf):
         return leaf
-    # `digest_of` would take a `jax.ShapeDtypeStruct` apart: a second for a hundred joints. Bytes
-    # are not among the leaves that are no arrays.
+    # `digest_of` would take a `jax.ShapeDtypeStruct` apart: a second for a hundred joints. The form
+    # is bytes, as no other leaf is, so that it cannot be mistaken for a leaf with this text.
     return f"{leaf.dtype.name} {leaf.shape} {getattr(leaf, 'weak_type', False)}".encode()
 
 

@@ -38,8 +38,8 @@ class Operation:
     - "call", which executes the function `number` of the program. The function reads its arguments
       from memory and writes its results there.
 
-    A vector of tangents occupies that cell and the following ones. "store" and "call" have no
-    `out`.
+    A vector of tangents occupies the cell `number` and the following ones. "store" and "call" have
+    no `out`.
     """
 
     out: Value | None
@@ -166,7 +166,7 @@ class Operations:
         self.kinds: list[str] = []
         self.constants: dict[Value, Number] = {}
         self.cells = 0
-        # First cells of all that have been reserved together.
+        # The first cell of each group of cells that one call of `allocate` has reserved.
         self._starts: list[int] = []
         self.block: Block = []
         self.functions: list[Block] = []
@@ -194,7 +194,8 @@ class Operations:
         self._mask: Value | None = None
 
     def new(self, kind: str, depth: int | None = None) -> Value:
-        """Return a new value in `depth` nested functions, by default all that are being built."""
+        """Return a new value that is computed inside of `depth` nested functions, by default inside
+        of all those that are being built."""
         depth = len(self._outside) if depth is None else depth
         self.kinds.append(kind)
         value = len(self.kinds) - 1
@@ -267,7 +268,8 @@ class Operations:
                 half = _RANGE[kind]
                 number = (int(number) + half) % (2 * half) - half
             return self.constant(kind, number)
-        # Neither a known number nor a vector, which may repeat one: so are most operands.
+        # Most operations have operands that are neither known numbers nor vectors, which may repeat
+        # a known number. The rules for these three operations do not apply then.
         is_unknown = kind == "f" and known.count(None) == len(known)
         if is_unknown and name in ("fmul", "fdiv", "fma"):
             return None
@@ -287,12 +289,14 @@ class Operations:
         elif name in ("and", "or") and kind == "b":
             if first == others[0]:
                 return first
+            # Each argument, with its number if known, and beside it the other argument.
             for number, value, other in zip(known, arguments, arguments[::-1], strict=True):
                 if number is not None:
                     # `x and True` and `x or False` are x; `x and False` is False, and `x or True`
                     # is True.
                     return other if bool(number) == (name == "and") else value
         elif name == "fmul":
+            # Either factor may be the known one, and below either term of a sum.
             for x, other in (arguments, arguments[::-1]):
                 if self._is_all(x, 1.0):
                     return other
@@ -324,8 +328,8 @@ class Operations:
         return self.constants.get(value if element is None else element)
 
     def _is_all(self, value: Value, number: float) -> bool:
-        """Return whether a float, or each element of a vector, is known to be `number`, also by the
-        sign of zero."""
+        """Return whether a float, or each element of a vector, is known to be `number`, where 0.0
+        and -0.0 are different numbers."""
         repeated = self.repeated_number(value)
         return (
             isinstance(repeated, float)
@@ -334,8 +338,8 @@ class Operations:
         )
 
     def _operand_of(self, name: str, value: Value) -> Value | None:
-        """Return the first argument of the operation that computed `value`, if it is an operation
-        `name`, else ``None``."""
+        """Return the first argument of the operation that computes `value` if this operation has
+        the given name, else ``None``."""
         definition, arguments = self._definitions.get(value, ("", ()))
         return arguments[0] if definition == name else None
 
@@ -389,8 +393,8 @@ class Operations:
         return range(self._starts[after - 1], end)
 
     def load(self, kind: str, start: int, index: Value | None = None) -> Value:
-        """Add the read of the cell `start`, or `start` + `index`, or of a vector in the cells from
-        there on, and return the value."""
+        """Add a read of the cell `start`, or `start` + `index`, and return the value that is read.
+        A value of the kind of a vector is read from that cell and the following ones."""
         cell, arguments = self._address(start, index)
         out = self.new(kind)
         self.block.append(Operation(out, "load", arguments, cell))
@@ -421,8 +425,8 @@ class Operations:
             self._mask = outer
 
     def _address(self, start: int, index: Value | None) -> tuple[int, tuple[Value, ...]]:
-        """Return the `number` of a load or store for `start` + `index`, and its argument for the
-        index. A known index is a part of the number."""
+        """Return, for a load or store of the cell `start` + `index`, its `number` and a tuple with
+        its argument for the index; a known index is added to the number, and the tuple is empty."""
         number = None if index is None else self.constants.get(index)
         if number is None:
             return start, () if index is None else (index,)
@@ -434,8 +438,8 @@ class Operations:
         """Add a function that the current block, and blocks inside it, can call; return its index.
 
         `build` adds the entries of the function. Values from outside that the function uses are
-        written to memory in the current block, and the function reads them there. It writes in all
-        lanes, even inside a `masked` context.
+        written to memory in the current block, and the function reads them there. The function
+        writes in all lanes, even if it is added inside a `masked` context.
         """
         inner, depth = [], len(self._outside)
         self._outside.append((self.block, len(self._scopes) - 1))
@@ -444,7 +448,8 @@ class Operations:
         with self.inside(inner), self.masked(None):
             build()
         self._outside.pop()
-        # Inside of the function, the load defines the value of the same name.
+        # Used values that are computed in at most `depth` functions come from outside of this one.
+        # A load at the beginning of the function defines them in it, under the same names.
         loads: list[Entry] = []
         for value in _used(inner):
             if value not in self.constants and self._depths.get(value, 0) <= depth:
@@ -486,8 +491,8 @@ class Operations:
     def add_function_of_vectors(
         self, function: int, kinds: list[str], build: Callable[[list[Value]], list[Value]]
     ) -> None:
-        """Add a function to `of_vectors` that computes `calls_at_once` calls of a pure function
-        together; `kinds` and `build` as in `pure_function`.
+        """Add a function to `of_vectors` that computes `calls_at_once` calls of the pure function
+        with the index `function` together; `kinds` and `build` are those given for that function.
 
         None is added in a program of several lanes, nor if the function uses memory or vectors of
         tangents. If this shows only after building, the new function remains without calls.
@@ -528,7 +533,8 @@ class Operations:
         return self._widths.get(function, self.width)
 
     def called(self, function: int, arguments: list[Value]) -> list[Value]:
-        """Return the results of a pure function. Equal calls are added once, as any operation."""
+        """Add a call of the pure function with the index `function`, unless there is an equal one
+        that can be reused, and return the results of the call."""
         _, results = self.signatures[function]
         number = self.constant("i", function)
         all_results = self.emit("evaluate", "results", number, *arguments)
@@ -538,8 +544,8 @@ class Operations:
         ]
 
     def once(self, key: tuple, add: Callable[[], Value]) -> Value:
-        """Return the value of the entries that `add` adds. None are added again if the current
-        block, or a block around it, has added entries with the same `key`."""
+        """Call `add`, which adds entries to the program, and return its result. If this has been
+        done for the same `key` in the current block, or in one around it, return that result."""
         value = self._known.get(key)
         if value is None:
             value = self._known[key] = add()
@@ -659,8 +665,8 @@ class Symbol:
         return Symbol(self.ops, constant)
 
     def emit(self, name: str, *others: "Symbol | Number", letter: str = "") -> "Symbol":
-        """Return the result of the operation `name` of this value and `others`. Its kind has the
-        given `letter`, by default that of this value."""
+        """Return the result of the operation `name` of this value and `others`. The kind of the
+        result has the given `letter`, by default the letter of this value."""
         kind = letter + self.kind[1:] if letter else self.kind
         values = [(x if isinstance(x, Symbol) else self.like(x)).value for x in others]
         return Symbol(self.ops, self.ops.emit(name, kind, self.value, *values))

@@ -29,7 +29,7 @@ class _Pieces:
 class Division:
     """Divides the long sequences of operations of a function into pieces.
 
-    - `pieces`: operations of each piece, by the `number` that operations "call" have for it.
+    - `pieces`: operations of each piece, by the `number` of the operations "call" that execute it.
 
     **Arguments:** `ordered`: returns operations in the order in which they shall be executed;
     `needed`: returns the values that an operation uses; `first`: number of the first piece;
@@ -81,6 +81,7 @@ class Division:
         # Replace each sequence that is too long, also in inner blocks, by `_Pieces`.
         new, sequence = [], []
 
+        # Keep the sequence that has ended, or replace it, and begin an empty one.
         def end() -> None:
             if len(sequence) <= LONGEST:
                 self._use(None, sequence)
@@ -103,6 +104,7 @@ class Division:
             for inner in entry.blocks:
                 self._cut(inner)
             new.append(entry)
+        # The sequence at the end of the block.
         end()
         block[:] = new
 

@@ -33,11 +33,11 @@ from .lowering import (
 from .operations import Symbol, Value
 
 Rearrange = Callable[[np.ndarray, dict], Sequence[np.ndarray]]
-"""Function of the row-major indices of an array's elements, in its shape, and an equation's
+"""Function of the row-major indices of an array's elements, in the array's shape, and an equation's
 parameters. It returns the indices in the shapes and places of the equation's results."""
 Join = Callable[[list[np.ndarray], dict], np.ndarray]
-"""As `Rearrange`, but a function of a list of several arrays, whose elements are numbered one array
-after the other, that returns the indices for a single result."""
+"""Function of the indices of several arrays, in the arrays' shapes and numbered one array after the
+other, and an equation's parameters. It returns the indices in the shape of the single result."""
 Combine = Callable[[Value, Value], Value]
 
 
@@ -79,9 +79,12 @@ def _unstack(lower: Lowering, equation: Equation, array: Array) -> list[Array]:
 
 def _broadcast_in_dim(lower: Lowering, equation: Equation, array: Array) -> list[Array]:
     shape, dimensions = equation.params["shape"], equation.params["broadcast_dimensions"]
+    # A scalar repeated for all tangents is one vector.
     if isinstance(array, int) and lower.is_packed(tuple(shape)):
         return [Packed(lower.vector(array))]
 
+    # Axis k of the array becomes axis dimensions[k] of the result. Along all other axes of the
+    # result, its elements are repeated.
     def rearrange(indices: np.ndarray, _: dict) -> list[np.ndarray]:
         expanded = [1] * len(shape)
         for axis, size in zip(dimensions, indices.shape, strict=True):
@@ -94,6 +97,7 @@ def _broadcast_in_dim(lower: Lowering, equation: Equation, array: Array) -> list
 def _joined(lower: Lowering, equation: Equation, *arrays: Array, join: Join) -> list[Array]:
     avals = [aval_of(v) for v in equation.invars]
     starts = np.cumsum([0, *(aval.size for aval in avals)]).tolist()
+    # Elements are numbered one array after the other; `starts` has one more number at its end.
     rows = zip(avals, starts, strict=False)
     indices = join([element_indices(aval) + start for aval, start in rows], equation.params)
     out = aval_of(equation.outvars[0])
@@ -101,10 +105,12 @@ def _joined(lower: Lowering, equation: Equation, *arrays: Array, join: Join) -> 
         values = [value for array in arrays for value in lower.values(array)]
         return [lower.array([values[k] for k in indices.ravel()], indices.shape)]
     memory = lower.new_array(tuple(out.shape), kind_of(out))
-    # For each element, its place in the result.
+    # For each element, its place in the result: the permutation inverse to `indices`.
     places = np.argsort(indices, axis=None)
     for start, aval, array in zip(starts, avals, arrays, strict=False):
         places_of_array = places[start : start + aval.size]
+        # An array whose elements stay next to each other is copied as it is. Otherwise each element
+        # gets its own place, from a table for an array that is copied by a loop.
         if is_contiguous(places_of_array):
             lower.write(array, memory.start + int(places_of_array[0]))
         elif isinstance(array, InMemory):
@@ -120,6 +126,7 @@ def _copied_to(lower: Lowering, array: InMemory, target: InMemory, places: np.nd
 
     def visit(k: Value) -> None:
         place = lower.ops.load(table.kind, table.start, k)
+        # A known place is the same in all lanes, which then write at once.
         lower.ops.mark_uniform(place)
         lower.ops.store(lower.ops.load(array.kind, array.start, k), target.start, place)
 
@@ -130,13 +137,14 @@ def _pad(lower: Lowering, equation: Equation, array: Array, padding: Array) -> l
     """Return the array with copies of the scalar `padding` before, after and between its elements
     (see `jax.lax.pad`). A negative number of copies before or after removes elements."""
     aval, out = aval_of(equation.invars[0]), aval_of(equation.outvars[0])
-    # For each place of the result, whether it has an element of the array, and which one.
+    # For each place of the result, whether it has an element of the array, and the row-major index
+    # of this element.
     inside, indices = np.ones(out.shape, bool), np.zeros(out.shape, int)
     rows = zip(equation.params["padding_config"], np.indices(out.shape), aval.shape, strict=True)
     # Along an axis, an element of the array has every (between + 1)-th place from `low` on.
     for (low, _, between), place, length in rows:
-        index, rest = np.divmod(place - low, between + 1)
-        inside &= (rest == 0) & (index >= 0) & (index < length)
+        index, past_element = np.divmod(place - low, between + 1)
+        inside &= (past_element == 0) & (index >= 0) & (index < length)
         indices = indices * length + index
     # The padding is numbered as the element after the last one of the array.
     indices = np.where(inside, indices, aval.size)
@@ -178,6 +186,7 @@ def _reduce(lower: Lowering, equation: Equation, array: Array, name: str) -> lis
     if isinstance(array, InMemory):
         if out.shape == ():
             return [_cumulate_memory(lower, array, combine)]
+        # The loops need the elements that are combined at equal distances: along adjacent axes.
         if axes != tuple(range(axes[0], axes[-1] + 1)):
             raise UnsupportedPrimitiveError(f"{equation.primitive.name} along axes {axes}")
         return [_reduce_memory(lower, array, axes, combine)]
@@ -265,15 +274,15 @@ def _cumulate(lower: Lowering, equation: Equation, array: Array, name: str) -> l
         out = lower.new_array(array.shape, array.kind)
         _cumulate_memory(lower, array, combine, out)
         return [out]
-    # Numbers of the program's values, not their contents.
+    # An integer here is the name of a value of the program.
     values = np.array(lower.values(array), dtype=np.int64).reshape(aval.shape)
     # A view of `values`, in which the rows are replaced one after the other.
     rows = np.moveaxis(values, axis, 0)
     rows = rows[::-1] if reverse else rows
     for k in range(1, len(rows)):
-        for position in np.ndindex(*rows.shape[1:]):
-            before, value = rows[(k - 1, *position)], rows[(k, *position)]
-            rows[(k, *position)] = combine(int(before), int(value))
+        for index in np.ndindex(*rows.shape[1:]):
+            total_before, value = rows[(k - 1, *index)], rows[(k, *index)]
+            rows[(k, *index)] = combine(int(total_before), int(value))
     return [lower.array(values.ravel().tolist(), tuple(aval.shape))]
 
 
@@ -284,6 +293,7 @@ def _arg_extreme(lower: Lowering, equation: Equation, array: Array, compare: str
     out, ops = aval_of(equation.outvars[0]), lower.ops
     if isinstance(array, InMemory):
         raise UnsupportedPrimitiveError(f"{equation.primitive.name} of large arrays")
+    # One row along the axis for each element of the result.
     values = np.moveaxis(np.array(lower.values(array)).reshape(aval.shape), axis, -1)
     indices = []
     for row in values.reshape(-1, aval.shape[axis]).tolist():
@@ -316,8 +326,8 @@ def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Arra
         elements = (Symbol(lower.ops, value) for value in lower.values(array))
         values = np.array([convert(x, kind_of(out)).value for x in elements]).reshape(shape)
         others = [k for k in range(len(shape)) if k not in (*batch, *along)]
-        count, length = (math.prod(shape[k] for k in axes) for axes in (batch, along))
-        return values.transpose([*batch, *others, *along]).reshape(count, -1, length).tolist()
+        batch_size, length = (math.prod(shape[k] for k in axes) for axes in (batch, along))
+        return values.transpose([*batch, *others, *along]).reshape(batch_size, -1, length).tolist()
 
     # Each element of the result is the inner product of a row of one array and a row of the other.
     add, multiply = (lower.operation(name, out) for name in ("add", "mul"))
