@@ -48,11 +48,12 @@ def updated_bristles(
     after: ContactGaps,
     lands: bool,
 ) -> Bristles:
-    """Return the bristle deflections after an accepted step with the gaps `before` and `after` it.
+    """Return the bristle deflections, m, after an accepted step, from the deflections `bristles`
+    and the `motions` at its end, and the gaps `before` and `after` it.
 
-    An open contact gets zero. If steps end at onsets (`lands`), a contact that began in the step
-    has had no force yet: it gets the slip velocity times the time since the onset, which is zero
-    except for rounding, but whose derivatives the derivatives of the motion need.
+    The deflection becomes zero in an open contact. If steps end at onsets (`lands`), a contact that
+    began in the step has had no force yet: the slip velocity times the time since the onset is
+    added, which is zero except for rounding, but has derivatives that enter those of the motion.
     """
     joints = scene.contact_joints()
     updated: Bristles = {}
