@@ -38,6 +38,7 @@ class HeldForce(AbstractForce):
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
         total = self.force.held_wrenches(self.memory, motions, t)
         for before, after, share in self.changes:
+            # The share times the wrenches with the memory after less those with the memory before.
             for memory, factor in ((after, share), (before, -share)):
                 for name, wrench in self.force.held_wrenches(memory, motions, t).items():
                     total[name] = total.get(name, NO_WRENCH) + wrench * factor
@@ -50,8 +51,9 @@ def sampled_forces(scene: Scene) -> dict[str, AbstractSampledForce]:
 
 
 def memory_names(scene: Scene) -> dict[str, list[str]]:
-    """Return the names of the numbers in the memory of each sampled force of a scene, whose vectors
-    are arrays."""
+    """Return the names of the numbers in the memory of each sampled force of a scene. The scene's
+    vectors are arrays."""
+    # The names do not depend on the motion.
     still = Motion(ZERO, IDENTITY, ZERO, ZERO)
     return {
         name: list(force.initial_memory(dict.fromkeys(force.body_names(), still), 0.0))
@@ -62,8 +64,9 @@ def memory_names(scene: Scene) -> dict[str, list[str]]:
 def initial_memories(
     system: System, variables: MotionVariables, t: Scalar, given: Memories
 ) -> dict[str, dict[str, Scalar]]:
-    """Return the memory of each sampled force, as in `given`. Numbers that `given` lacks are those
-    with which a run would start in the motion of `variables` at the time t."""
+    """Return the memory of each sampled force: the numbers in `given` and, where `given` lacks one,
+    the number with which a run from the positions and velocities `variables` at the time t starts.
+    Raise a `ValueError` if `given` has an unknown name."""
     forces = sampled_forces(system.scene)
     remedy = "correct the name, or leave it out of the state"
     for name in given:
@@ -86,7 +89,8 @@ def initial_memories(
 def updated_memory(
     force: AbstractSampledForce, motions: Motions, name: str, memory: ForceMemory, t: Scalar
 ) -> ForceMemory:
-    """Return ``force.updated_memory(...)``, with arguments in the order of `Kinds.evaluate`."""
+    """Return the result of the force's method `updated_memory`: the memory after the instant `name`
+    at the time t. The arguments are in the order in which `Kinds.evaluate` passes them."""
     return force.updated_memory(name, memory, motions, t)
 
 
