@@ -42,8 +42,7 @@ from .journals import (
 from .system import System
 
 ITERATIONS = 100
-"""Largest number of Newton steps of the positions in `assemble`; few are needed near the
-solution."""
+"""Largest number of Newton steps of positions in `assemble`; near the solution few are needed."""
 TOLERANCE = 1e-12
 """Largest constraint value at which `assemble` stops iterating, in m, rad or, for directions,
 without unit: slightly above the rounding errors of lengths of a metre."""
@@ -125,8 +124,7 @@ def assemble(
       journals penetrate the wall as far as their load demands, so that they don't oscillate. A
       contact whose law uses the entry speed gets the speed of an impact whose energy is the
       contact's elastic energy, so that later oscillations are damped like such an impact.
-    - `centred`: whether all journals are put into the centres of their bearings, except `resting`
-      ones.
+    - `centred`: whether all journals except `resting` ones are centred in their bearings.
     - `moving`: if ``True``, the result has the velocities, nearest to those of the guess, at which
       no journal moves in its bearing; if ``False``, the velocities of the guess, as far as the
       constraints allow. ``None``, the default, means ``True`` if a driver moves at time `t` and

@@ -2,8 +2,7 @@
 
 In a step that ends at a breakpoint, the element is evaluated just before it, and in a step that
 starts there, just after it: it does not matter whether the element compares times with < or <=.
-Public functions take times t since the `origin` of their `System`; breakpoints are times of the
-scene.
+Public functions take times t since `System.origin`; breakpoints are times of the scene.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,5 +1,4 @@
-"""Bristle deflections in the course of a run: initial values, rates, and corrections after
-steps."""
+"""Bristle deflections during a run: initial values, rates, and corrections after steps."""
 
 import jax
 import jax.numpy as jnp

@@ -32,14 +32,12 @@ UNCERTAIN_BELOW = 1e-5
 the multipliers contain the square of this distance, so that rounding errors determine the
 multipliers: at 1e-6, the angle of a four-bar with a skew hinge is wrong by 1e-3 rad after 1 s."""
 FEW = 16
-"""Largest number of scenes whose constraints NumPy evaluates one by one; for more, native code is
-compiled."""
+"""Largest number of scenes that NumPy evaluates one by one; for more, native code is compiled."""
 
 
 @dataclass(frozen=True)
 class ConstraintReport:
-    """Constraints of a scene in one state, with m constraint rows, and v = six times the number of
-    bodies.
+    """Constraints of a scene in one state: m constraint rows, and v = 6 times the number of bodies.
 
     - `names`: m strings, each "joint: label", in the scene's order of joints.
     - `values`: (m,), Phi, in m, rad or without unit; `rates`: (m,), their time derivatives.

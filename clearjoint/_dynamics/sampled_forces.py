@@ -51,8 +51,7 @@ def sampled_forces(scene: Scene) -> dict[str, AbstractSampledForce]:
 
 
 def memory_names(scene: Scene) -> dict[str, list[str]]:
-    """Return the names of the numbers in the memory of each sampled force of a scene. The scene's
-    vectors are arrays."""
+    """Return the names of the numbers in each sampled force's memory, for vectors as arrays."""
     # The names do not depend on the motion.
     still = Motion(ZERO, IDENTITY, ZERO, ZERO)
     return {

@@ -299,7 +299,7 @@ def attitude(width: Scalar, ratio: Scalar) -> Scalar:
 
 def squeeze_load(width: Scalar, ratio: Scalar) -> Scalar:
     """Return the load number So_V of `ButenschoenFilm`. `width` is B/D, `ratio` the eccentricity
-    ratio, negative if the eccentricity decreases."""
+    ratio, with a minus sign if the eccentricity decreases."""
     numerator, shift = (polynomial(fit, width) for fit in SQUEEZE)  # a8 and a9
     square = ratio * ratio
     # The closed form for a short bearing, which the fit corrects for a finite width.

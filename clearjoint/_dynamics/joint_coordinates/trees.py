@@ -190,8 +190,7 @@ class JointedBranch:
         return replace(self, body="", parent="", joint="")
 
     def encode(self, parent: BodyPose, body: BodyPose) -> JointState:
-        """Return the joint's state from two poses. Relative motion that the joint forbids is
-        dropped."""
+        """Return the joint's state from two poses, without motion that the joint forbids."""
         on_child, on_parent = self.motion_subspace.point_child, self.motion_subspace.point_parent
         (orientation_parent, carrier), (orientation_body, carried) = parent, body
         displacement = carried.components(carried.point(on_child) - carrier.point(on_parent))

@@ -117,7 +117,8 @@ def _crank_joints(crank: float, rod: float) -> Joints:
 
 def _slider_crank_state(speed: Scalar, angle: float) -> State:
     """Return the ideal mechanism's state at a crank angle, rad, and speed, rad/s."""
-    # The rod's far end is on the X axis, at the height of the slider.
+    # In the XY plane: the crank's end, and the vector along the rod to its far end, which is on the
+    # X axis, at the height of the slider.
     tip = CRANK_LENGTH * np.array([math.cos(angle), math.sin(angle)])
     rod_angle = -math.asin(tip[1] / ROD_LENGTH)
     rod = ROD_LENGTH * np.array([math.cos(rod_angle), math.sin(rod_angle)])
