@@ -234,7 +234,7 @@ def _is_after(origin: Scalar | None, at: Scalar, t: Scalar) -> jax.Array:
 
 def _rounding(origin: Scalar | None, at: Scalar) -> jax.Array:
     """Return the difference, s, up to which a time counts as equal to a breakpoint `at`, both as
-    times of the scene in a system with an `origin`."""
+    times of the scene, in a system with this `origin`."""
     # On the clock of the system, a time has the rounding error of the origin too.
     size = SHORTEST if origin is None else jnp.maximum(jnp.abs(origin), SHORTEST)
     # An infinite rounding error would make an infinite breakpoint equal to any time.

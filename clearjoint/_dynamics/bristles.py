@@ -47,8 +47,8 @@ def updated_bristles(
     after: ContactGaps,
     lands: bool,
 ) -> Bristles:
-    """Return the bristle deflections, m, after an accepted step, from the deflections `bristles`
-    and the `motions` at its end, and the gaps `before` and `after` it.
+    """Return the bristle deflections, m, after an accepted step, from the integrated `bristles` and
+    the `motions` at the step's end, and the gaps `before` and `after` the step.
 
     The deflection becomes zero in an open contact. If steps end at onsets (`lands`), a contact that
     began in the step has had no force yet: the slip velocity times the time since the onset is

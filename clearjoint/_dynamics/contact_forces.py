@@ -125,9 +125,9 @@ def contact_wrenches(
     joint: AbstractContactJoint, force: LoadedContact, motions: Motions
 ) -> Iterator[tuple[str, Wrench]]:
     """Yield name and wrench of each body, except the ground, on which a contact of a joint acts;
-    each body twice with a friction moment. For a contact that acts as a couple (see
-    `Contact.turning`), friction is ignored; for the friction of an ideal hinge (see
-    `Contact.lever`), the normal force is ignored."""
+    two wrenches for each body if there is a friction moment. A contact that acts as a couple (see
+    `Contact.turning`) has no friction; for the friction of an ideal hinge or ball (see
+    `Contact.lever`), the normal force is not applied: it only determines the friction."""
     first, second = joint.pair()
     contact, friction = force.contact, force.friction
     if contact.turning is not None:
@@ -139,7 +139,7 @@ def contact_wrenches(
                 yield name, Wrench(ZERO, turning * -force.normal_force)
         return
     if contact.lever is not None:
-        # Friction of an ideal hinge or ball.
+        # In an ideal hinge or ball, friction is a couple: the lever is the radius of the surfaces.
         assert friction is not None
         couple = friction * contact.lever
         for name, moment in ((second, couple), (first, -couple)):
@@ -183,7 +183,9 @@ def contact_force(
     motions: Motions,
     bristles: Mapping[str, Vector],
 ) -> LoadedContact:
-    """Return the forces of one contact of a joint, from arguments as in `contact_forces`.
+    """Return the forces of one contact of a joint. `entry_speed`: m/s, or ``None`` if the law does
+    not use it. `closed`: whether the contact has a force; ``None`` if it has one where it
+    penetrates. `bristles`: deflections of the joint's bristles, by label of the contact.
 
     Here the wall is where the law's force begins, its onset. If `closed` is given and the slope of
     the force jumps at the wall, the force of a closed contact continues past the wall as an odd

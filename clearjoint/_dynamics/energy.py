@@ -44,7 +44,7 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
                     add_power("friction", lost)
     for joint in scene.contact_joints().values():
         for name, wrench in joint.film_wrenches(dynamics.motions).items():
-            # The work of the film on the bodies is energy taken from the motion, with a minus sign.
+            # A film takes the power from the motion that its wrench supplies, with a minus sign.
             add_power("film", -dynamics.motions[name].power(wrench))
     for element in scene.forces.values():
         add_power("supplied", element.supplied_power(dynamics.motions, t))

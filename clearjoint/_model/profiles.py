@@ -138,7 +138,7 @@ class Harmonics(AbstractProfile):
 
 
 class AbstractPeriodicSpline(AbstractProfile):
-    """Base class of periodic cubic splines with evenly spaced knots; `angles` returns how many."""
+    """Base class of periodic cubic splines with evenly spaced knots, whose number is `angles()`."""
 
     @override
     def at(self, angle: NumberOrArray) -> Deviation:
@@ -271,8 +271,8 @@ class JournalInBearing(NamedTuple):
         constant = jax.lax.stop_gradient(self)
         profiles = self.bearing, self.journal
         counts = [profile.angles() for profile in profiles if profile is not None]
-        # At least as many as for two waves, and at most as many as native code turns into separate
-        # numbers; a longer array is kept in memory and processed by slower loops.
+        # At least the 16 that resolve two waves, and at most as many as native code turns into
+        # separate numbers; a longer array is kept in memory and processed by slower loops.
         count = min(max(16, *counts), 48)
         spacing = 2.0 * np.pi / count
         angles = np.arange(count) * spacing

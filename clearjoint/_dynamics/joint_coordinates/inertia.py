@@ -183,8 +183,7 @@ def constrained(columns: Sequence[Twist], load: Twist, along: Speeds) -> Twist:
 
 def projected(columns: Sequence[Twist], offset: Vector, load: Twist) -> tuple[Speeds, Twist]:
     """Return the generalised forces of a load on a carried body in its joint, one for each column;
-    and the load that acts on the carrier, about the point from which `offset` leads to the present
-    one."""
+    and the load on the carrier, about the point from which `offset` leads to the present one."""
     along = [product(column, load) for column in columns]
     return along, load_about(constrained(columns, load, along), offset)
 
@@ -212,12 +211,13 @@ def momenta(
 
 
 def _unflatten(names: tuple[str, ...], values: Iterable[object]) -> Factorisation:
+    # Without the constructor, which would factorise a matrix.
     factors = object.__new__(Factorisation)
     vars(factors).update(zip(names, values, strict=True))
     return factors
 
 
-# Traced functions return factors.
+# Traced functions, such as `LoadedJoint.under`, return factors, which must be a PyTree for this.
 jax.tree_util.register_pytree_node(
     Factorisation, lambda factors: (list(vars(factors).values()), tuple(vars(factors))), _unflatten
 )
@@ -249,8 +249,7 @@ class LoadedJoint:
         carrier: Inertia,
         armature: Scalar | None,
     ) -> "tuple[LoadedJoint, Inertia]":
-        """Return a joint, and the inertia `carrier` plus the part of `carried` that the joint
-        transmits."""
+        """Return a joint, and the inertia `carrier` plus what the joint transmits of `carried`."""
         wholes, block, rests = momenta(columns, carried, armature)
         factors = Factorisation(block)
         transmitted = carried.without(columns, wholes, rests)

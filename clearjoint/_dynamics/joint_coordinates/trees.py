@@ -321,6 +321,7 @@ def topology(scene: Scene) -> Topology:
     key = id(scene)
     if key not in _known or _known[key][0]() is not scene:
         trees = Topology(_grown_trees(scene))
+        # The entry is removed with the scene, since another object may get the same `id`.
         _known[key] = weakref.ref(scene, lambda _: _known.pop(key, None)), trees
     return _known[key][1]
 

@@ -96,7 +96,8 @@ class LinkFrame:
     def after(self, link: ArmLink, angle: float) -> "LinkFrame":
         """Return the frame of the next link, rotated by `angle`, rad, about this frame's z axis."""
         orientation = composed(self.turned(angle), link.tilt())
-        axes = LinkFrame(self.origin, orientation).axes
+        axes = LinkFrame(self.origin, orientation).axes  # these don't depend on the origin
+        # The joint, whose position `link.joint()` is from the new origin, is at the present origin.
         return LinkFrame(self.origin - axes @ link.joint(), orientation)
 
     def state(self, centre: Components, velocity: Components, spin: Components) -> BodyState:
