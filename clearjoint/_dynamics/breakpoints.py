@@ -116,10 +116,12 @@ def since_breakpoints(
         count, sum_since = jnp.zeros(()), jnp.zeros(())
         for at in times:
             if isinstance(at, Increasing):
-                # The breakpoint at the end is the last one that is not after it.
+                # Only the last breakpoint that is not after the end may be at the end. If there is
+                # none, the first one stands for it, which is after the end and so not in the step.
                 passed = _passed(system, at, t)
                 instants = jnp.asarray(at.times, dtype=float)
                 at = instants[jnp.maximum(passed - 1, 0)]
+            # Steps end at breakpoints, so a breakpoint in the step is at the step's end.
             in_step = _is_after(system.origin, at, start) & ~_is_after(system.origin, at, t)
             count = count + jnp.sum(in_step)
             sum_since = sum_since + jnp.sum(jnp.where(in_step, t - at, 0.0))

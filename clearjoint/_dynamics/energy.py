@@ -91,6 +91,7 @@ def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Sc
         linear = body.mass * motion.velocity.dot(motion.velocity)
         angular = motion.spin.dot(body.angular_momentum(motion.spin))
         energies["kinetic"] = energies["kinetic"] + 0.5 * (linear + angular)
+    # The inertia of a rotor that drives a joint is given as the `armature`, for the joint's speed.
     for joint in scene.joints.values():
         if isinstance(joint, AbstractDriveableJoint) and joint.armature is not None:
             speed = row_rate(joint.position(motions), motions)

@@ -130,6 +130,7 @@ def overdamped_contacts(scene: Scene, state: State, t: Scalar) -> list[str]:
     for name, family in usual.items():
         for label, speed in family.items():
             law = whole_law(scene.laws()[name][label])
+            # Laws with a floor use it in place of lower entry speeds.
             floor = float(getattr(law, "entry_speed_floor", 0.0))
             present = max(float(state.entry_speeds[name][label]), floor)
             if present < SLOW_ONSET * speed:

@@ -22,9 +22,9 @@ NO_MEMORIES: Memories = {}
 
 
 class HeldForce(AbstractForce):
-    """A sampled force between two instants, with its `memory`. Each triple in `changes` is for an
-    instant: the memory before it, the memory after it, and the share, 0 to 1, of the resulting
-    change of the wrenches that is added to the wrenches."""
+    """A sampled force between two instants, with its `memory`. For derivatives across instants, a
+    share of the change of the wrenches at some instants is added to the wrenches: `changes` has the
+    memory before each instant, the memory after it, and the share, 0 to 1."""
 
     force: AbstractSampledForce
     memory: dict[str, Scalar]
@@ -75,6 +75,7 @@ def initial_memories(
         return {}
     kinds, motions, memories = Kinds(system.scene), system.motions(variables), {}
     for name, force in forces.items():
+        # The method of the class is the same object for all its forces, as `Kinds` requires.
         memory = kinds.evaluate(type(force).initial_memory, force, motions, system.clock(t))
         given_numbers = given.get(name, {})
         for key in given_numbers:

@@ -145,6 +145,7 @@ class Scene(AbstractReadable):
         for joint in self.joints.values():
             if not isinstance(joint, AbstractDrive):
                 bodies = set(joint.body_names())
+                # All chains that contain a body of the joint become one.
                 joined = bodies.union(*(chain for chain in chains if chain & bodies))
                 chains = [joined, *(chain for chain in chains if not chain & bodies)]
         for name, drive in {**self.joints, **self.forces}.items():

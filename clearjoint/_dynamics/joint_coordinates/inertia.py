@@ -474,7 +474,7 @@ def along_columns(
         k = -heappop(waiting)
         link, parent = links[k], parents[k]
         forces[k], transmitted = evaluate[k](projected, link.columns, link.offset, totals[k])
-        if parent is None:
+        if parent is None:  # The load on the ground is not needed.
             continue
         if parent in totals:
             totals[parent] = totals[parent] + transmitted

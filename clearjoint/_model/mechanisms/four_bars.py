@@ -147,7 +147,7 @@ def _intersection(tip: np.ndarray, foot: np.ndarray, coupler: float, rocker: flo
     across = foot - tip
     distance = float(np.linalg.norm(across))
     # The pin's coordinate along the line between the centres, and the square of the pin's distance
-    # from this line.
+    # from this line. If the centres coincide, an infinite coordinate leads to the error below.
     along = (coupler**2 - rocker**2 + distance**2) / (2.0 * distance) if distance else math.inf
     squared_height = coupler**2 - along**2
     expected = f"rods that span the {distance:.6g} m from the crank pin to the rocker foot"

@@ -192,7 +192,8 @@ def guided_slider_crank(
             law=steel_law(0.9) if pin_law is None else pin_law,
         )
         # Unlike an ideal pin, a pin with clearance leaves the slider free to move along Z and to
-        # tilt about X and Y.
+        # tilt about X and Y. "plane along" keeps the line through the slider's centre along X in
+        # the plane, and "plane across" a point above the centre, which prevents the tilt about X.
         edge = (0.0, HALF_HEIGHT, 0.0)
         joints["plane along"] = LineInPlaneJoint(GROUND, "slider", ORIGIN, ORIGIN, Z_AXIS, X_AXIS)
         joints["plane across"] = PointInPlaneJoint(GROUND, "slider", ORIGIN, edge, Z_AXIS)
