@@ -107,8 +107,9 @@ def since_breakpoints(
     """Return for each element with `breakpoints`, for a step from `start` to `t`:
 
     - whether the step ends at one of its breakpoints;
-    - the time, s, from this breakpoint to the end of the step: zero except for rounding, but its
-      derivatives by the parameters on which the breakpoint depends are needed.
+    - the time, s, from this breakpoint to the end of the step: zero except for rounding, but with
+      derivatives by the parameters on which the breakpoint depends. Zero if the step does not end
+      at a breakpoint.
     """
     landings = {}
     start, t = system.clock(start), system.clock(t)

@@ -13,7 +13,7 @@ from .equations_of_motion import Dynamics
 
 
 def initial_bristles(scene: Scene, given: Bristles) -> Bristles:
-    """Return the deflection of each contact with a bristle law, m: as in `given`, or else zero."""
+    """Return the deflection of each contact with a bristle law, m: from `given`, or else zero."""
     bristles = jax.tree.map(jnp.zeros_like, full_deflections(scene))
     return {name: {**family, **given.get(name, {})} for name, family in bristles.items()}
 

@@ -189,8 +189,9 @@ def touches(gaps: ContactGaps) -> Condition:
 
 
 def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
-    """Return the time, s, from the latest onset between two instants to the second one. As depth
-    over rate, it is correct to first order; not differentiated, and infinite without an onset."""
+    """Return the time, s, from the latest onset between two instants to the second instant;
+    infinite without an onset. The time is estimated as depth over rate, which is correct to first
+    order, and is not differentiated."""
     latest: Scalar = jnp.inf
     for start, end in gap_pairs(before, after):
         began = (start.depth <= 0.0) & (end.depth > 0.0)

@@ -247,9 +247,9 @@ def _with_friction(
 def _continued(
     force: Callable[[Gap], Scalar], law: AbstractContactLaw, gap: Gap, closed: Condition | None
 ) -> Scalar:
-    """Return a force, N, at a gap. If `closed` is not ``None``, this is zero for an open contact,
-    and past the wall of a closed one it continues the `force` of a law whose slope jumps at the
-    wall as an odd function (see `contact_force`)."""
+    """Return a force, N, at a gap: ``force(gap)`` if `closed` is ``None``, and otherwise zero for
+    an open contact. Past the wall of a closed contact, a force whose slope jumps at the wall is
+    continued as an odd function (see `contact_force`)."""
     if closed is None:
         return force(gap)
     if not law.slope_jumps():

@@ -99,7 +99,7 @@ def with_common_names(element: Element) -> tuple[Element, dict[str, str]]:
 
 
 def _texts(node: eqx.Module) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Yield each text in the fields of an element or of its parts, after its path: field names."""
+    """Yield path (names of fields) and value of each field with a text, also in nested objects."""
     for field in fields(node):
         value = getattr(node, field.name, None)
         if isinstance(value, str):

@@ -140,6 +140,6 @@ def _mean_inertia(body: Body) -> Scalar:
 
 
 def as_array(numbers: Sequence[Scalar]) -> jax.Array:
-    """Stack scalars to an array of floats, of JAX if any of them is of JAX."""
+    """Return scalars as an array of floats: of JAX if any scalar is of JAX, otherwise of NumPy."""
     numpy = library(numbers)
     return numpy.stack([numpy.asarray(number, dtype=float) for number in numbers])

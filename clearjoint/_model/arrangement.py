@@ -26,10 +26,9 @@ def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0)
     axes are parallel to those of the body before it, or turned by the smallest rotation that makes
     the joint's axes parallel. A joint's points and axes are those of the two markers at which its
     `draw` draws it; joints that are drawn without such a pair, such as a `DistanceJoint` or gears,
-    are ignored.
-    The first body of a chain that is connected neither with the ground nor with a body of `given`
-    is at the origin, parallel to the global axes. A closed chain may stay open at one of its
-    joints, which `satisfies_joints` tests.
+    are ignored. The first body of a chain that is connected neither with the ground nor with a body
+    of `given` is at the origin, parallel to the global axes. A closed chain may stay open at one of
+    its joints, which `satisfies_joints` tests.
 
     **Arguments:**
 

@@ -82,8 +82,8 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def slide(self, rail: Marker, block: Marker, *, turning: bool) -> None:
-        """Draw a block on a rail along the axis of `rail`; a round sleeve if it may turn about this
-        axis (`turning`)."""
+        """Draw a block on a rail along the axis of `rail` or, if `turning`, a round sleeve, which
+        may turn about this axis."""
 
     @abc.abstractmethod
     def plane(self, plane: Marker, point: Marker) -> None:

@@ -250,7 +250,7 @@ class JournalInBearing(NamedTuple):
 
     - `x`, `y`: position of the journal's centre, m.
     - `bearing`, `journal`: the profiles; ``None`` for a circle.
-    - `axes`: those of the journal, to which its profile refers, in the bearing's cross-section.
+    - `axes`: the journal's axes, to which its profile refers, in the bearing's cross-section.
     """
 
     x: NumberOrArray

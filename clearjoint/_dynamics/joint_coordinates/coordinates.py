@@ -247,7 +247,8 @@ def _in_tree(wrench: Wrench, link: Link, axes: Matrix) -> ForceAndMoment:
 def _effective_load(
     wrench: Wrench, link: Link, axes: Matrix, central: Matrix, mass: Scalar, weight: Vector
 ) -> Twist:
-    """Return a link's load by wrench and weight, minus its inertial forces at constant speeds."""
+    """Return the load of wrench and weight on a link, less the inertial forces and moments of the
+    body at constant speeds."""
     # In the tree's axes: `central`, kg m^2, is the inertia about the centre of mass, and `weight`,
     # m/s^2, the weight of the body per mass.
     force, moment = _in_tree(wrench, link, axes)
