@@ -263,13 +263,12 @@ def _extreme(
     choice, none = (jnp.minimum, jnp.inf) if after else (jnp.maximum, -jnp.inf)
     extreme: jax.Array | None = None
     for times in breakpoints(system.scene).values():
-        for single_or_table in times:
-            is_table = isinstance(single_or_table, Increasing)
-            instants = single_or_table.times if is_table else single_or_table
+        for declared in times:  # a time, an array of times or a table
+            instants = declared.times if isinstance(declared, Increasing) else declared
             at = jax.lax.stop_gradient(jnp.asarray(instants, dtype=float))
-            if is_table:
+            if isinstance(declared, Increasing):
                 # Since the function increases, its value at the nearest breakpoint is the extreme.
-                passed, count = _passed(system, single_or_table, t), len(at)
+                passed, count = _passed(system, declared, t), len(at)
                 index, exists = (passed, passed < count) if after else (passed - 1, passed > 0)
                 nearest = function(at[jnp.clip(index, 0, count - 1)])
                 value = jnp.where(exists, nearest, none)

@@ -96,7 +96,7 @@ class ConstraintEquations:
     def response(self, targets: Sequence[Scalar]) -> tuple[Speeds, list[Scalar]]:
         """Return the smallest change of rates, speeds or positions, in the metric of M, that
         changes each row by its target: M^-1 D^T lambda; and the multipliers lambda."""
-        # Multipliers of the active rows, weighted: those of rows of zeros stay zero.
+        # Multipliers of the weighted active rows. Those of rows of zeros stay zero.
         weighted = self._solve([multiply(self._weights[k], targets[k]) for k in self._active])
         change: Speeds = [0.0] * self._speeds
         for row, multiplier in zip(self._solved_rows, weighted, strict=True):

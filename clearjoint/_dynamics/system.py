@@ -39,7 +39,7 @@ clearance of the scene, m, is less. With the default stabilisation and tolerance
 about a thousandth of this limit."""
 LEAST_JUMP = 2e-6
 """Jump of the function of a `JointCoupling`, m or rad, up to which the jump counts as a rounding
-error: half of it is the largest constraint value with which a run may start."""
+error. A run may start with a constraint value of half this limit."""
 
 
 def _is_single_law(part: PyTree) -> bool:
@@ -109,8 +109,8 @@ class System(eqx.Module):
         return self.formulation.coordinates.decode(self.scene, variables)
 
     def without_drift(self, variables: MotionVariables) -> MotionVariables:
-        """Return variables of the same motion with Euler parameters of unit norm and angles between
-        -2 pi and 2 pi (see `AbstractCoordinates.without_drift`)."""
+        """Return variables of the same motion with Euler parameters of about unit norm and angles,
+        except those of screws, between -2 pi and 2 pi."""
         return self.formulation.coordinates.without_drift(self.scene, variables)
 
     def with_speeds(self, variables: MotionVariables, others: MotionVariables) -> MotionVariables:
