@@ -238,9 +238,9 @@ start_rows_by_numpy = HostFirst(start_rows)
 def start_rows_of_lanes(
     scene: Scene, varied: PyTree, states: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> StartRows:
-    """Return the result of `start_rows` for the N runs of a sweep, with a further first axis of
-    length N in each array. `varied` is a PyTree like `scene`, with an array of N values for each
-    number that varies and ``None`` for others; `states` have the axis of length N first."""
+    """Return the constraint rows of `start_rows` for the N runs of a sweep, with a further first
+    axis of length N in each array. `varied` is a PyTree like `scene`, with an array of N values for
+    each number that varies and ``None`` for others; `states` have the axis of length N first."""
     count = len(jax.tree.leaves(states)[0])
     first_state = jax.tree.map(lambda leaf: leaf[0], states)
     arguments = scene, coordinates, first_state, np.asarray(t, float)

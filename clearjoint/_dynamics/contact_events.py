@@ -82,7 +82,7 @@ def initial_entry_speeds(
     given: EntrySpeeds | None = None,
     second_rates: ByLabel[Scalar] | None = None,
 ) -> EntrySpeeds:
-    """Return the entry speeds at the start of a run of the contacts whose laws use them.
+    """Return, for the start of a run, the entry speeds of the contacts whose laws use them.
 
     A closed contact keeps a positive entry speed in `given`. If `given` has none, a contact that is
     just beginning (at most `TOUCHING` deep in the gaps `start`) gets its penetration rate at the

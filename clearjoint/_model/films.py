@@ -147,8 +147,8 @@ class PinkusSternlichtFilm(AbstractFilm):
     quarter revolution ahead of the offset about the axis. For e' > 0 these two forces, over mu L
     R^3/c^2 (viscosity mu, film length L, bearing radius R, clearance c), are in this order
 
-        -6 e' (4 k e^2 + (2 + e^2) pi) (k + 3)/((2 + e^2) (1 - e^2)^1.5 (k + 3/2)), 6 pi e w (k +
-        3)/((2 + e^2) (1 - e^2)^0.5 (k + 3/2)).
+        -6 e' (4 k e^2 + (2 + e^2) pi) (k + 3)/((2 + e^2) (1 - e^2)^1.5 (k + 3/2)),
+        6 pi e w (k + 3)/((2 + e^2) (1 - e^2)^0.5 (k + 3/2)).
 
     For e' < 0, k replaces k + 3 in both forces, and the radial force begins with 6 e' (4 k e^2 - (2
     + e^2) pi) instead. At e' = 0 both cases have the same limit, which is the force there. The

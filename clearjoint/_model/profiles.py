@@ -210,7 +210,7 @@ class PeriodicSpline(AbstractPeriodicSpline):
 
 
 def periodic(row: jax.Array, knot: jax.Array | np.ndarray) -> jax.Array:
-    """Return four successive entries of a periodic row, (..., 4), of which `knot` is the second."""
+    """Return four successive entries, (..., 4), of a periodic row; `knot` is the second's index."""
     # One gather for the four entries. The row continues after its end with its first three entries:
     # two for the periodic spline, and one since rounding may make the fraction of a turn exactly 1,
     # and the knot the length of the row.

@@ -264,8 +264,8 @@ def _body_acceleration(twist: Twist, link: Link, axes: Matrix, fall: Vector) -> 
 
 
 class AbstractBranchCoordinates(AbstractCoordinates):
-    """Base class of coordinates that have a branch for each body, free or on a joint. The variables
-    are those of the branches, by name of body."""
+    """Base class of coordinates that describe each body as free, by a `FreeBranch`, or relative to
+    the body that carries it in a joint, by a `JointedBranch`. Variables are by name of body."""
 
     @abc.abstractmethod
     def walk(self, scene: Scene) -> Walk:
@@ -353,7 +353,7 @@ def _walk(trees: Sequence[Sequence[TreeBranch]]) -> Walk:
 
 
 def written_out(branches: Iterable[TreeBranch]) -> Walk:
-    """Return branches, parents first, as a `Walk` that calls each function for each branch."""
+    """Return branches, parents first, as a `Walk` in which branches share no traced functions."""
     return [(branch, operator.call) for branch in branches]
 
 

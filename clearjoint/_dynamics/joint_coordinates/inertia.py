@@ -341,7 +341,7 @@ def _traced_once(function: Callable[..., Result], *arguments: PyTree) -> Result:
 
 
 class AbstractTreeSolver(abc.ABC):
-    """Solution of the equations of motion of one tree, from the inertia of each single body."""
+    """Base class of solvers of the equations of motion of one tree, from each body's inertia."""
 
     def __init__(self, links: Sequence[Link], parents: Parents, inertias: Sequence[Inertia]):
         self._links, self._parents = links, parents
