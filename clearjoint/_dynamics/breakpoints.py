@@ -26,8 +26,8 @@ from .sampled_forces import sampled_forces
 from .system import System
 
 SHORTEST = 1e-12
-"""Time, s, much shorter than any step. The assumed rounding error of a breakpoint at a smaller time
-is the rounding error of this time, so that the error is positive for a breakpoint at zero too."""
+"""Time, s, much shorter than any step. A breakpoint at a smaller time, such as zero, is assumed to
+have the rounding error of this time, so that the rounding error of each breakpoint is positive."""
 FEW = 8
 """Number of breakpoints of a table up to which each is compared with the time, without a search."""
 

@@ -165,7 +165,7 @@ class AbstractCoordinates(eqx.Module):
 
     def carriers(self, scene: Scene, bodies: Collection[str]) -> frozenset[str]:
         """Return the bodies whose motions in their joints change the poses of `bodies` relative to
-        each other; none by default. Runs ignore the bodies that `rotation_rates` does not return."""
+        each other; none by default. Runs ignore bodies that `rotation_rates` does not return."""
         return frozenset()
 
 

@@ -47,8 +47,8 @@ SLOW_ONSET = 1e-2
 """Entry speed below which a contact counts as overdamped, as a fraction of the speed of an impact
 whose energy is the elastic energy of the contact."""
 FAST_APPROACH = 1e-6
-"""Penetration rate, m/s, above which a run warns at its start of a contact without a known entry
-speed. It equals the default of `entry_speed_floor`, the smallest entry speed of contact laws."""
+"""Penetration rate, m/s, above which a closed contact without a known entry speed causes a warning
+at the start of a run: the default of `entry_speed_floor`, the smallest entry speed of laws."""
 HOLD_IT = "Give the joint axial=EndPlay(...) or FixedAxially(), or hold the bodies by other joints."
 UNIQUE_REACTIONS = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)
 """Formulation in which each ideal joint has a reaction, unique in spite of redundant constraints,

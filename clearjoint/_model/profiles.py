@@ -26,11 +26,11 @@ from .._math.smoothing import polar_angle
 from .._math.vectors import Scalar, library
 
 NEWTON_STEPS = 4
-"""Number of Newton steps in the search for the closest approach. It starts at most a sixteenth of a
-wave from the result, and each step roughly squares this error, down to rounding after four."""
+"""Number of Newton steps in the search for the closest approach. The search starts within a
+sixteenth of a wave from the result; each step roughly squares this error, to rounding in four."""
 ANGLES_PER_WAVE = 8
-"""Number of angles, per wave of the highest harmonic, of which the best starts the search: it is
-within a sixteenth of a wave from the maximum, so that Newton's method converges to it."""
+"""Number of angles, per wave of the highest harmonic, of which the best starts the search: the best
+is within a sixteenth of a wave from the maximum, to which Newton's method therefore converges."""
 
 
 NumberOrArray: TypeAlias = Float[Any, "..."]

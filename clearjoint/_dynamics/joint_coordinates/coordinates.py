@@ -69,7 +69,7 @@ ForceAndMoment: TypeAlias = tuple[Vector, Vector]
 
 
 TreeVariables: TypeAlias = dict[str, MotionVariables]
-"""Variables by name of body: a `JointState` if a joint carries it, a `BodyState` if it is free."""
+"""Variables by name of body: a `JointState` of a body on a joint, a `BodyState` of a free body."""
 Walk: TypeAlias = Sequence[tuple[TreeBranch, Evaluate]]
 """Branches, each parent before its children, with how to evaluate functions of each branch."""
 
