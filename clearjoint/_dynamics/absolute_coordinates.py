@@ -22,10 +22,10 @@ class AbsoluteCoordinates(AbstractBranchCoordinates):
     """Position, Euler parameters, velocity and spin of each body; ideal joints are constraints.
 
     The variables are a `BodyState` for each body. If a clearance joint to the ground has an
-    `AbstractContactJoint.anchor`, the position variable of its body is the vector, m, from a fixed
-    point, such as the bearing's centre, to a point of the body near it, such as the journal's
-    centre. Computed as a difference of two positions of the order of metres, this vector would lose
-    digits, and impacts amplify such errors.
+    `AbstractContactJoint.anchor`, the position variable of the joint's moving body is the vector,
+    m, from a fixed point, such as the bearing's centre, to a nearby point of the body, such as the
+    journal's centre. Computed as a difference of two positions of the order of metres, this vector
+    would lose digits, and impacts amplify such errors.
 
     >>> cj.Settings(coordinates=cj.AbsoluteCoordinates()).coordinates
     AbsoluteCoordinates()
@@ -70,11 +70,14 @@ class AbsoluteMechanics(AbstractMechanics):
         fall = ZERO if self._scene.gravity is None else self._scene.gravity
         loads: Wrenches = {}
         for name, body in self._scene.bodies.items():
+            # The moment of the inertial forces in a uniform rotation, -spin x angular momentum.
             spin = self.motions[name].spin
             gyroscopic = body.angular_momentum(spin).cross(spin)
             loads[name] = wrenches[name] + Wrench(ZERO, gyroscopic)
-        accelerations = self.accelerations(self.solved(self.projected(loads))).values()
-        return [part for a in accelerations for part in (*(a.linear + fall), *a.angular)]
+        # The weights are not among the wrenches: gravity is added to the accelerations of all
+        # bodies, whatever their mass.
+        without_gravity = self.accelerations(self.solved(self.projected(loads))).values()
+        return [part for a in without_gravity for part in (*(a.linear + fall), *a.angular)]
 
     @override
     def projected(self, wrenches: Wrenches) -> Speeds:
@@ -132,7 +135,8 @@ class AbsoluteMechanics(AbstractMechanics):
 
 
 def by_body(scene: Scene, numbers: Speeds) -> dict[str, BodyAcceleration]:
-    """Convert numbers in the form of the speeds to a linear and an angular vector of each body."""
+    """Return the linear and the angular vector of each body of a scene, from a list of six numbers
+    for each body in the order of `scene.bodies`."""
     return {
         name: BodyAcceleration(Vector(*numbers[k : k + 3]), Vector(*numbers[k + 3 : k + 6]))
         for k, name in zip(range(0, len(numbers), 6), scene.bodies, strict=True)

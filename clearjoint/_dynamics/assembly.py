@@ -42,8 +42,7 @@ from .journals import (
 from .system import System
 
 ITERATIONS = 100
-"""Largest number of Newton steps of the positions in `assemble`; few are needed near the
-solution."""
+"""Largest number of Newton steps of positions in `assemble`; near the solution few are needed."""
 TOLERANCE = 1e-12
 """Largest constraint value at which `assemble` stops iterating, in m, rad or, for directions,
 without unit: slightly above the rounding errors of lengths of a metre."""
@@ -52,8 +51,8 @@ SATISFIED = 1e-9
 metre may exceed `TOLERANCE`."""
 STRIKING = 0.1
 """Fraction of the kinetic energy, above which `assemble` warns, that would be lost if all journals
-stopped in their bearings. If a crank turns and all links behind its clearance rest, it is between a
-half and one."""
+stopped in their bearings. If a crank turns and all links behind its clearance rest, this fraction
+is between a half and one."""
 LOCKED = (
     "With ideal joints the mechanism can't move as its drivers prescribe, so that bodies behind a "
     "clearance have the velocities of the guess: give those of the motion, and pass moving=False."
@@ -78,6 +77,7 @@ def check_names(scene: Scene, state: State) -> None:
     for name, body in state.bodies.items():
         for field in ("position", "orientation", "velocity", "spin"):
             require_finite(f"state.bodies[{name!r}].{field}", getattr(body, field))
+        # Numbers that JAX traces can't be checked: `checkable` then returns ``None``.
         if (arrays := checkable(body.orientation)) is not None:
             (parameters,) = arrays
             norm, argument = (parameters**2).sum() ** 0.5, f"state.bodies[{name!r}].orientation"
@@ -124,11 +124,11 @@ def assemble(
       journals penetrate the wall as far as their load demands, so that they don't oscillate. A
       contact whose law uses the entry speed gets the speed of an impact whose energy is the
       contact's elastic energy, so that later oscillations are damped like such an impact.
-    - `centred`: whether all journals are put into the centres of their bearings, except `resting`
-      ones.
-    - `moving`: whether the result has the velocities, nearest to the guess's, at which no journal
-      moves in its bearing, rather than the guess's own as far as constraints allow. ``None``, the
-      default, means ``True`` if a driver moves at time `t` and such velocities exist.
+    - `centred`: whether all journals except `resting` ones are centred in their bearings.
+    - `moving`: if ``True``, the result has the velocities, nearest to those of the guess, at which
+      no journal moves in its bearing; if ``False``, the velocities of the guess, as far as the
+      constraints allow. ``None``, the default, means ``True`` if a driver moves at time `t` and
+      velocities without motion in bearings exist, otherwise ``False``.
 
     **Returns:** the assembled state, with the `work`, `bristles` and `memory` of the guess, and its
     `entry_speeds` except for those of the joints in `resting`.
@@ -157,6 +157,7 @@ def assemble(
     check_names(scene, state)
     scene, state = with_arrays((scene, state))
     with_centre = sorted(centring_joints(scene, scene.contact_joints()))
+    # A single name would be taken for a list of its letters.
     require(not isinstance(resting, str), "resting", resting, "a list of names", 'pass ["pin"]')
     for name in resting:
         remedy = nearest(name, with_centre, "leave out the others")
@@ -176,6 +177,7 @@ def assemble(
         require_centred(scene, state, set(ideal) - set(resting))
         entry_speeds = state.entry_speeds | resting_entry_speeds(scene, resting, state, t)
         state = replace(state, entry_speeds=entry_speeds)
+    # Without clearance joints, the constraints alone have determined the velocities.
     if not with_centre or moving is False:
         return state
     all_ideal = with_ideal(scene, centring_joints(scene, with_centre) | ideal)
@@ -280,9 +282,9 @@ def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndar
 
 def require_oriented(scene: Scene, cosines: dict[str, Scalar]) -> None:
     """Check, by the results of `cosines_of_turns`, that the relative orientation in each fixed and
-    prismatic joint is less than 90 degrees from the declared one. Constraint values are also zero
-    after a further half revolution about x, y or z, or a cyclic permutation of the axes, and a run
-    from such a wrong orientation would hold it."""
+    prismatic joint is less than 90 degrees from the declared one. The constraints of these joints
+    are also satisfied at orientations that differ from the declared one by half a revolution about
+    x, y or z, or by a cyclic permutation of the axes, and hold bodies at such an orientation."""
     for name, cosine in cosines.items():
         turn = round(float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))), 3)
         second = scene.joints[name].body_names()[1]
@@ -307,14 +309,16 @@ def cosines_of_turns(scene: Scene, bodies: dict[str, BodyState]) -> dict[str, Sc
     cosines: dict[str, Scalar] = {}
     for name, joint in unpack(oriented).items():
         first, second = (rotation_matrix(orientations[body]) for body in joint.pair())
-        x, y, z = (first.T @ second @ rotation_matrix(joint.orientation).T).rows
+        from_declared = first.T @ second @ rotation_matrix(joint.orientation).T
+        x, y, z = from_declared.rows
         # The trace of a rotation matrix is one plus twice the cosine of the angle.
         cosines[name] = 0.5 * (x.x + y.y + z.z - 1.0)
     return cosines
 
 
 def require_certain(uncertain: tuple[str, ...]) -> None:
-    """Check that no constraints are `uncertain`, see `ConstraintReport`."""
+    """Check that `uncertain`, the names of constraint rows that nearly depend on others and whose
+    reactions rounding errors would determine (see `ConstraintReport`), is empty."""
     expected = "without constraints that nearly depend on the others"
     remedy = (
         "align the points and axes of these joints with the others' exactly, or misalign them by "
@@ -331,8 +335,8 @@ def require_representable(
 ) -> None:
     """Check that an assembled state keeps its orientations when it is converted to coordinates and
     back: `variables` and `represented` are the results of `round_trip`. Antiparallel axes, for
-    example, satisfy a revolute joint, but its angle represents parallel ones only. Check also that
-    there is a variable."""
+    example, satisfy the constraints of a revolute joint, but joint coordinates represent parallel
+    axes only. Check also that `variables` is not empty, so that something can move."""
     _require_something_moves(variables, coordinates)
     for name, body in state.bodies.items():
         given, converted = np.asarray(body.orientation), np.asarray(represented[name])
@@ -346,7 +350,8 @@ def require_representable(
 
 @cached_by_numbers
 def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
-    """Check, once for all runs of a sweep, that the coordinates have a variable."""
+    """Check that the coordinates have a variable, so that something can move. The check is done
+    once for all runs of a sweep."""
     variables, _ = round_trip(scene, state, coordinates)
     _require_something_moves(variables, coordinates)
 

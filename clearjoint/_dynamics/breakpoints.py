@@ -2,7 +2,7 @@
 
 In a step that ends at a breakpoint, the element is evaluated just before it, and in a step that
 starts there, just after it: it does not matter whether the element compares times with < or <=.
-Public functions take times t since the system's origin; breakpoints are times of the scene.
+Public functions take times t since `System.origin`; breakpoints are times of the scene.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,15 +26,16 @@ from .sampled_forces import sampled_forces
 from .system import System
 
 SHORTEST = 1e-12
-"""Time, s, much shorter than any step. The assumed rounding error of a breakpoint at a smaller time
-is the rounding error of this time, so that the error is positive for a breakpoint at zero too."""
+"""Time, s, much shorter than any step. A breakpoint at a smaller time, such as zero, is assumed to
+have the rounding error of this time, so that the rounding error of each breakpoint is positive."""
 FEW = 8
 """Number of breakpoints of a table up to which each is compared with the time, without a search."""
 
 NODES, WEIGHTS = (column.tolist() for column in np.polynomial.legendre.leggauss(5))
 """Gauss quadrature with five points (order ten) on the interval -1 to 1."""
 DRIVER_ROUNDINGS = 64.0
-"""Rounding error of a driver's rate in `drivers_are_smooth`, over the error of one operation."""
+"""Assumed rounding error of a driver's rate in `drivers_are_smooth`, as a multiple of the rounding
+error of one operation."""
 ROUNDED_VALUE, ROUNDED_RATE = 1e-11, 1e-9
 """Allowed rounding errors in the change of a driver's value (m or rad) and of its rate (m/s or
 rad/s). Such errors occur in tables of large values at short intervals of time."""
@@ -44,7 +45,7 @@ def breakpoints(scene: Scene) -> dict[str, list[Scalar | Increasing]]:
     """Return the breakpoints, s, of each joint or force that has any, as times of the scene: single
     times, and long tables as `Increasing`. Instants of sampled forces are not included."""
 
-    def is_table(node: PyTree) -> bool:
+    def is_table(node: PyTree) -> bool:  # a table is kept as one object, not as its array
         return isinstance(node, Increasing)
 
     elements: dict[str, AbstractElement] = {**scene.joints, **scene.forces}
@@ -52,8 +53,10 @@ def breakpoints(scene: Scene) -> dict[str, list[Scalar | Increasing]]:
     for name, element in elements.items():
         instants = []
         for at in jax.tree.leaves(element.breakpoints(), is_leaf=is_table):
+            # An element may return an array or a table without times.
             size = np.size(at.times if is_table(at) else at)
-            # Of a few times, looking at all of them costs less than a search.
+            # A table of a few times becomes an array, in which each time is compared: this costs
+            # less than the search in a table.
             if is_table(at) and 0 < size <= FEW:
                 at = jnp.asarray(at.times, dtype=float)
             if size > 0:
@@ -74,9 +77,11 @@ def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
     no element has any."""
     t = system.clock(t)
     soonest = _extreme(system, t, lambda at: at, after=True)
-    rows = [row for f in sampled_forces(system.scene).values() for row in f.instants().values()]
-    for row in rows:
-        following = shared_by_many(len(rows), _latest, system.origin, row, t, 1)
+    forces = sampled_forces(system.scene).values()
+    periodic = [instants for force in forces for instants in force.instants().values()]
+    for instants in periodic:
+        # One period after the latest instant that has passed.
+        following = shared_by_many(len(periodic), _latest, system.origin, instants, t, 1)
         at = jax.lax.stop_gradient(jnp.asarray(following, dtype=float))
         soonest = at if soonest is None else jnp.minimum(soonest, at)
     return None if soonest is None else system.own_time(soonest)
@@ -91,7 +96,7 @@ def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
     start = system.clock(start)
     earliest = _extreme(system, start, lambda at: at + _rounding(system.origin, at), after=False)
     latest = _extreme(system, start, lambda at: at - _rounding(system.origin, at), after=True)
-    if earliest is None:
+    if earliest is None:  # The scene has no breakpoints.
         return t
     return system.own_time(jnp.clip(system.clock(t), earliest, latest))
 
@@ -102,8 +107,9 @@ def since_breakpoints(
     """Return for each element with `breakpoints`, for a step from `start` to `t`:
 
     - whether the step ends at one of its breakpoints;
-    - the time, s, from this breakpoint to the end of the step: zero except for rounding, but its
-      derivatives by the parameters on which the breakpoint depends are needed.
+    - the time, s, from this breakpoint to the end of the step: zero except for rounding, but with
+      derivatives by the parameters on which the breakpoint depends. Zero if the step does not end
+      at a breakpoint.
     """
     landings = {}
     start, t = system.clock(start), system.clock(t)
@@ -111,10 +117,12 @@ def since_breakpoints(
         count, sum_since = jnp.zeros(()), jnp.zeros(())
         for at in times:
             if isinstance(at, Increasing):
-                # The breakpoint at the end is the last one that is not after it.
+                # Only the last breakpoint that is not after the end may be at the end. If there is
+                # none, the first one stands for it, which is after the end and so not in the step.
                 passed = _passed(system, at, t)
                 instants = jnp.asarray(at.times, dtype=float)
                 at = instants[jnp.maximum(passed - 1, 0)]
+            # Steps end at breakpoints, so a breakpoint in the step is at the step's end.
             in_step = _is_after(system.origin, at, start) & ~_is_after(system.origin, at, t)
             count = count + jnp.sum(in_step)
             sum_since = sum_since + jnp.sum(jnp.where(in_step, t - at, 0.0))
@@ -133,13 +141,14 @@ def sampled_instants(system: System, start: Scalar, t: Scalar) -> SampledInstant
     of the scene, s. A rounding error is added to this time, so that a table of targets that changes
     at the instant surely has its new value there."""
     start, t = system.clock(start), system.clock(t)
-    rows = {name: f.instants() for name, f in sampled_forces(system.scene).items()}
-    count = sum(map(len, rows.values()))
+    instants = {name: f.instants() for name, f in sampled_forces(system.scene).items()}
+    count = sum(map(len, instants.values()))
 
     def latest(name: str, key: str) -> tuple[Condition, Scalar]:
-        return shared_by_many(count, _latest_in_step, system.origin, rows[name][key], start, t)
+        periodic = instants[name][key]
+        return shared_by_many(count, _latest_in_step, system.origin, periodic, start, t)
 
-    return each_label(latest, rows)
+    return each_label(latest, instants)
 
 
 def _latest_in_step(
@@ -185,25 +194,25 @@ def drivers_are_smooth(
     at_times = [prescribed(system, variables, t) for t in (past_end, *within)]
     names = [(name, label) for name, family in at_times[0].items() for label in family]
     for name, label in names:
-        beyond, first, last, *at_nodes = (rows[name][label] for rows in at_times)
+        past, at_start, at_end, *at_nodes = (rows[name][label] for rows in at_times)
         # With all bodies at rest, `time_rate` and `bias` are the first and the second time
         # derivative of the driver's value.
         rates = [row.time_rate for row in at_nodes]
         second_rates = [row.bias for row in at_nodes]
         # By how much value and rate change otherwise than by the integrals of their derivatives.
-        value_jump = beyond.value - first.value - integral(rates)
+        value_jump = past.value - at_start.value - integral(rates)
         # Angles are known up to whole revolutions.
         if isinstance(system.scene.joints[name], AbstractRotationDriver):
             value_jump = wrapped(value_jump, TURN)
-        rate_jump = last.time_rate - first.time_rate - integral(second_rates)
+        rate_jump = at_end.time_rate - at_start.time_rate - integral(second_rates)
         # The scale includes `change`, the total variation of the rate, since a driver that
         # oscillates within the step may have small rates at both ends.
         change = integral([jnp.abs(second_rate) for second_rate in second_rates])
-        speed = jnp.abs(first.time_rate) + jnp.abs(last.time_rate) + change
+        speed = jnp.abs(at_start.time_rate) + jnp.abs(at_end.time_rate) + change
         allowed = (rtol + rounding) * speed
         is_smooth = jnp.abs(rate_jump) <= allowed + ROUNDED_RATE
         # A driver that rests up to its breakpoint at the end has moved a little at `past_end`.
-        rounded = rounding * (speed + jnp.abs(beyond.time_rate)) + ROUNDED_VALUE
+        rounded = rounding * (speed + jnp.abs(past.time_rate)) + ROUNDED_VALUE
         is_smooth &= jnp.abs(value_jump) <= h * allowed + rounded
         smooth = is_smooth if smooth is None else smooth & is_smooth
     return smooth
@@ -227,7 +236,8 @@ def _is_after(origin: Scalar | None, at: Scalar, t: Scalar) -> jax.Array:
 
 
 def _rounding(origin: Scalar | None, at: Scalar) -> jax.Array:
-    """Return the difference, s, up to which a time counts as equal to a breakpoint `at`."""
+    """Return the difference, s, up to which a time counts as equal to a breakpoint `at`, both as
+    times of the scene, in a system with this `origin`."""
     # On the clock of the system, a time has the rounding error of the origin too.
     size = SHORTEST if origin is None else jnp.maximum(jnp.abs(origin), SHORTEST)
     # An infinite rounding error would make an infinite breakpoint equal to any time.
@@ -253,18 +263,19 @@ def _extreme(
     choice, none = (jnp.minimum, jnp.inf) if after else (jnp.maximum, -jnp.inf)
     extreme: jax.Array | None = None
     for times in breakpoints(system.scene).values():
-        for table in times:
-            instants = table.times if isinstance(table, Increasing) else table
+        for declared in times:  # a time, an array of times or a table
+            instants = declared.times if isinstance(declared, Increasing) else declared
             at = jax.lax.stop_gradient(jnp.asarray(instants, dtype=float))
-            if isinstance(table, Increasing):
+            if isinstance(declared, Increasing):
                 # Since the function increases, its value at the nearest breakpoint is the extreme.
-                passed, count = _passed(system, table, t), len(at)
+                passed, count = _passed(system, declared, t), len(at)
                 index, exists = (passed, passed < count) if after else (passed - 1, passed > 0)
                 nearest = function(at[jnp.clip(index, 0, count - 1)])
                 value = jnp.where(exists, nearest, none)
             else:
                 is_after = _is_after(system.origin, at, t)
                 value = jnp.where(is_after if after else ~is_after, function(at), none)
+                # An array has several times, each with its value.
                 value = value if jnp.ndim(value) == 0 else choice.reduce(value, axis=None)
             extreme = value if extreme is None else choice(extreme, value)
     return extreme

@@ -1,5 +1,4 @@
-"""Bristle deflections in the course of a run: initial values, rates, and corrections after
-steps."""
+"""Bristle deflections during a run: initial values, rates, and corrections after steps."""
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +13,7 @@ from .equations_of_motion import Dynamics
 
 
 def initial_bristles(scene: Scene, given: Bristles) -> Bristles:
-    """Return the deflection of each contact with a bristle law, m: as in `given`, or else zero."""
+    """Return the deflection of each contact with a bristle law, m: from `given`, or else zero."""
     bristles = jax.tree.map(jnp.zeros_like, full_deflections(scene))
     return {name: {**family, **given.get(name, {})} for name, family in bristles.items()}
 
@@ -48,11 +47,12 @@ def updated_bristles(
     after: ContactGaps,
     lands: bool,
 ) -> Bristles:
-    """Return the bristle deflections after an accepted step with the gaps `before` and `after` it.
+    """Return the bristle deflections, m, after an accepted step, from the integrated `bristles` and
+    the `motions` at the step's end, and the gaps `before` and `after` the step.
 
-    An open contact gets zero. If steps end at onsets (`lands`), a contact that began in the step
-    has had no force yet: it gets the slip velocity times the time since the onset, which is zero
-    except for rounding, but whose derivatives the derivatives of the motion need.
+    The deflection becomes zero in an open contact. If steps end at onsets (`lands`), a contact that
+    began in the step has had no force yet: the slip velocity times the time since the onset is
+    added, which is zero except for rounding, but has derivatives that enter those of the motion.
     """
     joints = scene.contact_joints()
     updated: Bristles = {}

@@ -28,18 +28,16 @@ RANK_TOLERANCE = 1e-8
 """Distance of a normalised constraint row from the span of the rows before it, below which it
 counts as dependent on them: far above rounding errors."""
 UNCERTAIN_BELOW = 1e-5
-"""Distance below which another row counts as nearly dependent. The equations for the multipliers
-contain its square, so that rounding errors determine the multipliers: at 1e-6, the angle of a
-four-bar with a skew hinge is wrong by 1e-3 rad after one second."""
+"""Distance below which a row that is not dependent counts as nearly dependent. The equations for
+the multipliers contain the square of this distance, so that rounding errors determine the
+multipliers: at 1e-6, the angle of a four-bar with a skew hinge is wrong by 1e-3 rad after 1 s."""
 FEW = 16
-"""Largest number of scenes whose constraints NumPy evaluates one by one; for more, native code is
-compiled."""
+"""Largest number of scenes that NumPy evaluates one by one; for more, native code is compiled."""
 
 
 @dataclass(frozen=True)
 class ConstraintReport:
-    """Constraints of a scene in one state, with m constraint rows, and v = six times the number of
-    bodies.
+    """Constraints of a scene in one state: m constraint rows, and v = 6 times the number of bodies.
 
     - `names`: m strings, each "joint: label", in the scene's order of joints.
     - `values`: (m,), Phi, in m, rad or without unit; `rates`: (m,), their time derivatives.
@@ -115,8 +113,8 @@ class StartRows(NamedTuple):
       each row divided by the norm of the same row of `jacobian`.
     - `jacobian`: of all rows, as in `ConstraintReport`; ``None`` unless it was asked for.
 
-    Arrays without rows have the shape (0,). Rows and columns that JAX or native code has made are
-    in the order of names, until `in_order_of` restores that of the scene.
+    Arrays without rows have the shape (0,). Rows and columns from JAX or native code, which sort
+    dictionaries, are in the order of names, until `in_order_of` restores the order of the scene.
     """
 
     values: np.ndarray
@@ -134,32 +132,33 @@ class StartRows(NamedTuple):
     def in_order_of(self, scene: Scene) -> "StartRows":
         """Return the rows in the scene's order of joints, and the columns in its order of bodies,
         so that names do not decide which of several dependent rows count as redundant."""
-        every, remaining = scene_order(self.all_names, scene), scene_order(self.names, scene)
+        # Indices of all rows, and indices among those that the coordinates do not eliminate.
+        order, reduced_order = scene_order(self.all_names, scene), scene_order(self.names, scene)
         bodies, jacobian = tuple(scene.bodies), self.jacobian
         if jacobian is not None:
             # Without rows, the array has lost its second axis.
-            jacobian = np.asarray(jacobian).reshape(len(every), 6 * len(bodies))
-            jacobian = jacobian[every][:, _columns(self.bodies, bodies)]
+            jacobian = np.asarray(jacobian).reshape(len(order), 6 * len(bodies))
+            jacobian = jacobian[order][:, _columns(self.bodies, bodies)]
         return StartRows(
-            values=np.asarray(self.values)[every],
-            rates=np.asarray(self.rates)[every],
-            all_names=tuple(self.all_names[k] for k in every),
+            values=np.asarray(self.values)[order],
+            rates=np.asarray(self.rates)[order],
+            all_names=tuple(self.all_names[k] for k in order),
             bodies=bodies,
-            names=tuple(self.names[k] for k in remaining),
-            reduced=np.asarray(self.reduced)[remaining],
+            names=tuple(self.names[k] for k in reduced_order),
+            reduced=np.asarray(self.reduced)[reduced_order],
             jacobian=jacobian,
         )
 
 
 def scene_order(names: tuple[RowName, ...], scene: Scene) -> list[int]:
-    """Return the indices of rows in the scene's order of joints."""
+    """Return the indices of rows with given names, sorted by the scene's order of joints."""
     rank = {name: k for k, name in enumerate(scene.joints)}
     return sorted(range(len(names)), key=lambda k: rank[names[k][0]])
 
 
 def row_residuals(scene: Scene, state: State, t: Scalar) -> StartRows:
-    """Return values and rates of all rows without a Jacobian, in a time proportional to their
-    number."""
+    """Return all constraint rows of a scene at the time `t`, s, with values and rates, but without
+    Jacobians, so that the time of the computation is proportional to the number of rows."""
     return start_rows_by_numpy(scene, None, state, on_device(t)).in_order_of(scene)
 
 
@@ -174,12 +173,13 @@ def start_rows(
     """Return all constraint rows in a state, and the `reduced` rows that `coordinates` do not
     eliminate: none if `coordinates` is ``None``. Scene and state have vectors as arrays (3,). A
     Jacobian takes memory in proportion to the square of the number of bodies. `motions` is the
-    result of `free_motions`, if known."""
+    result of `free_motions`; ``None``, the default, if it is still to be computed."""
     scene, bodies = unpack(scene), unpack(state.bodies)
     absolute = AbsoluteCoordinates()
     motions = free_motions(scene, bodies) if motions is None else motions
     by_joint = constraint_rows(scene, absolute, motions, t)
     rows = _by_name(by_joint)
+    # `as_array` also takes Python numbers, such as a rate of exactly zero.
     values = [as_array([row.value])[0] for row in rows.values()]
     rates = [as_array([row_rate(row, motions)])[0] for row in rows.values()]
     jacobian = None
@@ -214,7 +214,7 @@ def free_motions(scene: Scene, bodies: dict[str, BodyState]) -> Motions:
 
 
 def _norm(row: Row) -> Scalar:
-    """Return the norm of a row's Jacobian in absolute coordinates; one if it is zero, as in a
+    """Return the norm of a row's Jacobian in absolute coordinates; one if the norm is zero, as in a
     singular position. The same row in other coordinates is divided by this norm, so that a row that
     these coordinates nearly satisfy by themselves stays small, and counts as dependent."""
     wrenches = [wrench for name, wrench in row.jacobian.items() if name != GROUND]
@@ -238,9 +238,9 @@ start_rows_by_numpy = HostFirst(start_rows)
 def start_rows_of_lanes(
     scene: Scene, varied: PyTree, states: State, t: Scalar, coordinates: AbstractCoordinates
 ) -> StartRows:
-    """Return the result of `start_rows` for the N runs of a sweep, with a further first axis of
-    length N in each array. `varied` is a PyTree like `scene`, with an array of N values for each
-    number that varies and ``None`` for others; `states` have the axis of length N first."""
+    """Return the constraint rows of `start_rows` for the N runs of a sweep, with a further first
+    axis of length N in each array. `varied` is a PyTree like `scene`, with an array of N values for
+    each number that varies and ``None`` for others; `states` have the axis of length N first."""
     count = len(jax.tree.leaves(states)[0])
     first_state = jax.tree.map(lambda leaf: leaf[0], states)
     arguments = scene, coordinates, first_state, np.asarray(t, float)
@@ -270,6 +270,7 @@ def start_rows_of_lanes(
 
     def stacked(field: str) -> np.ndarray:
         array = np.stack([getattr(rows, field) for rows in per_run])
+        # The single evaluation of equal runs is repeated for each of them.
         return np.broadcast_to(array, (count, *array.shape[1:]))
 
     arrays = {name: stacked(name) for name in ("values", "rates", "reduced")}
@@ -279,9 +280,9 @@ def start_rows_of_lanes(
 def dependent(
     names: tuple[RowName, ...], rows: np.ndarray, cache: dict[bytes, np.ndarray]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return two lists of names "joint: label": of the `rows`, (n, s), that depend linearly on rows
-    before them, and of the rows that nearly do. `cache` keeps the distances of rows for other
-    scenes of a sweep with equal rows, whose bytes are the key."""
+    """Return the names "joint: label" of the `rows`, (n, s), that depend linearly on rows before
+    them, and of the rows that nearly do. `cache` maps the bytes of rows to the result of
+    `_distances`, which other scenes of a sweep with equal rows use again; it is changed."""
     key = rows.tobytes()
     if key not in cache:
         cache[key] = _distances(rows)
@@ -298,11 +299,12 @@ def _distances(rows: np.ndarray) -> np.ndarray:
     basis, count = np.empty_like(rows), 0
     distances = np.zeros(len(rows))
     for k, row in enumerate(rows):
-        rest, directions = row, basis[:count]
+        normal_part, directions = row, basis[:count]
         for _ in range(2):  # the second pass removes rounding errors of the first
-            rest = rest - (directions @ rest) @ directions
-        distances[k] = np.linalg.norm(rest)
+            normal_part = normal_part - (directions @ normal_part) @ directions
+        distances[k] = np.linalg.norm(normal_part)
+        # A dependent row adds no direction to the span.
         if distances[k] >= RANK_TOLERANCE:
-            basis[count] = rest / distances[k]
+            basis[count] = normal_part / distances[k]
             count += 1
     return distances

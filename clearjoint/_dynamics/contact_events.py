@@ -1,8 +1,8 @@
 """Penetrations of contacts, the events at which contacts begin and end, and entry speeds.
 
 The entry speed is the penetration rate at the onset of the force. A step in which a contact begins
-ends after the onset: the penetration rate at its end is corrected by one Newton iteration back to
-zero penetration, so that value and derivatives are those of the rate at the onset.
+ends after the onset: the penetration rate at the step's end is corrected by one Newton iteration
+back to zero penetration, so that value and derivatives are those of the rate at the onset.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -67,7 +67,7 @@ def _all_gaps(gaps: ContactGaps) -> Iterator[ContactGap]:
 
 
 def any_of(conditions: Iterable[Condition]) -> jax.Array:
-    # JAX traces an operator in several times the time of its primitive.
+    # JAX traces this primitive in a fraction of the time that it takes for the operator `|`.
     arrays = [jnp.asarray(condition) for condition in conditions]
     return reduce(jax.lax.bitwise_or, arrays, jnp.asarray(False))
 
@@ -82,23 +82,28 @@ def initial_entry_speeds(
     given: EntrySpeeds | None = None,
     second_rates: ByLabel[Scalar] | None = None,
 ) -> EntrySpeeds:
-    """Return the entry speeds at the start of a run of the contacts whose laws use them.
+    """Return, for the start of a run, the entry speeds of the contacts whose laws use them.
 
-    A closed contact keeps a positive entry speed in `given`. Without one, it gets its penetration
-    rate at the onset if it is just beginning (at most `TOUCHING` deep), and otherwise, since its
-    impact was before the start, `UNKNOWN_ENTRY_SPEED`, with which its force is elastic.
-    `second_rates`, second time derivatives of the depths, m/s^2, matter to the derivatives only.
+    A closed contact keeps a positive entry speed in `given`. If `given` has none, a contact that is
+    just beginning (at most `TOUCHING` deep in the gaps `start`) gets its penetration rate at the
+    onset. A deeper one, whose impact was before the start, gets `UNKNOWN_ENTRY_SPEED`, with which
+    its force is elastic. `second_rates`, second time derivatives of the depths, m/s^2, affect only
+    derivatives of the result; ``None``, the default, for zeros.
     """
 
     def entry_speed(name: str, label: str) -> Scalar:
         gap = start[name][label]
         second_rate = 0.0 if second_rates is None else second_rates[name][label]
-        present = jnp.where(_at_the_wall(gap), _at_onset(gap, second_rate), UNKNOWN_ENTRY_SPEED)
+        if_not_given = jnp.where(
+            _at_the_wall(gap), _at_onset(gap, second_rate), UNKNOWN_ENTRY_SPEED
+        )
         # A state inside a step has the entry speeds of the step's start, and its depth is only
         # exact to rounding. Between flight and contact the two may contradict each other: zero is
         # then not the entry speed of the closed contact, for which the force would be elastic.
         known_speed = (given or {}).get(name, {}).get(label, 0.0)
-        return jnp.where(gap.depth > 0.0, jnp.where(known_speed > 0.0, known_speed, present), 0.0)
+        is_closed = gap.depth > 0.0
+        if_closed = jnp.where(known_speed > 0.0, known_speed, if_not_given)
+        return jnp.where(is_closed, if_closed, 0.0)
 
     return _for_each_entry_speed(scene, entry_speed)
 
@@ -120,10 +125,10 @@ def approaches_unknown(scene: Scene, start: ContactGaps, given: EntrySpeeds) -> 
 def entry_speeds_inside(
     scene: Scene, gaps: ContactGaps, left: Scalar, start: EntrySpeeds, end: EntrySpeeds
 ) -> EntrySpeeds:
-    """Return the entry speeds at an instant that is a time `left`, s, before the end of a step:
-    the entry speeds `start` of the step's start or, for a contact that began in the step, from its
-    onset on, the entry speeds `end` of the step's end. The onset is estimated from the `gaps` at
-    the end."""
+    """Return the entry speeds at an instant inside of a step, a time `left`, s, before the step's
+    end. They are `start`, the entry speeds at the step's start, except for a contact that has begun
+    between that start and the instant: its entry speed is that in `end`, at the step's end. Onsets
+    are estimated from the `gaps` at the step's end."""
 
     def entry_speed(name: str, label: str) -> Scalar:
         before, after, gap = start[name][label], end[name][label], gaps[name][label]
@@ -184,8 +189,9 @@ def touches(gaps: ContactGaps) -> Condition:
 
 
 def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
-    """Return the time, s, from the latest onset between two instants to the second one. As depth
-    over rate, it is correct to first order; not differentiated, and infinite without an onset."""
+    """Return the time, s, from the latest onset between two instants to the second instant;
+    infinite without an onset. The time is estimated as depth over rate, which is correct to first
+    order, and is not differentiated."""
     latest: Scalar = jnp.inf
     for start, end in gap_pairs(before, after):
         began = (start.depth <= 0.0) & (end.depth > 0.0)
@@ -196,7 +202,8 @@ def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
 
 
 def begins_at_start(gaps: ContactGaps) -> jax.Array:
-    """Return whether any contact has a positive depth of at most `TOUCHING`."""
+    """Return whether any contact is just beginning in the `gaps` at the start of a run: whether its
+    depth is positive and at most `TOUCHING`."""
     return any_of((gap.depth > 0.0) & _at_the_wall(gap) for gap in _all_gaps(gaps))
 
 
@@ -218,12 +225,15 @@ def updated_entry_speeds(
 ) -> EntrySpeeds:
     """Return the entry speeds after an accepted step, from the gaps `before` and `after` it. A
     contact that began in the step gets its penetration rate at the onset, an open contact gets
-    zero, and any other contact keeps its entry speed."""
+    zero, and any other contact keeps its entry speed in `entry_speeds`. `second_rates`: second time
+    derivatives of the depths after the step, m/s^2."""
 
     def update(name: str, label: str) -> Scalar:
         end = after[name][label]
         began = (before[name][label].depth <= 0.0) & (end.depth > 0.0)
         entry = _at_onset(end, second_rates[name][label])
-        return jnp.where(end.depth > 0.0, jnp.where(began, entry, entry_speeds[name][label]), 0.0)
+        is_closed = end.depth > 0.0
+        if_closed = jnp.where(began, entry, entry_speeds[name][label])
+        return jnp.where(is_closed, if_closed, 0.0)
 
     return _for_each_entry_speed(scene, update)

@@ -26,8 +26,8 @@ EntrySpeeds: TypeAlias = ByLabel[Scalar]
 Closed: TypeAlias = ByLabel[Condition]
 """Whether each contact is closed: has a force."""
 Bristles: TypeAlias = ByLabel[Vector]
-"""Deflection of each contact's bristles, m, in the axes of the joint's first body; zero while the
-contact is open. Rates of deflections, m/s, have the same form."""
+"""Deflection of the bristles of each contact that has some, m, in the axes of the joint's first
+body; zero while the contact is open. Rates of deflections, m/s, have the same form."""
 NO_BRISTLES: Bristles = {}
 INSIDE = 1e-300
 """Depth, m, that `depth_at_wall` returns for a law whose force begins where the surfaces touch: too
@@ -67,24 +67,25 @@ def contact_forces(
     """Return the forces of all contacts.
 
     `closed` says whether each contact has a force, whatever its depth (see `contact_force`); if
-    ``None``, the contacts that penetrate have a force. An entry speed of zero makes a contact
-    elastic, like a contact that exists at the start of a run, if `closed` is given; otherwise the
-    present penetration rate replaces the entry speed.
+    ``None``, the contacts that penetrate have a force. The present penetration rate replaces an
+    entry speed of zero if `closed` is ``None``; otherwise the contact is elastic, like one that
+    exists at the start of a run.
     """
     kinds, joints = Kinds(scene), scene.contact_joints()
 
     def forces_of(name: str, joint: AbstractContactJoint) -> dict[str, LoadedContact]:
         are_closed = None if closed is None else closed[name]
-        others = entry_speeds.get(name, {}), are_closed, bristles.get(name, {})
-        return dict(kinds.evaluate(_forces_of_joint, joint, motions, *others))
+        state_of_contacts = entry_speeds.get(name, {}), are_closed, bristles.get(name, {})
+        return dict(kinds.evaluate(_forces_of_joint, joint, motions, *state_of_contacts))
 
-    # Joints whose surfaces another element presses come last, since they need its force.
+    # Joints whose surfaces another element presses come last, since the force of this element is
+    # the load on the surfaces.
     pressed = {n: j for n, j in joints.items() if isinstance(j, JointFriction) and j.pressed_by}
     forces = {n: forces_of(n, joint) for n, joint in joints.items() if n not in pressed}
     for name, joint in pressed.items():
         force = _pressing_force(scene, motions, forces, joint.pressed_by or "")
         forces[name] = forces_of(name, joint.pressed_with(force))
-    return {name: forces[name] for name in joints}
+    return {name: forces[name] for name in joints}  # in the scene's order
 
 
 def _pressing_force(scene: Scene, motions: Motions, forces: LoadedContacts, name: str) -> Scalar:
@@ -124,9 +125,9 @@ def contact_wrenches(
     joint: AbstractContactJoint, force: LoadedContact, motions: Motions
 ) -> Iterator[tuple[str, Wrench]]:
     """Yield name and wrench of each body, except the ground, on which a contact of a joint acts;
-    each body twice with a friction moment. For a contact that acts as a couple (see
-    `Contact.turning`), friction is ignored; for the friction of an ideal hinge (see
-    `Contact.lever`), the normal force is ignored."""
+    two wrenches for each body if there is a friction moment. A contact that acts as a couple (see
+    `Contact.turning`) has no friction; for the friction of an ideal hinge or ball (see
+    `Contact.lever`), the normal force is not applied: it only determines the friction."""
     first, second = joint.pair()
     contact, friction = force.contact, force.friction
     if contact.turning is not None:
@@ -138,7 +139,7 @@ def contact_wrenches(
                 yield name, Wrench(ZERO, turning * -force.normal_force)
         return
     if contact.lever is not None:
-        # Friction of an ideal hinge or ball.
+        # In an ideal hinge or ball, friction is a couple: the lever is the radius of the surfaces.
         assert friction is not None
         couple = friction * contact.lever
         for name, moment in ((second, couple), (first, -couple)):
@@ -157,7 +158,8 @@ def contact_wrenches(
     forces = {second: [(push, on_second)], first: [(-push, on_first)]}
     side = contact.side
     if side is not None:
-        # The force beside the normal force acts at a point of its own.
+        # If the penetration also varies with an angle, such as that of meshing teeth, the contact
+        # has a further force, which acts at a point of its own.
         side_force = side.on_second(force.normal_force)
         forces[second].append((side_force, side.arm_second))
         forces[first].append((side_force * -1.0, side.arm_first))
@@ -181,7 +183,9 @@ def contact_force(
     motions: Motions,
     bristles: Mapping[str, Vector],
 ) -> LoadedContact:
-    """Return the forces of one contact of a joint, from arguments as in `contact_forces`.
+    """Return the forces of one contact of a joint. `entry_speed`: m/s, or ``None`` if the law does
+    not use it. `closed`: whether the contact has a force; ``None`` if it has one where it
+    penetrates. `bristles`: deflections of the joint's bristles, by label of the contact.
 
     Here the wall is where the law's force begins, its onset. If `closed` is given and the slope of
     the force jumps at the wall, the force of a closed contact continues past the wall as an odd
@@ -192,14 +196,16 @@ def contact_force(
     """
 
     def normal_force(gap: Gap) -> Scalar:
+        # `_forces_of_joint` has replaced an entry speed of zero.
         if closed is not None:
             return law.force(gap, entry_speed)
+        # The present penetration rate replaces an entry speed of zero.
         return contact_normal_force(law, gap, entry_speed)
 
     normal = _continued(normal_force, law, contact.gap, closed)
     elastic = _continued(law.elastic_force, law, contact.gap, closed)
     if bristle_law := joint.bristle_laws().get(label):
-        exists = contact.gap.depth + law.onset_offset() > 0.0 if closed is None else closed
+        has_force = contact.gap.depth + law.onset_offset() > 0.0 if closed is None else closed
         expected = f"those of all contacts with bristles, also {label!r}"
         remedy = "give it a deflection, bristles[joint][contact]; zero if the contact is open"
         require(label in bristles, "bristles", list(bristles), expected, remedy)
@@ -211,7 +217,7 @@ def contact_force(
         deflection = to_first.direction(bristles[label])
         friction, rate = _bristle_friction(bristle_law, contact, deflection, normal)
         # The deflection of an open contact stays zero.
-        rate = Vector(*(jnp.where(exists, part, 0.0) for part in to_first.components(rate)))
+        rate = Vector(*(jnp.where(has_force, part, 0.0) for part in to_first.components(rate)))
         return LoadedContact(contact, normal, elastic, friction, rate)
     if closed is None or not law.slope_jumps():
         friction = joint.friction_force(label, contact, normal)
@@ -241,7 +247,9 @@ def _with_friction(
 def _continued(
     force: Callable[[Gap], Scalar], law: AbstractContactLaw, gap: Gap, closed: Condition | None
 ) -> Scalar:
-    """Return a force that is continued past the wall of a closed contact; see `contact_force`."""
+    """Return a force, N, at a gap: ``force(gap)`` if `closed` is ``None``, and otherwise zero for
+    an open contact. Past the wall of a closed contact, a force whose slope jumps at the wall is
+    continued as an odd function (see `contact_force`)."""
     if closed is None:
         return force(gap)
     if not law.slope_jumps():

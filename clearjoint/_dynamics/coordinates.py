@@ -165,7 +165,7 @@ class AbstractCoordinates(eqx.Module):
 
     def carriers(self, scene: Scene, bodies: Collection[str]) -> frozenset[str]:
         """Return the bodies whose motions in their joints change the poses of `bodies` relative to
-        each other; none by default. Runs ignore the bodies that are not in `rotation_rates`."""
+        each other; none by default. Runs ignore bodies that `rotation_rates` does not return."""
         return frozenset()
 
 
@@ -176,13 +176,15 @@ def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
     points = {}
     for joint in scene.contact_joints().values():
         anchor = joint.anchor()
-        if anchor is not None and anchor[0] not in points:
-            points[anchor[0]] = anchor[1:]
+        if anchor is not None:
+            body, local, origin = anchor
+            points.setdefault(body, (local, origin))
     return points
 
 
 def at_rest(bodies: Mapping[str, BodyState]) -> dict[str, BodyState]:
-    """Return the states of bodies with velocities and spins of zero, as structural zeros."""
+    """Return the states of bodies with velocities and spins of zero, which are Python numbers, so
+    that compiled programs omit them."""
     return {n: replace(body, velocity=ZERO, spin=ZERO) for n, body in bodies.items()}
 
 
@@ -196,5 +198,5 @@ def free_motion(body: BodyState, anchor: tuple[Vector, Vector] | None) -> Motion
     local, origin = anchor
     position = (origin + body.position) - rotation @ local
     velocity = body.velocity + rotation @ body.spin.cross(local)
-    near = Anchor(local, origin, body.position, velocity)
-    return Motion(position, rotation, body.velocity, body.spin, near)
+    moving_anchor = Anchor(local, origin, body.position, velocity)
+    return Motion(position, rotation, body.velocity, body.spin, moving_anchor)

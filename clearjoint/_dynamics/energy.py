@@ -24,28 +24,30 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
     """
     powers: dict[str, Scalar] = {}
 
-    def book(name: str, power: Scalar) -> None:
+    def add_power(name: str, power: Scalar) -> None:
         powers[name] = add(powers.get(name, 0.0), power)
 
     for family in dynamics.contact_forces.values():
         for force in family.values():
             rate = force.contact.gap.rate
             # The elastic part of the normal force is conservative, so only the rest dissipates.
-            book("normal damping", (force.normal_force - force.elastic_force) * rate)
+            add_power("normal damping", (force.normal_force - force.elastic_force) * rate)
             if force.friction is not None and force.contact.slip is not None:
                 # Friction is tangential. The slip of flat faces also has a component along the
                 # normal, which this product leaves out; its power is that of the moment below.
-                book("friction", -force.friction.dot(force.contact.slip))
+                add_power("friction", -force.friction.dot(force.contact.slip))
                 if force.friction_moment is not None and force.contact.face_radius is not None:
                     # The component of the slip along the normal is the relative spin of the faces
                     # about the normal, times the face radius.
                     along = force.contact.slip.dot(force.contact.normal)
-                    book("friction", -force.friction_moment * along / force.contact.face_radius)
+                    lost = -force.friction_moment * along / force.contact.face_radius
+                    add_power("friction", lost)
     for joint in scene.contact_joints().values():
         for name, wrench in joint.film_wrenches(dynamics.motions).items():
-            book("film", -dynamics.motions[name].power(wrench))
+            # A film takes the power from the motion that its wrench supplies, with a minus sign.
+            add_power("film", -dynamics.motions[name].power(wrench))
     for element in scene.forces.values():
-        book("supplied", element.supplied_power(dynamics.motions, t))
+        add_power("supplied", element.supplied_power(dynamics.motions, t))
     for name, family in dynamics.rows.items():
         for label, row in family.items():
             multiplier = dynamics.multipliers[name][label]
@@ -54,9 +56,9 @@ def ledger_powers(scene: Scene, dynamics: Dynamics, t: Scalar) -> dict[str, Scal
             # on the bodies is therefore multiplier (row_rate - time_rate). The term with `row_rate`
             # is zero unless the constraint drifts or the stabilisation corrects it. The driver
             # supplies the term with `time_rate`.
-            book("stabilisation", -multiplier * row_rate(row, dynamics.motions))
+            add_power("stabilisation", -multiplier * row_rate(row, dynamics.motions))
             if not is_zero(row.time_rate):
-                book("supplied", -multiplier * row.time_rate)
+                add_power("supplied", -multiplier * row.time_rate)
     return powers
 
 
@@ -80,15 +82,16 @@ def bristle_energy(
 
 def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Scalar]:
     """Return the energies of a scene, J, by name: "kinetic", and as far as the scene has them
-    "gravity", "springs" and "contacts". "gravity" is zero if all centres of mass are at the global
-    origin, "springs" includes all force elements, and "contacts" is the elastic energy of
-    contacts."""
+    "gravity", "springs" and "contacts". "kinetic" includes the rotors of joints with an `armature`.
+    "gravity" is zero if all centres of mass are at the global origin, "springs" includes all force
+    elements, and "contacts" is the elastic energy of contacts."""
     energies: dict[str, Scalar] = {"kinetic": 0.0}
     for name, body in scene.bodies.items():
         motion = motions[name]
         linear = body.mass * motion.velocity.dot(motion.velocity)
         angular = motion.spin.dot(body.angular_momentum(motion.spin))
         energies["kinetic"] = energies["kinetic"] + 0.5 * (linear + angular)
+    # The inertia of a rotor that drives a joint is given as the `armature`, for the joint's speed.
     for joint in scene.joints.values():
         if isinstance(joint, AbstractDriveableJoint) and joint.armature is not None:
             speed = row_rate(joint.position(motions), motions)

@@ -105,6 +105,7 @@ def constraint_rows(
 ) -> ByLabel[Row]:
     """Return the constraint rows of joints that the coordinates do not eliminate."""
     eliminated = coordinates.eliminated(scene)
+    # The Jacobians become dictionaries again, by name of body.
     kinds, rows = Kinds(scene), {}
     for name, joint in scene.joints.items():
         if name not in eliminated:
@@ -116,14 +117,14 @@ def constraint_rows(
 def _rows_of_joint(
     joint: AbstractConstraint | AbstractContactJoint, motions: Motions, t: Scalar
 ) -> list[tuple[str, Row, list[tuple[str, Wrench]]]]:
-    """Return label, row and Jacobian of each constraint row of a joint: the Jacobian in pairs,
-    since JAX would sort the keys of a dictionary."""
+    """Return label, row without Jacobian, and Jacobian of each constraint row of a joint. Each
+    Jacobian is a list of pairs, since JAX would sort a dictionary (see `Kinds.evaluate`)."""
     rows = joint.rows(motions, t).items()
     return [(label, replace(row, jacobian={}), list(row.jacobian.items())) for label, row in rows]
 
 
 def flattened(rows: ByLabel[Row]) -> list[Row]:
-    """Return all rows in one list, in the order of the dictionaries and of the multipliers."""
+    """Return all rows in one list, in the order of the dictionaries: by joint, then by label."""
     return [row for family in rows.values() for row in family.values()]
 
 
@@ -134,6 +135,6 @@ def constraint_wrenches(dynamics: Dynamics, joint: str) -> dict[str, Wrench]:
     for label, row in dynamics.rows[joint].items():
         multiplier = dynamics.multipliers[joint][label]
         # A Jacobian is the wrench on each body for a multiplier of 1.
-        for body, pair in row.jacobian.items():
-            wrenches[body] = wrenches.get(body, NO_WRENCH) + pair * multiplier
+        for body, unit_wrench in row.jacobian.items():
+            wrenches[body] = wrenches.get(body, NO_WRENCH) + unit_wrench * multiplier
     return wrenches

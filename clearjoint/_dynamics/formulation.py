@@ -36,7 +36,7 @@ class AbstractStabilisation(AbstractConverting):
 
     def target(self, value: Scalar, rate: Scalar) -> Scalar:
         """Return the second time derivative that the equations of motion impose on a constraint,
-        from its value, in m, rad or without unit, and its rate; zero by default."""
+        for its `value`, in m, rad or without unit, and its rate of change; zero by default."""
         return 0.0
 
     def corrected(self, variables: T, project: Callable[[T], T]) -> T:

@@ -38,7 +38,7 @@ from .system import System
 
 OUTSIDE = 1e-6
 """Penetration of the wall, m, above which `assemble` moves a journal to the centre of its bearing.
-The penetration of a contact under its load may be smaller."""
+A journal that penetrates less is not moved, since its contact may carry a load."""
 FAR_OUTSIDE = 1e-2
 """Penetration, as a fraction of the largest one that the joint allows, above which a warning is
 issued at the start of a run, and an error raised for a journal that `assemble` has centred.
@@ -47,8 +47,8 @@ SLOW_ONSET = 1e-2
 """Entry speed below which a contact counts as overdamped, as a fraction of the speed of an impact
 whose energy is the elastic energy of the contact."""
 FAST_APPROACH = 1e-6
-"""Penetration rate, m/s, above which a run warns at its start of a contact without a known entry
-speed. It equals the default of `entry_speed_floor`, the smallest entry speed of contact laws."""
+"""Penetration rate, m/s, above which a closed contact without a known entry speed causes a warning
+at the start of a run: the default of `entry_speed_floor`, the smallest entry speed of laws."""
 HOLD_IT = "Give the joint axial=EndPlay(...) or FixedAxially(), or hold the bodies by other joints."
 UNIQUE_REACTIONS = Formulation(AbsoluteCoordinates(), Unstabilised(), redundant=True)
 """Formulation in which each ideal joint has a reaction, unique in spite of redundant constraints,
@@ -74,8 +74,8 @@ def outside(scene: Scene, state: State) -> set[str]:
 
 
 def centring_joints(scene: Scene, names: Iterable[str]) -> dict[str, AbstractConstraint]:
-    """Return, for each named clearance joint that has one, the ideal joint that holds its journal
-    centred (see `AbstractContactJoint.centred_joint`)."""
+    """Return the ideal joints that hold the journals of named clearance joints centred, by name.
+    Joints whose `AbstractContactJoint.centred_joint` is ``None`` are left out."""
     joints = scene.contact_joints()
     ideal = {name: joints[name].centred_joint() for name in names}
     return {name: joint for name, joint in ideal.items() if joint is not None}
@@ -130,6 +130,7 @@ def overdamped_contacts(scene: Scene, state: State, t: Scalar) -> list[str]:
     for name, family in usual.items():
         for label, speed in family.items():
             law = whole_law(scene.laws()[name][label])
+            # Laws with a floor use it in place of lower entry speeds.
             floor = float(getattr(law, "entry_speed_floor", 0.0))
             present = max(float(state.entry_speeds[name][label]), floor)
             if present < SLOW_ONSET * speed:
@@ -169,6 +170,7 @@ def require_in_bearings(scene: Scene, by_joint: ByLabel[Scalar], rates: ByLabel[
     `FAST_APPROACH`, and has no entry speed.
     """
     for name, family in rates.items():
+        # One message for each joint is enough, on the contact that approaches fastest.
         label = max(family, key=lambda label: float(family[label]))
         rate, argument = float(family[label]), f"state.entry_speeds[{name!r}][{label!r}]"
         if rate > FAST_APPROACH:
@@ -217,10 +219,11 @@ def warn_of_journals_outside(
     """Issue a `LeftBearingWarning`, with the earliest time, for each joint whose journal is out of
     its bearing at the end of a run (at `time`, in the state `final`) or in `saved`: pairs of N
     times, s, and N states with arrays of first axis N."""
-    last = np.asarray([time]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], final)
+    # As in `saved`, with N = 1.
+    at_end = np.asarray([time]), jax.tree.map(lambda leaf: np.asarray(leaf)[None], final)
     joints = unpack(jax.tree.map(np.asarray, scene.contact_joints()))
     departures: dict[str, tuple[float, float]] = {}
-    for times, states in (*saved, last):
+    for times, states in (*saved, at_end):
         for name, excess in slid_out(joints, states.bodies).items():
             if (excess > 0.0).any():
                 k = int(np.argmax(excess > 0.0))  # the first state out of the bearing
@@ -239,9 +242,10 @@ def warn_of_journals_outside(
 def slid_out(
     joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
 ) -> dict[str, np.ndarray]:
-    """Return the axial distance, (N,) m, from the end of each bearing to the journal beyond it in N
-    states of each body, without joints whose journal cannot slide out. The bearing is assumed to be
-    as long as the journal; the distance is negative while they overlap."""
+    """Return the axial distance, (N,) m, from the end of each bearing to the journal beyond this
+    end, by name of joint, in N states of each body; joints whose journal cannot slide out are left
+    out. Bearings are assumed to be as long as their journals; the distance is negative while a
+    journal is partly in its bearing."""
     # NumPy is used so that nothing is compiled.
     in_scalars = unpack(jax.tree.map(np.asarray, dict(bodies)), leading=1)
     return {name: np.asarray(excess) for name, excess in _excesses(joints, in_scalars).items()}
@@ -250,7 +254,8 @@ def slid_out(
 def _excesses(
     joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
 ) -> dict[str, Scalar]:
-    # Motions are computed for joints only whose class has a journal that may slide out.
+    # By the method of the base class, no journal slides out. Motions are computed only for bodies
+    # of joints whose class overrides this method.
     inherited = AbstractContactJoint.slid_out
     joints = {n: joint for n, joint in joints.items() if type(joint).slid_out is not inherited}
     names = {name for joint in joints.values() for name in joint.body_names()}
@@ -286,7 +291,8 @@ def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar
 def starting_contacts(
     scene: Scene, motions: Motions, entry_speeds: EntrySpeeds
 ) -> tuple[ByLabel[Scalar], ByLabel[Scalar]]:
-    """Return the penetration of each contact, m, and the result of `approaches_unknown`."""
+    """Return the penetration of each contact, m, and the penetration rate, m/s, of each closed
+    contact without a known entry speed (see `approaches_unknown`)."""
     gaps, laws = contact_gaps(scene, motions), scene.laws()
 
     def depth(name: str, label: str) -> Scalar:
@@ -315,8 +321,9 @@ def _speeds_of_rest(
             rates = system.dynamics_under(system.mechanics(variables), forces, t).variable_rates
             return jnp.asarray(system.second_rates(variables, rates)[name][label], float)
 
-        # The second rate of the depth is linear in the force.
-        return -value_and_slope(second_rate, 0.0)[1]
+        # The second rate of the depth is linear in the force, which reduces the depth.
+        _, slope = value_and_slope(second_rate, 0.0)
+        return -slope
 
     for name in names:
         joint = system.scene.contact_joints()[name]
@@ -325,6 +332,7 @@ def _speeds_of_rest(
         for label, contact in contacts.items():
             if laws[label].uses_entry_speed:
                 energy = laws[label].stored_energy(contact.gap)
+                # Rounding errors may make the square of the speed negative.
                 square = 2.0 * energy * per_mass(name, label, contact)
                 speeds[name][label] = jnp.sqrt(jnp.maximum(square, 0.0))
     return speeds

@@ -60,7 +60,8 @@ class Kinds:
         JAX would sort these by other names. `others` have no names of bodies.
         """
         if are_many(self._counts[type(element)]):
-            # Whatever the function raises for other names, it raises below for the true ones.
+            # An error that only the other names cause is avoided by calling the function with the
+            # true names; any other error is raised again by this call.
             try:
                 renamed, common_names = with_common_names(element)
                 renamed_motions = {new: motions[old] for old, new in common_names.items()}
@@ -88,7 +89,7 @@ def with_common_names(element: Element) -> tuple[Element, dict[str, str]]:
     renamed = element
     for path, name in list(_texts(element)):
         # A text that equals a name of a body may have another meaning, such as an axis "x". It is a
-        # name of a body if, once changed, it appears among the names of the element's bodies.
+        # name of a body if `_PROBE`, put in its place, appears among the element's bodies.
         if name in names and _PROBE in _changed(element, path, _PROBE).body_names():
             renamed = _changed(renamed, path, names[name])
     expected = tuple(names[name] for name in element.body_names())
@@ -98,6 +99,7 @@ def with_common_names(element: Element) -> tuple[Element, dict[str, str]]:
 
 
 def _texts(node: eqx.Module) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Yield path (names of fields) and value of each field with a text, also in nested objects."""
     for field in fields(node):
         value = getattr(node, field.name, None)
         if isinstance(value, str):
@@ -108,6 +110,6 @@ def _texts(node: eqx.Module) -> Iterator[tuple[tuple[str, ...], str]]:
 
 
 def _changed(node: Module, path: tuple[str, ...], text: str) -> Module:
-    first, *rest = path
-    inner = _changed(getattr(node, first), tuple(rest), text) if rest else text
-    return with_fields(node, {first: inner})
+    field, *inner_path = path
+    value = _changed(getattr(node, field), tuple(inner_path), text) if inner_path else text
+    return with_fields(node, {field: value})

@@ -41,7 +41,7 @@ class ConstraintEquations:
         compliances: Sequence[Scalar] = (),
     ):
         self._rows, self._speeds = len(directions), len(directions[0])
-        # A multiplication by one takes no operation.
+        # `multiply` by the Python number one takes no operation.
         self._weights = [1.0] * self._rows if weights is None else weights
         self._directions, self._compliances = directions, compliances
         # A zero row would make the matrix singular: only the others are active.
@@ -96,13 +96,14 @@ class ConstraintEquations:
     def response(self, targets: Sequence[Scalar]) -> tuple[Speeds, list[Scalar]]:
         """Return the smallest change of rates, speeds or positions, in the metric of M, that
         changes each row by its target: M^-1 D^T lambda; and the multipliers lambda."""
-        nonzero = self._solve([multiply(self._weights[k], targets[k]) for k in self._active])
+        # Multipliers of the weighted active rows. Those of rows of zeros stay zero.
+        weighted = self._solve([multiply(self._weights[k], targets[k]) for k in self._active])
         change: Speeds = [0.0] * self._speeds
-        for part, multiplier in zip(self._solved_rows, nonzero, strict=True):
-            change = [add(a, multiply(b, multiplier)) for a, b in zip(change, part, strict=True)]
+        for row, multiplier in zip(self._solved_rows, weighted, strict=True):
+            change = [add(a, multiply(b, multiplier)) for a, b in zip(change, row, strict=True)]
         multipliers: list[Scalar] = [0.0] * self._rows
         # A weighted row has the multiplier of the row itself divided by the weight.
-        for k, multiplier in zip(self._active, nonzero, strict=True):
+        for k, multiplier in zip(self._active, weighted, strict=True):
             multipliers[k] = multiply(self._weights[k], multiplier)
         return change, multipliers
 
@@ -111,19 +112,19 @@ def row_weights(bodies: Mapping[str, Body], rows: Sequence[Row]) -> list[Scalar]
     """Return the weight of each constraint row: the square root of the mass, kg, or moment of
     inertia, kg m^2, that its multiplier would accelerate if all bodies were free.
 
-    Weighted rows all have the same unit. Without weights, the norm that is least for redundant
-    constraints would add forces to moments, and in a mechanism with links of a millimetre, the
-    solver would take the equations of translation for rounding errors.
+    Weighted rows all have the same unit. Without weights, the norm of the multipliers, which the
+    solver for redundant constraints minimises, would add forces to moments, and in a mechanism with
+    links of a millimetre, this solver would take the equations of translation for rounding errors.
     """
     weights = []
     for row in rows:
         total: Scalar = 0.0
-        for name, pair in row.jacobian.items():
+        for name, wrench in row.jacobian.items():
             if name != GROUND:
                 # The sum of these terms is J M^-1 J^T, for the row's Jacobian J and the matrix M of
                 # masses and inertias: the inverse of the mass that the multiplier accelerates.
-                by_force = pair.force.dot(pair.force) / bodies[name].mass
-                by_moment = pair.moment.dot(pair.moment) / _mean_inertia(bodies[name])
+                by_force = wrench.force.dot(wrench.force) / bodies[name].mass
+                by_moment = wrench.moment.dot(wrench.moment) / _mean_inertia(bodies[name])
                 total = add(total, add(by_force, by_moment))
         # A row may vanish in a singular position; its multiplier is zero with any weight.
         weights.append(1.0 / square_root(where(total > 0.0, total, 1.0)))
@@ -139,6 +140,6 @@ def _mean_inertia(body: Body) -> Scalar:
 
 
 def as_array(numbers: Sequence[Scalar]) -> jax.Array:
-    """Stack scalars to an array of floats, of JAX if any of them is of JAX."""
+    """Return scalars as an array of floats: of JAX if any scalar is of JAX, otherwise of NumPy."""
     numpy = library(numbers)
     return numpy.stack([numpy.asarray(number, dtype=float) for number in numbers])

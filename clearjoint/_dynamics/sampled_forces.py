@@ -22,9 +22,9 @@ NO_MEMORIES: Memories = {}
 
 
 class HeldForce(AbstractForce):
-    """A sampled force between two instants, with its `memory`. Each triple in `changes` is for an
-    instant: the memory before it, the memory after it, and the share, 0 to 1, of the resulting
-    change of the wrenches that is added to the wrenches."""
+    """A sampled force between two instants, with its `memory`. For derivatives across instants, a
+    share of the change of the wrenches at some instants is added to the wrenches: `changes` has the
+    memory before each instant, the memory after it, and the share, 0 to 1."""
 
     force: AbstractSampledForce
     memory: dict[str, Scalar]
@@ -38,6 +38,7 @@ class HeldForce(AbstractForce):
     def wrenches(self, motions: Motions, t: Scalar) -> dict[str, Wrench]:
         total = self.force.held_wrenches(self.memory, motions, t)
         for before, after, share in self.changes:
+            # The share times the wrenches with the memory after less those with the memory before.
             for memory, factor in ((after, share), (before, -share)):
                 for name, wrench in self.force.held_wrenches(memory, motions, t).items():
                     total[name] = total.get(name, NO_WRENCH) + wrench * factor
@@ -50,8 +51,8 @@ def sampled_forces(scene: Scene) -> dict[str, AbstractSampledForce]:
 
 
 def memory_names(scene: Scene) -> dict[str, list[str]]:
-    """Return the names of the numbers in the memory of each sampled force of a scene, whose vectors
-    are arrays."""
+    """Return the names of the numbers in each sampled force's memory, for vectors as arrays."""
+    # The names do not depend on the motion.
     still = Motion(ZERO, IDENTITY, ZERO, ZERO)
     return {
         name: list(force.initial_memory(dict.fromkeys(force.body_names(), still), 0.0))
@@ -62,8 +63,9 @@ def memory_names(scene: Scene) -> dict[str, list[str]]:
 def initial_memories(
     system: System, variables: MotionVariables, t: Scalar, given: Memories
 ) -> dict[str, dict[str, Scalar]]:
-    """Return the memory of each sampled force, as in `given`. Numbers that `given` lacks are those
-    with which a run would start in the motion of `variables` at the time t."""
+    """Return the memory of each sampled force: the numbers in `given` and, where `given` lacks one,
+    the number with which a run from the positions and velocities `variables` at the time t starts.
+    Raise a `ValueError` if `given` has an unknown name."""
     forces = sampled_forces(system.scene)
     remedy = "correct the name, or leave it out of the state"
     for name in given:
@@ -73,6 +75,7 @@ def initial_memories(
         return {}
     kinds, motions, memories = Kinds(system.scene), system.motions(variables), {}
     for name, force in forces.items():
+        # The method of the class is the same object for all its forces, as `Kinds` requires.
         memory = kinds.evaluate(type(force).initial_memory, force, motions, system.clock(t))
         given_numbers = given.get(name, {})
         for key in given_numbers:
@@ -86,7 +89,8 @@ def initial_memories(
 def updated_memory(
     force: AbstractSampledForce, motions: Motions, name: str, memory: ForceMemory, t: Scalar
 ) -> ForceMemory:
-    """Return ``force.updated_memory(...)``, with arguments in the order of `Kinds.evaluate`."""
+    """Return the result of the force's method `updated_memory`: the memory after the instant `name`
+    at the time t. The arguments are in the order in which `Kinds.evaluate` passes them."""
     return force.updated_memory(name, memory, motions, t)
 
 

@@ -38,8 +38,8 @@ FARTHEST = 1e-3
 clearance of the scene, m, is less. With the default stabilisation and tolerances, violations are
 about a thousandth of this limit."""
 LEAST_JUMP = 2e-6
-"""Jump of a `JointCoupling`, m or rad, up to which it counts as a rounding error of the function: a
-run may start with half of it."""
+"""Jump of the function of a `JointCoupling`, m or rad, up to which the jump counts as a rounding
+error. A run may start with a constraint value of half this limit."""
 
 
 def _is_single_law(part: PyTree) -> bool:
@@ -109,7 +109,8 @@ class System(eqx.Module):
         return self.formulation.coordinates.decode(self.scene, variables)
 
     def without_drift(self, variables: MotionVariables) -> MotionVariables:
-        """Normalise Euler parameters and angles, see `AbstractCoordinates.without_drift`."""
+        """Return variables of the same motion with Euler parameters of about unit norm and angles,
+        except those of screws, between -2 pi and 2 pi."""
         return self.formulation.coordinates.without_drift(self.scene, variables)
 
     def with_speeds(self, variables: MotionVariables, others: MotionVariables) -> MotionVariables:
@@ -249,8 +250,8 @@ class System(eqx.Module):
         return mechanics.after_speed_change(changes)
 
     def rotors(self, motions: Motions) -> list[tuple[Row, Scalar]]:
-        """Return the row of the position and the armature of each joint that has an armature, and
-        that the coordinates do not eliminate. Other armatures are in the mass matrix."""
+        """Return, for each joint with an armature that the coordinates do not eliminate, the row of
+        the joint's position and the armature. Other armatures are in the mass matrix."""
         eliminated = self.formulation.coordinates.eliminated(self.scene)
         return [
             (joint.position(motions), joint.armature)
@@ -266,8 +267,8 @@ class System(eqx.Module):
         rows: Sequence[Row],
         rotors: Sequence[tuple[Row, Scalar]] = (),
     ) -> ConstraintEquations:
-        """Return the equations for the multipliers of constraint rows and of `rotors`, the result
-        of the method of this name. Without them, corrections ignore the rotors' inertia."""
+        """Return the equations for the multipliers of constraint rows and of the `rotors` that the
+        method of this name returns. Without `rotors`, corrections ignore their inertia."""
         rows = [*rows, *(row for row, _ in rotors)]
         return ConstraintEquations(
             mechanics,
@@ -286,8 +287,8 @@ class System(eqx.Module):
         return self._has_row(t, _depends_on_time)
 
     def _has_row(self, t: Scalar, of_kind: Callable[[Row], bool]) -> bool:
-        # For bodies at any place: to trace the motion of all bodies for this question was a tenth
-        # of the tracing of a long chain.
+        # Which rows there are does not depend on the places of the bodies. Shapes stand for their
+        # motions: to trace the motions of a long chain for this was a tenth of all tracing.
         def chosen(motions: Motions) -> list[Scalar]:
             rows = flattened(self.rows({GROUND: GROUND_MOTION, **motions}, t))
             return [row.value for row in rows if of_kind(row)]
@@ -328,6 +329,8 @@ class System(eqx.Module):
         violated = jnp.logical_not(functools.reduce(jnp.maximum, values) <= farthest)
         for name, joint in self.scene.joints.items():
             if isinstance(joint, JointCoupling):
+                # The row's value jumps where the leader has passed half a revolution. A value of
+                # more than half the jump is nearer to the jump than to zero.
                 (row,), jump = rows[name].values(), jnp.abs(joint.jump())
                 violated |= (jump > LEAST_JUMP) & (jnp.abs(row.value) > 0.5 * jump)
         return violated

@@ -16,8 +16,7 @@ TOLERANCE = 1e-6
 distance between its points, relative to the larger of their distances from the bodies' origins, but
 to at least 1 mm. It is far above rounding errors, and far below usual clearances."""
 Pose: TypeAlias = tuple[np.ndarray, Rotation]
-"""Position of a body's centre of mass, (3,) m in global axes, and rotation from body to
-global axes."""
+"""Position of a body's centre of mass, (3,) m, global, and rotation from body to global axes."""
 
 
 def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0) -> State:
@@ -27,10 +26,9 @@ def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0)
     axes are parallel to those of the body before it, or turned by the smallest rotation that makes
     the joint's axes parallel. A joint's points and axes are those of the two markers at which its
     `draw` draws it; joints that are drawn without such a pair, such as a `DistanceJoint` or gears,
-    are ignored.
-    The first body of a chain that is connected neither with the ground nor with a body of `given`
-    is at the origin, parallel to the global axes. A closed chain may stay open at one of its
-    joints: see `satisfies_joints`.
+    are ignored. The first body of a chain that is connected neither with the ground nor with a body
+    of `given` is at the origin, parallel to the global axes. A closed chain may stay open at one of
+    its joints, which `satisfies_joints` tests.
 
     **Arguments:**
 
@@ -53,7 +51,7 @@ def arranged_state(scene: Scene, given: State | None = None, angle: float = 0.0)
             continue
         placed, other = pair if pair[0].body in poses else pair[::-1]
         poses[other.body] = _joined(poses[placed.body], placed, other, angle)
-        # Equal angles of alternating sign would leave every second link parallel to the first.
+        # With the factor -1, every second link would be parallel to the first.
         angle = -1.3 * angle
     bodies = {}
     for name in scene.bodies:

@@ -74,7 +74,7 @@ def _number(argument: str, value: Number, unit: str) -> Number:
 
 
 GROUND = "ground"
-"""Name of the fixed body; it is part of every scene but of no state.
+"""Name of the fixed body, which is part of every scene but of no state.
 
 >>> scene, _ = cj.mechanisms.double_pendulum()
 >>> scene.joints["shoulder"].bearing_body == cj.GROUND
@@ -201,6 +201,7 @@ class Body(AbstractReadable):
         # A thin rod has no moment about its axis, but a body needs one. It is m d^2/8, with the
         # diameter d of a round steel bar, whose mass is rho pi/4 d^2 l.
         squared_diameter = 4.0 * rod_mass / (math.pi * STEEL * length)
+        # The mass is among the values, since an error shows the first of them.
         fits, values = (lambda _, square, l: square <= l**2), (rod_mass, squared_diameter, length)
         remedy = "give its diameter in m, or check mass (kg) and length (m)"
         require_numbers(fits, "mass", values, "that of a rod longer than thick", remedy)

@@ -147,8 +147,8 @@ class PinkusSternlichtFilm(AbstractFilm):
     quarter revolution ahead of the offset about the axis. For e' > 0 these two forces, over mu L
     R^3/c^2 (viscosity mu, film length L, bearing radius R, clearance c), are in this order
 
-        -6 e' (4 k e^2 + (2 + e^2) pi) (k + 3)/((2 + e^2) (1 - e^2)^1.5 (k + 3/2)), 6 pi e w (k +
-        3)/((2 + e^2) (1 - e^2)^0.5 (k + 3/2)).
+        -6 e' (4 k e^2 + (2 + e^2) pi) (k + 3)/((2 + e^2) (1 - e^2)^1.5 (k + 3/2)),
+        6 pi e w (k + 3)/((2 + e^2) (1 - e^2)^0.5 (k + 3/2)).
 
     For e' < 0, k replaces k + 3 in both forces, and the radial force begins with 6 e' (4 k e^2 - (2
     + e^2) pi) instead. At e' = 0 both cases have the same limit, which is the force there. The
@@ -291,7 +291,7 @@ def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
 
 
 def attitude(width: Scalar, ratio: Scalar) -> Scalar:
-    """Return the angle beta of `ButenschoenFilm`, rad. Arguments are those of `load_slope`."""
+    """Return the angle beta of `ButenschoenFilm`, rad, at a `width` B/D and a `ratio` eps."""
     # The angle for an infinitely long bearing, which the fit corrects for a finite width.
     long = jnp.arctan2(math.pi * jnp.sqrt(1.0 - ratio * ratio), 2.0 * ratio)
     return long * polynomial([polynomial(fit, width) for fit in ATTITUDE], ratio)
@@ -299,7 +299,7 @@ def attitude(width: Scalar, ratio: Scalar) -> Scalar:
 
 def squeeze_load(width: Scalar, ratio: Scalar) -> Scalar:
     """Return the load number So_V of `ButenschoenFilm`. `width` is B/D, `ratio` the eccentricity
-    ratio, negative if the eccentricity decreases."""
+    ratio, with a minus sign if the eccentricity decreases."""
     numerator, shift = (polynomial(fit, width) for fit in SQUEEZE)  # a8 and a9
     square = ratio * ratio
     # The closed form for a short bearing, which the fit corrects for a finite width.

@@ -72,7 +72,9 @@ class SpringDamper(AbstractPairAtPoints, AbstractForce):
 
     @override
     def deviations(self, motions: Motions, t: Scalar) -> tuple[Scalar, ...]:
-        # The force at the free length's compression jumps where the points pass each other.
+        # With a free length, the force is reversed at once where the points pass each other. The
+        # direction is then reversed too, and one of its components changes by more than one, since
+        # the change of the unit vector has the length two. Half a turn makes this more than pi.
         jumps = self.stiffness * self.free_length > 0.0
         return tuple(where(jumps, 0.5 * TURN * part, 0.0) for part in self._stretch(motions)[2])
 
@@ -91,7 +93,9 @@ class TorsionalSpring(AbstractDriveAboutAxis, AbstractDriveTorque):
 
     - `stiffness`: N m/rad. `damping`: N m s/rad, zero by default. Neither is negative.
     - `rest_angle`: angle of the unloaded spring, rad; zero by default.
-    - `axis`, `orientation`: as in `PrescribedRotation`.
+    - `axis`: (3,) in the first body's axes, any length.
+    - `orientation`: (4,) Euler parameters, scalar first, that transform components in the second
+      body's axes to the first body's axes at angle zero; parallel axes by default.
 
     >>> spring = cj.TorsionalSpring("ground", "lever", (0, 0, 1), stiffness=5.0, damping=0.1)
     >>> spring.body_names()
@@ -133,7 +137,7 @@ class AppliedLoad(AbstractForce):
 
     **Arguments:**
 
-    - `body`: its name.
+    - `body`: name of the body.
     - `force`: (3,) N. `torque`: (3,) N m. Both are zero by default. Each component is a number, a
       function of time such as `PiecewiseConstant`, or a Python function of the time in s, which
       can't declare the times of its jumps and kinks. One function that returns three numbers will

@@ -82,7 +82,8 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def slide(self, rail: Marker, block: Marker, *, turning: bool) -> None:
-        """Draw a block on a rail along the axis of `rail`; if `turning`, a round sleeve."""
+        """Draw a block on a rail along the axis of `rail` or, if `turning`, a round sleeve, which
+        may turn about this axis."""
 
     @abc.abstractmethod
     def plane(self, plane: Marker, point: Marker) -> None:
@@ -98,7 +99,8 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def load(self, marker: Marker, force: Triple | Callable[[jax.Array], Triple]) -> None:
-        """Draw an arrow for a force, (3,) N, global, or a function of time that JAX can map."""
+        """Draw an arrow for a force, (3,) N in global axes, or for a function of the time in s that
+        returns the force and that `jax.vmap` accepts."""
 
     @abc.abstractmethod
     def bearing(
@@ -124,8 +126,9 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def walls(self, middle: Marker, runner: Marker, normal: Triple, *, distance: Single) -> None:
-        """Draw two walls around the marker `middle`, as long as the path of the marker `runner`.
-        `normal` is that of the walls, (3,) in the axes of the body of `middle`, any length."""
+        """Draw two walls at this `distance` from each other, m, with the marker `middle` between
+        them, as long as the path of the marker `runner`. Both are perpendicular to `normal`, (3,)
+        in the axes of the body of `middle`, any length."""
 
     @abc.abstractmethod
     def wall(self, plane: Marker, runner: Marker, *, radius: Single) -> None:
@@ -148,5 +151,5 @@ class AbstractPen(abc.ABC):
     @abc.abstractmethod
     def gear(self, centre: Marker, *, radius: Single, teeth: Single, phase: Single) -> None:
         """Draw a spur gear with the pitch circle's `radius`, m, negative for an internal gear.
-        `phase` is the angle of the middle of a tooth, rad, from the first of the axis's
-        `transverse_axes`."""
+        `phase` is the angle of the middle of a tooth about the marker's axis, rad: for the axis z
+        from x, and in general from the first of the axis's `transverse_axes`."""

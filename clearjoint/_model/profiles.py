@@ -26,11 +26,11 @@ from .._math.smoothing import polar_angle
 from .._math.vectors import Scalar, library
 
 NEWTON_STEPS = 4
-"""Number of Newton steps in the search for the closest approach. It starts at most a sixteenth of a
-wave from the result, and each step roughly squares this error, down to rounding after four."""
+"""Number of Newton steps in the search for the closest approach. The search starts within a
+sixteenth of a wave from the result; each step roughly squares this error, to rounding in four."""
 ANGLES_PER_WAVE = 8
-"""Number of angles, per wave of the highest harmonic, of which the best starts the search: it is
-within a sixteenth of a wave from the maximum, so that Newton's method converges to it."""
+"""Number of angles, per wave of the highest harmonic, of which the best starts the search: the best
+is within a sixteenth of a wave from the maximum, to which Newton's method therefore converges."""
 
 
 NumberOrArray: TypeAlias = Float[Any, "..."]
@@ -138,7 +138,7 @@ class Harmonics(AbstractProfile):
 
 
 class AbstractPeriodicSpline(AbstractProfile):
-    """Base class of periodic cubic splines with evenly spaced knots; `angles` returns how many."""
+    """Base class of periodic cubic splines with evenly spaced knots, whose number is `angles()`."""
 
     @override
     def at(self, angle: NumberOrArray) -> Deviation:
@@ -193,12 +193,12 @@ class PeriodicSpline(AbstractPeriodicSpline):
     @staticmethod
     def through(values: ArrayLike) -> "PeriodicSpline":
         """Return the spline through values (N,), m, at the angles 0, 2 pi/N, 4 pi/N, ..."""
-        row = PeriodicSpline(values).coefficients  # converted and checked
-        library, count = jnp if isinstance(row, jax.Array) else np, row.shape[0]
+        checked = PeriodicSpline(values).coefficients  # the values as an array
+        library, count = jnp if isinstance(checked, jax.Array) else np, checked.shape[0]
         # At a knot the spline is (c[i - 1] + 4 c[i] + c[i + 1])/6, a circular convolution. Its
         # Fourier transform is that of c times these factors.
         factors = (2.0 + np.cos(2.0 * np.pi * np.arange(count // 2 + 1) / count)) / 3.0
-        return PeriodicSpline(library.fft.irfft(library.fft.rfft(row) / factors, count))
+        return PeriodicSpline(library.fft.irfft(library.fft.rfft(checked) / factors, count))
 
     @override
     def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:
@@ -210,7 +210,7 @@ class PeriodicSpline(AbstractPeriodicSpline):
 
 
 def periodic(row: jax.Array, knot: jax.Array | np.ndarray) -> jax.Array:
-    """Return four successive entries of a periodic row, (..., 4), of which `knot` is the second."""
+    """Return four successive entries, (..., 4), of a periodic row; `knot` is the second's index."""
     # One gather for the four entries. The row continues after its end with its first three entries:
     # two for the periodic spline, and one since rounding may make the fraction of a turn exactly 1,
     # and the knot the length of the row.
@@ -250,7 +250,7 @@ class JournalInBearing(NamedTuple):
 
     - `x`, `y`: position of the journal's centre, m.
     - `bearing`, `journal`: the profiles; ``None`` for a circle.
-    - `axes`: those of the journal, to which its profile refers, in the bearing's cross-section.
+    - `axes`: the journal's axes, to which its profile refers, in the bearing's cross-section.
     """
 
     x: NumberOrArray
@@ -271,8 +271,8 @@ class JournalInBearing(NamedTuple):
         constant = jax.lax.stop_gradient(self)
         profiles = self.bearing, self.journal
         counts = [profile.angles() for profile in profiles if profile is not None]
-        # At least as many as for two waves, and at most as many as native code turns into separate
-        # numbers; a longer array is kept in memory and processed by slower loops.
+        # At least the 16 that resolve two waves, and at most as many as native code turns into
+        # separate numbers; a longer array is kept in memory and processed by slower loops.
         count = min(max(16, *counts), 48)
         spacing = 2.0 * np.pi / count
         angles = np.arange(count) * spacing
@@ -304,8 +304,9 @@ class JournalInBearing(NamedTuple):
 
     def _newton_step(self, angle: Scalar) -> Scalar:
         """Return the change of an angle, rad, by a Newton step to the maximum of `overlap`."""
-        # First and second derivative of the penetration by the angle. Those of the journal's
-        # deviation contain the rate of the angle about the journal's own axis, which may be tilted.
+        # `slope` and `bend` are the first and second derivative of the penetration by the angle.
+        # `rate` and `change` are those of the angle about the journal's own axis, which may be
+        # tilted, so that the derivatives of the journal's deviation contain them.
         x, y, cosine, sine = self.x, self.y, jnp.cos(angle), jnp.sin(angle)
         wall, (part, rate, change) = self._wall(angle), self._journal_deviation(cosine, sine)
         slope = y * cosine - x * sine - wall.slope + part.slope * rate
@@ -330,10 +331,11 @@ class JournalInBearing(NamedTuple):
         square = along_x * along_x + along_y * along_y
         rate = (axes.x_along_x * axes.y_along_y - axes.x_along_y * axes.y_along_x) / square
         # Half the derivative of `square` by the angle. The numerator of `rate` is constant, so that
-        # the derivative of `rate` is -2 rate change/square.
-        change = along_x * (axes.x_along_y * cosine - axes.x_along_x * sine)
-        change = change + along_y * (axes.y_along_y * cosine - axes.y_along_x * sine)
-        return self.journal.at(polar_angle(along_y, along_x)), rate, -2.0 * rate * change / square
+        # the derivative of `rate` is -2 rate half_slope/square.
+        half_slope = along_x * (axes.x_along_y * cosine - axes.x_along_x * sine)
+        half_slope = half_slope + along_y * (axes.y_along_y * cosine - axes.y_along_x * sine)
+        deviation = self.journal.at(polar_angle(along_y, along_x))
+        return deviation, rate, -2.0 * rate * half_slope / square
 
 
 def require_room(
@@ -375,7 +377,8 @@ def caution_two_contacts(
 
 
 def _sampled(profile: AbstractProfile | None) -> Deviation:
-    """Return the deviation at evenly spaced angles, four times as many as resolve the profile."""
+    """Return the deviation at evenly spaced angles, four times as many as resolve the profile; for
+    a circle (``None``), a zero."""
     if profile is None:
         return Deviation(value=np.zeros(1), slope=np.zeros(1), bend=np.zeros(1))
     count = 4 * profile.angles()

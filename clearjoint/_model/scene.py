@@ -104,10 +104,10 @@ class Scene(AbstractReadable):
             # joint has an armature, which provides the inertia.
             ideal = [j for j in self.joints.values() if isinstance(j, AbstractConstraint)]
             joints = [joint for joint in ideal if name in joint.body_names()]
-            is_driven = any(getattr(joint, "armature", None) is not None for joint in joints)
+            has_armature = any(getattr(joint, "armature", None) is not None for joint in joints)
             expected = "False unless the body is between two joints, or at one with an armature"
             argument, remedy = f"bodies[{name!r}].is_massless", "give that joint an `armature`"
-            require(is_driven or len(joints) > 1, argument, True, expected, remedy)
+            require(has_armature or len(joints) > 1, argument, True, expected, remedy)
         # Friction may be pressed by an element with an elastic force: a contact joint or a spring.
         for name, joint in self.joints.items():
             if isinstance(joint, JointFriction) and joint.pressed_by is not None:
@@ -145,6 +145,7 @@ class Scene(AbstractReadable):
         for joint in self.joints.values():
             if not isinstance(joint, AbstractDrive):
                 bodies = set(joint.body_names())
+                # All chains that contain a body of the joint become one.
                 joined = bodies.union(*(chain for chain in chains if chain & bodies))
                 chains = [joined, *(chain for chain in chains if not chain & bodies)]
         for name, drive in {**self.joints, **self.forces}.items():

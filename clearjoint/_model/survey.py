@@ -38,14 +38,17 @@ class SurveyingPen(AbstractPen):
     @override
     def weld(self, *drawn: object, **named: object) -> None:
         self.mark(*drawn, **named)
+        # The pair that `mark` has just added.
         self.joined.append((self.markers[-2], self.markers[-1]))
 
     @override
     def cross(self, *drawn: object, **named: object) -> None:
+        # The axes of a cross are perpendicular, and must not be made parallel.
         self.weld(*map(_without_axis, (*drawn, *named.values())))
 
     @override
     def block(self, *drawn: object, **named: object) -> None:
+        # The axis is the direction of a side, not that of a joint.
         self.mark(*map(_without_axis, (*drawn, *named.values())))
 
     @override

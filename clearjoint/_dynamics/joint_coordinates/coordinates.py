@@ -69,7 +69,7 @@ ForceAndMoment: TypeAlias = tuple[Vector, Vector]
 
 
 TreeVariables: TypeAlias = dict[str, MotionVariables]
-"""Variables by name of body: a `JointState` if a joint carries it, a `BodyState` if it is free."""
+"""Variables by name of body: a `JointState` of a body on a joint, a `BodyState` of a free body."""
 Walk: TypeAlias = Sequence[tuple[TreeBranch, Evaluate]]
 """Branches, each parent before its children, with how to evaluate functions of each branch."""
 
@@ -126,7 +126,8 @@ class JointMechanics(AbstractMechanics):
 
     @cached_property
     def _solvers(self) -> list[AbstractTreeSolver]:
-        # Made on first use: some checks don't need them.
+        # Made on first use: some checks don't need them. The links of one tree are those from i to
+        # j - 1; its solver counts them from zero.
         solvers = []
         for i, j in pairwise(self._starts):
             parents = [None if parent is None else parent - i for parent in self._parents[i:j]]
@@ -144,7 +145,7 @@ class JointMechanics(AbstractMechanics):
     def _rates(self, loads: LinkLoads, forces: Sequence[Speeds]) -> Speeds:
         """Return the rates r that loads on links, and generalised forces in their joints, cause."""
         rates: list[Speeds] = []
-        # The links of one tree are those from i to j - 1; its solver counts them from zero.
+        # As in `_solvers`, i to j - 1 are the links of one tree.
         for (i, j), solver in zip(pairwise(self._starts), self._solvers, strict=True):
             rates += solver.rates({k - i: loads[k] for k in range(i, j) if k in loads}, forces[i:j])
         return list(chain(*rates))
@@ -161,7 +162,8 @@ class JointMechanics(AbstractMechanics):
     @override
     def projected(self, wrenches: Wrenches) -> Speeds:
         loads = {k: self._links[k].load(*load) for k, load in self._loads(wrenches).items()}
-        # A constraint's row acts on few bodies, so that only these and their carriers are visited.
+        # The Jacobian of a constraint has wrenches on few bodies, so that only these and their
+        # carriers are visited.
         forces = along_columns(self._links, self._parents, loads, self._evaluate)
         return list(chain(*forces))
 
@@ -188,11 +190,12 @@ class JointMechanics(AbstractMechanics):
         """Yield for each link, from the roots to the leaves, its acceleration without the part at
         constant speeds, and the rates u' of its joint, for given `rates` r of all joints."""
         twists: list[Twist] = []
-        for k, (link, own_rates) in enumerate(zip(self._links, self._by_link(rates), strict=True)):
+        by_link = zip(self._links, self._by_link(rates), strict=True)
+        for k, (link, joint_rates) in enumerate(by_link):
             parent = self._parents[k]
             carrier = REST if parent is None else twists[parent]
             twist, relative = self._evaluate[k](
-                accelerated, link.columns, own_rates, link.offset, carrier
+                accelerated, link.columns, joint_rates, link.offset, carrier
             )
             twists.append(twist)
             yield twist, relative
@@ -244,7 +247,8 @@ def _in_tree(wrench: Wrench, link: Link, axes: Matrix) -> ForceAndMoment:
 def _effective_load(
     wrench: Wrench, link: Link, axes: Matrix, central: Matrix, mass: Scalar, weight: Vector
 ) -> Twist:
-    """Return a link's load by wrench and weight, minus its inertial forces at constant speeds."""
+    """Return the load of wrench and weight on a link, less the inertial forces and moments of the
+    body at constant speeds."""
     # In the tree's axes: `central`, kg m^2, is the inertia about the centre of mass, and `weight`,
     # m/s^2, the weight of the body per mass.
     force, moment = _in_tree(wrench, link, axes)
@@ -260,8 +264,8 @@ def _body_acceleration(twist: Twist, link: Link, axes: Matrix, fall: Vector) -> 
 
 
 class AbstractBranchCoordinates(AbstractCoordinates):
-    """Base class of coordinates that have a branch for each body, free or on a joint. The variables
-    are those of the branches, by name of body."""
+    """Base class of coordinates that describe each body as free, by a `FreeBranch`, or relative to
+    the body that carries it in a joint, by a `JointedBranch`. Variables are by name of body."""
 
     @abc.abstractmethod
     def walk(self, scene: Scene) -> Walk:
@@ -330,7 +334,8 @@ class JointCoordinates(AbstractBranchCoordinates):
 
     @override
     def rotation_rates(self, scene: Scene, variables: TreeVariables) -> dict[str, Scalar]:
-        # Of angles only: Euler parameters have errors even in uniform rotation.
+        # Joints without an angle, such as ball joints, have the rate ``None``: the integration of
+        # their Euler parameters has errors even in uniform rotation.
         rates = {}
         for branch, evaluate in self.walk(scene):
             if isinstance(branch, JointedBranch):
@@ -348,7 +353,7 @@ def _walk(trees: Sequence[Sequence[TreeBranch]]) -> Walk:
 
 
 def written_out(branches: Iterable[TreeBranch]) -> Walk:
-    """Return branches, parents first, as a `Walk` on which functions are simply called."""
+    """Return branches, parents first, as a `Walk` in which branches share no traced functions."""
     return [(branch, operator.call) for branch in branches]
 
 
@@ -414,13 +419,16 @@ def inverse_dynamics(
     loads: dict[str, Twist] = {}
     for branch in branches:
         name, parent, body = branch.body, branch.parent, scene.bodies[branch.body]
-        links[name] = link = branch.link(links.get(parent), variables[name], False)
+        links[name] = link = branch.link(links.get(parent), variables[name], one_point=False)
+        # The axes of a tree are those of its root.
         axes[name] = axes.get(parent, motions[name].rotation)
+        # The acceleration is the carrier's, plus that in the joint at the given rates.
         twists[name] = at_offset(twists[parent], link.offset)
         if isinstance(branch, JointedBranch) and branch.joint in rates:
             for column, rate in zip(link.columns, rates[branch.joint], strict=True):
                 twists[name] = twists[name] + column * rate
-        # The bodies' momentum changes by what acts on a body, from the scene and from its joints.
+        # A body's momentum changes by the load of the scene, `effective`, and by that of its joints
+        # with the carrier and the carried bodies, which is the difference.
         central = central_inertia(body, link.rotation)
         place = link, axes[name], central, body.mass
         effective = _effective_load(wrenches[name], *place, axes[name].transposed_times(gravity))
@@ -434,4 +442,4 @@ def inverse_dynamics(
             forces[branch.joint] = [product(column, load) for column in link.columns]
         if branch.parent != GROUND:
             loads[branch.parent] = loads[branch.parent] + load_about(load, link.offset)
-    return dict(reversed(forces.items()))
+    return dict(reversed(forces.items()))  # joints in the order of `branches`

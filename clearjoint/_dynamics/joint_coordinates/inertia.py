@@ -115,6 +115,7 @@ def _minus_symmetric(matrix: Matrix, first: Vector, second: Vector) -> Matrix:
 def central_inertia(body: Body, rotation: Matrix) -> Matrix:
     """Return a body's inertia about its centre of mass, kg m^2, in the axes to which `rotation`
     transforms components in body axes."""
+    # Entry i, j is (row i of the rotation) . (inertia times row j of the rotation).
     images = [body.angular_momentum(row) for row in rotation.rows]
     return _symmetric(lambda i, j: rotation.rows[i].dot(images[j]))
 
@@ -182,8 +183,7 @@ def constrained(columns: Sequence[Twist], load: Twist, along: Speeds) -> Twist:
 
 def projected(columns: Sequence[Twist], offset: Vector, load: Twist) -> tuple[Speeds, Twist]:
     """Return the generalised forces of a load on a carried body in its joint, one for each column;
-    and the load that acts on the carrier, about the point from which `offset` leads to the present
-    one."""
+    and the load on the carrier, about the point from which `offset` leads to the present one."""
     along = [product(column, load) for column in columns]
     return along, load_about(constrained(columns, load, along), offset)
 
@@ -211,12 +211,13 @@ def momenta(
 
 
 def _unflatten(names: tuple[str, ...], values: Iterable[object]) -> Factorisation:
+    # Without the constructor, which would factorise a matrix.
     factors = object.__new__(Factorisation)
     vars(factors).update(zip(names, values, strict=True))
     return factors
 
 
-# Traced functions return factors.
+# Traced functions, such as `LoadedJoint.under`, return factors, which must be a PyTree for this.
 jax.tree_util.register_pytree_node(
     Factorisation, lambda factors: (list(vars(factors).values()), tuple(vars(factors))), _unflatten
 )
@@ -248,8 +249,7 @@ class LoadedJoint:
         carrier: Inertia,
         armature: Scalar | None,
     ) -> "tuple[LoadedJoint, Inertia]":
-        """Return a joint, and the inertia `carrier` plus the part of `carried` that the joint
-        transmits."""
+        """Return a joint, and the inertia `carrier` plus what the joint transmits of `carried`."""
         wholes, block, rests = momenta(columns, carried, armature)
         factors = Factorisation(block)
         transmitted = carried.without(columns, wholes, rests)
@@ -332,16 +332,16 @@ def evaluation(bodies: int) -> Evaluate:
 
 
 def _traced_once(function: Callable[..., Result], *arguments: PyTree) -> Result:
-    # Native code does not call a function for each branch: of a function, a program keeps the
-    # results that it needs, and products are fused with sums otherwise if fewer results are kept.
-    # Lanes of sweeps, which are computed by another program, would differ in the last bit.
+    # With `is_called=False`, native code repeats the equations for each branch. If it called one
+    # function, a program that needs fewer of the function's results would fuse products with sums
+    # otherwise, and lanes of sweeps, which another program computes, would differ in the last bit.
     with suppress(NotSharedError):
         return traced_for_a_kind(function, *arguments, is_called=False)
     return function(*arguments)
 
 
 class AbstractTreeSolver(abc.ABC):
-    """Solution of the equations of motion of one tree, from the inertia of each single body."""
+    """Base class of solvers of the equations of motion of one tree, from each body's inertia."""
 
     def __init__(self, links: Sequence[Link], parents: Parents, inertias: Sequence[Inertia]):
         self._links, self._parents = links, parents
@@ -408,13 +408,13 @@ class ArticulatedBodies(AbstractTreeSolver):
         for k in reversed(range(len(self._links))):
             link, parent = self._links[k], self._parents[k]
             if parent is None:
-                # The ground does not accelerate.
+                # The ground does not accelerate: the joint needs no `rests` and `gains`.
                 _, block, _ = momenta(link.columns, carried[k], link.armature)
                 joint = LoadedJoint(link.columns, ZERO, Factorisation(block), rests=(), gains=())
             else:
-                pair = carried[k], carried[parent]
+                inertias = carried[k], carried[parent]
                 joint, carried[parent] = self._evaluate(
-                    LoadedJoint.under, link.columns, link.offset, *pair, link.armature
+                    LoadedJoint.under, link.columns, link.offset, *inertias, link.armature
                 )
             self._joints.append(joint)
         self._joints.reverse()
@@ -429,18 +429,18 @@ class ArticulatedBodies(AbstractTreeSolver):
         for k in reversed(range(len(self._links))):
             parent = self._parents[k]
             on_carrier = REST if parent is None else totals[parent]
-            joint_alone, total = self._evaluate(
+            rates_alone, total = self._evaluate(
                 absorbed, self._joints[k], totals[k], on_carrier, forces[k]
             )
-            alone.append(joint_alone)
+            alone.append(rates_alone)
             if parent is not None:
                 totals[parent] = total
         rates: list[Speeds] = []
         twists: list[Twist] = []
         joints = zip(self._parents, self._joints, reversed(alone), strict=True)
-        for parent, joint, joint_alone in joints:
+        for parent, joint, rates_alone in joints:
             carrier = REST if parent is None else twists[parent]
-            joint_rates, twist = self._evaluate(followed, joint, joint_alone, carrier)
+            joint_rates, twist = self._evaluate(followed, joint, rates_alone, carrier)
             rates.append(joint_rates)
             twists.append(twist)
         return rates
@@ -474,7 +474,7 @@ def along_columns(
         k = -heappop(waiting)
         link, parent = links[k], parents[k]
         forces[k], transmitted = evaluate[k](projected, link.columns, link.offset, totals[k])
-        if parent is None:
+        if parent is None:  # The load on the ground is not needed.
             continue
         if parent in totals:
             totals[parent] = totals[parent] + transmitted

@@ -190,15 +190,14 @@ class JointedBranch:
         return replace(self, body="", parent="", joint="")
 
     def encode(self, parent: BodyPose, body: BodyPose) -> JointState:
-        """Return the joint's state from two poses. Relative motion that the joint forbids is
-        dropped."""
+        """Return the joint's state from two poses, without motion that the joint forbids."""
         on_child, on_parent = self.motion_subspace.point_child, self.motion_subspace.point_parent
-        (orientation_parent, first), (orientation_body, second) = parent, body
-        displacement = second.components(second.point(on_child) - first.point(on_parent))
-        spin = second.spin - second.components(first.direction(first.spin))
-        velocity = second.components(second.velocity_at(on_child) - first.velocity_at(on_parent))
-        # This is the rate of the displacement's components in body axes, which rotate with `spin`.
-        linear = velocity - second.spin.cross(displacement)
+        (orientation_parent, carrier), (orientation_body, carried) = parent, body
+        displacement = carried.components(carried.point(on_child) - carrier.point(on_parent))
+        spin = carried.spin - carried.components(carrier.direction(carrier.spin))
+        apart_rate = carried.velocity_at(on_child) - carrier.velocity_at(on_parent)
+        # The rate of the displacement's components in the body's axes, which rotate with the body.
+        linear = carried.components(apart_rate) - carried.spin.cross(displacement)
         orientation = composed(conjugate(orientation_parent), orientation_body)
         return self.motion_subspace.encode(Relative(orientation, displacement, Twist(spin, linear)))
 
@@ -322,6 +321,7 @@ def topology(scene: Scene) -> Topology:
     key = id(scene)
     if key not in _known or _known[key][0]() is not scene:
         trees = Topology(_grown_trees(scene))
+        # The entry is removed with the scene, since another object may get the same `id`.
         _known[key] = weakref.ref(scene, lambda _: _known.pop(key, None)), trees
     return _known[key][1]
 
@@ -393,8 +393,7 @@ def _children(joints: _Incident, parent: str, placed: set[str]) -> list[Place]:
     `placed`, the bodies that have a place already. Add the bodies found to `placed`."""
     children = []
     for name, joint, body in joints[parent]:
-        # The subspace is made last, because that takes operations, which JAX would trace for
-        # nothing.
+        # The subspace is made last: for a placed body, JAX would trace its operations in vain.
         if body not in placed and joint.motion_subspace(parent) is not None:
             placed.add(body)
             children.append(Place(body, parent, name))

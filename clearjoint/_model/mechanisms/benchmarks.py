@@ -131,8 +131,9 @@ def bricard() -> tuple[Scene, State]:
     names = [GROUND, *(f"rod {k}" for k in range(1, 6)), GROUND]
     centres: dict[str, np.ndarray] = {GROUND: np.zeros(3)}
     bodies, states, joints = {}, {}, {}
-    # All body frames start parallel to the global frame, in which each rod lies along one axis. The
-    # sixth edge of the loop, from the last corner to the first, is the ground.
+    # All body frames start parallel to the global frame, in which each rod lies along one axis: the
+    # moment about this axis is `along`. The sixth edge of the loop, from the last corner to the
+    # first, is the ground.
     for k in range(5):
         direction = corners[k + 1] - corners[k]
         name, centre = names[k + 1], 0.5 * (corners[k] + corners[k + 1])
@@ -174,8 +175,8 @@ def double_four_bar() -> tuple[Scene, State]:
     ) -> None:
         joints[name] = RevoluteJoint(first, second, on_first, on_second, axis, axis)
 
-    # The upright rods rotate clockwise at 1 rad/s. Their centres move at half the speed of their
-    # tips.
+    # Posts are rods 1, 3 and 5, and rotate clockwise at 1 rad/s, so that their centres move at half
+    # the speed of their tips. Beams are rods 2 and 4, between the posts before and after them.
     for k in (0, 1, 2):
         post = names[2 * k]
         states[post] = body_state((k, 0.5, 0.0), upright, (0.5, 0.0, 0.0), (0.0, 0.0, -1.0))

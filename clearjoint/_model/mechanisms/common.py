@@ -40,7 +40,7 @@ def planar_state(centre: np.ndarray, angle: float, velocity: np.ndarray, spin: S
 
 
 def with_motor(joints: Joints, motor: Motor | None) -> tuple[Joints, dict[str, AbstractForce]]:
-    """Return the joints and the forces of a mechanism, by name, including its "motor"."""
+    """Return the joints and the forces of a mechanism by name, with its "motor" if there is one."""
     if isinstance(motor, AbstractForce):
         return joints, {"motor": motor}
     return joints if motor is None else {**joints, "motor": motor}, {}

@@ -33,8 +33,7 @@ def double_pendulum(
 
     **Arguments:**
 
-    - `clearance`: radial, m; ``None`` for an ideal ground joint. The other arguments then have no
-      effect.
+    - `clearance`: radial, m; ``None`` for an ideal ground joint, without use of other arguments.
     - `law`: normal law of the contacts; by default that of Lankarani and Nikravesh for `STEEL` with
       the requested `restitution`.
     - `bearing_radius`, `journal_length`: m.

@@ -88,12 +88,12 @@ def four_bar(
     }
     # Coordinates of each pin along the rods of its bearing and its journal, from their centres. On
     # the ground they are along X, from the origin.
-    crank, coupler, rocker, feet = lengths
+    crank, coupler, rocker, base = lengths
     places = {
         "crank foot": (0.0, -0.5 * crank),
         "crank pin": (0.5 * crank, -0.5 * coupler),
         "rocker pin": (0.5 * coupler, 0.5 * rocker),
-        "rocker foot": (feet, -0.5 * rocker),
+        "rocker foot": (base, -0.5 * rocker),
     }
     joints: Joints = {}
     for pin, pair in PINS.items():
@@ -111,13 +111,16 @@ def four_bar(
     bodies = {}
     for name, mass, length in zip(RODS, masses, lengths[:3], strict=True):
         across = mass * length**2 / 12
+        # The moment about the rod's own axis has no effect on the planar motion.
         bodies[name] = Body(mass, (1e-5, across, across))
     return Scene(bodies, joints, forces, gravity), _state(lengths, angle, speed)
 
 
 def _state(lengths: tuple[float, ...], angle: float, speed: float) -> State:
-    crank, coupler, rocker, feet = lengths
-    foot = np.array([feet, 0.0])
+    """Return the ideal linkage's state at an angle, rad, and a speed, rad/s, of the crank."""
+    crank, coupler, rocker, base = lengths
+    # In the XY plane: the rocker's fixed end, the crank's moving end, and the rocker pin.
+    foot = np.array([base, 0.0])
     tip = crank * np.array([math.cos(angle), math.sin(angle)])
     pin = _intersection(tip, foot, coupler, rocker)
     # Vectors along the coupler, to the rocker pin, and along the rocker, from its axis.
@@ -144,7 +147,7 @@ def _intersection(tip: np.ndarray, foot: np.ndarray, coupler: float, rocker: flo
     across = foot - tip
     distance = float(np.linalg.norm(across))
     # The pin's coordinate along the line between the centres, and the square of the pin's distance
-    # from this line.
+    # from this line. If the centres coincide, an infinite coordinate leads to the error below.
     along = (coupler**2 - rocker**2 + distance**2) / (2.0 * distance) if distance else math.inf
     squared_height = coupler**2 - along**2
     expected = f"rods that span the {distance:.6g} m from the crank pin to the rocker foot"
@@ -199,29 +202,28 @@ def spatial_four_bar(
     ['crank bearing', 'rocker bearing', 'crank ball', 'tip']
     """
     # The coupler lies along its x axis, crank and rocker along their y axes.
-    end = (0.5 * COUPLER, 0.0, 0.0)
-    top = (0.0, 0.5 * ROCKER, 0.0)
+    coupler_end, rocker_end = (0.5 * COUPLER, 0.0, 0.0), (0.0, 0.5 * ROCKER, 0.0)
     if clearance is None:
-        tip = SphericalJoint("rocker", "coupler", top, end)
+        tip = SphericalJoint("rocker", "coupler", rocker_end, coupler_end)
     else:
         tip = BallInSocket(
             "rocker",
             "coupler",
-            socket_point=top,
-            ball_point=end,
+            socket_point=rocker_end,
+            ball_point=coupler_end,
             socket_radius=10e-3,
             clearance=clearance,
             law=steel_law(restitution) if law is None else law,
             friction=friction,
         )
     # At the start crank and rocker point along Y, and their ends at the coupler have the same Y.
-    foot = (COUPLER, CRANK - ROCKER, 0.0)
-    lower, upper, bottom = ((0.0, y, 0.0) for y in (-0.5 * CRANK, 0.5 * CRANK, -0.5 * ROCKER))
-    start = (-0.5 * COUPLER, 0.0, 0.0)
+    pivot = (COUPLER, CRANK - ROCKER, 0.0)
+    crank_foot, crank_end = (0.0, -0.5 * CRANK, 0.0), (0.0, 0.5 * CRANK, 0.0)
+    rocker_foot, coupler_start = (0.0, -0.5 * ROCKER, 0.0), (-0.5 * COUPLER, 0.0, 0.0)
     joints = {
-        "crank bearing": RevoluteJoint(GROUND, "crank", ORIGIN, lower, X_AXIS, X_AXIS),
-        "rocker bearing": RevoluteJoint(GROUND, "rocker", foot, bottom, Z_AXIS, Z_AXIS),
-        "crank ball": SphericalJoint("crank", "coupler", upper, start),
+        "crank bearing": RevoluteJoint(GROUND, "crank", ORIGIN, crank_foot, X_AXIS, X_AXIS),
+        "rocker bearing": RevoluteJoint(GROUND, "rocker", pivot, rocker_foot, Z_AXIS, Z_AXIS),
+        "crank ball": SphericalJoint("crank", "coupler", crank_end, coupler_start),
         "tip": tip,
     }
     bodies = {

@@ -61,6 +61,7 @@ def gear_pair(
         law = ExactRestitution(restitution=restitution, stiffness=1.8e11)
     names, bodies, joints, states = ("pinion", "wheel"), {}, {}, {}
     for name, radius, x, speed in zip(names, radii, (0.0, sum(radii)), speeds, strict=True):
+        # A solid disc of the width b: m (3 r^2 + b^2)/12 across the axis and m r^2/2 about it.
         mass = STEEL * math.pi * radius**2 * FACE_WIDTH
         across = mass * (3.0 * radius**2 + FACE_WIDTH**2) / 12.0
         bodies[name] = Body(mass, (across, across, 0.5 * mass * radius**2))

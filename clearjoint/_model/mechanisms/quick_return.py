@@ -51,6 +51,8 @@ def quick_return(
     >>> list(scene.joints)
     ['crank bearing', 'lever bearing', 'motor', 'slot']
     """
+    # Points in the bodies' axes; both bodies lie along their x axes. The middle of the slot is on
+    # the crank's axis while the lever is vertical, so that the pin moves as far to either side.
     crank_foot, lever_foot = (-0.5 * CRANK, 0.0, 0.0), (-0.5 * LEVER, 0.0, 0.0)
     pin, middle = (0.5 * CRANK, 0.0, 0.0), (BASE - 0.5 * LEVER, 0.0, 0.0)
     lever_pivot = (0.0, -BASE, 0.0)

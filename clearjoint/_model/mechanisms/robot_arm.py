@@ -96,7 +96,8 @@ class LinkFrame:
     def after(self, link: ArmLink, angle: float) -> "LinkFrame":
         """Return the frame of the next link, rotated by `angle`, rad, about this frame's z axis."""
         orientation = composed(self.turned(angle), link.tilt())
-        axes = LinkFrame(self.origin, orientation).axes
+        axes = LinkFrame(self.origin, orientation).axes  # these don't depend on the origin
+        # The joint, whose position `link.joint()` is from the new origin, is at the present origin.
         return LinkFrame(self.origin - axes @ link.joint(), orientation)
 
     def state(self, centre: Components, velocity: Components, spin: Components) -> BodyState:
@@ -130,6 +131,7 @@ class Lump:
 def lumps() -> list[Lump]:
     """Return the lump of each link of the arm; the third includes the wrist."""
     single = [Lump(link.mass, np.array(link.centre), np.diag(link.inertia)) for link in ARM]
+    # The wrist is fixed to the third link.
     parts = [single[2]]
     for link, frame in zip(WRIST, frames(WRIST, WRIST_ANGLES)[1:], strict=True):
         centre = frame.origin + frame.axes @ np.array(link.centre)
@@ -210,7 +212,8 @@ def robot_arm(
     bodies = {name: Body(lump.mass, lump.inertia) for name, lump in zip(LINKS, LUMPS, strict=True)}
     for k, (angle, speed) in enumerate(zip(angles, speeds, strict=True)):
         parent, link, flange, axis = PARENTS[k], LINKS[k], FLANGES[k], ARM[k].axis()
-        # The hinge on the parent is the origin of the parent's Denavit-Hartenberg frame.
+        # The hinge on the parent is the origin of the parent's Denavit-Hartenberg frame. Points of
+        # a body are relative to its centre of mass.
         foot = np.zeros(3) if k == 0 else -LUMPS[k - 1].centre
         on_link = ARM[k].joint() - LUMPS[k].centre
         joints[f"joint {k + 1}"] = RevoluteJoint(parent, link, foot, on_link, Z_AXIS, axis)

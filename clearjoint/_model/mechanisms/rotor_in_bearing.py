@@ -64,7 +64,8 @@ def rotor_in_bearing(
         friction=friction,
         axial=FixedAxially(),
     )
-    # With a film, the lubricated joint replaces the dry one, whose contact it includes.
+    # With a film, the lubricated joint replaces the dry one, whose contact it includes: contact
+    # replaces the film as the penetration grows to 2 % of the clearance.
     if film is not None:
         bearing = LubricatedJoint(bearing, film, transition=0.02 * clearance)
     motor = PrescribedRotation(GROUND, "rotor", Z_AXIS, speed)

@@ -117,7 +117,8 @@ def _crank_joints(crank: float, rod: float) -> Joints:
 
 def _slider_crank_state(speed: Scalar, angle: float) -> State:
     """Return the ideal mechanism's state at a crank angle, rad, and speed, rad/s."""
-    # The rod's far end is on the X axis, at the height of the slider.
+    # In the XY plane: the crank's end, and the vector along the rod to its far end, which is on the
+    # X axis, at the height of the slider.
     tip = CRANK_LENGTH * np.array([math.cos(angle), math.sin(angle)])
     rod_angle = -math.asin(tip[1] / ROD_LENGTH)
     rod = ROD_LENGTH * np.array([math.cos(rod_angle), math.sin(rod_angle)])
@@ -191,7 +192,8 @@ def guided_slider_crank(
             law=steel_law(0.9) if pin_law is None else pin_law,
         )
         # Unlike an ideal pin, a pin with clearance leaves the slider free to move along Z and to
-        # tilt about X and Y.
+        # tilt about X and Y. "plane along" keeps the line through the slider's centre along X in
+        # the plane, and "plane across" a point above the centre, which prevents the tilt about X.
         edge = (0.0, HALF_HEIGHT, 0.0)
         joints["plane along"] = LineInPlaneJoint(GROUND, "slider", ORIGIN, ORIGIN, Z_AXIS, X_AXIS)
         joints["plane across"] = PointInPlaneJoint(GROUND, "slider", ORIGIN, edge, Z_AXIS)
