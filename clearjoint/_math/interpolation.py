@@ -140,12 +140,15 @@ class Parabola(NamedTuple):
     def at(self, x: Scalar) -> Scalar:
         return self.start + x * (self.slope + x * self.bend)
 
+    def vertex(self) -> Scalar:
+        """Return the x of the extreme value; any number for a straight line."""
+        return -0.5 * self.slope / jnp.where(self.bend == 0.0, 1.0, self.bend)
+
     def extremes(self, a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
         """Return the smallest and the largest value for x in [a, b]."""
         # Without curvature the vertex is arbitrary, which does no harm: clipped to [a, b], it is
         # one more point of the straight line.
-        vertex = -0.5 * self.slope / jnp.where(self.bend == 0.0, 1.0, self.bend)
-        ends, inner = (self.at(a), self.at(b)), self.at(jnp.clip(vertex, a, b))
+        ends, inner = (self.at(a), self.at(b)), self.at(jnp.clip(self.vertex(), a, b))
         return (jnp.minimum(jnp.minimum(*ends), inner), jnp.maximum(jnp.maximum(*ends), inner))
 
     def part_below(self, level: Scalar, a: Scalar, b: Scalar) -> Scalar:

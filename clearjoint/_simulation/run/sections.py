@@ -117,7 +117,7 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         # A level with the same sign at both ends may rise through zero before or after a turning
         # point inside the step. A ball that is thrown up, for example, flies without integration
         # errors: in a single step it passes a height twice. x is the turning point of the parabola.
-        x = -0.5 * parabola.slope / jnp.where(parabola.bend == 0.0, 1.0, parabola.bend)
+        x = parabola.vertex()
         turns = (below == (after < 0.0)) & (x > 0.0) & (x < 1.0)
         turns = turns & ((parabola.at(x) < 0.0) != below)
 
