@@ -284,8 +284,7 @@ class FoundPath:
 def find_path(
     texts: str | Sequence[str], scene: Scene, state: State, location: documents.FileLocation
 ) -> FoundPath:
-    """Find the number of the scene or of its initial state that a path names, or those of several
-    paths.
+    """Find the number of the scene or its initial state at a path, or those at several paths.
 
     **Raises:** `ValueError` for a path that does not lead to one number (the message lists the
     existing names), for paths both in the scene and in the state, and for different units.

@@ -109,8 +109,7 @@ def identify(
       the number of runs in the first of up to six rounds; by default the exploration costs about as
       much as the searches and the test. With `check_runs`, or after a long search, the intervals
       are those of a posterior around the lowest minimum, by at most 75 times `check_runs` runs.
-    - `progress`: whether to show a line with the iterations, or a function that is called with each
-      `Iteration`.
+    - `progress`: whether to show a line of iterations, or a function called with each `Iteration`.
 
     **Raises:** `ValueError` for unsupported arguments; `FitInterrupted`, with the best fit so far,
     on Ctrl-C. A search that fails raises no error: see `Fit.ending` and `Fit.warnings`.

@@ -81,10 +81,9 @@ class _Plan:
         return [SIZE * block + row for row in range(self.sizes[group])]
 
     def factorisation(self) -> list[_Step]:
-        """Return the table for `_factor`. Each row of the table has the kind of an operation, the
-        index of the row that it changes, the index of a row that is multiplied, and the index of
-        the block by which it is multiplied. Inverses of the diagonal blocks follow the blocks in
-        `slots`."""
+        """Return the table for `_factor`. Each row has the kind of an operation, the index of the
+        row that it changes, the index of a row that is multiplied, and the index of the block by
+        which it is multiplied. Inverses of the diagonal blocks follow the blocks in `slots`."""
         table: list[_Step] = []
         slots, first_inverse = self.slots, len(self.slots)
         for j, column in enumerate(self._below):
