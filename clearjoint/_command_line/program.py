@@ -22,8 +22,7 @@ input is wrong; 130 interrupted by Ctrl-C (results so far are written).
 
 
 def command(name: str, *examples: str) -> Callable[[Callable], click.Command]:
-    """Return a decorator that makes a function a command; the function's docstring and `examples`
-    are its help."""
+    """Return a decorator that makes a function a command, with docstring and `examples` as help."""
     lines = "\n".join(f"  {example}" for example in examples)
 
     def decorate(function: Callable) -> click.Command:

@@ -254,8 +254,7 @@ def study_schema() -> Schema:
 
 @dataclass(frozen=True)
 class WrittenPath:
-    """Function of a scene or a state that returns the number at a path, or the list of those at
-    several."""
+    """Function of a scene or state that returns the number at a path, or a list for several."""
 
     paths: tuple[documents.Keys, ...]
 

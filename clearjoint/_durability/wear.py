@@ -947,7 +947,7 @@ def _with_splines(
     scene: Scene, wear: Mapping[str, Sequence[float] | np.ndarray], samples: int
 ) -> Scene:
     """Replace each profile that wears by a periodic spline through it at `samples` angles. `wear`
-    has, by joint name, numbers for bearing and journal, positive if the part wears."""
+    has, by name of the joint, numbers for bearing and journal, positive if the part wears."""
 
     def spline(name: str, k: int, profile: AbstractProfile | None) -> AbstractProfile | None:
         if not wear[name][k] > 0.0:

@@ -81,8 +81,7 @@ def identify(
 
     - `scene`, `state`, `start_time`: as in `simulate`; the run ends at the last sample.
     - `guess`: values to start from, by name. A parameter without one starts from its
-      `Parameter.value`, by default the number in the scene or state. Each guess of a list is a
-      start.
+      `Parameter.value`, by default the scene's or state's number. Each guess of a list is a start.
     - `starts`: `Starts` draws more starts around the first guess. A `Screening` around a single
       guess finds starts by many runs without derivatives, for data with impacts, where derivatives
       don't lead to the solution. The fit is the best of all searches; `Fit.rivals` has other minima

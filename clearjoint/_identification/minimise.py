@@ -89,8 +89,7 @@ def minimise(
     - `objective`: a finite, scalar function of the outputs by name that JAX can differentiate.
     - `parameters`: the free parameters by name, as in `predictor`. The search starts from the
       `value` of a `Parameter`, by default the number in the scene or its initial state.
-    - `outputs`: functions of an `Instant` by name, evaluated at `times`, and reductions, as in
-      `predictor`.
+    - `outputs`: functions of an `Instant` at each time, and reductions, by name, as in `predictor`.
     - `times`: (N,) times that do not decrease; only reductions need none.
     - `settings`: by default `clearjoint.presets.derivatives`.
     - `optimiser`: an optax optimiser of the parameters' coordinates on their scales. By default
