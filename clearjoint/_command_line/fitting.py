@@ -24,9 +24,8 @@ SERIES = "series "
 
 
 def fit(study: Study, folder: Path) -> CommandResult:
-    """Fit the parameters of a study's section [fit], and write estimates, the fitted scene and
-    series, figures and a report. After Ctrl-C, the best fit so far is written; nothing if no run
-    had ended."""
+    """Fit the parameters of a study's section [fit]; write estimates, fitted scene and series,
+    figures and a report. After Ctrl-C, write the best fit so far, if a run had ended."""
     part = study.parts.fit
     location = study.location.at("fit")
     if part is None:

@@ -22,8 +22,7 @@ input is wrong; 130 interrupted by Ctrl-C (results so far are written).
 
 
 def command(name: str, *examples: str) -> Callable[[Callable], click.Command]:
-    """Return a decorator that makes a function a command; the function's docstring and `examples`
-    are its help."""
+    """Return a decorator that makes a function a command, with docstring and `examples` as help."""
     lines = "\n".join(f"  {example}" for example in examples)
 
     def decorate(function: Callable) -> click.Command:
@@ -41,9 +40,8 @@ def command(name: str, *examples: str) -> Callable[[Callable], click.Command]:
 def clearjoint() -> None:
     """Simulate mechanisms whose joints have clearance, from scene files and study files.
 
-    A scene file (TOML or JSON) contains bodies, joints and forces. A study file names a scene file
-    and defines a run, a sweep, a fit and wear. `clearjoint new four_bar` writes both, with
-    comments.
+    A scene file (TOML or JSON) has bodies, joints and forces. A study file names a scene file and
+    defines a run, a sweep, a fit and wear. `clearjoint new four_bar` writes both, with comments.
 
     \b
     Examples:
@@ -168,10 +166,9 @@ def sweep(file: Path, changes: tuple[str, ...], out: Path | None, **options: str
 def fit(file: Path, changes: tuple[str, ...], out: Path | None) -> None:
     """Estimate numbers of a scene from measurements.
 
-    The section [fit] of the study names the CSV file of the measurements, its columns and the
-    parameters. The folder of the results contains report.txt, estimates.csv with errors and
-    correlations, the fitted series, figures, the page index.html, and fitted.toml, the scene with
-    the estimates.
+    The study's section [fit] names the CSV file of measurements, its columns and the parameters.
+    The folder of results has report.txt, estimates.csv with errors and correlations, the fitted
+    series, figures, the page index.html, and fitted.toml, the scene with the estimates.
     """
     from .fitting import fit as fit_study
 

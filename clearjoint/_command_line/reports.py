@@ -274,8 +274,7 @@ def _table(title: str, frame: pd.DataFrame, rows: int) -> str:
 
 
 def lane_table(dataset: xr.Dataset) -> pd.DataFrame:
-    """Return a table with a row for each lane of a sweep: axes, and outputs that are single
-    numbers."""
+    """Return a table with a row per lane of a sweep: axes, and outputs that are single numbers."""
     dims = dataset["result"].dims
     table = dataset[[name for name in dataset.data_vars if dataset[name].dims == dims]]
     # A sweep over a grid has a dimension for each axis. The lanes become one list, in which the

@@ -61,8 +61,7 @@ class Negative(AbstractQuantity):
 
 
 def run(study: Study, folder: Path) -> CommandResult:
-    """Run a study's scene, and write its tables; after a failure or Ctrl-C, these have the results
-    so far."""
+    """Run a study's scene and write its tables, of the results so far after a failure or Ctrl-C."""
     settings = study.settings("run")
     extremes = extremes_of(study.parts.run, settings)
     times = study.parts.run.saved_times(study.end())

@@ -254,8 +254,7 @@ def study_schema() -> Schema:
 
 @dataclass(frozen=True)
 class WrittenPath:
-    """Function of a scene or a state that returns the number at a path, or the list of those at
-    several."""
+    """Function of a scene or state that returns the number at a path, or a list for several."""
 
     paths: tuple[documents.Keys, ...]
 
@@ -284,8 +283,7 @@ class FoundPath:
 def find_path(
     texts: str | Sequence[str], scene: Scene, state: State, location: documents.FileLocation
 ) -> FoundPath:
-    """Find the number of the scene or of its initial state that a path names, or those of several
-    paths.
+    """Find the number of the scene or its initial state at a path, or those at several paths.
 
     **Raises:** `ValueError` for a path that does not lead to one number (the message lists the
     existing names), for paths both in the scene and in the state, and for different units.

@@ -38,8 +38,7 @@ def digest_of(value: object) -> str:
     orders. Arrays of NumPy and JAX with the same numbers, dtype and shape have the same digest. A
     value may consist of
 
-    - numbers, strings, bytes, ``None``, ``...``, arrays, tuples, lists, dictionaries and frozen
-      sets;
+    - numbers, strings, bytes, ``None``, ``...``, arrays, tuples, lists, dictionaries, frozen sets;
     - functions and classes of this package, of the packages `VERSIONED`, or of a few modules of
       Python, such as `functools`; and methods and instances of these that can be pickled.
 

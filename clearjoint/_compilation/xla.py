@@ -1,8 +1,7 @@
 """Functions that XLA compiles at their first call, and tracing by JAX.
 
 Python's garbage collector is off while JAX traces. Tracing makes a hundred thousand objects that
-stay in use. The collector would visit them repeatedly and free nothing, which would take a third of
-the time.
+stay in use; the collector would visit them repeatedly, free nothing and take a third of the time.
 """
 
 import gc
@@ -89,8 +88,7 @@ SHARED = "shared_function"
 
 _Shared: TypeAlias = Callable[[Iterable[PyTree]], PyTree]
 SharedFunctions: TypeAlias = dict[Hashable, _Shared]
-"""Functions that `traced_for_a_kind` has traced, each for the arrays among its arguments'
-leaves."""
+"""Functions traced by `traced_for_a_kind`, each for the arrays among its arguments' leaves."""
 
 
 @dataclass
@@ -372,8 +370,7 @@ def program_is_made_inside() -> Iterator[None]:
 
 
 OPTIONS: dict[str, str | bool] = {"xla_backend_optimization_level": "1"}
-"""XLA's compiler options: LLVM's level of optimisation is 1, which compiles faster than XLA's
-default of 3."""
+"""XLA's compiler options: LLVM's optimisation level 1, which compiles faster than the default 3."""
 _ONE_FUNCTION = {"xla_cpu_small_call": "true", "inlineable": "false"}
 """Attributes of a call that make XLA's CPU compiler compile it as a function of its own."""
 

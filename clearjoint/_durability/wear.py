@@ -40,8 +40,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
 FIRST_CHANGE = 0.2
-"""Change of the worn depth in the first stage, divided by the largest penetration beyond the onset
-of the force."""
+"""Change of worn depth in the first stage over the largest penetration beyond the force's onset."""
 GROWTH = 2.0
 """Largest number of cycles of a stage, divided by the number of cycles of the stage before; the
 spline of `cycles_to_depth` through the stages then has an error of about 1e-3."""
@@ -948,8 +947,7 @@ def _with_splines(
     scene: Scene, wear: Mapping[str, Sequence[float] | np.ndarray], samples: int
 ) -> Scene:
     """Replace each profile that wears by a periodic spline through it at `samples` angles. `wear`
-    has, by name of the joint, a number for the bearing and one for the journal, positive if the
-    part wears."""
+    has, by name of the joint, numbers for bearing and journal, positive if the part wears."""
 
     def spline(name: str, k: int, profile: AbstractProfile | None) -> AbstractProfile | None:
         if not wear[name][k] > 0.0:

@@ -105,9 +105,8 @@ class ParameterDirection:
 def directions_of(
     scene: Scene, state: State, rates: Rates, parameters: Mapping[str, Parameter]
 ) -> dict[str, ParameterDirection]:
-    """Return a `ParameterDirection` by name for each parameter, and then, named by `rate_name`, for
-    the logarithm of each positive wear rate. In `scene`, each profile that wears must be a
-    `MovingSpline`."""
+    """Return a `ParameterDirection` by name for each parameter, then, named by `rate_name`, for the
+    logarithm of each positive wear rate. Profiles of `scene` that wear must be `MovingSpline`s."""
     joints = tuple(rates)
     directions: dict[str, ParameterDirection] = {}
     for name, parameter in parameters.items():

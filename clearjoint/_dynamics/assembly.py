@@ -140,8 +140,7 @@ def assemble(
     - if a `FixedJoint` or `PrismaticJoint` would hold a wrong orientation, since its bodies are
       turned too far relative to each other in the guess;
     - if a journal is deep in a wall although it is centred, such as a pin beyond the end of a slot;
-    - if `moving` is ``True``, but the mechanism with ideal joints cannot move as its drivers
-      prescribe;
+    - if `moving` is ``True``, but the mechanism with ideal joints cannot move as drivers prescribe;
     - if a name in `resting` does not name a clearance joint with a centred position, or the load on
       this joint's journal has no component across the joint's axis.
 

@@ -108,8 +108,7 @@ def since_breakpoints(
 
     - whether the step ends at one of its breakpoints;
     - the time, s, from this breakpoint to the end of the step: zero except for rounding, but with
-      derivatives by the parameters on which the breakpoint depends. Zero if the step does not end
-      at a breakpoint.
+      derivatives by the parameters on which the breakpoint depends. Zero if the step ends at none.
     """
     landings = {}
     start, t = system.clock(start), system.clock(t)

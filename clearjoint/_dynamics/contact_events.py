@@ -22,9 +22,8 @@ from .contact_forces import Closed, EntrySpeeds
 from .kinds import Kinds
 
 SLOWEST = 1e-12
-"""Entry speed, m/s, of a closed contact whose penetration rate is not positive, since zero stands
-for an open contact. The time since the onset is estimated, as depth over rate, only for rates above
-this speed."""
+"""Entry speed, m/s, of a closed contact whose penetration rate is not positive, since zero means an
+open contact. The time since the onset is estimated, as depth over rate, only for rates above it."""
 TOUCHING = 1e-12
 """Largest magnitude of the depth, m, at which a contact counts as being at the wall at the start of
 a run: the sign of so small a depth is due to rounding."""

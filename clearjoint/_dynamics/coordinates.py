@@ -74,9 +74,8 @@ class AbstractMechanics(abc.ABC):
     @abc.abstractmethod
     def projected(self, wrenches: Wrenches) -> Speeds:
         """Return H^T times the wrenches on the bodies: one generalised force for each speed. An
-        entry for the ground is ignored, and a body without an entry has no wrench. The `jacobian`
-        of a constraint's `Row` may also be given; the result is then the row's Jacobian by the
-        speeds."""
+        entry for the ground is ignored; a body without entry has no wrench. For the `jacobian` of a
+        constraint's `Row`, the result is the row's Jacobian by the speeds."""
 
     @abc.abstractmethod
     def solved(self, forces: Speeds) -> Speeds:

@@ -15,8 +15,7 @@ from .coordinates import AbstractMechanics, Speeds
 
 
 class ConstraintEquations:
-    """Equations for the multipliers of constraint rows, which are factorised once for any number of
-    right sides.
+    """Equations for the multipliers of constraint rows, factorised once for all right sides.
 
     With the mass matrix M and the rows D (`directions`, a list for each row, with a number for each
     speed), the multipliers lambda that change the rows, D u', by given targets solve D M^-1 D^T

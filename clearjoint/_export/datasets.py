@@ -170,8 +170,7 @@ class AbstractTabular(abc.ABC):
         self.to_dataframe().to_csv(path)
 
     def to_netcdf(self, path: str | PathLike[str]) -> None:
-        r"""Write the dataset of `to_xarray` to a netCDF file (classic format, 64-bit offsets),
-        without loss.
+        r"""Write the dataset of `to_xarray` to a netCDF classic file (64-bit offsets) without loss.
 
         The writer of this format supports only Latin-1 in names. Other characters in names of
         variables and dimensions are escaped ("\\u8f74"), and a variable's attribute "original_name"

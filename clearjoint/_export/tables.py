@@ -7,8 +7,7 @@ import numpy as np
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return the lines of a table with aligned columns; the first row is the head, the first column
-    has labels."""
+    """Return the lines of an aligned table: the first row is the head, the first column labels."""
     import pandas as pd
 
     (corner, *head), *body = rows

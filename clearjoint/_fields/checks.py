@@ -32,8 +32,7 @@ Path: TypeAlias = tuple[str | int, ...]
 """Path to a part of a PyTree: names of fields, and keys or indices of containers."""
 EPSILON = float(np.finfo(float).eps)
 ROUNDINGS = 16.0
-"""`as_shown` rounds a number to 14 digits if this changes it by at most `ROUNDINGS * EPSILON`,
-relatively."""
+"""`as_shown` rounds to 14 digits if the relative change is at most `ROUNDINGS * EPSILON`."""
 _CONDITIONS: ContextVar[list[jax.Array] | None] = ContextVar("conditions", default=None)
 """Conditions that `conditions_of` is collecting; ``None`` if it isn't running."""
 
@@ -91,8 +90,7 @@ def as_shown(value: Any) -> Any:
 
 
 def checkable(*values: object) -> list[Any] | None:
-    """Return values as arrays for a check of several of them, or ``None`` if the check must be
-    omitted.
+    """Return values as arrays for a check of several of them, or ``None`` if it must be omitted.
 
     It must be omitted if JAX traces one of the values, except in a run that checks traced numbers
     in its compiled program: the arrays are then traced. Therefore, combine conditions by ``&`` and
@@ -295,8 +293,7 @@ def require_point(argument: str, value: ArrayLike) -> None:
 
 
 def require_axis(argument: str, value: ArrayLike) -> None:
-    """Raise a ``ValueError`` unless a direction has three finite components and a length above
-    1e-12.
+    """Raise a ``ValueError`` unless a direction has three finite components and length above 1e-12.
 
     >>> extend.require_axis("axis", (0, 0, 1))  # else raises
     """

@@ -79,13 +79,11 @@ def quantity(
 
     - `unit`: SI unit of the value, "1" for a number without unit.
     - `shape`: (), (3,) or (4,), with finite components; any shape unless given.
-    - `positive`: whether the value must be a single positive number; with `zero`, it may be zero
-      too.
+    - `positive`: whether the value must be a single positive number; with `zero`, it may be zero.
     - `within`: closed interval in which the value, a single number, must be.
     - `usual`: smallest and largest usual value of a single number; others give an
       `UnusualValueWarning`.
-    - `check`: a function of the field's name and value that raises a ``ValueError``, such as
-      `require_axis`.
+    - `check`: a function of name and value that raises a ``ValueError``, such as `require_axis`.
     - `remedy`: advice in error messages; the default is to give the value in its unit.
     - `table`: whether methods get an array of any shape as an array, for instance for
       `jax.numpy.interp`. By default, in compiled programs, an array of shape (3,) becomes a

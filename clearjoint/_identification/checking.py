@@ -96,8 +96,7 @@ def _root(covariance: Covariance) -> Float[np.ndarray, "p p"]:
 class QuadraticTest:
     """Test of the quadratic model of chi squared by runs at n points around a minimum.
 
-    - `predicted`, `actual`: rise of chi squared from the minimum to each point, by the model and in
-      the runs.
+    - `predicted`, `actual`: rise of chi squared from the minimum to each point, by model and runs.
     - `horizon`: first time at which chi squared of the samples up to it disagrees with the model at
       a tenth of the points or more, s; infinite if there is none.
     """

@@ -253,8 +253,7 @@ class Fit(AbstractTabular):
         return dict(zip(self.parameters, zip(lowest, highest, strict=True), strict=True))
 
     def _intervals_around(self, minima: Sequence[RunMisfit]) -> list[Float[np.ndarray, "2 p"]]:
-        """Return the low and high ends of the intervals of the values by the covariance at each of
-        the minima."""
+        """Return low and high ends of the values' intervals by the covariance at each minimum."""
         # An interval that is open at one end of its scale, such as at infinity, needs to know which
         # end. An estimate that is gone has moved there from its start. Of other parameters, another
         # minimum may be gone: to the upper end if it is above the estimate.

@@ -171,8 +171,7 @@ def student_factor(effective: float) -> float:
 
 def normality(residuals: Float[np.ndarray, " M"]) -> float:
     """Return the p-value of the test for normality, by skewness and kurtosis, of R. D'Agostino and
-    E. Pearson, *Tests for departure from normality* (1973); NaN for M < 20, and if all residuals
-    are equal."""
+    E. Pearson, *Tests for departure from normality* (1973); NaN for M < 20 or equal residuals."""
     from scipy.stats import normaltest
 
     if len(residuals) < 2 * LAGS or np.ptp(residuals) == 0.0:

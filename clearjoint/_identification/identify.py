@@ -81,8 +81,7 @@ def identify(
 
     - `scene`, `state`, `start_time`: as in `simulate`; the run ends at the last sample.
     - `guess`: values to start from, by name. A parameter without one starts from its
-      `Parameter.value`, by default the number in the scene or state. Each guess of a list is a
-      start.
+      `Parameter.value`, by default the scene's or state's number. Each guess of a list is a start.
     - `starts`: `Starts` draws more starts around the first guess. A `Screening` around a single
       guess finds starts by many runs without derivatives, for data with impacts, where derivatives
       don't lead to the solution. The fit is the best of all searches; `Fit.rivals` has other minima
@@ -109,8 +108,7 @@ def identify(
       the number of runs in the first of up to six rounds; by default the exploration costs about as
       much as the searches and the test. With `check_runs`, or after a long search, the intervals
       are those of a posterior around the lowest minimum, by at most 75 times `check_runs` runs.
-    - `progress`: whether to show a line with the iterations, or a function that is called with each
-      `Iteration`.
+    - `progress`: whether to show a line of iterations, or a function called with each `Iteration`.
 
     **Raises:** `ValueError` for unsupported arguments; `FitInterrupted`, with the best fit so far,
     on Ctrl-C. A search that fails raises no error: see `Fit.ending` and `Fit.warnings`.

@@ -45,8 +45,7 @@ class Minimum:
 
     - `estimates`: value of each parameter by name, SI: a number, or arrays in the form of
       `Predictor.values`.
-    - `coordinates`: (p,) the same numbers in one array, those of `Parameter`s as coordinates on
-      their scales.
+    - `coordinates`: (p,) the same numbers in one array, those of `Parameter`s on their scales.
     - `objective`: smallest value of the objective.
     - `history`: (iterations,) objective before each iteration; shorter if the search ended early.
     - `result`: `RESULTS` code of the last run.
@@ -87,12 +86,10 @@ def minimise(
 
     **Arguments:**
 
-    - `objective`: a function of the outputs by name that returns a finite number and that JAX can
-      differentiate.
+    - `objective`: a finite, scalar function of the outputs by name that JAX can differentiate.
     - `parameters`: the free parameters by name, as in `predictor`. The search starts from the
       `value` of a `Parameter`, by default the number in the scene or its initial state.
-    - `outputs`: functions of an `Instant` by name, evaluated at `times`, and reductions, as in
-      `predictor`.
+    - `outputs`: functions of an `Instant` at each time, and reductions, by name, as in `predictor`.
     - `times`: (N,) times that do not decrease; only reductions need none.
     - `settings`: by default `clearjoint.presets.derivatives`.
     - `optimiser`: an optax optimiser of the parameters' coordinates on their scales. By default

@@ -236,8 +236,7 @@ class Identifiability:
 
     @property
     def correlation(self) -> Float[np.ndarray, "p p"]:
-        """Correlation of the estimated coordinates, (p, p); NaN for a parameter that the data don't
-        determine."""
+        """Correlation of the estimated coordinates, (p, p); NaN for undetermined parameters."""
         return information.correlation_together(self.root, self.accuracy)
 
     @property
@@ -246,8 +245,7 @@ class Identifiability:
         return information.combinations(self.root, self.accuracy)
 
     def over_time(self) -> np.ndarray:
-        """Return standard deviations of the coordinates, (N, p), for the record up to each of
-        `times`."""
+        """Return standard deviations of the coordinates, (N, p), for the record up to each time."""
         # The root of the rows so far, together with the new rows, has the same information as all
         # these rows, so that each row enters only one decomposition.
         root, roots, start = np.zeros((len(self.names),) * 2), [], 0
@@ -315,8 +313,7 @@ def identifiability(
 
     - `parameters`: parameters by name. The run is computed at their values, by default the numbers
       in `scene` and `state`.
-    - `sensors`: `Sensor`s by name; or measured `Series` by name, or `Measurements`, whose values
-      are not used.
+    - `sensors`: `Sensor`s or measured `Series` by name, or `Measurements`, whose values are unused.
     - `settings`: by default `clearjoint.presets.derivatives`.
 
     **Raises:** `ValueError` for unsupported arguments, such as settings with a `controller` instead

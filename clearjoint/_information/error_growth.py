@@ -35,8 +35,7 @@ class _Push:
 
     Every body gets an additional velocity of this size, and an additional spin that moves points at
     its radius of gyration, m, with the same speed. `radii` has pairs of body and radius. Components
-    of the perturbation that ideal joints forbid are dropped; joints that close a loop are not taken
-    into account.
+    of the perturbation that ideal joints forbid are dropped; joints that close a loop are ignored.
     """
 
     radii: tuple[tuple[str, float], ...]

@@ -82,12 +82,10 @@ class FitHorizon:
     - `derivative_error`: (T,) bound of the relative error of the derivatives over the record up to
       each time, the largest of all parameters.
     - `numerical`: first time at which `error` exceeds 1 or `derivative_error` exceeds 0.1, s.
-    - `guesses`: the wrong guesses that were tested, each with the records for which a fit from it
-      may fail.
+    - `guesses`: the tested wrong guesses, each with the records for which a fit from it may fail.
     - `information`: the `Identifiability` of the parameters, also for shorter records.
 
-    `numerical`, `convergence` and `single_shot` are infinite if their limit is not reached within
-    the record.
+    `numerical`, `convergence` and `single_shot` are infinite if their limit is beyond the record.
 
     >>> sensors, errors = {"probe": cj.Sensor(x, times, noise=1e-4)}, {"stiffness": np.log(1.5)}
     >>> free = {"stiffness": stiffness}
@@ -194,9 +192,8 @@ def fit_horizon(
       parameter, in the coordinate of its scale: log(5) for a factor of five on a `Log` scale.
 
     **Raises:** `ValueError` as `identifiability`, for an `uncertainty` that is not one positive
-    number for each parameter, and for a parameter or sensor with a name that this function uses
-    itself, such as "initial velocity"; `SimulationError` if a run with the parameters' values
-    fails.
+    number for each parameter, and for a parameter or sensor with a name used here, such as "initial
+    velocity"; `SimulationError` if a run with the parameters' values fails.
 
     >>> sensors, errors = {"probe": cj.Sensor(x, times, noise=1e-4)}, {"stiffness": np.log(1.5)}
     >>> free = {"stiffness": stiffness}

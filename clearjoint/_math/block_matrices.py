@@ -81,10 +81,9 @@ class _Plan:
         return [SIZE * block + row for row in range(self.sizes[group])]
 
     def factorisation(self) -> list[_Step]:
-        """Return the table for `_factor`. Each row of the table has the kind of an operation, the
-        index of the row that it changes, the index of a row that is multiplied, and the index of
-        the block by which it is multiplied. Inverses of the diagonal blocks follow the blocks in
-        `slots`."""
+        """Return the table for `_factor`. Each row has the kind of an operation, the index of the
+        row that it changes, the index of a row that is multiplied, and the index of the block by
+        which it is multiplied. Inverses of the diagonal blocks follow the blocks in `slots`."""
         table: list[_Step] = []
         slots, first_inverse = self.slots, len(self.slots)
         for j, column in enumerate(self._below):
@@ -304,8 +303,7 @@ def _sums_of_products(
 
 
 def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
-    """Return the blocks of L, where L L^T is the matrix in `blocks`, and the inverses of its
-    diagonal blocks."""
+    """Return the blocks of L and inverses of its diagonal blocks, for L L^T in `blocks`."""
     # The inverse W of L in a diagonal block is computed row by row. With the rows of W that are
     # known, and zeros in the others, W times row i of the block is row i of L without its diagonal
     # element. Rows beyond those of a group are those of the identity.

@@ -277,8 +277,7 @@ def _bend(first: Point, middle: Point, last: Point) -> Scalar:
 def highest(
     value_at: Callable[[Scalar], Scalar], first: Point, middle: Point, last: Point
 ) -> Point:
-    """Estimate the maximum of a function between the first and the last of three points in order of
-    x.
+    """Estimate the maximum of a function between the first and last of three points in order of x.
 
     The function is evaluated `REFINEMENTS` times, by successive parabolic interpolation (R. Brent,
     Algorithms for Minimization without Derivatives, 1973, ch. 5). Each time, the higher one of the

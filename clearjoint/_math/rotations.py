@@ -93,8 +93,7 @@ correction, which is exact to first order, reduces an error of this size to 2.5e
 
 
 def kept_unit(p: EulerParameters) -> EulerParameters:
-    """Return Euler parameters with their norm corrected to 1 if the error of its square is above
-    `NORM_DRIFT`.
+    """Return Euler parameters with norm corrected to 1 if its square's error is above `NORM_DRIFT`.
 
     The rotation does not depend on the norm, but the error control of a step does. Each step
     changes the norm slightly in the same direction: for a spinning top, the norm is 1.6 after 24 h
@@ -108,8 +107,7 @@ def kept_unit(p: EulerParameters) -> EulerParameters:
 
 
 def within_two_turns(angle: Scalar) -> Scalar:
-    """Return an angle, rad, minus the nearest multiple of 4 pi, after which Euler parameters
-    repeat.
+    """Return an angle, rad, minus the nearest multiple of 4 pi, the period of Euler parameters.
 
     An angle that grew with every revolution would lose digits, and the errors that relative
     tolerances allow would grow with it.

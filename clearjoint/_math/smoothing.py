@@ -1,5 +1,4 @@
-"""Functions of scalars: branches, angles, derivatives, and powers and norms whose derivatives are
-finite.
+"""Functions of scalars: branches, angles, derivatives; powers and norms with finite derivatives.
 
 For numbers of Python and NumPy, NumPy computes these functions, so that nothing is compiled, except
 for `value_and_slope`, `positive_power` and `ramp`, which always use JAX.

@@ -370,8 +370,7 @@ class State(AbstractReadable):
 
 @tree_dataclass
 class Wrench:
-    """A force at a body's centre of mass, N in global axes, and a moment about this point, N m in
-    body axes.
+    """Force at a body's centre of mass, N in global axes, and moment about it, N m in body axes.
 
     >>> motion = testing.moving((0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
     >>> motion.wrench(extend.Vector(0.0, 10.0, 0.0), extend.Vector(0.5, 0.0, 0.0)).moment.z  # N m
@@ -422,8 +421,7 @@ class Motion:
     - `position`, `velocity`: of the centre of mass, m and m/s in global axes.
     - `rotation`: matrix that transforms components in body axes to global axes.
     - `spin`: angular velocity, rad/s in body axes.
-    - `anchor`: optional point of the body, near which `point_from` and `velocity_at` have smaller
-      rounding errors.
+    - `anchor`: optional point of the body, near which `point_from` and `velocity_at` round less.
 
     >>> motion = testing.moving((0, 0, 1), (1, 0, 0, 0), (2, 0, 0), (0, 0, 3))
     >>> motion.velocity_at(extend.Vector(0.5, 0.0, 0.0))  # v + w x r

@@ -105,8 +105,7 @@ class CaponeFilm(AbstractFilm):
     With x = `FilmGap.offset`, u = `FilmGap.rate`, the unit vector e along u and the axis n: rho = 1
     - x.x, d = x.e, q = n.(x cross e), G = 2/sqrt(rho) (pi/2 + atan(d/sqrt(rho))), V = (2 + d G)/rho
     and Q = q/(1 - q^2). mu is the viscosity, R the bearing's radius, L the film's length and c the
-    clearance. G. Adiletta, A. R. Guido, C. Rossi 1996 give the force in components along fixed
-    axes.
+    clearance. G. Adiletta, A. R. Guido, C. Rossi 1996 give the force's components along fixed axes.
 
     Choose it for short bearings: it is exact in the limit of small L/D, with the diameter D = 2R.
     At an eccentricity ratio of 0.5 the force is too large by 6 % for L/D = 1/4, by 69 % for 1.

@@ -221,8 +221,7 @@ class Bushing(AbstractPairAtPoints, AbstractForce):
       (3,), not negative. All but `stiffness` are zero by default.
     - `orientation_first`, `orientation_second`: (4,) Euler parameters, scalar first, that transform
       components along axes on each body to the body's frame; by default the body's axes. Those on
-      the first body are the bushing's axes. In the relaxed bushing, both are parallel and the
-      points coincide.
+      the first body are the bushing's. In a relaxed bushing, both are parallel and points coincide.
 
     >>> ends = (0.3, 0.0, 0.0), (-0.2, 0.0, 0.0)
     >>> liner = cj.Bushing("frame", "arm", *ends, stiffness=(2e6, 2e6, 4e5))

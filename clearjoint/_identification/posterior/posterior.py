@@ -26,11 +26,9 @@ from .result import Posterior
 from .tempering import ImpossiblePriorError, Target, draw
 
 NEAREST = 10
-"""Smallest number of neighbours of a point. With fewer, chance gaps between the points would divide
-a mode."""
+"""Fewest neighbours of a point: with fewer, chance gaps between the points would divide a mode."""
 SMALLEST = 0.01
-"""Share of all points below which a mode, perhaps of stray points, is united with the nearest
-larger one."""
+"""Share of all points below which a mode, perhaps of stray points, joins the nearest larger one."""
 
 
 def modes(points: Points, chi_squared: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
@@ -128,10 +126,9 @@ def posterior(
     - `log_prior`: logarithm of the prior density of the coordinates in the box, up to a constant: a
       function of the values by name, (n,) each, that returns (n,). By default the prior is uniform.
       It is called for some ten thousand values, some hundred or thousand at once.
-    - `draws`: number of points of the result, at least 32. Importance sampling goes on until the
-      effective number of its weighted runs is at least `draws`, for at most five rounds; the
-      result's `warnings` tell if that is too small. With three parameters, 500 points take about
-      10 000 runs.
+    - `draws`: number of points of the result, at least 32. Importance sampling lasts until the
+      effective number of its weighted runs reaches `draws`, for at most five rounds; the result's
+      `warnings` tell if that is too small. 500 points of three parameters take about 10 000 runs.
     - `seed`: whole number from 0. Equal seeds give equal bits, for any number of threads.
 
     **Returns:** a `clearjoint.results.Posterior`. A run that fails, or whose prediction is 1e6

@@ -25,8 +25,7 @@ EVEN = 0.1
 """Largest difference of the points' cumulative distribution from the uniform one below which they
 count as filling the box evenly."""
 FEWEST_EFFECTIVE = 150.0
-"""Effective number of runs below which the report warns, unless it is at least half the number of
-points."""
+"""Effective number of runs below which the report warns, unless at least half that of points."""
 
 
 @dataclass(frozen=True)

@@ -1,2 +1,1 @@
-"""Joints with clearance: journals in bearings, balls in sockets, pins in slots, sliders in guides,
-and backlash."""
+"""Joints with clearance: bearings, ball sockets, pins in slots, sliders in guides, and backlash."""

@@ -36,8 +36,7 @@ class BallInSocket(AbstractCentredJoint):
       the ground from the origin.
     - `socket_radius` and radial `clearance`: m; the ball's radius is their difference.
     - `law`: normal law of the contact.
-    - `friction`: an `AbstractFriction` or an `AbstractBristleFriction`; ``None``, the default, for
-      no friction.
+    - `friction`: an `AbstractFriction` or `AbstractBristleFriction`; by default ``None``, for none.
 
     **Warns:** `UnusualValueWarning` for a socket radius of more than 2 m; `LawRangeWarning` for a
     clearance outside the range of `law`.

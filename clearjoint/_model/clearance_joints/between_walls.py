@@ -54,8 +54,7 @@ class PinInSlot(AbstractFrictionJoint):
     - `travel`: m, total distance that the pin can move between the ends; ``None``, the default, for
       a slot without ends.
     - `law`: normal law of the flat walls and ends; its stiffness must be given as a number.
-    - `friction`: an `AbstractFriction` or an `AbstractBristleFriction`; ``None``, the default, for
-      no friction.
+    - `friction`: an `AbstractFriction` or `AbstractBristleFriction`; by default ``None``, for none.
 
     >>> law = cj.laws.HuntCrossley(0.8, 1e9, exponent=1.0)
     >>> slot = cj.PinInSlot("lever", "crank", play=0.1e-3, pin_radius=5e-3, travel=0.15, law=law)
@@ -139,8 +138,7 @@ CORNERS = {
     "rear lower": (-1.0, -1.0),
     "front lower": (1.0, -1.0),
 }
-"""Label of each corner's contact, and the signs of its position along the slider's axis and
-normal."""
+"""Label of each corner's contact, and signs of its position along the slider's axis and normal."""
 
 
 class SliderInGuide(AbstractFrictionJoint):
@@ -169,8 +167,7 @@ class SliderInGuide(AbstractFrictionJoint):
     - `half_length`, `half_height`: half the slider's size along its axis and its normal, m.
     - `clearance`: m, on either side of a centred slider, smaller than `half_height`.
     - `law`: normal law of a corner at a flat wall; its stiffness must be given as a number.
-    - `friction`: an `AbstractFriction` or an `AbstractBristleFriction`; ``None``, the default, for
-      no friction.
+    - `friction`: an `AbstractFriction` or `AbstractBristleFriction`; by default ``None``, for none.
 
     >>> law, sizes = cj.laws.ExactRestitution(0.4, 1e9), {"half_length": 0.05, "half_height": 0.025}
     >>> guide = cj.SliderInGuide("ground", "slider", **sizes, clearance=1e-3, law=law)

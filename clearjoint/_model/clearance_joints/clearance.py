@@ -62,11 +62,10 @@ from .journal_bases import BASES, SIDES, AxialPoint, JournalBase, axial_points
 class AbstractAxialPolicy(AbstractConverting):
     """Axial behaviour of a `ClearanceJoint`: a free, held or stopped journal.
 
-    A subclass may set ``holds_centre = True``: an ideal constraint then keeps the journal's centre
-    in the bearing's middle plane. Or it may define two shoulders, which stop the journal at the
-    ends of the bearing, by `shoulder_law`, `shoulder_gap` for the play, and perhaps
-    `shoulder_friction`. Otherwise the journal is free. This example defines washers at different
-    distances:
+    A subclass may set ``holds_centre = True``: an ideal constraint keeps the journal's centre in
+    the bearing's middle plane. Or it may define two shoulders, which stop the journal at the
+    bearing's ends, by `shoulder_law`, `shoulder_gap` for the play, and perhaps `shoulder_friction`.
+    Otherwise the journal is free. This example defines washers at different distances:
 
     ```python
     import clearjoint as cj
@@ -116,8 +115,7 @@ class FreeAxially(AbstractAxialPolicy):
 
     Use it in a mechanism whose other joints hold the bodies in a plane, such as a slider-crank.
     Elsewhere the journal eventually slides out and `simulate` warns with a `LeftBearingWarning`;
-    use `EndPlay` for a bearing with shoulders, or `FixedAxially` if the axial motion is not of
-    interest.
+    use `EndPlay` for a bearing with shoulders, or `FixedAxially` if axial motion does not matter.
 
     >>> scene, state = cj.mechanisms.double_pendulum(axial=cj.FreeAxially())
     >>> scene.joints["shoulder"].axial
@@ -139,17 +137,15 @@ class FixedAxially(AbstractAxialPolicy):
 class EndPlay(AbstractAxialPolicy):
     """Shoulders at both ends of the bearing that stop the journal after half the play to each side.
 
-    Each shoulder's force acts along the bearing's axis, at the centre of the base that touches the
-    shoulder. A shoulder with friction is a thrust face, which resists sliding across the axis and
-    rotation about it, but not tilting: for the sliding velocity v of the base's centre and the
-    relative spin w about the axis, the slip speed is sqrt(v^2 + (r w)^2) with the mean radius r of
-    the face.
+    Each shoulder's force acts along the bearing's axis, at the centre of the base that touches it.
+    A shoulder with friction is a thrust face, which resists sliding across the axis and rotation
+    about it, but not tilting: for the sliding velocity v of the base's centre and the relative spin
+    w about the axis, the slip speed is sqrt(v^2 + (r w)^2) with the face's mean radius r.
 
     **Arguments:**
 
     - `play`: m, total axial travel between the shoulders.
-    - `law`: normal law of a shoulder; its stiffness must be given as a number, because the surfaces
-      are flat.
+    - `law`: normal law of a shoulder; its stiffness must be a number, since the surfaces are flat.
     - `friction`: an `AbstractFriction`, or ``None``, the default, for no friction.
     - `radius`: mean radius of the faces, m, if and only if they have friction. For a face between
       the radii a and b, (2/3) (b^3 - a^3)/(b^2 - a^2) gives the moment of a uniform pressure.
@@ -190,8 +186,7 @@ class EndPlay(AbstractAxialPolicy):
 
 
 SHOULDERS = ("lower shoulder", "upper shoulder")
-"""Contact labels of the shoulders; the upper one is at the end to which the bearing's axis
-points."""
+"""Contact labels of the shoulders; the upper is at the end to which the bearing's axis points."""
 MOST_POINTS = 64
 """Largest number of points along the journal; the force at each is computed at every evaluation of
 the equations of motion."""
@@ -224,8 +219,7 @@ class ClearanceJoint(AbstractCentredJoint):
     - `bearing_profile`, `journal_profile`: deviations of the wall and of the journal from their
       circles, positive outward, such as `clearjoint.profiles.Harmonics`; ``None``, the default, for
       circles. Laws get the radii of the circles. A wall that is curved more strongly than the
-      journal, of which a warning tells, can touch it at two points; only the deeper one has a
-      force.
+      journal, of which a warning tells, can touch it at two points; only the deeper has a force.
     - `line_points`: ``None``, the default, for contact at the two bases only. A number of points n,
       from 2 to 64, for contact along the whole length: `law` at the local penetration, divided by
       the length, is then the force per unit of length, which the Gauss-Lobatto rule with n points
@@ -518,8 +512,7 @@ class ClearanceJoint(AbstractCentredJoint):
         """Return the vector from the bearing's centre to the journal's centre or to a base, m.
 
         Components are in the bearing's frame (see `clearjoint.quantities.JournalOffset`), whose z
-        axis is the bearing's; for a `bearing_axis` of (0, 0, 1) it has the axes of the bearing's
-        body.
+        axis is the bearing's; for a `bearing_axis` of (0, 0, 1) it has the bearing body's axes.
 
         **Arguments:** `base`: "V", "W", or the label of a point between them; ``None``, the
         default, for the journal's centre. A `ValueError` for another label.

@@ -78,13 +78,12 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     \cos \alpha$$
 
     Each flank touches along its line of action, a common tangent of the base circles of radii r = m
-    z cos(alpha)/2, with the module m, the numbers of teeth z and the pressure angle alpha. The
-    penetration delta is that of the upper (+) or lower (-) flank, and j the backlash. The working
-    pressure angle alpha' follows from cos(alpha') = |r1 + r2|/a at the distance a of the centres,
-    and inv(x) = tan(x) - x (involute gearing after ISO 21771). The displacement along the line of
-    action is s = r1 (theta1 - phase) + r2 theta2, modulo the base pitch pi m cos(alpha), with the
-    gears' angles theta from the line of centres about the first gear's axis. Revolutions are thus
-    unlimited.
+    z cos(alpha)/2, with module m, numbers of teeth z and pressure angle alpha. The penetration
+    delta is that of the upper (+) or lower (-) flank, and j the backlash. The working pressure
+    angle alpha' follows from cos(alpha') = |r1 + r2|/a at the distance a of the centres, and inv(x)
+    = tan(x) - x (involute gearing after ISO 21771). The displacement along the line of action is s
+    = r1 (theta1 - phase) + r2 theta2, modulo the base pitch pi m cos(alpha), with the gears' angles
+    theta from the line of centres about the first gear's axis. Revolutions are thus unlimited.
 
     The normal force acts along the line of action in the plane of the first gear. It drives the
     gears in the ratio of their teeth, and loads their bearings with its radial component too. The
@@ -127,8 +126,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
       the teeth of the first gear are behind, such as `clearjoint.profiles.Harmonics`, at the angle
       phi; ``None``, the default, for none.
 
-    **Warns:** `UnusualValueWarning` for a module of more than 0.1 m, or a backlash of more than 0.2
-    times the pitch.
+    **Warns:** `UnusualValueWarning` for a module above 0.1 m or a backlash above 0.2 of the pitch.
 
     >>> law, axis, centre = cj.laws.ExactRestitution(0.8, 1.8e11), (0, 0, 1), (0, 0, 0)
     >>> sizes = {"teeth_first": 20, "teeth_second": 50, "module": 3e-3, "backlash": 0.1e-3}

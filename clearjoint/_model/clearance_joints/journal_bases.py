@@ -85,8 +85,7 @@ class JournalBase:
 
     - `axis`: of the bearing, a global unit vector.
     - `height`: of the base above the bearing's centre along the axis, m.
-    - `centre`: from the bearing's axis to the journal's centre, perpendicular to the axis, m,
-      global.
+    - `centre`: from the axis to the journal's centre, perpendicular to the axis, m, global.
     - `arm`: from the journal's centre to the base, without its component along the axis, m, global.
       The eccentricity vector of the base is ``centre + arm``.
     - `local`, `on_bearing`: the base's centre on the journal's and on the bearing's body, m from

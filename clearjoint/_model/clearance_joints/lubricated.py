@@ -242,8 +242,7 @@ class LubricatedJoint(AbstractContactJoint):
 
 
 TOLERANCE = 1e-12
-"""Relative tolerance of the equilibrium: of the force over the load, and of the offset over the
-clearance."""
+"""Relative tolerance of the equilibrium: of force over load, and of offset over clearance."""
 NEARLY_CENTRED = 1e-3
 """Eccentricity ratio in each direction at which the search for the equilibrium starts: a film's
 force may not be differentiable for a centred journal."""

@@ -71,8 +71,7 @@ class MasslessLink(AbstractConstraint):
 
     @override
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
-        """Return the constraint rows (e^2 - c^2)/(2 c), m, of the bases' eccentricities e and the
-        clearance c."""
+        """Return the rows (e^2 - c^2)/(2 c), m, of the bases' eccentricities e and clearance c."""
         names = self.bearing_body, self.journal_body
         bearing, journal = (motions[name] for name in names)
 

@@ -144,9 +144,8 @@ class StiffnessSpline(AbstractMeshStiffness):
     """A periodic cubic spline over the mesh cycle, such as a table of computed stiffnesses. Use
     `StiffnessSpline.through(values)` for given values.
 
-    **Arguments:** `coefficients`: (N,), N at least 4, of the cubic B-splines that are centred at
-    the mesh angles 0, 2 pi/N, 4 pi/N, ...; a `ValueError` for another shape, or numbers that are
-    not finite.
+    **Arguments:** `coefficients`: (N,), N at least 4, of the cubic B-splines centred at the mesh
+    angles 0, 2 pi/N, 4 pi/N, ...; a `ValueError` for another shape or numbers that are not finite.
 
     >>> table = 1.0 + 0.2 * np.cos(2.0 * np.arange(32) * np.pi / 32)
     >>> print(f"{cj.profiles.StiffnessSpline.through(table).factor(np.pi):.3f}")

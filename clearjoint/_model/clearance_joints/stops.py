@@ -44,8 +44,7 @@ class Stop(AbstractNamedPair, AbstractFrictionJoint):
       is then Hertz's for a sphere on a plane; otherwise it must be a number.
     - `friction`: an `AbstractFriction` or an `AbstractBristleFriction`, whose force acts at the
       point of contact; ``None``, the default, for no friction.
-    - `thickness`: m, of the wall: a run ends at a deeper penetration. By default the radius, or 10
-      mm without one.
+    - `thickness`: m, of the wall; deeper penetration ends a run. By default the radius, else 10 mm.
 
     >>> law = cj.laws.LankaraniNikravesh(0.8, cj.laws.RavnStiffness(207e9, 0.3))
     >>> floor = cj.Stop("ground", "ball", point=(0, 0, 0), normal=(0, 0, 1), radius=0.02, law=law)
@@ -151,8 +150,7 @@ class BallOnBall(AbstractNamedPair, AbstractFrictionJoint):
       the ground from the origin.
     - `law`: normal law of the contact. Its stiffness may be a number, or a `RavnStiffness`, which
       is then Hertz's for two spheres.
-    - `friction`: an `AbstractFriction` or an `AbstractBristleFriction`; ``None``, the default, for
-      no friction.
+    - `friction`: an `AbstractFriction` or `AbstractBristleFriction`; by default ``None``, for none.
 
     >>> law = cj.laws.Hertz(cj.laws.RavnStiffness(207e9, 0.3))
     >>> balls = cj.BallOnBall("left", "right", radius_first=0.02, radius_second=0.03, law=law)

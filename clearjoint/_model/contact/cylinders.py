@@ -313,9 +313,8 @@ class RadzimovskyCylinder(AbstractLogarithmicCylinder):
     R_j}{b}\right), \quad b = 1.60 \sqrt{\frac{P R}{E^*}}$$
 
     b is the width of the contact, and R = R_i R_j/dR the relative radius; other symbols are those
-    of `AbstractCylinder`. The formula is used as printed, although the factor 1.60 of Roark's
-    handbook belongs to diameters; with 2.26, that for radii, the penetration would be smaller by
-    P/(pi E*) ln 2.
+    of `AbstractCylinder`. The formula is used as printed, although Roark's handbook has 1.60 for
+    diameters; with 2.26, that for radii, the penetration would be smaller by P/(pi E*) ln 2.
 
     >>> law = cj.laws.Hertz(cj.laws.RadzimovskyCylinder(207e9, 0.3, length=20e-3))
     >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")
@@ -356,8 +355,7 @@ class DubowskyFreudensteinCylinder(AbstractLoadByLength):
 class GoldsmithCylinder(AbstractLoadByLength):
     """Line contact of W. Goldsmith 1960, which equals that of `DubowskyFreudensteinCylinder`.
 
-    The exponent of L in the formula is printed as 1, which is dimensionally inconsistent; here it
-    is 3.
+    The exponent of L is printed as 1, which is dimensionally inconsistent; here it is 3.
 
     >>> law = cj.laws.Hertz(cj.laws.GoldsmithCylinder(207e9, 0.3, length=20e-3))
     >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")
@@ -368,8 +366,7 @@ class GoldsmithCylinder(AbstractLoadByLength):
 REACH = 4.0
 """Distance of the mean planes, over the roughness, below which asperities touch."""
 FIT, EXPONENT = 4.4086e-5, 6.804
-"""Constants of the fit F_5/2 = FIT (4 - ratio)^EXPONENT for distance over roughness (Arcoumanis et
-al. 1997)."""
+"""Constants of the fit F_5/2 = FIT (4 - distance/roughness)^EXPONENT (Arcoumanis et al. 1997)."""
 AROUND = math.sqrt(math.pi) * math.gamma(EXPONENT + 1.0) / math.gamma(EXPONENT + 1.5)
 """Integral of (1 - x^2)^EXPONENT from -1 to 1. Along the arc of contact, from x = -1 to 1, the
 pressure has this form: its integral is `AROUND` times the largest pressure times half the arc."""
@@ -420,13 +417,11 @@ class GreenwoodTripp(AbstractConverting):
         """Return the force on a journal that touches its bearing with asperities, N: the integral
         of the pressure along the arc of contact.
 
-        At an angle phi from the closest point, the distance of the surfaces is taken as the
-        smallest distance plus clearance phi^2/2, with a relative error of about roughness over
-        clearance.
+        At an angle phi from the closest point, the surfaces' distance is taken as the smallest one
+        plus clearance phi^2/2, with a relative error of about roughness over clearance.
 
         **Arguments:** in m. `depth`: `reach` minus the smallest distance; no force if negative.
-        `radius`: of the bearing. `clearance`: radial, between the mean surfaces. `length`: of the
-        journal.
+        `radius`: of the bearing. `clearance`: radial, of mean surfaces. `length`: of the journal.
         """
         # At an angle phi from the closest point, 4 - distance/sigma is
         # (depth - clearance phi^2/2)/sigma, which is zero at phi = sqrt(2 depth/clearance), the end

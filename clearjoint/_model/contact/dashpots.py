@@ -137,10 +137,9 @@ class KelvinVoigt(AbstractClampedDashpotLaw):
 
     m is the `effective_mass`, kg: m1 m2/(m1 + m2) for two colliding bodies, the body's mass for an
     impact against a wall. z is the damping ratio of an oscillator that delivers the requested
-    `restitution`, above 0, if the force may pull; since a contact can't, the values 0.1, 0.5 and
-    0.9 deliver 0.253, 0.550 and 0.902. At the onset the force jumps. S. A. Anagnostopoulos 1988
-    uses the same law for colliding buildings. Choose `SpringDashpot` if the damping coefficient is
-    known.
+    `restitution`, above 0, if the force may pull; since a contact can't, values 0.1, 0.5 and 0.9
+    deliver 0.253, 0.550 and 0.902. At the onset the force jumps. S. A. Anagnostopoulos 1988 uses
+    this law for colliding buildings. Choose `SpringDashpot` for a known damping coefficient.
 
     >>> law = cj.laws.KelvinVoigt(restitution=0.5, stiffness=1e6, effective_mass=1.0)
     >>> print(f"{law.delivered_restitution():.3f}")
@@ -157,8 +156,7 @@ class KelvinVoigt(AbstractClampedDashpotLaw):
 
 
 class Tsuji(AbstractClampedDashpotLaw):
-    r"""Nonlinear spring and dashpot whose damping follows from a restitution (Y. Tsuji et al.
-    1992).
+    r"""Nonlinear spring and dashpot whose damping follows from restitution (Y. Tsuji et al. 1992).
 
     $$F = K \delta^{3/2} + \sqrt{5} z \sqrt{K m}\, \delta^{1/4} \dot\delta$$
 
@@ -242,8 +240,7 @@ class SpringDashpot(AbstractGivenDashpotLaw):
 
 
 class KuwabaraKono(AbstractGivenDashpotLaw):
-    r"""Law for spheres of a viscous material (G. Kuwabara, K. Kono 1987; N. V. Brilliantov et al.
-    1996).
+    r"""Law for viscous spheres (G. Kuwabara, K. Kono 1987; N. V. Brilliantov et al. 1996).
 
     $$F = K \delta^{3/2} + D \delta^{1/2} \dot\delta$$
 
@@ -334,8 +331,7 @@ class ImpactFunction(AbstractBoundedDampingLaw):
 
     $$F = \max(0, K \delta^n + D s^2 (3 - 2 s) \dot\delta), \quad s = \min(\delta / d, 1)$$
 
-    `damping` is D, N s/m, not negative, and `full_damping_depth` d, m, positive; n is 1.5 by
-    default.
+    `damping` is D, N s/m, not negative, and `full_damping_depth` d, m, positive; n defaults to 1.5.
 
     >>> law = cj.laws.ImpactFunction(stiffness=1e9, damping=2e3, full_damping_depth=1e-4)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.1), None):.1f}")  # N: 1000 + 200

@@ -301,8 +301,7 @@ class AbstractBristleFriction(AbstractConverting):
 
     @abc.abstractmethod
     def sliding_ratio(self, slip_speed: Scalar) -> Scalar:
-        """Return friction over normal force in steady sliding at a speed, m/s, without a viscous
-        part."""
+        """Return friction over normal force at a steady slip speed, m/s, without viscous part."""
 
     @abc.abstractmethod
     def full_deflection(self) -> Scalar:

@@ -235,8 +235,7 @@ class AbstractHertzianLaw(AbstractPowerLaw):
 class Hertz(AbstractHertzianLaw):
     """Purely elastic contact, F = K delta^n (H. Hertz 1881).
 
-    The arguments are those of `AbstractHertzianLaw`; n is 1.5 by default, and there is no
-    smoothing.
+    The arguments are those of `AbstractHertzianLaw`; n is 1.5 by default, without smoothing.
 
     >>> law = cj.laws.Hertz(stiffness=1e9)
     >>> print(f"{law.force(extend.Gap(depth=1e-4, rate=0.0), None):.1f}")  # N: 1e9 (1e-4)^1.5
@@ -294,8 +293,7 @@ class AbstractDampedLaw(AbstractHertzianLaw):
 
     c is the ratio of rebound speed to entry speed in a free impact. Most of the published damping
     factors deliver it only approximately: `delivered_restitution` computes the actual ratio, which
-    the laws' examples print. Choose `ExactRestitution` unless published results are to be
-    reproduced.
+    the laws' examples print. Choose `ExactRestitution` except to reproduce published results.
 
     **Arguments:**
 
@@ -574,8 +572,7 @@ class ExactRestitution(AbstractReboundingLaw):
 
     $$\chi (1 + c) = \ln \frac{1 + \chi}{1 - \chi c}$$
 
-    The equation holds for any elastic force (J. Zhang, I. Sharf 2009). It is solved numerically for
-    chi.
+    The equation, solved numerically for chi, holds for any elastic force (J. Zhang, I. Sharf 2009).
 
     >>> print(f"{cj.laws.ExactRestitution(0.8, stiffness=1e9).delivered_restitution():.4f}")
     0.8000

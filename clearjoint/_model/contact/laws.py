@@ -79,8 +79,7 @@ def slip_velocity(relative: Vector, normal: Vector, rate: Scalar) -> Vector:
 
 class Limit(NamedTuple):
     """The range from `least` to `most` of a quantity, such as "penetration", in which a law is
-    valid, and the quantity's `value` at a contact, all in `unit`. `law` is the name of the law's
-    class.
+    valid, and the quantity's `value` at a contact, all in `unit`. `law` names the law's class.
 
     >>> cylinder = cj.laws.JohnsonCylinder(207e9, 0.3, length=10e-3)
     >>> gap = extend.Gap(depth=1e-6, rate=0.0, bearing_radius=10e-3, clearance=0.1e-3)
@@ -328,34 +327,29 @@ class AbstractContactLaw(AbstractConverting):
         """Return the elastic energy at a gap, J, zero before the force begins."""
 
     def onset_offset(self) -> Scalar:
-        """Return the distance of the surfaces at which the force begins, m; 0 by default. It is
-        positive for a law that is smoothed over a width, or for rough surfaces, whose asperities
-        touch first."""
+        """Return the distance of the surfaces at which the force begins, m; 0 by default, positive
+        for a law smoothed over a width, or for rough surfaces, whose asperities touch first."""
         return 0.0
 
     def slope_jumps(self) -> bool:
-        """Return whether the derivative of the force by the penetration may jump at the onset, as
-        for a linear spring; ``True`` by default. The solver then corrects for the kink after each
-        step that ends at an onset or end of a contact, by one more evaluation of the equations of
-        motion."""
+        """Return whether the force's derivative by the penetration may jump at the onset, as for a
+        linear spring; ``True`` by default. The solver then corrects for the kink after each step
+        that ends at a contact's onset or end, by one more evaluation of the equations of motion."""
         return True
 
     def prepared(self) -> "AbstractContactLaw":
         """Return an equal law that has computed what depends on its parameters alone, such as a
-        damping factor found by a search; by default the law itself. Runs call this before their
-        steps."""
+        damping factor found by a search; by default itself. Runs call this before their steps."""
         return self
 
     def limits(self, gap: Gap) -> tuple[Limit, ...]:
-        """Return the limits of validity of the law at a gap; none by default. A joint with a
-        clearance outside its range, and a run that records impacts with a penetration outside its
-        range, warn."""
+        """Return the limits of validity at a gap; none by default. A joint with a clearance out of
+        range, and a run that records impacts with a penetration out of range, warn."""
         return ()
 
 
 class AbstractElasticLaw(AbstractContactLaw):
-    """Base class of laws whose field `stiffness`, a number or an `AbstractElasticity`, defines the
-    elastic force.
+    """Base class of laws with elastic force from `stiffness`, a number or an `AbstractElasticity`.
 
     >>> issubclass(cj.laws.Hertz, extend.AbstractElasticLaw), cj.laws.Hertz(1e9).stiffness
     (True, GivenStiffness(stiffness=1000000000.0))
@@ -374,9 +368,8 @@ class AbstractElasticLaw(AbstractContactLaw):
 
 
 class AbstractPowerLaw(AbstractElasticLaw):
-    """Base class of laws with the elastic force K delta^n, N, for the penetration delta, m.
-    `stiffness` is K in N/m^n, or an `AbstractElasticity` whose force replaces K delta^n. `exponent`
-    is n."""
+    """Base class of laws with the elastic force K delta^n, N, for penetration delta, m. `stiffness`
+    is K in N/m^n, or an `AbstractElasticity` whose force replaces K delta^n. `exponent` is n."""
 
     exponent: eqx.AbstractVar[float]
 
@@ -417,9 +410,8 @@ def require_instance(argument: str, value: object, *kinds: type, remedy: str = "
 
 
 def require_flat_law(law: object, surfaces: str) -> None:
-    """Raise a `ValueError` unless a law can be used between flat `surfaces`, such as "flanks". The
-    stiffness of an `AbstractElasticLaw` must be a number, since an `AbstractElasticity` may depend
-    on radii."""
+    """Raise a `ValueError` unless a law suits flat `surfaces`, such as "flanks". The stiffness of
+    an `AbstractElasticLaw` must be a number, since an `AbstractElasticity` may depend on radii."""
     require_instance("law", law, AbstractContactLaw)
     # Whether a law of another class reads the radii is not visible from outside.
     if isinstance(law, AbstractElasticLaw):
@@ -527,9 +519,8 @@ class VaryingLaw(AbstractFactorLaw):
 
 
 def whole_law(law: AbstractContactLaw) -> AbstractContactLaw:
-    """Return the law that the user gave, without any `AbstractLawAround` around it. A
-    `ClearanceJoint` with `line_points`, or a `LubricatedJoint` with a `transition`, computes with a
-    law around it."""
+    """Return the user's law, without any `AbstractLawAround` around it. A `ClearanceJoint` with
+    `line_points`, or a `LubricatedJoint` with a `transition`, computes with a law around it."""
     while isinstance(law, AbstractLawAround):
         law = law.law
     return law

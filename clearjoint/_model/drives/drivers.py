@@ -193,9 +193,8 @@ class DriveTorque(AbstractDriveAboutAxis, AbstractDriveTorque):
 
     - `torque`: N m, positive towards larger angles: a number, or a function of time such as a
       `PiecewiseConstant`, `PiecewiseLinear`, `Spline`, `Polynomial`, a user-defined
-      `AbstractFunctionOfTime`, or a Python function that JAX can trace. A Python function is part
-      of the compiled program, can't be saved in a scene file, and can't declare the times of its
-      jumps and kinks.
+      `AbstractFunctionOfTime`, or a Python function that JAX can trace. The latter is part of the
+      compiled program, can't be saved in a scene file or declare the times of its jumps and kinks.
     - `axis`: of the torque, (3,) in the first body's axes, any length. `orientation`: (4,) Euler
       parameters of the second body in the first at angle zero, as in `PrescribedRotation`.
 
@@ -223,9 +222,8 @@ class PrescribedAngle(AbstractDriveAboutAxis, AbstractRotationDriver):
 
     - `function`: the angle in rad as a continuous function of time in s: a `Spline` or
       `PiecewiseLinear` table, a `Polynomial`, a user-defined `AbstractFunctionOfTime`, or a Python
-      function that JAX can differentiate twice; or a number for a constant angle. A Python function
-      is part of the compiled program, has no parameters to vary or fit, and can't be saved in a
-      scene file.
+      function that JAX can differentiate twice; or a number if constant. A Python function is part
+      of the compiled program, has no parameters to vary or fit, and can't be saved in a scene file.
     - `axis`: of rotation, (3,) in the first body's axes, any length. `orientation`: (4,) Euler
       parameters of the second body in the first at angle zero, as in `PrescribedRotation`.
 

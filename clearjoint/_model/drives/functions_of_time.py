@@ -112,8 +112,7 @@ class Spline(AbstractTable):
 
     Between two times it is the cubic polynomial with the given values and rates at both (Hermite
     interpolation), and outside the table its tangent. `Spline.through(times, values)` computes the
-    rates of the natural spline. Choose it for densely sampled signals: steps need not end at its
-    times.
+    rates of the natural spline. Choose it for dense samples: steps need not end at its times.
 
     **Arguments:** `times`: (N,) s, increasing, at least two. `values`: (N,), or (N, 3) for a force
     or torque vector, in the SI unit of what the function prescribes. `rates`: time derivatives of
@@ -220,8 +219,7 @@ class PiecewiseConstant(AbstractTable):
     **Arguments:**
 
     - `times`: (N,) s, increasing, at least two.
-    - `values`: (N,), or (N, 3) for a force or torque vector, in the SI unit of what the function
-      prescribes.
+    - `values`: (N,), or (N, 3) for a force or torque vector, in the SI unit of what it prescribes.
 
     >>> torque = cj.PiecewiseConstant([0.0, 0.2, 0.3], [2.0, -1.0, 0.0])  # N m
     >>> torque(0.25).item()
@@ -298,8 +296,7 @@ def as_single_in_time(value: FunctionOfTime) -> SingleInTime:
 
 def as_triple_in_time(value: PyTree) -> PyTree:
     """Convert a vector to what a field of `triple_in_time` stores: a tuple if a component is a
-    function, otherwise an array. The number of components is checked later, when the element is
-    made."""
+    function, otherwise an array. The number of components is checked when the element is made."""
     if isinstance(value, tuple | list) and any(map(callable, value)):
         return tuple(map(as_single_in_time, value))
     return as_single_in_time(value)  # pyright: ignore[reportArgumentType]

@@ -51,15 +51,13 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
     - **Goal.** The goal is the target, and its rate the target's derivative by time, zero for a
       `PiecewiseConstant`. Steps need not end at the times of a table. If the times of a table are
       rounded, a small `offset` makes each sample read the row of its own time. With a
-      `speed_limit`, the goal starts at the present angle and follows the target by at most this
-      speed.
+      `speed_limit`, the goal starts at the present angle and follows the target up to this speed.
     - **Torque limits.** The commanded torque is limited to `torque_limit`, or else to the
       `stall_torque`, if there is one. The voltage of a motor with a `stall_torque` T and a
       `no_load_speed` v can drive torques from -T (1 + w/v) to T (1 - w/v) against the back EMF at
       the speed w. This limit acts on the torque between samples too, rounded as in `Motor`.
     - **Integral.** It stops growing while the torque is at a limit (conditional integration).
-    - **Angle.** The servo counts revolutions. It begins with an angle within half a revolution of
-      the target.
+    - **Angle.** The servo counts revolutions, from an angle within half a revolution of the target.
     - **Resolution.** Angles are not rounded to counts of the encoder: derivatives would vanish. In
       a fit, count the resolution r, rad, as noise of the measured angle, r/sqrt(12).
 

@@ -1,2 +1,1 @@
-"""Ideal joints between bodies, their constraint rows and motion subspaces, and interfaces of
-elements."""
+"""Ideal joints, their constraint rows and motion subspaces, and interfaces of elements."""

@@ -230,8 +230,7 @@ class Contact:
     - `gap`: penetration, m, and its rate, m/s.
     - `normal`: global unit vector, the direction in which the second body penetrates the first. The
       normal force on the second body is -F normal, on the first +F normal.
-    - `arm_first`, `arm_second`: contact points on the surfaces, m from each body's centre of mass
-      in its axes.
+    - `arm_first`, `arm_second`: contact points on surfaces, m from centres of mass in body axes.
     - `slip`: tangential velocity of the second body relative to the first, m/s in global axes, or
       ``None`` without friction.
     - `line_first`, `line_second`: optional points on the normal force's line of action, such as the

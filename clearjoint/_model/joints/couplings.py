@@ -76,8 +76,7 @@ class GearJoint(AbstractConstraint):
     - `internal`: whether the gears rotate in the same sense; by default they don't.
     - `offset`: rad, the first gear's angle when the second gear's angle is zero; zero by default.
     - `orientation_first`, `orientation_second`: (4,) Euler parameters, scalar first, that transform
-      components in the gear's frame to the carrier's frame at gear angle zero; parallel frames by
-      default.
+      components in the gear's frame to the carrier's frame at gear angle zero; parallel by default.
 
     >>> gears = cj.GearJoint("ground", "pinion", "wheel", (0, 0, 1), (0, 0, 1), 17, 51)
     >>> gears.body_names()
@@ -131,8 +130,7 @@ class GearJoint(AbstractConstraint):
 
 
 class ScrewMotion(AbstractTurning):
-    """Rotation about an axis with an advance of `pitch`, m/rad; its angle counts all
-    revolutions."""
+    """Rotation about an axis with an advance of `pitch`, m/rad; its angle counts revolutions."""
 
     pitch: Scalar
 
@@ -213,8 +211,7 @@ class ScrewJoint(AbstractAxisJoint):
 
 
 Angles = tuple[Scalar, Scalar]
-"""Angle of the cross about the arm fixed to the parent, and angle of the child about the other arm,
-rad."""
+"""Angle of the cross about the arm fixed to the parent, and of the child about the other, rad."""
 
 
 class UniversalMotion(AbstractMotionAtPoints):
