@@ -1,6 +1,6 @@
 """Settings of a process: 64-bit floats, the cache of compiled programs, threads of sweeps.
 
-Importing the package changes none of them: call `configure`. Runs refuse JAX's default, 32 bits.
+Importing the package changes none: call `configure`. Runs refuse 32-bit floats, JAX's default.
 """
 
 import math

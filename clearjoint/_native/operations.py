@@ -76,7 +76,7 @@ class Branch:
 
 @dataclass
 class Loop:
-    """Execute the block `head`, which computes `condition`; while that holds, `body` and `head`.
+    """Execute the block `head`, which computes `condition`; while it holds, run `body` and `head`.
 
     The values `carries` begin as `first`, and become `following` after each execution of the body.
     With several lanes, the body is executed for all lanes as long as the condition holds in any

@@ -64,7 +64,7 @@ def written(keys: Keys) -> str:
 
 
 def existing(content: object, keys: Sequence[str | int]) -> Keys:
-    """Return the longest start of `keys` that leads into `content`, with integer indices."""
+    """Return the longest start of `keys` leading to an entry of `content`, indices as integers."""
     steps: list[str | int] = []
     for key in keys:
         if isinstance(content, Mapping) and key in content:

@@ -206,7 +206,7 @@ def ensemble(
       with one number in each run, such as `Peak`, and of quantities at each time of `save`.
     - `axes`: `Axis` by name; the points are all combinations of the values, by default only the
       scene and state as they are.
-    - `draws`: number of runs at each point, 2 or more. More of the same seed extend a stored sweep.
+    - `draws`: number of runs at each point, 2 or more. More of a seed extend a stored ensemble.
     - `disturbance`: m/s, root mean square speed that is added to the bodies; a spin counts by the
       speed at its body's radius of gyration.
     - `seed`: of the random directions. All points share the directions.
@@ -219,7 +219,7 @@ def ensemble(
     **Returns:** an `xarray.Dataset` along the axes. For each output "force":
 
     - ``force``: the values along "draw", NaN for failed runs;
-    - ``force_mean``, ``force_standard_error`` (its), and ``force_deviation`` (standard deviation);
+    - ``force_mean``, its ``force_standard_error``, and ``force_deviation`` (standard deviation);
     - ``force_quantile`` and ``force_quantile_standard_error`` along "quantile". The standard error
       is NaN for a level too near 0 or 1 for the number of draws: for 0.05 with fewer than 19, for
       0.01 with fewer than 99.

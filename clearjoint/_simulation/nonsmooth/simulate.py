@@ -284,7 +284,7 @@ def simulate_nonsmooth(
     joint's error exceeds 1e-3 m or rad, or the smallest clearance, or the state is not finite.
 
     **Warns:** `LeftBearingWarning` if a journal without axial support has left its bearing in a
-    saved state or at the end; `UnusualValueWarning` for a journal that starts deep in its wall.
+    saved state or at the end; `UnusualValueWarning` for a journal that starts deep in the wall.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4)
