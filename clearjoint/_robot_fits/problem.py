@@ -399,7 +399,7 @@ def continuous(samples: Logged, is_angle: bool) -> Float[np.ndarray, " N"]:
 
 
 def _other_side(robot: Robot, log: RobotLog, name: str) -> str | None:
-    """Return a joint's motor or a motor's joint; ``None`` without one, or if the log has angles."""
+    """Return a joint's motor or motor's joint; ``None`` without one or if its angles are logged."""
     motors = robot._motors()
     other = (motors | {motor: joint for joint, motor in motors.items()}).get(name)
     return None if other in log.angles else other
