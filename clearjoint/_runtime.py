@@ -1,7 +1,6 @@
 """Settings of a process: 64-bit floats, the cache of compiled programs, threads of sweeps.
 
-Importing the package changes none of them: call `configure`. Runs refuse 32-bit floats, which are
-JAX's default.
+Importing the package changes none: call `configure`. Runs refuse 32-bit floats, JAX's default.
 """
 
 import math
@@ -165,8 +164,7 @@ def in_force() -> dict[str, Setting]:
 
 
 def adopt(values: dict[str, Setting]) -> None:
-    """Take over the settings of another process, from its `in_force`, in a worker process of a
-    sweep.
+    """Take over another process's settings, from its `in_force`, in a worker process of a sweep.
 
     On CPUs, the worker then uses one thread, since the processes share the cores, unless
     `configure` has set another number in the worker.

@@ -172,8 +172,7 @@ class PeriodicSpline(AbstractPeriodicSpline):
     `PeriodicSpline.through(values)` for given values.
 
     **Arguments:** `coefficients`: (N,) m, N at least 4, of the cubic B-splines that are centred at
-    the angles 0, 2 pi/N, 4 pi/N, ...; a `ValueError` for another shape, or numbers that are not
-    finite.
+    the angles 0, 2 pi/N, 4 pi/N, ...; a `ValueError` for another shape, or non-finite numbers.
 
     >>> values = 1e-6 * np.cos(2.0 * np.arange(64) * 2.0 * np.pi / 64)
     >>> profile = cj.profiles.PeriodicSpline.through(values)
@@ -264,8 +263,7 @@ class JournalInBearing(NamedTuple):
 
         The search begins at the best of evenly spaced angles and ends with Newton steps, so it
         finds the largest of several maxima of `overlap` if the angles resolve them. At least one
-        profile must be given. `clearance`, m, is the radius of the bearing's circle less that of
-        the journal's.
+        profile is needed. `clearance`, m, is the radius of the bearing's circle less the journal's.
         """
         # JAX does not differentiate the search, except for its last Newton step.
         constant = jax.lax.stop_gradient(self)
@@ -319,8 +317,7 @@ class JournalInBearing(NamedTuple):
 
     def _journal_deviation(self, cosine: Scalar, sine: Scalar) -> tuple[Deviation, Scalar, Scalar]:
         """Return the journal's deviation in a direction of the bearing's cross-section, and the
-        first and second derivatives of the angle about the journal's axis by that about the
-        bearing's."""
+        first two derivatives of the angle about its axis by that about the bearing's."""
         if self.journal is None:
             return _ROUND, 0.0, 0.0
         axes = self.axes

@@ -12,6 +12,5 @@ STATIC = {"static": True}
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
 def tree_dataclass(kind: type[T]) -> type[T]:
-    """Make a class a frozen dataclass with slots, and register it as a PyTree node whose children
-    are its fields."""
+    """Make a class a frozen dataclass with slots, and a PyTree node with its fields as children."""
     return jax.tree_util.register_dataclass(dataclass(frozen=True, slots=True)(kind))

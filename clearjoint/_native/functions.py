@@ -41,8 +41,7 @@ RULES = structure.RULES | indexing.RULES | control.RULES | linear_algebra.RULES
 """Rules of the primitives that do not work element by element, by the primitives' names."""
 LARGE = 256
 """Number of elements from which on an argument is written to memory by its own call of NumPy.
-Smaller ones are joined and written together, since a call takes longer than copying a few
-numbers."""
+Smaller ones are written together, since a call takes longer than copying a few numbers."""
 Argument = TypeVar("Argument")
 _COMPILES = threading.RLock()
 """Lock that a thread holds while it makes a program, so that no two threads make the same one."""

@@ -29,8 +29,7 @@ from .operations import Operations, Symbol, Value
 WIDTH = 8
 """Number of lanes in a group: the numbers in a vector of 512 bits, or in two of 256."""
 LONGEST_RUN = 4096
-"""Largest number of steps before the loop returns, so that its host can react to an interrupt and
-show progress."""
+"""Most steps before the loop returns, so its host can react to an interrupt and show progress."""
 
 
 class AbstractLaneLoop(abc.ABC):

@@ -59,10 +59,9 @@ LIBRARY = frozenset(
 )
 """Functions of the C library. Each element of a vector takes a call of its own."""
 LONGEST_BLOCK = 200
-"""Largest number of operations that are written in one block. Without optimisation, LLVM's time for
-selecting instructions grows with the square of a block's length: for 40 000 lines it was 5.8 s, and
-0.8 s in short blocks. With optimisation LLVM joins the blocks first: the machine code is the
-same."""
+"""Largest number of operations in one block. Without optimisation, LLVM's time for selecting
+instructions grows with the square of a block's length: for 40 000 lines it was 5.8 s, and 0.8 s in
+short blocks. With optimisation LLVM joins the blocks first: the machine code is the same."""
 
 
 def llvm_text(program: Operations, result: Value | None = None) -> str:
@@ -335,8 +334,7 @@ class _Writer:
                 self._values[operation.out] = result
 
     def _by_need(self, entries: list[Operation]) -> list[Operation]:
-        """Return operations in a new order, in which most come right before the first use of their
-        result.
+        """Return operations reordered so that most come right before the first use of their result.
 
         LLVM roughly keeps the order in which operations are written. In the new order fewer values
         occupy registers, and a single run takes 0.93 of the time. Loads, stores, calls, and

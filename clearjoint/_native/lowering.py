@@ -468,10 +468,9 @@ class Lowering:
     ) -> InMemory:
         """Add a loop over the elements of arrays, and return the array of its results.
 
-        **Arguments:** `rule`: adds the operations for one element of each argument, with a result
-        of the given kind; `arguments`: arrays of the given shape, and scalars; `by_vectors`:
-        whether `rule` also takes vectors, so that a program with tangents computes several elements
-        at once.
+        **Arguments:** `rule`: adds operations for one element of each argument, with a result of
+        the given kind; `arguments`: arrays of the given shape, and scalars; `by_vectors`: whether
+        `rule` also takes vectors, by which programs with tangents compute several elements at once.
         """
         ops = self.ops
         out = self.new_array(shape, kind)

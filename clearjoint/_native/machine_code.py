@@ -51,9 +51,8 @@ then 78 µs and 39 µs; for the double pendulum, 0.1 s and 0.9 s, and 2.2 µs an
 not depend on the level, because `.llvm_text` decides which products are fused, and LLVM gets no
 permission to rearrange operations on floats."""
 SECONDS_A_CHARACTER = 3e-6
-"""Running time, s, for each character of a program's text, after which the program is optimised.
-Optimising takes about as long, so that it at most doubles the time of a run that ends soon
-after."""
+"""Running time, s, per character of a program's text, after which the program is optimised.
+Optimising takes about as long: it at most doubles the time of a run that ends soon after."""
 _IRRELEVANT = ("cache_dir", "persistent_cache", "compilation_cache", "log", "traceback", "dump")
 """Programs do not depend on settings of JAX whose names contain one of these texts."""
 

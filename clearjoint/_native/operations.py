@@ -33,13 +33,11 @@ class Operation:
     `.llvm_text` lists them. The others are
 
     - "load", which reads the cell `number`, plus the argument if there is one;
-    - "store", which writes the first argument to the cell `number`, plus the second argument if
-      there is one;
+    - "store", which writes the first argument to the cell `number`, plus the second, if any;
     - "call", which executes the function `number` of the program. The function reads its arguments
       from memory and writes its results there.
 
-    A vector of tangents occupies the cell `number` and the following ones. "store" and "call" have
-    no `out`.
+    A vector of tangents occupies the cells from `number` on. "store" and "call" have no `out`.
     """
 
     out: Value | None
@@ -78,8 +76,7 @@ class Branch:
 
 @dataclass
 class Loop:
-    """Execute the block `head`, which computes `condition`; while it holds, execute `body` and then
-    `head` again.
+    """Execute the block `head`, which computes `condition`; while it holds, run `body` and `head`.
 
     The values `carries` begin as `first`, and become `following` after each execution of the body.
     With several lanes, the body is executed for all lanes as long as the condition holds in any
@@ -143,8 +140,7 @@ class Operations:
     - `cells`: number of cells of memory that the program uses.
     - `block`: the block to which entries are added.
     - `functions`: blocks of the program's functions.
-    - `signatures`: values of the arguments and of the results of each pure function, by its index
-      in `functions`.
+    - `signatures`: values of arguments and results of each pure function, by index in `functions`.
     - `without_memory`: indices of the pure functions that, with all that they call, neither read
       nor write memory, so that calls may be joined or moved.
     - `of_vectors`: by the index of a pure function, the index of the function that computes several
@@ -646,10 +642,9 @@ def _operator(
 class Symbol:
     """A value of a program on which Python's operators act: they add operations to the program.
 
-    The kind of the first operand decides on the operation: `+` is "fadd" for floats and "add" for
-    integers. Sum, difference and product of bools are "or", "xor" and "and". The second operand may
-    be a number. `letter` is the kind of a single element: "f" for a vector of tangents of the kind
-    "fp".
+    The first operand's kind decides the operation: `+` is "fadd" for floats and "add" for integers.
+    Sum, difference and product of bools are "or", "xor" and "and". The second operand may be a
+    number. `letter` is the kind of a single element: "f" for a vector of tangents of the kind "fp".
     """
 
     __slots__ = ("kind", "letter", "ops", "value")

@@ -56,8 +56,7 @@ class Division:
         self._unchanged: dict[Value, int] = {}
 
     def divide(self, block: Block, results: Iterable[Value] = ()) -> None:
-        """Replace long sequences in a block by calls of pieces. The values `results` are used after
-        the block."""
+        """Replace long sequences in a block, after which `results` are used, by calls of pieces."""
         self._cut(block)
         if not self.pieces:
             return

@@ -244,16 +244,14 @@ class Parameter:
     **Arguments:**
 
     - `path`: function that selects the number in a scene, such as ``lambda scene:
-      scene.joints["pin"].clearance``. A path that returns several numbers ties them: they share one
-      value.
+      scene.joints["pin"].clearance``. A path to several numbers ties them: they share one value.
     - `scale`: `Linear()` by default; `Log()` for positive numbers, `Bounded(low, high)` for numbers
       between bounds. A scale gives each value an unbounded coordinate, in which the fit works and
       by which derivatives are taken.
     - `value`: first guess, SI; ``None`` for the number's value in the scene or initial state.
     - `unit`: text that labels the values and converts nothing; by default the number's SI unit.
 
-    **Raises:** `ValueError` for a path that is not a function, and for a `scale` that is no
-    `AbstractScale`.
+    **Raises:** `ValueError` if the path is no function, or the `scale` no `AbstractScale`.
 
     >>> parameter = cj.Parameter(lambda scene: scene.joints["shoulder"].clearance, cj.Log())
     >>> scene, state = cj.mechanisms.double_pendulum(clearance=0.5e-3)

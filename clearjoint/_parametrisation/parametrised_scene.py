@@ -62,8 +62,7 @@ class AbstractSceneFamily(eqx.Module):
     def with_derivatives(
         self, function: SceneFunction, primals: Trees, tangents: Trees
     ) -> tuple[PyTree, PyTree, PyTree]:
-        """Compute ``function(scene, *primals)`` and the derivatives of its value along the
-        directions.
+        """Compute ``function(scene, *primals)`` and its derivatives along the directions.
 
         The scene is that of the method `scene` at `values`. `primals` are earlier results of a run,
         `tangents` their derivatives. In derivatives, arrays have a first axis for directions.

@@ -1,5 +1,4 @@
-"""Parts of a scene, from a number to a whole element, or numbers of its state, and their
-setters."""
+"""Parts of a scene, from a number to an element, or numbers of its state, and their setters."""
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -26,8 +25,7 @@ _EXAMPLE = 'pass for example {"clearance": lambda scene: scene.joints["pin"].cle
 
 @dataclass(frozen=True)
 class PartSetter(AbstractLeafSetter):
-    """A `Change` that sets leaves of the scene, given by their indices, to the arrays of a
-    value."""
+    """A `Change` that sets leaves of the scene, given by index, to the arrays of a value."""
 
     leaves: tuple[int, ...]
 

@@ -39,8 +39,7 @@ class SensorErrors(eqx.Module):
         return len(self.delays) < len(self.errors)
 
     def value(self, number: int, coordinates: jax.Array) -> jax.Array:
-        """Return the value, (...), of the parameter with the index `number` at coordinates (...,
-        p)."""
+        """Return the value, (...), of the parameter of index `number` at coordinates (..., p)."""
         # A user-defined scale need not accept arrays.
         return jnp.vectorize(self.scales[number].value)(coordinates[..., number])
 

@@ -35,8 +35,7 @@ class AbstractVariation(abc.ABC):
         """Return the function that sets a value in scenes and states of the structure of `scene`
         and `state`, for values of the shape of `example`.
 
-        Equal variations return equal functions for equal structures, so that JAX reuses compiled
-        programs.
+        Equal variations return equal functions for equal structures; JAX reuses compiled programs.
 
         **Raises:** `ValueError` for a path without numbers, or with numbers of another shape than
         `example`, and for an error of sensors, which changes no scene.

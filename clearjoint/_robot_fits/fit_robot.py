@@ -60,8 +60,7 @@ NO_PARAMETERS: Mapping[str, Parameter] = MappingProxyType({})
 ENDS = -0.7, 0.7
 """Places in a play, from -1 to 1, from which a fit also starts."""
 CLOSEST = 0.99
-"""Largest magnitude of a place in a play from which a further fit starts: at 1, the scale `Bounded`
-is infinite."""
+"""Largest magnitude of a place in a play to start a further fit: at 1, `Bounded` is infinite."""
 PLAYS = 0.8, 1.25
 """Factors on all estimated plays, from which the fit is repeated: a collision less or more in the
 motion gives minima of chi squared at plays that differ by a few percent."""
@@ -98,9 +97,8 @@ class RobotFit(AbstractTabular):
     - `robot`: the robot with the estimates.
     - `log`, `driven_by`: the arguments of `fit_robot`.
     - `undetermined`: for each parameter that the log doesn't determine, a sentence that says why.
-    - `held`: value and unit at which each undetermined parameter was held: its start, or its last
-      estimate if it is a position or speed at the start of the log, or if the log excludes its
-      start.
+    - `held`: value and unit at which each undetermined parameter was held: its start, or last
+      estimate for a position or speed at the start of the log, or if the log excludes its start.
     - `limits`: 95 % intervals, from zero or to infinity, of parameters about zero or infinite.
 
     ```python
@@ -321,8 +319,7 @@ def fit_robot(
       Of sliders: "friction", "damping", "link friction", "loss", "armature" and "mass".
     - `driven_by`: how joints are driven, by name; other joints move freely.
         - "angle": the joint, or its motor if that turns apart, follows its logged position,
-          smoothed by as much as its noise. Its logged torque is compared with the one that this
-          takes.
+          smoothed by as much as its noise. Its logged torque is compared with the one needed.
         - "torque": the logged torque acts, interpolated by a spline; "held torque": each value acts
           until the next. Logged positions are compared with those of the run.
         - a `Servo` or `Motor`, made with ``robot.motor_side("elbow")``; logged goals replace its
@@ -443,8 +440,7 @@ def _of_kind(problem: RobotProblem, parameters: Iterable[str], *kinds: str) -> l
 
 
 def _inside(problem: RobotProblem, fit: Fit) -> dict[str, float]:
-    """Return the estimates, with places in a play limited to `CLOSEST`, so that another fit can
-    start from them."""
+    """Return the estimates, places in a play limited to `CLOSEST`, as starts of another fit."""
     places = _of_kind(problem, fit.parameters, IN_PLAY)
     limited = {name: min(max(fit.estimates[name], -CLOSEST), CLOSEST) for name in places}
     return {**fit.estimates, **limited}

@@ -71,14 +71,12 @@ STILL = 1.5
 """Standard deviation of positions, over their noise, up to which a joint counts as not moving."""
 REST, SLOPE = 10, 3.3
 """A joint starts at rest if the slope over time of its first `REST` positions is at most `SLOPE`
-standard errors. Noise alone exceeds that in one of 1000 logs; a wrong speed at the start makes
-estimates wrong."""
+standard errors. Noise exceeds that in one of 1000 logs; a wrong start speed spoils estimates."""
 POSITION, SPEED, IN_PLAY = OF_START = "start position", "start speed", "start in the play"
 """What a fit finds of the start; `IN_PLAY` is the place, from -1 to 1, in the play of a drive train
 of which one side is not logged."""
 CERTAIN = 10.0
-"""The sign of a load is certain if errors of the position of this multiple of its noise don't
-change the sign."""
+"""A load's sign is certain if position errors of this multiple of the noise don't change it."""
 UNKNOWN_NOISE = 1e-3
 """Noise, rad or m, that replaces an unknown one in the scale of a position at the start."""
 
@@ -174,8 +172,7 @@ class AbstractStart(AbstractGroupedChange):
 
 
 class StartNumbers(NamedTuple):
-    """Positions `q`, rad or m, and speeds `qd` of joints at the start, by name, that replace those
-    of `state`."""
+    """Start positions `q`, rad or m, and speeds `qd` of joints, by name, that replace `state`'s."""
 
     state: State
     q: dict[str, Scalar]
@@ -402,8 +399,7 @@ def continuous(samples: Logged, is_angle: bool) -> Float[np.ndarray, " N"]:
 
 
 def _other_side(robot: Robot, log: RobotLog, name: str) -> str | None:
-    """Return the motor of a joint, or the joint of a motor; ``None`` if there is none, or the log
-    has its angles."""
+    """Return a joint's motor or motor's joint; ``None`` without one or if its angles are logged."""
     motors = robot._motors()
     other = (motors | {motor: joint for joint, motor in motors.items()}).get(name)
     return None if other in log.angles else other

@@ -75,8 +75,7 @@ def is_abstract(kind: type) -> bool:
 
 
 def makers(families: tuple[type, ...], classes: Classes) -> dict[str, Maker]:
-    """Return the classes and static methods, such as "Body.rod", that a file may name as `kind`, by
-    name.
+    """Return the classes and static methods, such as "Body.rod", for `kind` in a file, by name.
 
     Only classes that derive from one of the `families` are returned, or all if `families` is empty.
     User-defined `classes` have two names, "Class" and "module:Class". If a class of this package

@@ -64,8 +64,7 @@ def written(keys: Keys) -> str:
 
 
 def existing(content: object, keys: Sequence[str | int]) -> Keys:
-    """Return the longest beginning of `keys` that leads to an entry of `content`, with indices as
-    integers."""
+    """Return the longest start of `keys` leading to an entry of `content`, indices as integers."""
     steps: list[str | int] = []
     for key in keys:
         if isinstance(content, Mapping) and key in content:
@@ -91,8 +90,7 @@ class Source:
         """Return where the value at `keys` is set, as a text that follows the name of the file.
 
         It is " with --set run.end=2", or ", line 12" with the first line of the statement that sets
-        the value or, if it is missing, the table around it. The text is empty if the line is
-        unknown.
+        the value or, if missing, the table around it. It is empty if the line is unknown.
         """
         for depth in range(1, len(keys) + 1):
             if keys[:depth] in self.changes:

@@ -269,8 +269,7 @@ class Robot:
     def torques(
         self, q: Positions = None, qd: Positions = None, qdd: Positions = None
     ) -> dict[str, np.ndarray]:
-        """Return the torques, N m, and forces, N, with which drives in all joints make a given
-        motion.
+        """Return the torques, N m, and forces, N, of drives in all joints that make a given motion.
 
         The torques come from inverse dynamics, with gravity, and springs and dampers of the file,
         but without dry friction, stops and joints that close loops. The torque of a leader also
@@ -548,8 +547,7 @@ def load_robot(
           scene with a name such as "elbow backlash"; the joint stays. By default its
           `torsional_stiffness` is such that the joint's effort limit in the file deflects the
           surfaces in contact (flanks) by a tenth of the backlash.
-    - `gravity`: (3,) m/s^2, or ``None``; by default that of an MJCF file, and (0, 0, -9.81) for
-      URDF.
+    - `gravity`: (3,) m/s^2, or ``None``; by default an MJCF file's, and (0, 0, -9.81) for URDF.
     - `stops`: a dictionary of arguments for each joint whose limits are stops, by the joint's
       name: of hinges the `torsional_stiffness` and `restitution`, or the `law` and `radius`, of a
       `Backlash`; of sliders the `law` of a `PinInSlot`. This element is added with a name such as

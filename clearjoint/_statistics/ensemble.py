@@ -168,9 +168,8 @@ DISTURBANCE = 1e-9
 """Default size of the disturbance of the initial velocities, m/s: far below the resolution of
 measurements, and far above rounding errors."""
 TANGENT_SETTINGS = replace(presets.derivatives, derivative_tolerance=1e9)
-"""Settings of the runs with a tangent. With so large a tolerance, the tangent does not control the
-length of steps: a growth rate needs few correct digits of it, and as it grows, steps would become
-ever shorter."""
+"""Settings of the runs with a tangent. With so large a tolerance, it does not control the steps: a
+growth rate needs few correct digits of it, and as it grows, steps would become ever shorter."""
 TANGENT_TIMES = 256
 """Number of times, evenly spaced over the run, at which the size of the tangent is computed."""
 ROUNDING = 1e-12
@@ -203,13 +202,11 @@ def ensemble(
     **Arguments:**
 
     - `scene`, `state`, `end_time`, `outputs`, `settings`, and the options `save`, `start_time`,
-      `path`, `executor`, `threads`, `chunk`, `progress`: as in `sweep`. Statistics are computed of
-      the outputs with one number in each run, such as `Peak`, and of quantities at each of the
-      times of `save`.
+      `path`, `executor`, `threads`, `chunk`, `progress`: as in `sweep`. Statistics are of outputs
+      with one number in each run, such as `Peak`, and of quantities at each time of `save`.
     - `axes`: `Axis` by name; the points are all combinations of the values, by default only the
       scene and state as they are.
-    - `draws`: number of runs at each point, 2 or more. More draws of the same seed extend a
-      stored ensemble.
+    - `draws`: number of runs at each point, 2 or more. More of a seed extend a stored ensemble.
     - `disturbance`: m/s, root mean square speed that is added to the bodies; a spin counts by the
       speed at its body's radius of gyration.
     - `seed`: of the random directions. All points share the directions.
@@ -222,15 +219,13 @@ def ensemble(
     **Returns:** an `xarray.Dataset` along the axes. For each output "force":
 
     - ``force``: the values along "draw", NaN for failed runs;
-    - ``force_mean``, ``force_standard_error`` (of the mean), and ``force_deviation`` (standard
-      deviation);
+    - ``force_mean``, its ``force_standard_error``, and ``force_deviation`` (standard deviation);
     - ``force_quantile`` and ``force_quantile_standard_error`` along "quantile". The standard error
       is NaN for a level too near 0 or 1 for the number of draws: for 0.05 with fewer than 19, for
       0.01 with fewer than 99.
 
-    ``failed`` counts the failed runs, which are left out of the statistics. Statistics are NaN at a
-    point where all runs failed; so are ``force_deviation`` and all standard errors where only one
-    run succeeded.
+    ``failed`` counts failed runs, which the statistics leave out. These are NaN where all runs
+    failed; so are ``force_deviation`` and all standard errors where only one run succeeded.
 
     With `exponents`, ``lyapunov_exponent``, 1/s, is the growth rate of a tangent in the second half
     of the run, on average over the first `exponents` draws; its standard error is

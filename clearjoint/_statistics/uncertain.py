@@ -32,12 +32,9 @@ class Uncertain:
     **Arguments:**
 
     - `parameter`: a `Parameter`, or a path such as ``lambda scene: scene.joints["pin"].clearance``,
-      with the scale `Linear()`. Its `value`, by default the number in the scene, is the nominal
-      value.
-    - `deviation`: standard deviation of a normal distribution about the nominal value, in the
-      coordinate.
-    - `half_width`: half the width of a uniform distribution about the nominal value, in the
-      coordinate.
+      with the scale `Linear()`. Its `value` is nominal, and by default the number in the scene.
+    - `deviation`: standard deviation of a normal distribution about that value, in the coordinate.
+    - `half_width`: of a uniform distribution about the nominal value, in the coordinate.
     - `between`: the two bounds of a uniform distribution, as values in the parameter's unit. The
       nominal coordinate is then the middle of the bounds' coordinates.
 
@@ -86,8 +83,7 @@ class Uncertain:
         return self.deviation is not None
 
     def centre_and_size(self, scene: Scene, state: State) -> tuple[float, float]:
-        """Return the middle of the distribution, and its standard deviation or half width, both in
-        the coordinate."""
+        """Return the middle, and the standard deviation or half width, in the coordinate."""
         if self.between is None:
             size = self.deviation if self.half_width is None else self.half_width
             assert size is not None

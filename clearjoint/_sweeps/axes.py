@@ -117,8 +117,7 @@ class Lanes:
     - `scene`, `state`: as the user passed them.
     - `varied`: PyTree like `scene`, of bools: whether the leaf has, in at least one lane, other
       numbers than in `scene`.
-    - `scenes`: PyTree like `scene`; a leaf is an array (lanes, ...) if it is `varied`, else
-      ``None``.
+    - `scenes`: PyTree like `scene`; a leaf is an array (lanes, ...) if `varied`, else ``None``.
     - `states`: PyTree like `state`; every leaf is an array (lanes, ...).
     - `bad`: error messages by number of the lane, for lanes that don't run because of their values.
       In `scenes` and `states`, lanes with invalid values have the numbers of `scene` and `state`,

@@ -117,10 +117,9 @@ def _by_threads(
 class _Writer:
     """Collects the results of lanes that have ended, and writes them to the store.
 
-    Complete chunks are written at once. So are the lanes of incomplete chunks, as long as writing
-    them takes at most the share `WRITE_SHARE` of the sweep's time. Lanes that end while others are
-    written are added in the next call of `add`; `Batch.run` begins no further lanes if writing
-    lasts long.
+    Complete chunks are written at once. So are lanes of incomplete chunks, while writing them takes
+    at most the share `WRITE_SHARE` of the sweep's time. Lanes that end while others are written are
+    added in the next call of `add`; `Batch.run` begins no further lanes if writing lasts long.
 
     **Arguments:** `missing`: the lanes to compute; `bar`: shows how many lanes are written.
     """

@@ -65,8 +65,7 @@ class LargestFeasible:
     limit is violated. The peak is the largest value of a quantity, or the result of a reduction;
     with draws, it is the quantile of these numbers over the draws.
 
-    - `value`: the largest feasible value, in `unit`; the upper end of the range if no limit is
-      violated.
+    - `value`: the largest feasible value, in `unit`; the range's upper end if no limit is violated.
     - `interval`: `value`, and the next computed value, which violates a limit. With several draws
       and a quantile below 1, it is instead a 95 % confidence interval of the value at which the
       first violation begins. Both ends are `value` if no limit is violated.
@@ -81,8 +80,7 @@ class LargestFeasible:
       their difference over the larger of their magnitudes. In a range that contains zero, the
       divisor is at least `tolerance` times the range.
     - `values`, `margins`: (n,) all computed values, in `unit`, and their margins. A margin is +inf
-      for a peak of zero or less, and -inf for a peak that is NaN or infinite, as that of a failed
-      run.
+      for a peak of zero or less, and -inf for one that is NaN or infinite, as in a failed run.
 
     >>> speed, between = cj.quantities.Velocity("ball"), (100.0, 1000.0)  # 0.1 sqrt(k / m)
     >>> largest = cj.largest_feasible(
@@ -179,8 +177,7 @@ def largest_feasible(
     - `after`: time after which peaks of quantities count, to exclude a transient. Reductions have
       times of their own.
     - `draws`: `Axis` by name with the draws of each random number of the scene or its initial
-      state, such as the phase at the start. All have equal length, and their i-th values form the
-      i-th draw.
+      state, such as the initial phase. All have equal length; their i-th values form the i-th draw.
     - `quantile`: share of the draws that must satisfy each limit, from 0 to 1.
     - `lanes`: number of values in a sweep, at least 3, each of which is run with every draw.
     - `tolerance`: relative tolerance of the value, positive. If the range contains zero, the
@@ -506,9 +503,8 @@ class _Search:
 
     def _interval(self, known: LaneMargins) -> tuple[float, float]:
         """Return two values between which the first violation begins, by the confidence intervals
-        of the margins: the value before the first value whose interval reaches below zero, or else
-        the smallest value; and the first value whose whole interval is below zero, or else the
-        largest value."""
+        of the margins: the value before the first whose interval reaches below zero, or else the
+        smallest; and the first whose whole interval is below zero, or else the largest."""
         possible, certain = first_violation(known.low), first_violation(known.high)
         values = self._values(known)
         return values[max(possible - 1, 0)], values[min(certain, len(values) - 1)]

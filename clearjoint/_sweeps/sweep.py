@@ -276,8 +276,7 @@ def sweep(
       chunks; by default threads of this process share the lanes. Processes must be spawned, not
       forked, and a script must make the executor below ``if __name__ == "__main__":``, as
       ``ProcessPoolExecutor(4, mp_context=multiprocessing.get_context("spawn"))``. Dask serves for
-      clusters (``pip install 'clearjoint[cluster]'``); if a worker dies, Dask gives its chunks to
-      another worker.
+      clusters (``pip install 'clearjoint[cluster]'``); if a worker dies, another gets its chunks.
     - `threads`: number of threads that share the lanes in this process; by default the number given
       to `configure`, or one for each core. Results don't depend on it.
     - `chunk`: number of lanes in a chunk of the store, and in a task of the executor.

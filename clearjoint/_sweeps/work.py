@@ -117,8 +117,7 @@ class Chunks:
     def __call__(self, chunk: int) -> LaneArrays:
         """Return the results of the lanes of a chunk, in the order of `lanes[chunk]`.
 
-        **Raises:** `RuntimeError` if this process would run other code than the process that made
-        the sweep.
+        **Raises:** `RuntimeError` if the process that made the sweep runs other code than this one.
         """
         expected = self.work.common.programs
         if self.trace is not None and expected not in _confirmed_programs:

@@ -183,9 +183,8 @@ def _covered(
 
 
 def _whole_numbers(starts: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return, for each whole number in the intervals from `starts[k]` to `ends[k]` - 1, the index k
-    of its interval, and the number: [0, 0, 2] and [3, 4, 7] for starts [3, 9, 7] and ends [5, 9,
-    8]."""
+    """Return, for each integer in the intervals `starts[k]` to `ends[k]` - 1, the index k of its
+    interval, and itself: [0, 0, 2] and [3, 4, 7] for starts [3, 9, 7] and ends [5, 9, 8]."""
     counts = np.maximum(ends - starts, 0)
     interval = np.repeat(np.arange(len(counts)), counts)
     before = np.repeat(np.cumsum(counts) - counts, counts)  # numbers of the intervals before

@@ -268,8 +268,7 @@ CLEAR = 0.3
 class DrawnPart:
     """A solid of a view, with its pose in each frame.
 
-    - `name`: of its body, joint or force; of the joint and the contact for the arrow of a contact
-      force.
+    - `name`: of its body, joint or force; of joint and contact for the arrow of a contact force.
     - `mesh`: triangles in the solid's own axes, m.
     - `poses`: (N, 4, 4), or (1, 4, 4) for a solid at rest. They may also stretch the solid.
     - `colour`: "#rrggbb". `opacity`: from 0.0, invisible, to 1.0, opaque.

@@ -17,8 +17,7 @@ from .proportions import FIELD_OF_VIEW, Camera
 
 @dataclass(frozen=True)
 class Legend:
-    """Legend of a view: `entries` are pairs of a colour "#rrggbb" and its meaning, `notes` lines of
-    text."""
+    """Legend: `entries` are pairs of a colour "#rrggbb" and its meaning, `notes` lines of text."""
 
     title: str
     entries: tuple[tuple[str, str], ...]

@@ -32,8 +32,7 @@ class Proportions:
     - `bearing_scale`, `clearance_scale`: drawn size divided by true size, of bearings and sockets,
       and of clearances and eccentricities. The drawn radius of a journal or ball is that of its
       bearing or socket less the drawn clearance.
-    - `front`: unit vector to the viewer before the camera is tilted, the main direction of the
-      joint axes.
+    - `front`: unit vector to the viewer before the camera tilts, the main direction of joint axes.
     - `up`: unit vector upwards.
     - `planar`: whether nearly all joint axes are parallel.
     """

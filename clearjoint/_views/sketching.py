@@ -353,10 +353,9 @@ class SketchingPen(AbstractPen):
     def body(self, name: str, body: Body) -> None:
         """Draw a body as a bar around the points of its joints and forces.
 
-        If it has at most one such point, or points that span less than half the longest side of its
-        equivalent solid along every body axis, this solid is drawn too, and the bar also reaches
-        the centre of mass. A body with a block, a gear or walls, and at most one point, needs no
-        bar.
+        With at most one such point, or points that span less than half the longest side of its
+        equivalent solid along each body axis, this solid is drawn too, and the bar also reaches the
+        centre of mass. A body with a block, a gear or walls and at most one point needs no bar.
         """
         points = self._distinct(name)
         # Blocks, gears and walls need no further shape.

@@ -38,8 +38,7 @@ class View:
     - `times`: (N,) s, of the N frames; ``None`` for a single state.
     - `legend`: its `title`; its `entries`, pairs of a colour such as "#0072B2" and its meaning; and
       its `notes`.
-    - `clearance_scale`, `bearing_scale`: drawn size divided by true size of clearances, of
-      bearings.
+    - `clearance_scale`, `bearing_scale`: ratio of drawn to true size of clearances, of bearings.
     - `force_scale`: length of an arrow divided by its force, m/N; 1 without forces.
 
     >>> four_bar = cj.view(*cj.mechanisms.four_bar(), title="four-bar", clearance_scale=50.0)
@@ -67,9 +66,8 @@ class View:
         return page(self.parts, self._camera, self.legend, self.times, self._height)
 
     def save(self, file: str | Path, *, time: float | None = None) -> Path:
-        """Write the view to a file, and return its path: ".html" for an interactive page; ".gif"
-        or, with ffmpeg, ".mp4" for an animation of at most 100 frames; ".png", ".pdf" or ".svg" for
-        a picture.
+        """Write the view to a file and return its path: ".html" for an interactive page; ".gif" or,
+        with ffmpeg, ".mp4" for up to 100 animated frames; ".png", ".pdf" or ".svg" for a picture.
 
         **Arguments:** `time`: s; a picture shows the nearest frame, by default the first one.
 
@@ -156,11 +154,9 @@ def view(
       without contact forces. By default, bodies are arranged by following the joints from the
       ground. If loops stay open, `assemble` closes them. Loops that it can't close are shown open,
       and the legend says so.
-    - `observation`: result of `observe` at the instants of the motion, by default computed for a
-      solution.
-    - `forces`: whether to draw arrows of contact forces, and journals in the colours of their
-      motion modes. A `NonsmoothSolution` has impulses instead of contact forces, so their arrows
-      are left out.
+    - `observation`: from `observe` at the motion's instants; by default computed for a solution.
+    - `forces`: whether to draw arrows of contact forces, and colour journals by motion mode. A
+      `NonsmoothSolution` has impulses instead of contact forces, so their arrows are left out.
     - `frames`: largest number of frames, at about equal distances in time.
     - `meshes`: meshes of bodies by name, in m in body axes, instead of bars: a file that trimesh
       reads, an object with `vertices` and `faces`, or a tuple of these two arrays.

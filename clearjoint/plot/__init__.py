@@ -34,8 +34,7 @@ These arguments mean the same in all functions:
 
 - `observation`: from `cj.observe`, along ``solution.steps.between()`` or at other instants that
   resolve free flights and impacts.
-- `joint`, `body`: name of a joint with contacts, and of a body. `base`: "V" or "W", the end circles
-  of the journal.
+- `joint` (with contacts), `body`: their names. `base`: "V" or "W", the journal's end circles.
 - `clearance`: radial clearance, m. Where it may be left out, it is that of the observed joint.
 - `window`: start and end of the drawn time, s; by default all is drawn.
 - `dataset`: from `sweep` or `open_sweep`. If the sweep has several axes, select one value of each
@@ -59,8 +58,7 @@ draw, for a window without drawn times, for a solution without states, for a qua
 unit, for an output that is not one number for each drawn value, and for axes that are not polar
 where polar ones are needed.
 
-**Examples** in docstrings of this module assume these lines, after those in the docstring of
-`clearjoint`:
+**Examples** in this module's docstrings assume these lines, after those in `clearjoint`'s:
 
 >>> pendulum, hanging = cj.mechanisms.double_pendulum()
 >>> save = cj.Saving(np.linspace(0, 0.02, 2001), steps=True, impacts=True)

@@ -1,5 +1,4 @@
-"""Draw fits to measurements, the accuracy of estimates, and the length of record that a run can
-fit."""
+"""Draw fits to measurements, accuracy of estimates, and the length of record a run can fit."""
 
 from collections.abc import Iterable
 
@@ -123,10 +122,9 @@ def growth(horizon: FitHorizon, *, axes: Axes | None = None) -> Axes:
     """Draw how far small changes of parameters and of the initial velocity displace the bodies.
 
     Each parameter has a line over time: the root mean square displacement, m, of points of the
-    bodies per unit of the parameter on its scale (for the scale `Log`, per relative change). A
-    further line is the displacement per m/s of initial velocity. Vertical lines mark the times
-    beyond which a fit by a single run may not converge from a wrong guess, or integration errors
-    are too large.
+    bodies per unit of the parameter on its scale (for the scale `Log`, per relative change).
+    Another is the displacement per m/s of initial velocity. Vertical lines mark the times beyond
+    which a fit by one run may not converge from a wrong guess, or integration errors are too large.
 
     >>> axes = plot.growth(limits)
     """

@@ -156,9 +156,8 @@ def _over_time(
 def hysteresis(
     observation: Observation, impacts: Impacts, *, count: int = 3, axes: Axes | None = None
 ) -> Axes:
-    """Draw the normal force over the penetration, as a closed loop for each of the first impacts of
-    a contact. The area inside a loop is the energy that the normal force dissipates; the legend
-    gives it.
+    """Draw the normal force over the penetration, as a closed loop for each of a contact's first
+    impacts. The area of a loop is the energy that the force dissipates, given in the legend.
 
     **Arguments:** `impacts`: of one contact: ``solution.impacts.of(joint, contact)``. `count`:
     largest number of impacts to draw.
@@ -239,17 +238,15 @@ BAR_STYLES = {
 
 
 def contact_phases(observation: Observation, joint: str) -> np.ndarray:
-    """Return the phase of the motion in a joint at each of the N observed instants, (N,) numbers of
-    `ContactPhase`.
+    """Return a joint's phase of motion at the N observed instants, (N,) numbers of `ContactPhase`.
 
     An interval of contact with a single compression and restitution is an impact. If the bodies
     approach again before they separate, or if the interval lasts to the end of the observation, it
     is an impact up to the first maximum of the penetration, and following from there on. An
     interval that begins at the first instant is following as a whole.
 
-    **Source:** the three phases are those of P. Flores et al., *Spatial revolute joints with
-    clearances for dynamic analysis of multi-body systems*, 2006, but not the limit between impact
-    and following.
+    **Source:** P. Flores et al., *Spatial revolute joints with clearances for dynamic analysis of
+    multi-body systems*, 2006, except for the limit between impact and following.
 
     >>> phases = plot.contact_phases(observed, "shoulder")
     >>> plot.ContactPhase(phases[0]).name  # the journal starts in the middle

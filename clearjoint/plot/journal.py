@@ -71,8 +71,7 @@ def eccentricities(
 def eccentricity_vectors(
     observation: Observation, joint: str, base: str, section: CrossSection | None = None
 ) -> np.ndarray:
-    """Return the vector from the bearing's axis to the centre of a base, (N, 2) m, at the N
-    observed times.
+    """Return the vector from the bearing's axis to a base's centre, (N, 2) m, at N observed times.
 
     **Arguments:** `section`: two perpendicular unit vectors across the bearing's axis, by their
     labels, such as {"X": (1, 0, 0), "Y": (0, 1, 0)}: (3,) each in global axes, or (N, 3) if the

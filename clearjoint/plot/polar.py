@@ -46,8 +46,7 @@ def contact_rose(
 
     - `weight`: "impulse", the time integral of the normal force in each sector, with base W stacked
       on base V; or "force", the largest normal force of each base. If both bases have equal values
-      in all sectors, they share their bars, which show the sum of the two impulses, or the force of
-      one base.
+      in all sectors, they share bars, which show the sum of the impulses, or the force of one base.
     - `sectors`: number of sectors; the first one begins at 0°, the direction drawn to the right.
     - `section`: directions drawn to the right and upwards, as in `eccentricity_vectors`.
 
@@ -117,9 +116,8 @@ def worn_profile(
     """Draw the worn depth of a bearing or a journal over the angle from the x axis of its frame, as
     a curve for each of several numbers of cycles of the motion.
 
-    **Arguments:** `found`: result of `clearjoint.wear`. `part`: "bearing", for the wear of its
-    wall, or "journal". `curves`: number n of curves, at 1/n, 2/n and so on of all cycles; the last
-    one is black.
+    **Arguments:** `found`: result of `clearjoint.wear`. `part`: "bearing", for its wall, or
+    "journal". `curves`: number n of curves, at 1/n, 2/n and so on of all cycles; the last is black.
 
     >>> import xarray as xr
     >>> depths = {"bearing_depth": (("joint", "stage", "angle"), np.full((1, 2, 8), 1e-6))}

@@ -45,8 +45,7 @@ IMPACT_NUMBERS = (
     ("peak force, N", "peak_force", 1.0, ".1f"),
     ("penetration, µm", "largest_penetration", 1e6, ".4g"),
 )
-"""Columns of numbers in the table of impacts: title, name in `Impacts`, factor from the SI unit,
-and format."""
+"""Number columns of the table of impacts: title, name in `Impacts`, factor from SI unit, format."""
 IMPACT_COLUMNS = "joint", "contact", *(title for title, *_ in IMPACT_NUMBERS)
 
 

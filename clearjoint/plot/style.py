@@ -339,9 +339,8 @@ def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray, swept: str = "x") -> No
 
 
 def tick_logarithm(axis: Axis, values: np.ndarray) -> None:
-    """Set the ticks of a logarithmic axis for positive values: at equal differences if the largest
-    value is up to 5 times the smallest; at 1, 2 and 5 times powers of ten below 500 times; else as
-    matplotlib does."""
+    """Set ticks of a logarithmic axis for positive values: at equal differences if the largest is
+    up to 5 times the smallest; at 1, 2, 5 times powers of 10 below 500 times; else matplotlib's."""
     finite = values[np.isfinite(values)]
     if finite.max() < 500.0 * finite.min():
         few = finite.max() <= 5.0 * finite.min()

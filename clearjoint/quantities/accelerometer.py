@@ -29,8 +29,7 @@ from .base import AbstractQuantity, Instant, require_known
 ARM = 1e-2
 """Free length of the spring, m: much longer than the deflections of micrometres."""
 SHARE = 1e-6
-"""Default ratio of the sensor's mass to the body's, at which the sensor hardly affects the
-motion."""
+"""Default ratio of the sensor's mass to the body's, which hardly affects the motion."""
 RADIUS = 1e-3
 """Radius of gyration of the seismic mass, m, which can't rotate relative to its body."""
 BUTTERWORTH = math.sqrt(0.5)

@@ -78,9 +78,8 @@ class Instant:
         if the rate is unknown because the onset was before the start of the run. Contacts whose law
         doesn't use the entry speed are left out."""
         self.bristles = bristles
-        """Bristle deflections, m, ``bristles[joint][contact]``; zero while the contact is open.
-        Each is a vector in the axes of the joint's first body. Contacts without bristles are left
-        out."""
+        """Bristle deflections, m, ``bristles[joint][contact]``: vectors in the axes of the joint's
+        first body; zero while the contact is open. Contacts without bristles are left out."""
         self._system, self._own_time, self._variables = system, own_time, variables
         self._inside = inside
         self.jumps = jumps
@@ -90,8 +89,7 @@ class Instant:
         self._parts = system, own_time, variables, entry_speeds, work, bristles, memory
 
     def inside(self, fraction: Scalar) -> "Instant":
-        """Return the instant at a fraction, 0 to 1, of the step that ends here, from the solver's
-        dense output.
+        """Return the instant at a fraction, 0 to 1, of the step that ends here, by dense output.
 
         **Raises:** `ValueError` if this instant isn't the end of a step.
         """

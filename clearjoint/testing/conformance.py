@@ -271,8 +271,7 @@ def check_bristles(friction: AbstractBristleFriction) -> None:
     - the deflection is constant without slip, and ten times the full deflection shrinks in sliding;
     - the friction is zero if deflection and slip are zero, and doesn't drive steady sliding;
     - the stored energy is zero without deflection and never negative;
-    - the derivatives by the deflection, the slip and the parameters of the law are finite, even
-      without slip.
+    - the derivatives by deflection, slip and the law's parameters are finite, even without slip.
 
     >>> testing.check_bristles(cj.frictions.LuGre(breakaway=0.2, kinetic=0.1, stribeck_speed=0.01))
     """

@@ -28,8 +28,7 @@ TOLERANCE_OF_DIFFERENCES = 1e-5
 PENETRATION, ENTRY_SPEED = 1e-6, 0.1
 """Depth beyond the onset, m, and entry speed, m/s, of a tested contact."""
 ROTATIONS = 4
-"""Newton steps by which a body is rotated to a given penetration; the error is then far below
-`PENETRATION`."""
+"""Newton steps that rotate a body to a given penetration, with an error far below `PENETRATION`."""
 
 Rows: TypeAlias = dict[str, jax.Array]
 """Numbers of each contact, as an array in the order of `_rows`, by the contact's label."""
@@ -59,10 +58,9 @@ def check_contact_joint(
       each parameter of the joint agrees with finite differences.
 
     The joint is tested at the given motions; at the onset of each contact's force, and a micrometre
-    deeper; with the joint's attachment points on both bodies (those of its method `attachments`)
-    coincident; and at all these positions at rest. The second body is shifted to these positions,
-    or rotated to those of a contact that transmits a couple; if it is the ground, the first body is
-    moved instead.
+    deeper; with its attachment points on both bodies (of its method `attachments`) coincident; and
+    at all these positions at rest. The second body is shifted to these positions, or rotated to
+    those of a contact that transmits a couple; if it is the ground, the first is moved instead.
 
     **Arguments:** `motions`: with bodies less than a centimetre from contact; the ground may be
     omitted. `together`: whether the attachment points on both bodies can coincide, so that the

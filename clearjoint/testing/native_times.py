@@ -6,8 +6,7 @@ from .._native.machine_code import Code
 
 
 def native_seconds() -> dict[str, float]:
-    """Return the processor time, s, that making the native programs of this process has taken, by
-    stage.
+    """Return the processor time, s, that making this process's native programs has taken, by stage.
 
     The stages are "tracing" by JAX, "lowering" of the jaxpr to operations on numbers, "writing" of
     these as LLVM code, and "compiling" of this code, or reading its machine code from disk;

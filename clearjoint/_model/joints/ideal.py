@@ -167,8 +167,7 @@ class RevoluteJoint(AbstractAxisJoint, AbstractDriveableJoint):
 
     **Arguments:**
 
-    - `point_first`, `point_second`: the joint's point on each body, (3,) m from its centre of mass
-      in its axes.
+    - `point_first`, `point_second`: on each body, (3,) m from its centre of mass in its axes.
     - `axis_first`, `axis_second`: the axis of rotation on each body, (3,) in its axes, any length.
     - `armature`: kg m^2, moment of inertia of a drive's rotor times the square of its gear ratio;
       none by default. It adds the kinetic energy armature speed^2/2.

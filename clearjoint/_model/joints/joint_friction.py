@@ -53,20 +53,17 @@ class JointFriction(AbstractNamedPair, AbstractContactJoint):
     velocity along the axis, and F acts along it. Choose a law with bristles, such as `LuGre`, if
     the joint must hold below the breakaway load.
 
-    Reactions of the ideal joint contain no part of the load. `simulate_nonsmooth` does not support
-    this element.
+    The ideal joint's reactions exclude the load. `simulate_nonsmooth` does not support the element.
 
     **Arguments:**
 
     - `first`, `second`: names of the bodies that the ideal joint connects.
-    - `friction`: law that gives the ratio of the friction to the load. Its speeds are those of the
-      surfaces, m/s.
+    - `friction`: law that gives the ratio of friction to load. Its speeds are the surfaces', m/s.
     - `load`: N, by which the surfaces are pressed together.
     - `axis`: (3,) in the first body's axes, any length: of a hinge, or direction of a slider;
       ``None`` for a ball, where friction resists every relative rotation.
     - `radius`: m, of the surfaces of a hinge or ball; ``None`` for a slider, which needs an `axis`.
-      For a law in N m and rad/s, take ``radius=1``: the moment is then the `load` in N m times the
-      law's ratio.
+      For a law in N m and rad/s, take ``radius=1``: the moment is the ratio times `load` in N m.
     - `point_second`: a point of the second body on the slider's surface, (3,) m from its centre of
       mass in its axes; this centre by default. The point matters only if the first body rotates.
     - `viscosity`: coefficient of a viscous part, N s/m at the surfaces (N m s/rad with

@@ -74,9 +74,8 @@ REST = Twist(ZERO, ZERO)
 class Relative:
     """Position and motion of a child body relative to its parent.
 
-    `orientation` transforms components in the child's axes to the parent's. `displacement`, m, is
-    from the joint's point on the parent to that on the child, in the child's axes, as is the
-    `twist`.
+    `orientation` transforms components in the child's axes to the parent's. `displacement`, m, from
+    the joint's point on the parent to that on the child, and `twist` are in the child's axes.
 
     >>> still = extend.Twist(extend.ZERO, extend.ZERO)
     >>> relative = extend.Relative(extend.EulerParameters(1.0, 0.0, 0.0, 0.0), extend.UNIT_X, still)
@@ -107,10 +106,9 @@ class JointState(eqx.Module):
 class AbstractMotionSubspace(eqx.Module):
     """The relative motion that a joint allows, described by joint coordinates.
 
-    The coordinates consist of a `position`, a PyTree whose structure depends on the joint, and of
-    one speed for each degree of freedom. `columns` maps the speeds to the relative motion.
-    `point_parent` and `point_child` are the joint's points, m from each body's centre of mass in
-    its axes.
+    The coordinates are a `position`, a PyTree whose structure depends on the joint, and one speed
+    for each degree of freedom. `columns` maps the speeds to the relative motion. `point_parent` and
+    `point_child` are the joint's points, m from each body's centre of mass in its axes.
 
     >>> axes = (0, 0, 1), (0, 0, 1)
     >>> hinge = cj.RevoluteJoint("ground", "arm", (0, 0, 0), (-0.5, 0, 0), *axes)

@@ -152,9 +152,8 @@ def double_four_bar() -> tuple[Scene, State]:
 
     Five slender rods of 1 m and 1 kg move in the XY plane. Rods 1, 3 and 5 start upright and are
     hinged to the ground, rods 2 and 4 connect their tips. Gravity is 9.81 m/s^2 along -Y, and the
-    tips start at 1 m/s along +X. The seven revolute joints are spatial, so that 6 of their 35
-    constraints are redundant. The mechanism passes singular positions where the rods are in one
-    line.
+    tips start at 1 m/s along +X. The seven revolute joints are spatial: 6 of their 35 constraints
+    are redundant. The mechanism passes singular positions where the rods are in one line.
 
     Source: M. Gonzalez, D. Dopico, U. Lugris, J. Cuadrado, Multibody System Dynamics 16, 2006.
 

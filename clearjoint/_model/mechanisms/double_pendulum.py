@@ -23,10 +23,9 @@ def double_pendulum(
     """Return the double pendulum of Flores et al. 2006 and its state at rest.
 
     A joint with clearance and the axis Z connects arm 2 to the ground, and an ideal revolute joint
-    about X connects arm 3 to arm 2. The paper doesn't name the second axis; X is the only one that
-    reproduces its statements. Gravity is 9.81 m/s^2 along +Y. Both arms are 1 m long and start at
-    rest with a centred journal: arm 2 from the origin along +X, arm 3 from the end of arm 2 along
-    +Z.
+    about X connects arm 3 to arm 2. The paper doesn't name the second axis; only X reproduces its
+    statements. Gravity is 9.81 m/s^2 along +Y. Both arms are 1 m long and start at rest with a
+    centred journal: arm 2 from the origin along +X, arm 3 from the end of arm 2 along +Z.
 
     Source: P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, Spatial revolute joints with
     clearances for dynamic analysis of multi-body systems, 2006, section 6, Tables 1 and 2.

@@ -59,8 +59,7 @@ def four_bar(
     - `clearance`: radial, m, by the pin's name; pins that are not named are ideal.
     - `law`: normal law of the pins with clearance; by default that of Lankarani and Nikravesh for
       `STEEL` with the requested `restitution`.
-    - `lengths`: of crank, coupler and rocker, and the distance between the axes of crank and
-      rocker, m.
+    - `lengths`: of crank, coupler and rocker, and distance between the axes of crank and rocker, m.
     - `masses`: of crank, coupler and rocker, kg.
     - `angle`, `speed`: of the crank at the start, from the X axis, rad and rad/s. The "rocker pin"
       is on the left of the line from the crank pin to the rocker foot, seen from +Z. The state is
@@ -180,9 +179,8 @@ def spatial_four_bar(
 
     A crank of 20 mm rotates about the X axis at the origin, a rocker of 74 mm about a line parallel
     to Z through (122, -54, 0) mm. A coupler of 122 mm connects their ends by ball joints: an ideal
-    one at the crank, the "crank ball", and a ball with clearance in a socket of 10 mm radius at the
-    rocker, the "tip". The coupler rotates freely about its own axis. Gravity is 9.81 m/s^2 along
-    -Z.
+    one at the crank, the "crank ball", and one with clearance in a socket of 10 mm radius at the
+    rocker, the "tip". The coupler rotates freely about its axis. Gravity is 9.81 m/s^2 along -Z.
 
     Lengths, masses and radii follow P. Flores et al., Dynamics of multibody systems with spherical
     clearance joints, 2006, but were not checked against the publication. The positions of the axes

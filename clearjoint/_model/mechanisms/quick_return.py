@@ -42,9 +42,8 @@ def quick_return(
       doesn't reach the ends of the slot.
     - `speed`, `angle`: of the crank, rad/s, and rad at the start, counter-clockwise from the
       vertical. The state is that of the ideal mechanism, with a centred pin.
-    - `law`: of pin and walls. By default it is Hunt and Crossley's with the exponent 1, a
-      restitution of 0.8 and a stiffness of 1e9 N/m, about that of a line contact of 10 mm between
-      steel parts.
+    - `law`: of pin and walls; by default Hunt and Crossley's with the exponent 1, a restitution of
+      0.8 and a stiffness of 1e9 N/m, about that of a line contact of 10 mm between steel parts.
     - `friction`: of pin and walls; none by default.
 
     >>> scene, state = cj.mechanisms.quick_return()

@@ -181,10 +181,9 @@ def robot_arm(
     """Return waist, shoulder and elbow of the PUMA 560 with backlash, and the initial state.
 
     The links have the parameters published by Corke and Armstrong-Helouvry (ICRA 1994). In the
-    nominal pose the angles of the arm are 0, 45 and 180 degrees, and those of the wrist, which is
-    fixed, 0, 45 and 0 degrees. In this pose gravity loads the joints with 0, 31.6399 and 6.0351 N m
-    (P. Corke, Robotics, Vision and Control). Gravity is 9.81 m/s^2 along -Z; the first joint's axis
-    is Z.
+    nominal pose the angles of the arm are 0, 45 and 180 degrees, and those of the fixed wrist 0, 45
+    and 0 degrees. In this pose gravity loads the joints with 0, 31.6399 and 6.0351 N m (P. Corke,
+    Robotics, Vision and Control). Gravity is 9.81 m/s^2 along -Z; the first joint's axis is Z.
 
     Each motor ("motor 1" to "motor 3", `PrescribedRotation`) prescribes the angle of the flange at
     the output of its gearbox ("flange 1" to "flange 3", 1 g). The backlash ("play 1" to "play 3")

@@ -58,9 +58,8 @@ def slider_crank(
     A crank of 50 mm and 0.30 kg rotates about the Z axis, and a rod of 120 mm and 0.21 kg drives a
     slider of 0.14 kg along X. The slider's bearing holds the rod's journal, the "slider pin".
     Sizes, masses and the default speed of 5000 rpm are common in publications on joints with
-    clearance, but were not checked against one. Other joints hold the bodies in the plane: the
-    clearance joint is axially free, and an ideal pin is an `InlineJoint`, so that no constraint is
-    redundant.
+    clearance, but not checked against one. Other joints hold the bodies in the plane: the clearance
+    joint is axially free, and an ideal pin is an `InlineJoint`, so no constraint is redundant.
 
     **Arguments:**
 

@@ -108,8 +108,7 @@ class Common(eqx.Module):
       tables of impacts, by name of the output.
     - `saves`: whether states are saved at given times.
     - `capacity[log]`: largest number of rows of each log of crossings or impacts.
-    - `channels[log][name]`: quantities to report at each state of a log of crossings, or of saved
-      states, `SAVED`.
+    - `channels[log][name]`: quantities reported at each state of a log of crossings, or of `SAVED`.
     - `tables[name]`: for each table of impacts, the names of the logs of its contacts.
     - `programs`: name and digest of each traced program, or empty if unknown. A compiled program on
       disk is reused only if these agree.
@@ -162,9 +161,8 @@ class Common(eqx.Module):
         return RunLoop(self.scheme.method, system, request.end_time, recorders)
 
     def begun(self, task: Task) -> Lane:
-        """Return a lane before its first step. If the state violates the constraints, or the run's
-        coordinates cannot represent it, the lane takes no step, and has the result code
-        `not_assembled`."""
+        """Return a lane before its first step. It takes none, with the result code `not_assembled`,
+        if its state violates the constraints or the run's coordinates cannot represent it."""
         # A compiled lane cannot raise an error. The result code ends this lane, and the others run.
         method, scene, t0 = self.scheme.method, self.scene(task), self.start_time
         fits = assembled(scene, task.state, t0, self.scheme.formulation.coordinates)

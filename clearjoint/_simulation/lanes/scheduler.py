@@ -405,9 +405,8 @@ class _Group:
             self._slots[column] = None
 
     def _log(self, name: str, rows: list[np.ndarray], task: np.ndarray) -> tuple[np.ndarray, int]:
-        """Convert the recorded `rows` of one log of a lane, (n, numbers) each, to cells of the
-        result's columns, (blocks, cells), and return these and the number of rows. `task`: cells of
-        the lane's task."""
+        """Return the recorded `rows` of a log of a lane, (n, numbers) each, as cells of the
+        result's columns, (blocks, cells), and the number of rows. `task`: cells of the lane's."""
         rows_a_block, numbers = self._programs.blocks[name]
         count = sum(map(len, rows))
         # The compiled function takes blocks of a fixed size, so the last one is filled with zeros.

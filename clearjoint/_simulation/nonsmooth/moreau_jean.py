@@ -13,11 +13,10 @@ F, so that smooth motion has second order. Ideal joints are kept by constraints 
 in `simulate`. If no force acts, the velocity of a contact after an impact is exactly the
 restitution times its approach velocity, for any step length.
 
-The impulse stops the approach of a contact, but not the penetration that it has in the middle of
-the step, which is at most the approach in half a step. If, at its velocity after the impact, the
-contact would still be penetrated at the end of the next step, the positions are projected out of
-the wall, in the metric of the masses (V. Acary, Projected event-capturing time-stepping schemes,
-2013).
+The impulse stops the approach of a contact, but not its penetration in the middle of the step,
+which is at most the approach in half a step. If, at its velocity after the impact, the contact
+would still be penetrated at the end of the next step, the positions are projected out of the wall,
+in the metric of the masses (V. Acary, Projected event-capturing time-stepping schemes, 2013).
 """
 
 from collections.abc import Sequence

@@ -278,15 +278,13 @@ def simulate_nonsmooth(
 
     **Raises:** `ValueError` for invalid arguments, such as a law without the method
     `delivered_restitution`, a thrust face whose friction has a moment, or a sampled force, such as
-    a `Servo`, and if JAX computes in 32 bits; `SimulationError` for a run that fails, because the
-    contact problem of a step was not solved, a penetration exceeds the bearing's clearance or
-    the depth at which `simulate` would end, a driver has an undeclared kink or jump inside a step,
-    the error of an ideal joint exceeds 1e-3 m or rad, or the smallest clearance, or the state is
-    not finite.
+    a `Servo`, and if JAX computes in 32 bits; `SimulationError` for a run that fails: the contact
+    problem of a step is not solved, a penetration exceeds the bearing's clearance or the depth at
+    which `simulate` would end, a driver has an undeclared kink or jump inside a step, an ideal
+    joint's error exceeds 1e-3 m or rad, or the smallest clearance, or the state is not finite.
 
-    **Warns:** `LeftBearingWarning` if a journal without axial support has slid out of its bearing
-    in a saved state or at the end; `UnusualValueWarning` for a journal that starts deep in the wall
-    of its bearing.
+    **Warns:** `LeftBearingWarning` if a journal without axial support has left its bearing in a
+    saved state or at the end; `UnusualValueWarning` for a journal that starts deep in the wall.
 
     >>> scene, state = cj.mechanisms.double_pendulum()
     >>> solution = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-4)

@@ -114,9 +114,8 @@ class Snapshot(eqx.Module):
         jumps: Condition | None = None,
     ) -> Instant:
         """Return the snapshot as an `Instant`. `inside`: function that returns the instant after a
-        part, 0 to 1, of the step that ends here; ``None`` if no quantity needs such instants.
-        `jumps`: whether this is the end of a step at which quantities may jump; ``None`` in a scene
-        without jumps."""
+        part, 0 to 1, of the step that ends here; ``None`` if no quantity needs it. `jumps`: whether
+        quantities may jump at this end of a step; ``None`` in a scene without jumps."""
         y = self.y
         parts = y.motion, self.entry_speeds, y.work, y.bristles, y.memory
         return Instant(system, self.t, *parts, inside, jumps)

@@ -174,9 +174,8 @@ def _depends_on_primitive(program: Jaxpr, chosen: list[bool], primitives: frozen
 
 
 def changes_side(trial: Trial) -> Condition | None:
-    """Return whether a force of the scene jumps in a trial step because one of its `deviations`
-    changes by more than pi, such as an angle that passes half a revolution; ``None`` if no force
-    has deviations."""
+    """Return whether a force jumps in a trial step because one of its `deviations` changes by more
+    than pi, such as an angle that passes half a revolution; ``None`` if no force has any."""
     step, system = trial.step, trial.system
 
     def deviations(motion: MotionVariables, t: Scalar) -> list[Scalar]:
@@ -194,9 +193,8 @@ def changes_side(trial: Trial) -> Condition | None:
 
 STEEPEST = 4.0
 """Largest change of a smooth rate over a step, divided by the sum of the two changes, in magnitude,
-that the slopes at the start and at the end of the step predict. For a smooth rate this ratio is
-about 1/2. The limit is eight times as large, so that a strongly curved rate is not taken for one
-that jumps."""
+that the slopes at the start and end of the step predict. For a smooth rate this ratio is about 1/2.
+The limit is eight times as large, so that a strongly curved rate is not taken for a jump."""
 SMALLEST, NEGLIGIBLE = 1e-3, 1e-9
 """A jump is reported only if it exceeds `SMALLEST` times the rate that jumps plus `NEGLIGIBLE`
 times the largest of all rates. The first term disregards small changes of smooth rates whose slopes

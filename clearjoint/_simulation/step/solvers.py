@@ -255,9 +255,8 @@ def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powe
 
 
 def largest_component(tree: PyTree[Scalar]) -> jax.Array:
-    """Return the largest absolute value in a PyTree, (), which step-size controllers use as the
-    norm of an error. A mean would hide the error of one impact behind the small errors of bodies
-    without contact."""
+    """Return the largest magnitude in a PyTree, (), which step-size controllers use as error norm.
+    A mean would hide the error of an impact behind the small errors of bodies without contact."""
     # Leaves of one shape are compared elementwise before their maxima are taken. Nothing is
     # gathered into an array, which would keep the loop from becoming one native function.
     largest: dict[tuple[int, ...], Scalar] = {}

@@ -1,5 +1,4 @@
-"""Data that a run carries from step to step: variables, contacts, derivatives, and the next step to
-try."""
+"""Data a run carries between steps: variables, contacts, derivatives, and the next step to try."""
 
 import enum
 from functools import partial

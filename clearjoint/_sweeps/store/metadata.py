@@ -126,8 +126,7 @@ ADDED = "sweep_added"
 """Name of the attribute that lists the variables added after the store was made, which may lack
 files of lanes that were done before."""
 ABANDONED_AFTER = 3600.0
-"""Age, s, above which an incomplete store, which takes about a second to write, counts as left by a
-killed process."""
+"""Least age, s, of an incomplete store left by a killed process; writing takes about a second."""
 
 
 class Contents(NamedTuple):

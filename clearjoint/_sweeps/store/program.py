@@ -1,8 +1,7 @@
 """Digests of the traced code of functions, and the digests by which a store recognises its sweep.
 
-A run is determined by its program and by the numbers from which it starts. A store compares digests
-of both instead of source texts or names of functions. Programs are traced in the form in which the
-lanes run them.
+A run is determined by its program and the numbers from which it starts. A store compares digests of
+both instead of source texts or names of functions. Programs are traced in the form lanes run.
 
 The digest of a value combines the operation that computes the value, the operation's parameters and
 the digests of its operands. It therefore doesn't depend on names, on the order of independent

@@ -5,9 +5,8 @@ written last: without them the chunk's lanes are pending, whatever else a killed
 written. The lanes of a chunk with a damaged, missing or exchanged file are pending, too. Two
 processes that write to the same store wait for each other if the system can lock files.
 
-A store can be extended by lanes and by variables. It recognises lanes by the numbers from which
-they start, and variables by the programs that compute them. It has the axes of the sweep that
-opened it last.
+A store can be extended by lanes and variables. It recognises lanes by the numbers from which they
+start, and variables by their programs. It has the axes of the sweep that opened it last.
 """
 
 import errno
@@ -107,8 +106,7 @@ def _text(part: Part) -> str:
 
 
 def _lost(stored: Contents, wanted: Layout, matches: np.ndarray) -> Iterator[str]:
-    """A line for each axis of which the wanted sweep lacks stored values, and one line if it lacks
-    stored lanes."""
+    """A line per axis with stored values that the wanted sweep lacks, and one for such lanes."""
     values = {axis.name: axis.values for axis in wanted.axes}
     # An axis that the wanted sweep lacks altogether has no line here, since its unit, one of the
     # compared parts, already has one.
