@@ -714,13 +714,13 @@ class _Stages:
         run, stage = self.run, len(self.rates) - 1
         rows, per_cycle, pressed = self.depths[stage], self.rates[stage], self._pressed()
         rtol = INTEGRATION * run.stage_error
-        # A little deeper than `depth`, which the corrected depths should reach too. A correction is
-        # over the whole stage.
+        # A little deeper than `depth`, which the depths should reach even if the correction makes
+        # them smaller. The correction itself is over the whole stage.
         until = None if run.depth is None or end else run.depth * (1.0 + 0.1 * run.stage_error)
         curves, reached = [], length
         for j, wear in enumerate(self.wears):
             sizes, size = np.abs(per_cycle[:, j]).max(axis=(1, 2)), per_cycle[0, j].max()
-            # A derivative's scale is its change while the depth changes by the penetration.
+            # The depth's scale is the penetration; a derivative's, its change in the same time.
             scales = pressed[j] * np.where(sizes > 0.0, sizes / (size or 1.0), 1.0)
             wear_at_end = end[j] if end else None
             curves.append(grow(wear, wear_at_end, rows[:, j], length, rtol, rtol * scales, until))

@@ -65,8 +65,8 @@ class MovingSpline(AbstractPeriodicSpline):
 
 @dataclass(frozen=True)
 class ParameterDirection:
-    """Function that changes one parameter: a number in the scene or state and, because another
-    number would have changed the wear of the stages before, all profiles that wear.
+    """Function that changes one parameter: its number in the scene or state, and all profiles that
+    wear, since with a changed parameter the stages before would have worn them differently.
 
     - `index`: index of the parameter in the `shifts` of each `MovingSpline`.
     - `joints`: names of the joints that wear.

@@ -138,7 +138,8 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:
-        """Draw a block of a length, m, along the marker's axis and a height, m, along `normal`."""
+        """Draw a block of a length, m, along the marker's axis and a height, m, along `normal`, a
+        direction, (3,) in the axes of the marker's body."""
 
     @abc.abstractmethod
     def roller(self, centre: Marker, *, radius: Single) -> None:

@@ -164,9 +164,8 @@ class _Joining:
         return start
 
     def _element_for(self, result: Operation, call: Operation, place: int) -> Iterator[Operation]:
-        """Yield the operations that replace `result`, an operation that reads one value of a single
-        call. They take the element with the index `place`, which stands for the single call, of a
-        vector that the joined `call` returns."""
+        """Yield what replaces the operation `result`, which reads a value of one single call: the
+        element of that call, number `place`, of a vector that `call`, the joined call, returns."""
         program, index_of_result = self._program, result.arguments[2]
         assert result.out is not None and call.out is not None
         # The first of the single calls reads the vector; the others take their elements of it.

@@ -33,7 +33,7 @@ LONGEST_RUN = 4096
 
 
 class AbstractLaneLoop(abc.ABC):
-    """A loop that advances the states of a group of lanes.
+    """A loop that advances the states of a group of lanes, each in a column of the memory.
 
     - `width`: number of lanes.
     - `own_cells`, `state_cells`: cells of the constant data of a lane, and of its state.

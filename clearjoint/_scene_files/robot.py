@@ -595,6 +595,7 @@ def _robot(
 ) -> Robot:
     of_child = {joint.child: joint for joint in tree.joints.values()}  # the joint of each child
     branches: list[trees.TreeBranch] = []
+    # Links that form one body share a carrier; the joint to the parent is that of the first link.
     # The carriers are in the order of the tree, each before those that it carries.
     for carrier in {id(carrier): carrier for carrier in tree.carriers.values()}.values():
         joint = of_child.get(carrier.links[0])

@@ -46,9 +46,9 @@ CORNERS = 180
 class DrawnJournal:
     """A journal as it is drawn, with enlarged eccentricity.
 
-    - `ends`: (2, N, 3), centres of the bases V and W. The drawn cylinder protrudes beyond both.
-    - `poses`: (N, 4, 4), from axes at the journal's middle, with z along the journal's axis and x
-      in the direction of the profile's angle zero.
+    - `ends`: (2, N, 3), centres of bases V and W in N frames. The cylinder protrudes beyond both.
+    - `poses`: (N, 4, 4), to global axes from axes at the journal's middle, with z along its axis
+      and x in the direction of the profile's angle zero.
     - `radius`: of the drawn circle. `profile`: deviation of the true journal from its circle, None
       for a circle; `scale`: drawn size of this deviation divided by its true size.
     """

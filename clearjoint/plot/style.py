@@ -240,7 +240,7 @@ def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
             require(unit in exponents, "axes", base, expected, "draw it into new axes")
             exponent = exponents[unit]
         else:
-            # Data without unit don't fit an axis whose label ends with a unit.
+            # Data without unit don't fit an axis whose label ends with a unit, such as "mm/s".
             last = names.rpartition(", ")[2].split("/")[0]
             has_unit = last in {prefix + base for prefix in PREFIXES.values() for base in PREFIXED}
             require(not has_unit, "axes", present, "axes of data in 1", "draw it into new axes")

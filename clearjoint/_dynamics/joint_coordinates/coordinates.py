@@ -227,7 +227,8 @@ class JointMechanics(AbstractMechanics):
     def _per_branch(
         self, rates: Speeds
     ) -> Iterator[tuple[TreeBranch, tuple[MotionVariables, Speeds, Matrix]]]:
-        """Yield each branch, with its variables, its joint's rates u', and the axes of its tree."""
+        """Yield each branch, with its variables, its joint's rates u' for given `rates` r of all
+        joints, and the rotation matrix from the axes of its tree to global axes."""
         links = zip(self._branches, self._per_link(rates), self._axes, strict=True)
         for branch, (_, relative), axes in links:
             yield branch, (self._variables[branch.body], relative, axes)

@@ -257,12 +257,12 @@ class ContactProblem:
         """Return the impulses at the closed contacts along all `rows`, and the relative residual,
         which is above `TOLERANCE` if the alternation did not converge.
 
-        The residual is the largest of three. The residuals of the normal and of the friction
-        impulses are divided by the largest velocity at closed contacts that these impulses have to
-        change, but at least by `ROUNDED` times the largest of both kinds, and by `NEGLIGIBLE`. The
-        third is the opening velocity by which normal and friction impulses do not fit each other,
-        divided by the largest velocity of both kinds. `aims`: as for `normal_impulses`; `slips`:
-        slip velocities without impulses, m/s, in the order of the slip directions in `rows`.
+        The residual is the largest of three: those of the normal and of the friction impulses, and
+        the opening velocity that the last change of the friction impulses would cause. Each of the
+        first two is divided by the largest velocity at closed contacts that its impulses have to
+        change, the third by the larger of these velocities (see also `ROUNDED` and `NEGLIGIBLE`).
+        `aims`: as for `normal_impulses`; `slips`: slip velocities without impulses, m/s, in the
+        order of the slip directions in `rows`.
         """
         if not slips:  # without friction
             return self.normal_impulses(closed, aims)

@@ -327,8 +327,8 @@ class PulledSteps(NamedTuple):
 def pulled(
     run: Adjoint, values: PyTree, example: Step, steps: PulledSteps, after: Pulled
 ) -> Pulled:
-    """Pull the cotangents `after` the first `after.count` of the `steps` back through one step, the
-    last of these `after.count` steps, and return the cotangents before this step."""
+    """Pull cotangents back through one of the `steps`, the one with the index `after.count` - 1.
+    `after` are the cotangents after this step; return those before it."""
     example_tangents, example_step_tangents = example.tangents, example_of(run, example)
     index = after.count - 1
     place = jax.lax.dynamic_index_in_dim(jnp.asarray(steps.places), index, keepdims=False)

@@ -375,9 +375,10 @@ def _count_of_tangents(example: Step) -> int:
 class Seeds(NamedTuple):
     """Cotangents with which a backward loop begins.
 
-    - `total`: those of the direction of the parameters, on which outputs depend directly, beside
-      their dependence through the tangents.
-    - `pulled`: (K, m), those of the `StepTangents` of the steps with the indices `places`, (K,).
+    - `total`: those of the direction in which the parameters change, only for the dependence of
+      outputs on it that is not through the tangents.
+    - `pulled`: (K, m), for each of K times of outputs, those of the m numbers of the `StepTangents`
+      of the step at that time; `places`, (K,), has the indices of these steps.
     """
 
     total: PyTree
@@ -426,8 +427,8 @@ def _recorded(recorder: Recorder, at: PyTree) -> _Recording:
 
 
 def _without_rows(segment: _Segment, start: Step, times: np.ndarray) -> _Segment:
-    """Return a segment without rows, except those of the steps in which `times`, s, lie, and that
-    of its first step: the derivatives of the initial state need the row of the run's first step."""
+    """Return a segment that begins at `start`, with rows only of the steps with `times`, s, and of
+    its first step, which derivatives of the initial state need in a run's first segment."""
     assert segment.rows is not None
     picked = np.unique([0, *np.searchsorted(segment.ends, times)])
     # Times after the segment lie in steps of later segments, and pick its last step here.

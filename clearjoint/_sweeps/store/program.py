@@ -249,7 +249,7 @@ def programs(common: Common, state: State) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class _Outputs:
-    """The computation of a sweep's outputs as functions that JAX can trace.
+    """Outputs of a sweep, which are fields of `common`, as functions that JAX can trace.
 
     The argument `numbers` of these functions has the numbers of the folded scene, and `structure`
     is this scene without them. `row` is the snapshot of the motion at one time (end of a step),

@@ -147,6 +147,7 @@ def test_callbacks_which_nothing_can_be_traced_of_are_refused(function):
 
 IN_ANOTHER = """
 import tests.conftest
+tests.conftest.cj.configure()  # as `pytest_configure` does
 from tests.support import rotor
 from tests.internals.sweeps.test_sweep_program import of
 print(sorted(of(*rotor.rotor(), rotor.OUTPUTS).items()))
