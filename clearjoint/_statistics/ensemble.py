@@ -206,7 +206,8 @@ def ensemble(
       with one number in each run, such as `Peak`, and of quantities at each time of `save`.
     - `axes`: `Axis` by name; the points are all combinations of the values, by default only the
       scene and state as they are.
-    - `draws`: number of runs at each point, 2 or more. More of a seed extend a stored ensemble.
+    - `draws`: number of runs at each point, 2 or more. More draws of the same seed
+      extend a stored ensemble.
     - `disturbance`: m/s, root mean square speed that is added to the bodies; a spin counts by the
       speed at its body's radius of gyration.
     - `seed`: of the random directions. All points share the directions.

@@ -32,9 +32,11 @@ class Uncertain:
     **Arguments:**
 
     - `parameter`: a `Parameter`, or a path such as ``lambda scene: scene.joints["pin"].clearance``,
-      with the scale `Linear()`. Its `value` is nominal, and by default the number in the scene.
-    - `deviation`: standard deviation of a normal distribution about that value, in the coordinate.
-    - `half_width`: of a uniform distribution about the nominal value, in the coordinate.
+      with the scale `Linear()`. Its `value` is the nominal one, by default the number in the scene.
+    - `deviation`: standard deviation of a normal distribution about the nominal value, in the
+      coordinate.
+    - `half_width`: half the width of a uniform distribution about the nominal value, in the
+      coordinate.
     - `between`: the two bounds of a uniform distribution, as values in the parameter's unit. The
       nominal coordinate is then the middle of the bounds' coordinates.
 

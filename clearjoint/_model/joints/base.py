@@ -230,7 +230,8 @@ class Contact:
     - `gap`: penetration, m, and its rate, m/s.
     - `normal`: global unit vector, the direction in which the second body penetrates the first. The
       normal force on the second body is -F normal, on the first +F normal.
-    - `arm_first`, `arm_second`: contact points on surfaces, m from centres of mass in body axes.
+    - `arm_first`, `arm_second`: vector from each body's centre of mass to the contact point on its
+      surface, m in body axes.
     - `slip`: tangential velocity of the second body relative to the first, m/s in global axes, or
       ``None`` without friction.
     - `line_first`, `line_second`: optional points on the normal force's line of action, such as the
