@@ -601,7 +601,8 @@ def _parameter(robot: Robot, joint: str, kind: str, start: float | None, unit: s
     body = ideal.second
     if kind == "mass":
         return Parameter(lambda s: s.bodies[body].mass, scale, value=start)
-    # What is left is "inertia": the moment about the joint's axis, by which all moments are scaled.
+    # The last kind is "inertia": the moment of inertia about the joint's axis. The link's other
+    # moments and products keep their ratios to it.
     assert isinstance(ideal, RevoluteJoint)
     axis = np.asarray(ideal.axis_second) / np.linalg.norm(ideal.axis_second)
     change = LinkInertia(body, tuple(axis.tolist()))

@@ -274,34 +274,37 @@ class RecordedRun:
         """Raise a `ValueError` if an instant that the run has found, such as the time of a peak, is
         at a contact event or at a breakpoint that depends on the parameters. There, unlike at a
         smooth peak, a shift of the instant changes the value to first order."""
-        run, ends = self.recorder.run, np.concatenate([s.ends for s in self.segments])
-        origin, resolution = float(run.origin), 8.0 * np.finfo(float).eps
-        for name, reduction in run.reductions.items():
+        expected = "a peak that is smooth, or at a fixed time"
+        remedy = "take the difference of two runs"
+        for name, reduction in self.recorder.run.reductions.items():
             parts = [cotangents[result_name(name, part)] for part in reduction.differentiated]
             # Without cotangents, no derivative of this reduction is asked for.
-            if not np.any(parts):
-                continue
-            for time in self._samples.instants[name]:
-                since_start = time - origin
-                k = int(np.abs(ends - since_start).argmin())
-                # Steps end at events, so an instant inside a step is not at an event. Times are
-                # compared up to rounding errors.
-                tolerance = resolution * max(abs(origin), abs(since_start))
-                is_end = abs(ends[k] - since_start) <= tolerance
-                # The end of the last step is the end of the run, which does not move.
-                if not is_end or k + 1 == len(ends):
-                    continue
-                # A contact event shows as a difference of the gaps before and after the step.
-                rows = self._rows_at(np.array([k, k + 1]))
-                (before, t1), (after, _) = (
-                    like(adjoint.step_row(self.example, self.example.t), row) for row in rows
-                )
-                moves = bool(changes(before.contact_gaps, after.contact_gaps))
-                moves = moves or _breakpoint_moves(run.systems(self.at), before.t, t1)
-                expected = "a peak that is smooth, or at a fixed time"
-                remedy = "take the difference of two runs"
-                argument = f"outputs[{name!r}]"
-                require(not moves, argument, f"at an event at {time:.6g} s", expected, remedy)
+            for time in self._samples.instants[name] if np.any(parts) else ():
+                argument, found_at = f"outputs[{name!r}]", f"at an event at {time:.6g} s"
+                require(not self._moves(time), argument, found_at, expected, remedy)
+
+    def _moves(self, time: Scalar) -> bool:
+        """Return whether `time`, s of the scene, is that of a contact event, or of a breakpoint
+        that depends on the parameters."""
+        run, ends = self.recorder.run, np.concatenate([s.ends for s in self.segments])
+        origin = float(run.origin)
+        since_start = time - origin
+        k = int(np.abs(ends - since_start).argmin())
+        # Steps end at events, so an instant inside a step is not at an event. Times are compared up
+        # to rounding errors.
+        tolerance = 8.0 * np.finfo(float).eps * max(abs(origin), abs(since_start))
+        is_end = abs(ends[k] - since_start) <= tolerance
+        # The end of the last step is the end of the run, which does not move.
+        if not is_end or k + 1 == len(ends):
+            return False
+        # Row k has the state before step k, and the time at its end. A contact event shows as a
+        # difference of the gaps before and after the step.
+        rows = self._rows_at(np.array([k, k + 1]))
+        (before, t1), (after, _) = (
+            like(adjoint.step_row(self.example, self.example.t), row) for row in rows
+        )
+        moves = bool(changes(before.contact_gaps, after.contact_gaps))
+        return moves or _breakpoint_moves(run.systems(self.at), before.t, t1)
 
     @property
     def places(self) -> np.ndarray:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial, reduce
 from operator import or_
-from typing import TypeVar
+from typing import TypeAlias, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -28,6 +28,8 @@ from .step_state import Variables, choose
 from .trial_step import rates_of
 
 T = TypeVar("T")
+Memories: TypeAlias = dict[str, dict[str, Scalar]]
+"""`Variables.memory`: `memories[force][name]`."""
 
 
 class SwitchedForce(AbstractForce):
@@ -194,6 +196,24 @@ def _past_samples(
         return y
     # Only the times keep their derivatives: products of a time and a derivative are left out.
     changes = [(*constant((name, old, new)), since) for name, old, new, since in changes]
+    return _with_shifted_instants(y, changes, fixed, still, speeds, after)
+
+
+def _with_shifted_instants(
+    y: Variables,
+    changes: Sequence[tuple[str, Memories, Memories, Scalar]],
+    fixed: System,
+    still: Variables,
+    speeds: EntrySpeeds,
+    after: Scalar,
+) -> Variables:
+    """Return `y` with the derivatives of the times for which forces changed at instants have acted.
+
+    **Arguments:** `changes`: name of the force, memories before and after, and time since the
+    instant, s, which alone has derivatives, of each change. `fixed`, `still`, `speeds`: system,
+    variables with the memories before all changes, and entry speeds, without derivatives. `after`:
+    time just after the instants, s.
+    """
     forces = sampled_forces(fixed.scene)
 
     # The rates depend linearly on the shares of the changes of forces, as in `across_breakpoints`.
@@ -209,7 +229,7 @@ def _past_samples(
                     if changed == name
                 ),
             )
-            for name in sampled
+            for name in dict.fromkeys(changed for changed, *_ in changes)
         }
         return rates_of(_without_integrands(with_forces(fixed, held)), still, speeds, after)
 
@@ -219,7 +239,7 @@ def _past_samples(
     for name, integrand in fixed.formulation.integrands.items():
         value = partial(integrand, fixed, after, still.motion, speeds, still.bristles)
         along.work[name] = sum(since * (value(new) - value(old)) for _, old, new, since in changes)
-    return replace(_moved_on(y, along, 1.0), memory=memories)
+    return replace(_moved_on(y, along, 1.0), memory=y.memory)
 
 
 def _moved_on(y: T, rates: T, time: Scalar) -> T:
