@@ -247,6 +247,60 @@ def test_forward_derivatives_of_a_run_contain_the_switch_too():
     np.testing.assert_allclose(jax.jit(jax.jacfwd(ended))(0.3), -1.4, rtol=1e-9)
 
 
+def test_integrals_of_quantities_that_jump_at_an_onset():
+    """The time in contact at the end T is T - sqrt(2 drop/g), and an acceleration's integral is the
+    change of the speed, also in their derivatives."""
+    scene, state = dropped(Buffer(*LAWS["damper"]))
+    (label,) = scene.joints["floor"].laws()
+
+    def touches(now):
+        return jnp.where(now.contact_gaps["floor"][label].depth > 0.0, 1.0, 0.0)
+
+    outputs = {
+        "contact": cj.Integral(touches, "s"),
+        "gained": cj.Integral(Q.Acceleration("ball", "x"), "m/s"),
+        "speed": Q.Velocity("ball", "x"),
+    }
+    onset = np.sqrt(2.0 * DROP / GRAVITY)
+    end = onset + 1e-3
+    predict = cj.predictor(scene, state, end, PARAMETERS, outputs, [end], SETTINGS)
+    derivatives = jax.jacrev(predict)(predict.values)
+    assert float(predict(predict.values)["contact"]) == pytest.approx(1e-3, rel=1e-7)
+    expected = -1.0 / (GRAVITY * onset)
+    assert float(derivatives["contact"]["drop"]) == pytest.approx(expected, rel=1e-7)
+    for name in PARAMETERS:
+        of_speed = float(derivatives["speed"][name][0])
+        assert of_speed != 0.0
+        assert float(derivatives["gained"][name]) == pytest.approx(of_speed, rel=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", LAWS)
+def test_integrals_of_quantities_that_jump_at_onset_and_end(law):
+    scene, state = dropped(Buffer(*LAWS[law]))
+    outputs = {
+        "gained": cj.Integral(Q.Acceleration("ball", "x"), "m/s"),
+        "speed": Q.Velocity("ball", "x"),
+    }
+    predict = cj.predictor(scene, state, END, PARAMETERS, outputs, [END], SETTINGS)
+    derivatives = jax.jacrev(predict)(predict.values)
+    for name in PARAMETERS:
+        of_speed = float(derivatives["speed"][name][0])
+        assert float(derivatives["gained"][name]) == pytest.approx(of_speed, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_the_integral_of_an_acceleration_across_switched_forces():
+    """The change of the speed, sum F (t - t_s)/m, by the times t_s."""
+    scene, state = pushed(Push("ball", 4.0, 0.3), Push("ball", 1.0, 0.5, jnp.greater))
+    parameters = {"first": start_of(0), "second": start_of(1)}
+    outputs = {"gained": cj.Integral(Q.Acceleration("ball", "x"), "m/s")}
+    predict = cj.predictor(scene, state, 1.0, parameters, outputs)
+    gradient = jax.grad(lambda values: predict(values)["gained"])(predict.values)
+    assert float(gradient["first"]) == pytest.approx(-2.0, rel=1e-9)
+    assert float(gradient["second"]) == pytest.approx(-0.5, rel=1e-9)
+
+
 def test_an_undeclared_switch_in_time_is_refused():
     scene, state = pushed(Undeclared("ball", 4.0, 0.3))
     outputs = {"x": Q.Position("ball", "x")}

@@ -356,8 +356,9 @@ def predictor(
       element all arrays of floats are parameters.
     - `outputs`: quantities by name, as in `sensitivities`, and reductions `Integral`, `Statistics`
       (mean and root mean square), `Peak` (the value), `DissipatedEnergy` and `MeanPowerLost`.
-      Integrated quantities must be continuous in time, and windows must have fixed edges. A peak
-      must be smooth, or at a fixed time.
+      Windows must have fixed edges; a peak must be smooth, or at a fixed time. Integrated
+      quantities may jump at contact events and breakpoints; of those that coincide, the mean of
+      their times is taken, which is exact if the parameters shift them alike.
     - `times`: (N,) s, not decreasing, between start and end, at which quantities are evaluated; may
       be left out if the outputs have no quantity.
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.derivatives` unless given.

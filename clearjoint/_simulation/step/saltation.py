@@ -154,11 +154,17 @@ def _contact_times(scene: Scene, before: ContactGaps, after: ContactGaps) -> ByL
 
 
 def _contact_time(start: ContactGap, end: ContactGap) -> Scalar:
+    _, since = time_since_event(start, end)
+    # After an end, the solver has assumed the force for too long, by the time since the end.
+    return jnp.where(end.depth > 0.0, since, -since)
+
+
+def time_since_event(start: ContactGap, end: ContactGap) -> tuple[Condition, Scalar]:
+    """Return whether a contact begins or ends in a step, from its gaps at the step's `start` and
+    `end`; and the time from this event to the step's end, s, zero without an event."""
     # At a rate of zero the quotient is undefined; the divisor 1 keeps its derivatives finite.
     moves = _changes(start, end) & (end.rate != 0.0)
-    since = end.depth / jnp.where(moves, end.rate, 1.0)
-    # After an end, the solver has assumed the force for too long, by the time since the end.
-    return jnp.where(moves, jnp.where(end.depth > 0.0, since, -since), 0.0)
+    return moves, jnp.where(moves, end.depth / jnp.where(moves, end.rate, 1.0), 0.0)
 
 
 def _mean_forces(

@@ -36,6 +36,7 @@ from ..._model.joints.base import ByLabel, each_label
 from ..._result_codes import RESULTS
 from .acceptance import decide_step
 from .breakpoint_events import across_breakpoints
+from .integrand_jumps import with_integrand_jumps
 from .method import SystemFamily
 from .saltation import across_contacts, any_changes, contacts_jump, slopes_jump
 from .solvers import UnrolledExplicit
@@ -237,6 +238,8 @@ def accepted_state(trial: Trial, keep: Condition) -> Step:
     if family is not None:
         at_end, at_start = trial.tangents, step.tangents
         assert at_end is not None and at_start is not None and y_tangents is not None
+
+        y_tangents = with_integrand_jumps(trial, y1, entry_speeds, y_tangents, keep)
 
         # Runs with tangents have explicit solvers, so that `second_rates` equals `at_onsets`.
         # Treated as constants, they neglect terms proportional to the penetration at the end of

@@ -1,0 +1,87 @@
+"""Derivatives of integrals of quantities that jump at the event at which a step ends.
+
+An integral of a quantity that jumps at the time of an event has the derivative of this time, times
+the jump, in its own derivative. As in `.saltation`, the step ends at a time that is not
+differentiated, and the time tau from the event to this end, zero except for rounding, has the
+derivative of the time of the event with the opposite sign. So (g+ - g-) tau is added to the
+derivative of the integral, where g- and g+ are the quantity just before and just after the event.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+
+from ..._dynamics.breakpoints import one_sided_time, since_breakpoints
+from ..._dynamics.contact_events import any_of, gap_pairs
+from ..._dynamics.contact_forces import EntrySpeeds
+from ..._dynamics.system import System
+from ..._math.vectors import Condition, Scalar
+from .saltation import time_since_event
+from .step_state import Variables
+from .trial_step import Trial
+
+EARLIER = 1e-8
+"""Part of a step by which g- is evaluated before the event: more than the rounding errors of
+penetrations, and so little that a continuous quantity does not change noticeably."""
+
+
+def with_integrand_jumps(
+    trial: Trial, y: Variables, entry_speeds: EntrySpeeds, tangents: Variables, keep: Condition
+) -> Variables:
+    """Return the `tangents` of the variables `y`, corrected for integrands that jump at the end of
+    an accepted step (`keep`). `y` and `entry_speeds` are those after all other corrections.
+
+    If several events coincide, the mean of their times is taken.
+    """
+    system, family, step = trial.system, trial.family, trial.step
+    if family is None or not system.formulation.integrands:
+        return tangents
+    assert trial.tangents is not None
+
+    def since(system: System, y: Variables) -> Scalar:
+        return _since_events(trial, system, y)[1]
+
+    lands, _ = _since_events(trial, system, trial.outcome.y)
+    time, along = family.with_derivatives(since, (trial.outcome.y,), (trial.tangents.y,))
+
+    def jumps() -> dict[str, Scalar]:
+        # The rates at the end of the step, by which the motion is moved back before the event.
+        back = 2.0 * jnp.abs(time) + EARLIER * (trial.t1 - step.t)
+        before, rates = trial.outcome.y, trial.outcome.solver_state.motion
+        motion = jax.tree.map(lambda value, rate: value - back * rate, before.motion, rates)
+        before = replace(before, motion=motion)
+        # The changes of memories are in the correction at the instants of sampled forces.
+        after = replace(y, memory=before.memory)
+        at_start = _integrands(system, before, step.entry_speeds, step.t, trial.t1)
+        at_end = _integrands(system, after, entry_speeds, trial.t1, trial.t1)
+        return {name: value - at_start[name] for name, value in at_end.items()}
+
+    def none() -> dict[str, Scalar]:
+        return dict.fromkeys(system.formulation.integrands, jnp.zeros(()))
+
+    changes = jax.lax.cond(keep & lands, jumps, none)
+    work = {name: tangents.work[name] + change * along for name, change in changes.items()}
+    return replace(tangents, work={**tangents.work, **work})
+
+
+def _since_events(trial: Trial, system: System, y: Variables) -> tuple[Condition, Scalar]:
+    """Return whether the step ends at an event, and the time from the event to the end, s."""
+    step, after = trial.step, system.contact_gaps(y.motion)
+    events = list(since_breakpoints(system, step.t, trial.t1).values())
+    events += [time_since_event(before, gap) for before, gap in gap_pairs(step.contact_gaps, after)]
+    count = sum(jnp.asarray(lands, float) for lands, _ in events)
+    total = sum(time for _, time in events)
+    return any_of(lands for lands, _ in events), total / jnp.maximum(count, 1.0)
+
+
+def _integrands(
+    system: System, y: Variables, entry_speeds: EntrySpeeds, side: Scalar, t: Scalar
+) -> Mapping[str, Scalar]:
+    # At a breakpoint, the values before it if `side` is earlier than t, and else those after it.
+    at = system, one_sided_time(system, side, t), y.motion, entry_speeds, y.bristles, y.memory
+    return {
+        name: jnp.asarray(integrand(*at), float)
+        for name, integrand in system.formulation.integrands.items()
+    }
