@@ -54,8 +54,8 @@ class AbstractLaneLoop(abc.ABC):
         """Return memory for a group of lanes with the data `shared`, and no lane in any column."""
 
     @abc.abstractmethod
-    def run(self, columns: Memory) -> int:
-        """Advance all lanes by the same number of steps, and return this number.
+    def run(self, columns: Memory) -> None:
+        """Advance all lanes by the same number of steps.
 
         The subclass decides how many lanes must need the host before the loop returns, and after
         how many steps it returns at the latest.
@@ -126,10 +126,9 @@ class LaneLoop(AbstractLaneLoop):
         # Each step reads `shared` and `own`, so no step may overwrite them.
         fixed = [borrowed(array) for array in arguments[:start_of_state]]
 
-        # Two further cells tell the loop which columns are occupied, and when it must return.
-        self.occupied, self._limit = ops.allocate(1), ops.allocate(1)
-        occupied, limit = ops.load("b", self.occupied), ops.load("i", self._limit)
-        ops.mark_uniform(limit)
+        # A further cell tells the loop which columns are occupied.
+        self.occupied = ops.allocate(1)
+        occupied = ops.load("b", self.occupied)
 
         def status_values(state: list[Array]) -> list[Array]:
             return lowering.inline(checks, [*fixed, *map(borrowed, state)])
@@ -141,14 +140,14 @@ class LaneLoop(AbstractLaneLoop):
             # All lanes stop together as soon as one of them needs its host, so that the condition
             # is uniform and no lane's state has to be kept from changing.
             waits = Symbol(ops, occupied) & ~Symbol(ops, goes)
-            return (~waits.emit("any") & Symbol(ops, count).compare("lt", Symbol(ops, limit))).value
+            return (~waits.emit("any") & Symbol(ops, count).compare("lt", LONGEST_RUN)).value
 
         def iterate(carries: list[Array]) -> list[Array]:
             following = (Symbol(ops, scalar(carries[0])) + 1).value
             return [following, *lowering.inline(steps, [*fixed, *carries[1:]])]
 
         first_carries: list[Array] = [ops.constant("i", 0), *arguments[start_of_state:]]
-        count, *after = loop(lowering, first_carries, holds, iterate, uniform=True)
+        _, *after = loop(lowering, first_carries, holds, iterate, uniform=True)
 
         # The next call goes on with these states. Arrays that the loop has updated in place are in
         # their cells already.
@@ -158,7 +157,7 @@ class LaneLoop(AbstractLaneLoop):
         outputs = zip(names, status_values(after), checks.jaxpr.outvars, strict=True)
         self.status = {name: lowering.stored(array, aval_of(v)) for name, array, v in outputs}
         stopwatch.end("lowering")
-        self.code = Code(lowering, stopwatch, scalar(count))
+        self.code = Code(lowering, stopwatch)
         self._shared = shared_regions
         self.own_cells, self.state_cells = (
             slice(part[0].start, part[-1].cells.stop) if part else slice(0, 0)
@@ -174,9 +173,8 @@ class LaneLoop(AbstractLaneLoop):
         return columns
 
     @override
-    def run(self, columns: Memory) -> int:
-        columns.integers[self._limit] = LONGEST_RUN
-        return self.code.run(columns)
+    def run(self, columns: Memory) -> None:
+        self.code.run(columns)
 
 
 _LOOPS: RecentPrograms[LaneLoop] = RecentPrograms()

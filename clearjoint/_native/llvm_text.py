@@ -64,16 +64,14 @@ instructions grows with the square of a block's length: for 40 000 lines it was 
 short blocks. With optimisation LLVM joins the blocks first: the machine code is the same."""
 
 
-def llvm_text(program: Operations, result: Value | None = None) -> str:
+def llvm_text(program: Operations) -> str:
     """Return a program as the text of an LLVM module with one public function, "program".
 
-    In C, the function would be declared as ``int64_t program(double *memory)``. The address of the
-    memory is a multiple of 64. A cell has 8 bytes for each lane.
-
-    **Arguments:** `program`: is changed, since what nothing uses is removed; `result`: a value of
-    kind "i" whose number in the first lane the function returns, instead of 0.
+    In C, the function would be declared as ``void program(double *memory)``. The address of the
+    memory is a multiple of 64. A cell has 8 bytes for each lane. `program` is changed, since what
+    nothing uses is removed.
     """
-    return _Writer(program).module(result)
+    return _Writer(program).module()
 
 
 class _Writer:
@@ -101,9 +99,7 @@ class _Writer:
         self._fused: set[Value] = set()
         self._products: dict[Value, tuple[Value, ...]] = {}
 
-    def module(self, result: Value | None) -> str:
-        if result is not None:
-            self._uses[result] += 1
+    def module(self) -> str:
         # The last block is the program itself.
         blocks = [*self._program.functions, self._program.block]
         # A function is called only by later ones, so its needed results are known.
@@ -117,7 +113,6 @@ class _Writer:
         is_long = sum(map(count_operations, blocks)) >= FEWEST
         written: list[set[int]] = []
         for number, block in enumerate(blocks):
-            is_program = block is blocks[-1]
             if self._program.width_of(number) != self._width:
                 # Types and constants depend on the number of lanes.
                 self._width = self._program.width_of(number)
@@ -125,17 +120,17 @@ class _Writer:
             written.append(cells_written(self._program, block, written) if is_long else set())
             # Only the program itself is divided. Its functions run several times in a step, so that
             # passing values between their pieces would cost more.
-            if is_long and is_program:
+            if is_long and block is blocks[-1]:
                 division = Division(
                     self._program, self._by_need, self._needed, len(blocks), written[-1]
                 )
-                division.divide(block, [] if result is None else [result])
+                division.divide(block)
                 for piece, operations in division.pieces.items():
                     self._begin(piece, "void")
                     self._write_operations(operations)
                     self._lines += ["ret void", "}"]
             results = self._results(number)
-            returned = "i64" if is_program else "void"
+            returned = "void"
             if results:
                 returned = f"{{{', '.join(map(self._type_of, results))}}}"
             self._begin(number, returned)
@@ -148,14 +143,8 @@ class _Writer:
                         f"insertvalue {returned} {structure}, {self._typed(value)}, {k}"
                     )
                 self._lines.append(f"ret {returned} {structure}")
-            elif not is_program:
-                self._lines.append("ret void")
-            elif result is None:
-                self._lines.append("ret i64 0")
             else:
-                word, form = self._value(result), self._type_of(result)
-                word = word if self._width == 1 else self._element(form, word, 0)
-                self._lines.append(f"ret i64 {word}")
+                self._lines.append("ret void")
             self._lines.append("}")
         return "\n".join([*self._lines, *self._declared.values(), ""])
 

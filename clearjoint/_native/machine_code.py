@@ -41,7 +41,6 @@ from .._compilation.xla import USUAL_ERRORS
 from .cells import Memory, Region
 from .llvm_text import llvm_text
 from .lowering import Lowering, UnsupportedPrimitiveError
-from .operations import Value
 
 Program = TypeVar("Program")
 QUICK, OPTIMISED = 0, 2
@@ -111,15 +110,14 @@ class Code:
 
     - `seconds`: processor time, s, of each stage of making the code, by name.
 
-    **Arguments:** `lowering`: has built the program; `result`: value of the program, an int64, that
-    `run` returns for the first lane; `stopwatch`: has the times of earlier stages.
+    **Arguments:** `lowering`: has built the program; `stopwatch`: has the times of earlier stages.
 
     **Raises:** `UnsupportedPrimitiveError` if LLVM rejects the program.
     """
 
-    def __init__(self, lowering: Lowering, stopwatch: Stopwatch, result: Value | None = None):
+    def __init__(self, lowering: Lowering, stopwatch: Stopwatch):
         operations = lowering.ops
-        text = llvm_text(operations, result)
+        text = llvm_text(operations)
         stopwatch.end("writing")
         self._text = zlib.compress(text.encode(), 1)
         self._digest = digest(text, digits=LONG)
@@ -155,11 +153,10 @@ class Code:
             memory.write(Region.of(array, start), array)
         return memory
 
-    def run(self, memory: Memory) -> int:
-        """Execute the program, and return the number of its value `result`, or 0 without one."""
+    def run(self, memory: Memory) -> None:
         engine, function = self._loaded  # The engine owns the code; it must live during the call.
         began = time.perf_counter()
-        number = function(memory.address)
+        function(memory.address)
         self._seconds_left -= time.perf_counter() - began
         # Other threads go on with the code that they have while one optimises it.
         if self._seconds_left < 0.0 and _OPTIMISING.acquire(blocking=False):
@@ -167,7 +164,6 @@ class Code:
                 self.optimise()
             finally:
                 _OPTIMISING.release()
-        return number
 
     def optimise(self) -> None:
         if isfinite(self._seconds_left):
@@ -187,7 +183,7 @@ class Code:
         vars(self).pop("_loaded", None)
 
     @functools.cached_property
-    def _loaded(self) -> tuple[llvm.ExecutionEngine, Callable[[int], int]]:
+    def _loaded(self) -> tuple[llvm.ExecutionEngine, Callable[[int], None]]:
         # Each object has its own engine, which takes over the target machine given to it. From
         # Python 3.12 on `cached_property` has no lock, so that concurrent first calls make an
         # engine each, which does no harm.
@@ -196,7 +192,7 @@ class Code:
         engine.add_object_file(llvm.ObjectFileRef.from_data(self._object_file))
         engine.finalize_object()
         address = engine.get_function_address("program")
-        return engine, ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(address)
+        return engine, ctypes.CFUNCTYPE(None, ctypes.c_void_p)(address)
 
 
 _OPTIMISING = threading.Lock()

@@ -55,13 +55,11 @@ class Division:
         # Values that are read from cells which do not change, so that every piece can read them.
         self._unchanged: dict[Value, int] = {}
 
-    def divide(self, block: Block, results: Iterable[Value] = ()) -> None:
-        """Replace long sequences in a block, after which `results` are used, by calls of pieces."""
+    def divide(self, block: Block) -> None:
+        """Replace long sequences in a block by calls of pieces."""
         self._cut(block)
         if not self.pieces:
             return
-        for value in results:
-            self._users.setdefault(value, set()).add(None)
         for number, piece in self.pieces.items():
             for operation in piece:
                 if operation.out is not None:

@@ -41,16 +41,12 @@ class Work:
         *,
         threads: int | None = None,
         on_progress: Callable[[Running], None] = lambda running: None,
-    ) -> Batch:
+    ) -> None:
         """Run lanes, and pass the numbers (n,) and results (n, ...) of n lanes to `on_ended` as
         soon as they have ended.
 
         Lanes in `bad` are not run; their results, with the code of `bad_parameters`, come first.
         `on_progress` is called several times a second. Both functions are called in this thread.
-
-        **Returns:** the `Batch`, when all lanes have ended. Its attribute `turns` is the number of
-        iterations of all compiled loops, in which every running lane tries one step, times the
-        number of lanes that a loop can run side by side.
         """
         # Apart from result code and time, lanes with invalid parameters keep the entries of lanes
         # that have not been computed.
@@ -63,7 +59,6 @@ class Work:
         batch = Batch(self.common, self.tasks, threads)
         valid = [lane for lane in lanes if lane not in self.bad]
         batch.run(valid, lambda ended: on_ended(ended.lanes, self._results(ended)), on_progress)
-        return batch
 
     def _results(self, ended: Ended) -> LaneArrays:
         # Names are those of `clearjoint._sweeps.sweep.variables_of`.

@@ -5,10 +5,10 @@ an array (cells, columns) of 8 bytes a cell. When a lane has ended, its column g
 default there is a thread for each core, or for each accelerator.
 """
 
-import threading
 import time
 from collections import defaultdict, deque
 from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -93,8 +93,6 @@ class Batch:
         wanted = {name: np.full(count, rows) for name, rows in common.capacity.items()}
         request = LaneRequest(tasks.end_time, tasks.first_step, window, wanted)
         self.own = replace(tasks, save_at=None), request
-        self.turns = 0
-        """Number of turns so far, summed over all columns of all groups, empty columns included."""
         self._made: _Programs | None = None
 
     def with_tasks(self, tasks: Task) -> "Batch":
@@ -135,22 +133,26 @@ class Batch:
         # Each thread has one group of columns. Only as many groups are made as the lanes can fill.
         count = min(self._threads, -(-len(lanes) // programs.loop.width))
         groups = [_Group(shared, number) for number in range(count)]
-        threads = [threading.Thread(target=group.run, daemon=True) for group in groups]
         with interruptions_deferred() as stopped:
-            try:
-                for thread in threads:
-                    thread.start()
-                # The threads compute without Python's lock. Meanwhile this thread passes results
-                # and progress to the callbacks.
-                _deliver(shared, groups, on_ended, on_progress, stopped)
-            finally:
-                shared.stops = True
-                for thread in threads:
-                    # An error of a signal handler, such as a time limit, may come before a thread
-                    # is started, or before that is noted. A thread that starts late ends at once.
-                    with suppress(RuntimeError):
-                        thread.join()
-                self.turns += sum(group.turns for group in groups)
+            with ThreadPoolExecutor(count) as pool:
+                try:
+                    running = {pool.submit(group.run) for group in groups}
+                    # The threads compute without Python's lock. Meanwhile this thread passes
+                    # results and progress to the callbacks, every `PERIOD` seconds and as soon as a
+                    # group has ended.
+                    while running:
+                        ended, running = wait(running, PERIOD, FIRST_COMPLETED)
+                        shared.stops = shared.stops or stopped()
+                        # The groups that still run are known before the records are taken: in the
+                        # other order, records that a group adds in between would be lost, because
+                        # there might be no further iteration.
+                        shared.hand_over(on_ended)
+                        for group in ended:
+                            group.result()  # raises the group's error
+                        on_progress(shared.running())
+                finally:
+                    # Also after an error of a signal handler, such as a time limit.
+                    shared.stops = True
             if stopped():
                 raise KeyboardInterrupt
 
@@ -255,7 +257,7 @@ class _Shared:
     - `own`: (L, cells), data of each lane: the cells of its task, then those of its request.
     - `times[number]`: s, simulated time that each running lane, by index, has reached.
     - `handed_over`: value of `time.monotonic`, s, when records were handed over last.
-    - `finished`: set when a group has ended; `stops`: whether all groups are to end.
+    - `stops`: whether all groups are to end.
     """
 
     batch: Batch
@@ -263,7 +265,6 @@ class _Shared:
     waiting: deque[int]
     records: deque[_Record] = field(default_factory=deque)
     times: dict[int, float] = field(default_factory=dict)
-    finished: threading.Event = field(default_factory=threading.Event)
     handed_over: float = field(default_factory=time.monotonic)
     stops: bool = False
 
@@ -287,6 +288,13 @@ class _Shared:
         ):
             time.sleep(0.01)
 
+    def hand_over(self, on_ended: Callable[[Ended], None]) -> None:
+        # The length is read once, since the groups may append while records are taken.
+        records = [self.records.popleft() for _ in range(len(self.records))]
+        if records:
+            on_ended(_ended(self, records))
+        self.handed_over = time.monotonic()
+
     def running(self) -> Running:
         # Work is measured in runs: a running lane counts by the part of its time span that it has
         # covered, and an ended lane counts as 1. The time left is extrapolated from that: the share
@@ -309,30 +317,21 @@ class _Group:
         self._shared, self._number = shared, number
         self._programs, self._loop = shared.programs, shared.programs.loop
         self._slots: list[_LaneSlot | None] = [None] * self._loop.width
-        self.turns, self.error, self.ended = 0, None, False
 
     def run(self) -> None:
-        """Run lanes until none is left or the groups are to stop; keep an exception in `error`."""
-        try:
-            if self._shared.stops:
-                return
-            with _on_device(self._number):
-                programs = self._programs
-                # The functions are made here, because two threads must not call the same one.
-                self._columns = self._loop.columns(self._shared.batch.common)
-                self._begin, self._outcome = programs.begin(), programs.outcome()
-                self._read = {name: make() for name, make in programs.columns.items()}
-                while not self._shared.stops and self._filled():
-                    self.turns += self._loop.width * self._loop.run(self._columns)
-                    self._serve()
-                    self._shared.wait_for_caller()
-        except BaseException as error:
-            # Raised here, it would end the thread unnoticed. `_deliver` raises it in the thread of
-            # the caller.
-            self.error = error
-        finally:
-            self.ended = True
-            self._shared.finished.set()
+        """Run lanes until none is left or the groups are to stop."""
+        if self._shared.stops:
+            return
+        with _on_device(self._number):
+            programs = self._programs
+            # The functions are made here, because two threads must not call the same one.
+            self._columns = self._loop.columns(self._shared.batch.common)
+            self._begin, self._outcome = programs.begin(), programs.outcome()
+            self._read = {name: make() for name, make in programs.columns.items()}
+            while not self._shared.stops and self._filled():
+                self._loop.run(self._columns)
+                self._serve()
+                self._shared.wait_for_caller()
 
     def _filled(self) -> bool:
         """Begin waiting lanes in the empty columns, and return whether any column has a lane."""
@@ -417,38 +416,6 @@ class _Group:
         # The function takes the lane's task too, in front of each block.
         arguments = np.concatenate([np.tile(task, (len(blocks), 1)), blocks], axis=1)
         return self._read[name](arguments), count
-
-
-def _deliver(
-    shared: _Shared,
-    groups: Sequence[_Group],
-    on_ended: Callable[[Ended], None],
-    on_progress: Callable[[Running], None],
-    stopped: Callable[[], bool],
-) -> None:
-    """Pass ended lanes and progress to the callbacks every `PERIOD` seconds, and as soon as a group
-    has ended, until all groups have ended. `stopped`: returns whether Ctrl-C asks them to stop.
-
-    **Raises:** the error of a group or of a callback; lanes that ended just before may be lost.
-    """
-    groups_run = True
-    while groups_run:
-        shared.finished.wait(PERIOD)
-        shared.finished.clear()
-        shared.stops = shared.stops or stopped()
-        # A group adds its last records before it counts as ended. So the groups are asked first and
-        # the records are taken afterwards: in the other order, the records that a group adds in
-        # between would be lost, because there would be no further iteration.
-        groups_run = not all(group.ended for group in groups)
-        # The length is read once, since the groups may append while records are taken.
-        records = [shared.records.popleft() for _ in range(len(shared.records))]
-        if records:
-            on_ended(_ended(shared, records))
-        shared.handed_over = time.monotonic()
-        for group in groups:
-            if group.error is not None:
-                raise group.error
-        on_progress(shared.running())
 
 
 def _ended(shared: _Shared, records: Sequence[_Record]) -> Ended:

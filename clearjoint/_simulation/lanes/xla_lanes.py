@@ -66,7 +66,7 @@ class XlaLaneLoop(AbstractLaneLoop):
         return Memory(self.occupied + 1 + len(self.status), self.width)
 
     @override
-    def run(self, columns: Memory) -> int:
+    def run(self, columns: Memory) -> None:
         # Cells become arrays with a first axis of lanes, and the new states become cells again.
         own = self._own.trees(columns.floats[self.own_cells].T)
         state = self._state.trees(columns.floats[self.state_cells].T)
@@ -74,18 +74,17 @@ class XlaLaneLoop(AbstractLaneLoop):
         arguments = self._functions, self._shared, own, state, occupied
         take_turns = self._take_turns  # Read once, as threads share the loop.
         try:
-            count, state, status = take_turns(*arguments)
+            state, status = take_turns(*arguments)
         except jax.errors.JaxRuntimeError:
             if take_turns is not _TURNS_IN_ONE_FUNCTION:
                 raise
             # Some operations, such as scatters and calls of LAPACK, cannot be part of one native
             # function, so the loop is compiled in XLA's usual way.
             self._take_turns = _TURNS_AS_USUAL
-            count, state, status = _TURNS_AS_USUAL(*arguments)
+            state, status = _TURNS_AS_USUAL(*arguments)
         columns.floats[self.state_cells] = self._state.rows(state).T
         for name, shown in self.status_of(columns).items():
             shown[:] = status[name]
-        return int(count)
 
 
 class XlaFunction:
@@ -127,7 +126,7 @@ def zeros_like(shapes: PyTree) -> PyTree:
 
 def _turns(
     functions: tuple[OnLane, ...], shared: PyTree, own: PyTree, state: PyTree, occupied: jax.Array
-) -> tuple[jax.Array, PyTree, dict[str, jax.Array]]:
+) -> tuple[PyTree, dict[str, jax.Array]]:
     turn, status = (jax.vmap(partial(function, shared)) for function in functions)
 
     # Columns without a lane must not count as waiting, because their contents are meaningless.
@@ -140,8 +139,8 @@ def _turns(
         count, states = now
         return count + 1, turn(own, states)
 
-    count, state = jax.lax.while_loop(continues, go, (jnp.zeros((), int), state))
-    return count, state, status(own, state)
+    _, state = jax.lax.while_loop(continues, go, (jnp.zeros((), int), state))
+    return state, status(own, state)
 
 
 _TURNS_IN_ONE_FUNCTION = Compiled(in_one_function(_turns))
