@@ -35,21 +35,8 @@ from ..step.types import Integers, Numbers
 SAVED = "saved"
 """Name of the log of the states at the times to save at."""
 WINDOW = ROWS + 1
-"""Length of `LaneRequest.window`: one more than a buffer has rows, so that a lane with a full
-buffer still knows whether more states are to be saved."""
-
-
-class LaneRequest(eqx.Module):
-    """Data that the host gives a lane, and renews whenever it has emptied the lane's buffers.
-
-    - `window`: (`WINDOW`,) s, the next times to save at; infinite where no time is left.
-    - `wanted[log]`: number of rows that a log of crossings or impacts may still record.
-    """
-
-    end_time: Scalar
-    first_step: Scalar
-    window: Numbers
-    wanted: Mapping[str, Scalar | Numbers]
+"""Number of times to save at that a running lane has: one more than a buffer has rows, so that a
+lane with a full buffer still knows whether more states are to be saved."""
 
 
 class Lane(eqx.Module):
@@ -85,12 +72,15 @@ def impact_log(name: str, joint: str, contact: str) -> str:
 
 class Task(eqx.Module):
     """Data of one lane; in a batch of L lanes, each array has an additional first axis of length L.
+    The host renews the last two whenever it has emptied the lane's buffers.
 
     - `varied`: a PyTree with the structure of the scene, with those leaves that differ between
       lanes, and ``None`` in place of the others.
     - `state`: the initial state, packed.
     - `end_time`, `first_step`: s, end of the run and length of its first step.
-    - `save_at`: (K,) s, rising, times to save at; ``None`` if no states are saved.
+    - `save_at`: (K,) s, rising, times to save at; ``None`` if no states are saved. A running lane
+      has only the next `WINDOW` times, which are infinite where none is left.
+    - `wanted[log]`: number of rows that a log of crossings or impacts may still record.
     """
 
     varied: PyTree
@@ -98,6 +88,7 @@ class Task(eqx.Module):
     end_time: Numbers
     first_step: Numbers
     save_at: jax.Array | np.ndarray | None
+    wanted: Mapping[str, Scalar | Numbers] = eqx.field(default_factory=dict)
 
 
 class Common(eqx.Module):
@@ -139,10 +130,10 @@ class Common(eqx.Module):
     def system(self, task: Task) -> System:
         return self.scheme.system(self.scene(task))
 
-    def _loop(self, system: System, request: LaneRequest) -> RunLoop:
+    def _loop(self, system: System, task: Task) -> RunLoop:
         # A section has one log, which has the name of the output. A table of impacts has a log for
         # each contact (see `impact_log`); its recorder expects the labels of the contacts as keys.
-        wanted = request.wanted
+        wanted = task.wanted
         recorders: dict[str, Recorders] = {
             REDUCTIONS: {
                 name: ReductionRecorder(reduction) for name, reduction in self.reductions.items()
@@ -158,7 +149,7 @@ class Common(eqx.Module):
         }
         if self.saves:
             recorders[LATEST] = LatestDenseStep()
-        return RunLoop(self.scheme.method, system, request.end_time, recorders)
+        return RunLoop(self.scheme.method, system, task.end_time, recorders)
 
     def begun(self, task: Task) -> Lane:
         """Return a lane before its first step. It takes none, with the result code `not_assembled`,
@@ -170,67 +161,61 @@ class Common(eqx.Module):
         step = begin_run(method, system, task.state, t0, task.end_time, task.first_step)
         step = replace(step, result=RESULTS.where(fits, step.result, RESULTS.not_assembled))
         saved = RowBuffer.like(Snapshot.of(step), ROWS) if self.saves else None
-        # This request only starts the recorders. The lane's turns get requests from the host, which
-        # have the times to save at.
-        window = jnp.full(WINDOW, jnp.inf)
-        request = LaneRequest(task.end_time, task.first_step, window, self.capacity)
-        return without_weak_types(Lane(self._loop(system, request).start(step), saved))
+        return without_weak_types(Lane(self._loop(system, task).start(step), saved))
 
-    def after_turn(self, own: tuple[Task, LaneRequest], lane: Lane) -> Lane:
-        """Return a lane with the data `own` after one turn. The lane tries one step, unless its run
-        has ended, the lane waits for the host, or a state within its latest step is still to be
-        saved. After that the lane saves one state, if it has reached a time to save at."""
-        task, request = own
+    def after_turn(self, task: Task, lane: Lane) -> Lane:
+        """Return a lane after one turn. The lane tries one step, unless its run has ended, the lane
+        waits for the host, or a state within its latest step is still to be saved. After that the
+        lane saves one state, if it has reached a time to save at."""
         system = self.system(task)
-        run = self._loop(system, request).advance(lane.run, goes=self._tries_step(lane, request))
+        run = self._loop(system, task).advance(lane.run, goes=self._tries_step(task, lane))
         if lane.saved is None:  # a batch that saves no states
             return Lane(run, None)
         advanced = Lane(run, lane.saved)
         # The dense output is evaluated in every turn, because lanes side by side cannot branch. If
         # no state is due, the snapshot is not written.
-        save_time = _next_save(advanced, request)
+        save_time = _next_save(task, advanced)
         snapshot = run.records[LATEST].at(self.scheme.method, system, save_time)
-        return Lane(run, lane.saved.with_row(snapshot, _saves(advanced, request)))
+        return Lane(run, lane.saved.with_row(snapshot, _saves(task, advanced)))
 
-    def status(self, own: tuple[Task, LaneRequest], lane: Lane) -> dict[str, PyTree]:
+    def status(self, task: Task, lane: Lane) -> dict[str, PyTree]:
         """Return by name: "time", s; "runs", whether the run goes on; and "moves", whether the next
         turn changes the lane. If not, the lane has ended or waits for the host."""
-        _, request = own
-        moves = self._tries_step(lane, request)
+        moves = self._tries_step(task, lane)
         if lane.saved is not None:
-            moves = moves | _saves(lane, request)
-        return {"moves": moves, "runs": self._runs(lane, request), "time": lane.run.step.t}
+            moves = moves | _saves(task, lane)
+        return {"moves": moves, "runs": self._runs(task, lane), "time": lane.run.step.t}
 
     def outcome(self, task: Task, lane: Lane) -> Outcome:
         step, tallies = lane.run.step, lane.run.records[REDUCTIONS]
         return end_of(self.system(task), self.reductions, tallies, step, task.end_time)
 
-    def _runs(self, lane: Lane, request: LaneRequest) -> Condition:
-        return running(lane.run.step, request.end_time, self.max_steps)
+    def _runs(self, task: Task, lane: Lane) -> Condition:
+        return running(lane.run.step, task.end_time, self.max_steps)
 
-    def _tries_step(self, lane: Lane, request: LaneRequest) -> Condition:
-        goes = self._runs(lane, request)
+    def _tries_step(self, task: Task, lane: Lane) -> Condition:
+        goes = self._runs(task, lane)
         if lane.saved is not None:
             # A lane keeps the dense output of its latest step only. So it takes no step before the
             # states at all times within that step are saved. Nor does it while the buffer of states
-            # is full, unless no more are to be saved: then the window's last time, which is the one
-            # after those of a full buffer, is infinite.
-            more_to_save = request.window[ROWS] < jnp.inf
-            goes = goes & jnp.logical_not(_next_save(lane, request) <= lane.run.step.t)
+            # is full, unless no more are to be saved: then the last time of `save_at`, which is the
+            # one after those of a full buffer, is infinite.
+            more_to_save = jnp.asarray(task.save_at)[ROWS] < jnp.inf
+            goes = goes & jnp.logical_not(_next_save(task, lane) <= lane.run.step.t)
             goes = goes & jnp.logical_not(lane.saved.is_full() & more_to_save)
         # If further rows are wanted, a full buffer of crossings or impacts must be emptied first,
         # or the next row would be lost.
         for log, rows in lane.buffers().items():
-            waits = rows.is_full() & (request.wanted[log] > rows.count)
+            waits = rows.is_full() & (task.wanted[log] > rows.count)
             goes = goes & jnp.logical_not(waits)
         return goes
 
 
-def _next_save(lane: Lane, request: LaneRequest) -> Scalar:
+def _next_save(task: Task, lane: Lane) -> Scalar:
     assert lane.saved is not None
-    return jnp.asarray(request.window)[lane.saved.count]
+    return jnp.asarray(task.save_at)[lane.saved.count]
 
 
-def _saves(lane: Lane, request: LaneRequest) -> Condition:
+def _saves(task: Task, lane: Lane) -> Condition:
     assert lane.saved is not None
-    return (_next_save(lane, request) <= lane.run.step.t) & jnp.logical_not(lane.saved.is_full())
+    return (_next_save(task, lane) <= lane.run.step.t) & jnp.logical_not(lane.saved.is_full())

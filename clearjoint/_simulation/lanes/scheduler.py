@@ -33,7 +33,7 @@ from ..run.impact_recorder import ImpactRow
 from ..run.terminal import interruptions_deferred
 from ..step.dense_output import Snapshot
 from ..step.types import Numbers
-from .lane import SAVED, WINDOW, Common, LaneRequest, Task
+from .lane import SAVED, WINDOW, Common, Task
 from .xla_lanes import XlaFunction, XlaLaneLoop, zeros_like
 
 PERIOD = 0.2
@@ -86,13 +86,10 @@ class Batch:
         self._save_at = np.zeros((count, 0)) if tasks.save_at is None else tasks.save_at
         if tasks.save_at is not None:
             self.lengths[SAVED] = tasks.save_at.shape[1]
-        # Data that Python gives the lanes: tasks and first requests, with a first axis of length L.
-        # Times to save at are no part of a task's data: they reach a lane through the window of its
-        # request.
-        window = self.next_saves(slice(None), 0)
+        # The data with which the lanes begin.
+        save_at = None if tasks.save_at is None else self.next_saves(slice(None), 0)
         wanted = {name: np.full(count, rows) for name, rows in common.capacity.items()}
-        request = LaneRequest(tasks.end_time, tasks.first_step, window, wanted)
-        self.own = replace(tasks, save_at=None), request
+        self.own = replace(tasks, save_at=save_at, wanted=wanted)
         self._made: _Programs | None = None
 
     def with_tasks(self, tasks: Task) -> "Batch":
@@ -171,8 +168,8 @@ class Batch:
 class _Programs:
     """Compiled programs of a batch, and the layout of lanes in cells of 8 bytes.
 
-    - `own_cells`: layout of a lane's data from Python: the cells of its task, then of its request.
-    - `request`: a `LaneRequest` whose leaves are the indices of the request's cells in a column.
+    - `own_cells`: layout of a lane's data, its `Task`; `own`: a `Task` whose leaves are the indices
+      of these cells in a column.
     - `begin`, `outcome`, `columns[log]`: functions that make a compiled function: for a lane's
       start, for its outcome, and for the columns of a log. Each thread makes functions of its own,
       because two threads must not call one at the same time.
@@ -184,21 +181,21 @@ class _Programs:
     def __init__(self, batch: Batch, native: bool):
         # The first lane is an example of the structure, shapes and dtypes of all lanes.
         common = batch.common
-        task, request = jax.tree.map(lambda leaf: np.asarray(leaf[0]), batch.own)
+        task = jax.tree.map(lambda leaf: np.asarray(leaf[0]), batch.own)
         functions = Common.after_turn, Common.status
         if native:
             lane = _begun(common, task)
-            self.loop = made_lane_loop(*functions, (common, (task, request), lane))
+            self.loop = made_lane_loop(*functions, (common, task, lane))
         else:
             # XLA needs only the shapes of a lane's state, so no lane is computed for them.
             lane = zeros_like(eqx.filter_eval_shape(_begun.__wrapped__, common, task))
-            self.loop = XlaLaneLoop(*functions, common, (task, request), lane)
+            self.loop = XlaLaneLoop(*functions, common, task, lane)
 
         # Cells of the data and the state of a lane.
-        self.own_cells, self.task_cells = Cells((task, request)), Cells(task).size
+        self.own_cells = Cells(task)
         # Indices of cells within these data become indices of cells in the whole column of a lane.
         offset = self.loop.own_cells.start
-        self.request: LaneRequest = _shifted(self.own_cells.columns()[1], offset)
+        self.own: Task = _shifted(self.own_cells.columns(), offset)
         state = _shifted(Cells(lane).columns(), self.loop.state_cells.start)
         self.buffers: dict[str, tuple[np.ndarray, int]] = {}
         for name, buffer in common.logs(state).items():
@@ -254,7 +251,7 @@ class _Shared:
 
     - `waiting`: indices, in the batch, of the lanes that have not begun.
     - `records`: lanes that have ended and that were not handed over to the caller yet.
-    - `own`: (L, cells), data of each lane: the cells of its task, then those of its request.
+    - `own`: (L, cells), the data with which each lane begins.
     - `times[number]`: s, simulated time that each running lane, by index, has reached.
     - `handed_over`: value of `time.monotonic`, s, when records were handed over last.
     - `stops`: whether all groups are to end.
@@ -342,7 +339,7 @@ class _Group:
             start = float(self._shared.batch.common.start_time)
             self._shared.times.update(dict.fromkeys(numbers, start))
             own = self._shared.own[numbers]
-            states = self._begin(own[:, : self._programs.task_cells])
+            states = self._begin(own)
             # There may be more empty columns than lanes left; the other columns stay empty.
             for column, number, cells, state in zip(empty, numbers, own, states, strict=False):
                 self._slots[column] = _LaneSlot(number)
@@ -378,12 +375,13 @@ class _Group:
                 # Indices in an array copy the rows, so that the lane may write over them.
                 slot.rows[name].append(floats[cells[:count], column])
                 integers[counter, column], taken = 0, True
-        # The lane counts the rows in its buffers, which are now empty. The request must therefore
+        # The lane counts the rows in its buffers, which are now empty. Its data must therefore
         # begin with the row that is recorded next.
         if taken:
-            request, common = self._programs.request, self._shared.batch.common
-            floats[request.window, column] = self._next_saves(slot)
-            for name, cell in request.wanted.items():
+            own, common = self._programs.own, self._shared.batch.common
+            if own.save_at is not None:
+                floats[own.save_at, column] = self._next_saves(slot)
+            for name, cell in own.wanted.items():
                 integers[int(cell), column] = common.capacity[name] - slot.recorded(name)
 
     def _next_saves(self, slot: _LaneSlot) -> np.ndarray:
@@ -393,7 +391,7 @@ class _Group:
     def _end(self, columns: list[int]) -> None:
         # The compiled function takes the cells of a task, followed by those of a lane's state.
         slots = [slot for column in columns if (slot := self._slots[column])]
-        tasks = self._shared.own[[slot.number for slot in slots], : self._programs.task_cells]
+        tasks = self._shared.own[[slot.number for slot in slots]]
         states = self._columns.floats[self._loop.state_cells, columns].T
         outcomes = self._outcome(np.concatenate([tasks, states], axis=1))
         for column, slot, task, cells in zip(columns, slots, tasks, outcomes, strict=True):

@@ -30,7 +30,7 @@ from ..._compilation.xla import CALLS, program_of
 from ..._fields.types import ArrayLike
 from ..._math.vectors import ConstantFolded, Scalar, unpack
 from ..._model.bodies import State
-from ..._simulation.lanes.lane import SAVED, WINDOW, Common, Lane, LaneRequest, Task
+from ..._simulation.lanes.lane import SAVED, Common, Lane, Task
 from ..._simulation.results.impact_table import IMPACT_UNITS
 from ..._simulation.run.outputs import TABLES
 from ..._simulation.step.dense_output import Snapshot
@@ -202,23 +202,20 @@ def programs(common: Common, state: State) -> dict[str, str]:
 
     # Data of a lane for one step. The step does not depend on the initial state and on the length
     # of the first step, so that the example `state` and any length serve.
-    def data_of_lane(
-        numbers: PyTree, end_time: Scalar, wanted: Mapping[str, int] = {}
-    ) -> tuple[Task, LaneRequest]:
-        request = LaneRequest(end_time, end_time, jnp.full(WINDOW, jnp.inf), wanted)
-        return Task(numbers.tree, state, end_time, end_time, None), request
+    def task_of(numbers: PyTree, end_time: Scalar, wanted: Mapping[str, int] = {}) -> Task:
+        return Task(numbers.tree, state, end_time, end_time, None, wanted)
 
     def step(numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
         """Return the lane after one step, and the outcome of a run that ends before this step."""
-        task, request = data_of_lane(numbers, end_time)
-        return {RUN: (run.after_turn((task, request), lane), run.outcome(task, lane))}
+        task = task_of(numbers, end_time)
+        return {RUN: (run.after_turn(task, lane), run.outcome(task, lane))}
 
     def impact_tables(numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
         """Return the impacts recorded after one step, by variable of the impact tables. All of a
         table's variables have the same entry, the whole record."""
         # A row is still wanted in each log, so that the code that records an impact is traced.
-        data = data_of_lane(numbers, end_time, dict.fromkeys(lane.buffers(), 1))
-        after = with_impacts.after_turn(data, lane)
+        task = task_of(numbers, end_time, dict.fromkeys(lane.buffers(), 1))
+        after = with_impacts.after_turn(task, lane)
         return {
             variable_name(name, key): record
             for name, record in after.run.records[TABLES].items()
