@@ -4,12 +4,13 @@ Runs at several values of the parameters are computed side by side, in lanes of 
 are the transposes of their steps.
 """
 
-from collections import defaultdict, deque
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from types import MappingProxyType
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
@@ -23,11 +24,11 @@ from ..._dynamics.system import System
 from ..._export.datasets import Notes
 from ..._fields.checks import require
 from ..._math.vectors import Condition, Scalar
-from ..._native import Native, UnsupportedPrimitiveError, is_native
+from ..._native import NativeFunction, UnsupportedPrimitiveError, is_native
 from ..._native.cells import Cells
 from ..._native.compiled import report_fallback
 from ..._native.functions import keep_flattened
-from ..._native.lanes import LaneLoop, made_lane_loop
+from ..._native.lanes import made_lane_loop
 from ..._result_codes import result_number
 from ...quantities.base import Instant, Quantity
 from ..reductions.base import AbstractReduction, result_name
@@ -37,7 +38,7 @@ from ..step.step_state import Step
 from ..step.stepping import running
 from ..step.types import Numbers
 from . import adjoint
-from .adjoint import STEPS, Adjoint, Pulled, PulledSteps, example_of, like
+from .adjoint import STEPS, Adjoint, Pulled, PulledSteps, like
 from .outputs import REDUCTIONS, Requested
 from .run_loop import Progress
 
@@ -409,14 +410,9 @@ class Seeds(NamedTuple):
 
 def _recorded(recorder: Recorder, at: PyTree) -> _Recording:
     run, kept = recorder.run, 0
-    own_end, limit = float(run.end - run.origin), int(run.max_steps)
     step, tallies = adjoint.begun(run, at)
     segments: list[_Segment] = []
-    while (
-        float(step.t) < own_end
-        and int(step.attempts) < limit
-        and result_number(step.result) == SUCCESSFUL
-    ):
+    while _goes_on(run, step):
         after, tallies, buffer = adjoint.segment(run, at, step, tallies)
         rows = np.asarray(buffer.filled())
         kept += rows.nbytes
@@ -427,6 +423,11 @@ def _recorded(recorder: Recorder, at: PyTree) -> _Recording:
         # The leaves are views of the memory of a whole call, which copies allow to be freed.
         step = jax.tree.map(np.array, after)
     return _Recording(segments, step, tallies)
+
+
+def _goes_on(run: Adjoint, step: Step) -> bool:
+    is_before_end = bool(step.t < run.own_end and step.attempts < run.max_steps)
+    return is_before_end and result_number(step.result) == SUCCESSFUL
 
 
 def _without_rows(segment: _Segment, start: Step, times: np.ndarray) -> _Segment:
@@ -440,10 +441,12 @@ def _without_rows(segment: _Segment, start: Step, times: np.ndarray) -> _Segment
     return _Segment(segment.ends, None, start, kept)
 
 
-# Runs side by side.
+# Runs side by side. The status "soon" of a lane tells whether it will need the host within
+# `LANE_ROWS` // 2 steps: such lanes are served with the one that needs it now, since each of them
+# would stop all lanes.
 
 
-@Native
+@NativeFunction
 def _begun_lane(run: Adjoint, values: PyTree) -> Progress:
     return run.start(values, LANE_ROWS)
 
@@ -454,8 +457,9 @@ def _stepped_lane(run: Adjoint, values: PyTree, now: Progress) -> Progress:
 
 
 def _status_of_lane(run: Adjoint, values: PyTree, now: Progress) -> dict[str, Condition]:
-    runs = running(now.step, run.own_end, run.max_steps)
-    return {"runs": runs, "moves": runs & jnp.logical_not(now.records[STEPS].is_full())}
+    runs, buffer = running(now.step, run.own_end, run.max_steps), now.records[STEPS]
+    ends_soon = jnp.logical_not(runs) | (buffer.count >= LANE_ROWS // 2)
+    return {"moves": runs & jnp.logical_not(buffer.is_full()), "soon": ends_soon}
 
 
 def _pulled_lane(
@@ -466,34 +470,50 @@ def _pulled_lane(
 
 
 def _status_of_pulled_lane(shared: PyTree, own: PyTree, now: Pulled) -> dict[str, Condition]:
-    return {"moves": now.count > 0}
+    return {"moves": now.count > 0, "soon": now.count <= LANE_ROWS // 2}
+
+
+_LaneData: TypeAlias = tuple[PyTree, PyTree]
+"""A lane's own data and its state."""
 
 
 def _through(
-    loop: LaneLoop,
+    step: Callable[[PyTree, PyTree, PyTree], PyTree],
+    status: Callable[[PyTree, PyTree, PyTree], dict[str, Condition]],
     shared: PyTree,
-    count: int,
-    begin: Callable[[int], tuple[np.ndarray, np.ndarray]],
-    serve: Callable[[int, np.ndarray, bool], bool],
+    starts: Iterator[_LaneData],
+    serve: Callable[[int, PyTree], _LaneData | None],
 ) -> None:
-    """Run the lanes 0 to `count` - 1 in the columns of a loop. `begin` gets the number of a lane,
-    and returns the cells of the lane's own data and state. Whenever the loop returns, `serve` gets,
-    for each lane, the number, the cells of the column, and whether the lane can take a step, and
-    returns whether the lane goes on. If not, the next lane gets the column."""
-    columns, waiting = loop.columns(shared), deque(range(count))
-    # The lane in each column; ``None`` for an empty one.
+    """Run lanes, which begin with `starts`, in the columns of a loop (see `made_lane_loop`).
+    Whenever a lane needs the host, now or "soon", `serve` gets its number and state, and returns
+    the data with which it goes on; ``None`` if it has ended. The next lane then gets the column."""
+    first = next(starts)
+    loop = made_lane_loop(step, status, (shared, *first))
+    own_cells, state_cells = map(Cells, first)
+    columns, waiting = loop.columns(shared), enumerate(chain([first], starts))
+    # The number of the lane in each column; ``None`` for an empty one.
     slots: list[int | None] = [None] * loop.width
+
+    def write(column: int, data: _LaneData) -> None:
+        own, state = data
+        loop.write_lane(columns, column, own_cells.row(own), state_cells.row(state))
+
     while True:
         for column, lane in enumerate(slots):
-            if lane is None and waiting:
-                lane = slots[column] = waiting.popleft()
-                loop.write_lane(columns, column, *begin(lane))
+            if lane is None and (start := next(waiting, None)) is not None:
+                slots[column], data = start
+                write(column, data)
         if all(lane is None for lane in slots):
             return
         loop.run(columns)
-        moves = loop.status_of(columns)["moves"].tolist()
+        soon = loop.status_of(columns)["soon"].tolist()
         for column, lane in enumerate(slots):
-            if lane is not None and not serve(lane, columns.floats[:, column], moves[column]):
+            if lane is None or not soon[column]:
+                continue
+            state = state_cells.tree(columns.floats[loop.state_cells, column])
+            if (data := serve(lane, state)) is not None:
+                write(column, data)
+            else:
                 # An empty column takes no steps.
                 loop.leave(columns, column)
                 slots[column] = None
@@ -502,54 +522,30 @@ def _through(
 def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Recording]:
     """Record a run for each of the `values` of the parameters, side by side. Return, by index in
     `values`, the recordings of those runs that are short enough to be kept."""
-    run, parameter_cells = recorder.run, Cells(values[0])
+    run = recorder.run
     recordings: dict[int, _Recording] = {}
     # Rows that the host has read so far, by the number of the run.
     rows_of_runs: dict[int, list[np.ndarray]] = defaultdict(list)
-    begin_rows = _begun_lane.native.bound(run, values[0])
-    stacked = jax.tree.map(lambda *leaves: np.stack(leaves), *values)
-    # Cells, which are single numbers in the loop's memory, of the parameters of all runs, (runs,
-    # cells), and layout of a lane's state.
-    parameters, state_cells = parameter_cells.rows(stacked), begin_rows.results
-    example = state_cells.tree(begin_rows(parameters[:1])[0])
-    loop = made_lane_loop(_stepped_lane, _status_of_lane, (run, values[0], example))
-    # Where the buffer of accepted steps is in a lane's column: the cells of its rows and of their
-    # count. `buffer` has the index of a cell in place of each number.
-    buffer = state_cells.columns().records[STEPS]
-    state_at, row_size = loop.state_cells.start, buffer.rows.shape[1]
-    rows_from, count_at = state_at + int(buffer.rows[0, 0]), state_at + int(buffer.count)
-    runs_at = loop.status["runs"].start
 
-    def begin(number: int) -> tuple[np.ndarray, np.ndarray]:
-        return parameters[number], begin_rows(parameters[number][None])[0]
-
-    def serve(number: int, column: np.ndarray, moves: bool) -> bool:
-        integers = column.view(np.int64)
-        count = int(integers[count_at])
-        # Lanes that will soon be full are emptied with those that are, since they would stop all.
-        if moves and count < LANE_ROWS // 2:
-            return True
-        rows = column[rows_from : rows_from + count * row_size].reshape(count, row_size)
-        # A copy, since the loop writes to the column again.
-        read = rows_of_runs[number]
-        read.append(np.array(rows))
-        integers[count_at] = 0
+    def serve(number: int, now: Progress) -> _LaneData | None:
+        buffer, read = now.records[STEPS], rows_of_runs[number]
+        read.append(buffer.filled())
         # The run goes on with an empty buffer, unless it has too many steps to be kept.
-        if integers[runs_at]:
+        if _goes_on(run, now.step):
             if sum(rows.nbytes for rows in read) <= KEPT_BYTES:
-                return True
+                return values[number], Progress(now.step, now.records | {STEPS: buffer.emptied()})
             del rows_of_runs[number]
-            return False
-        last = state_cells.tree(column[loop.state_cells])
+            return None
         rows = np.concatenate(rows_of_runs.pop(number))
         # All rows are kept, so that no segment is computed again. The last number of a row is the
         # end time of the step.
         pieces = (rows[k : k + adjoint.ROWS] for k in range(0, len(rows), adjoint.ROWS))
         segments = [_Segment(piece[:, -1].copy(), piece) for piece in pieces]
-        recordings[number] = _Recording(segments, last.step, last.records[REDUCTIONS])
-        return False
+        recordings[number] = _Recording(segments, now.step, now.records[REDUCTIONS])
+        return None
 
-    _through(loop, run, len(values), begin, serve)
+    starts = ((at, _begun_lane(run, at)) for at in values)
+    _through(_stepped_lane, _status_of_lane, run, starts, serve)
     return recordings
 
 
@@ -582,51 +578,27 @@ def _gradients_in_lanes(
     example = runs[0].example
     slopes: list[PyTree] = [None] * len(runs)
     room = min(len(runs[0].places), LANE_ROWS)
-    # How many numbers the tangents have, the `StepTangents` of a step, and the row of a step.
-    tangent_size = _count_of_tangents(example)
-    added_size = sum(map(np.size, jax.tree.leaves(example_of(recorder.run, example))))
-    row_size = runs[0].rows_of(runs[0].segments[0]).shape[1]
-    # Examples of a lane's data and state, for the loop's layout.
-    steps = PulledSteps(
-        rows=np.zeros((LANE_ROWS, row_size)),
-        added=np.zeros((room + 1, added_size)),
-        places=np.zeros(LANE_ROWS, int),
-    )
-    zeros = jax.tree.map(np.zeros_like, runs[0].at)
-    own = runs[0].at, steps
-    state = Pulled(np.asarray(0), np.zeros(tangent_size), zeros)
-    shared = recorder.run, example
-    loop = made_lane_loop(_pulled_lane, _status_of_pulled_lane, (shared, own, state))
-    own_cells, steps_cells, state_cells = Cells(own), Cells(steps), Cells(state)
-    # In a lane's column: the cells of its steps, the last ones of its own data, and that of the
-    # number of steps through which to pull back.
-    steps_at = slice(loop.own_cells.stop - steps_cells.size, loop.own_cells.stop)
-    count_at = loop.state_cells.start + int(state_cells.columns().count)
+    lanes: dict[int, _PulledLane] = {}
 
-    def begin(number: int) -> tuple[np.ndarray, np.ndarray]:
+    def start(number: int) -> _LaneData:
         run, seeds = runs[number], seeds_of(number)
         rows = np.concatenate([run.rows_of(segment) for segment in run.segments])
         lane = lanes[number] = _PulledLane(run, rows, seeds, seeds.steps_needed())
         steps, count = lane.next_steps(0, room)
-        after = Pulled(np.asarray(count), np.zeros(tangent_size), seeds.total)
-        return own_cells.row((run.at, steps)), state_cells.row(after)
+        cotangents = np.zeros(_count_of_tangents(example))
+        return (run.at, steps), Pulled(np.asarray(count), cotangents, seeds.total)
 
-    def serve(number: int, column: np.ndarray, moves: bool) -> bool:
-        lane, left = lanes[number], int(column[count_at : count_at + 1].view(np.int64)[0])
-        # Lanes that will soon be through are served with those that are, since they would stop all.
-        if moves and left > LANE_ROWS // 2:
-            return True
+    def serve(number: int, now: Pulled) -> _LaneData | None:
+        lane, left = lanes[number], int(now.count)
         if left == 0 and lane.first == 0:
-            slopes[number] = lane.run.gradient_from(state_cells.tree(column[loop.state_cells]))
+            slopes[number] = lane.run.gradient_from(now)
             del lanes[number]
-            return False
+            return None
         steps, count = lane.next_steps(left, room)
-        column[steps_at] = steps_cells.row(steps)
-        column[count_at : count_at + 1].view(np.int64)[0] = count
-        return True
+        return (lane.run.at, steps), now._replace(count=np.asarray(count))
 
-    lanes: dict[int, _PulledLane] = {}
-    _through(loop, shared, len(runs), begin, serve)
+    starts = map(start, range(len(runs)))
+    _through(_pulled_lane, _status_of_pulled_lane, (recorder.run, example), starts, serve)
     return slopes
 
 
