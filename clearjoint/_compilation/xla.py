@@ -406,10 +406,6 @@ class Compiled(Generic[Arguments, Result]):
             compiled = self._inner if is_tracing() else self._outermost
             return compiled(*arguments, **options)
 
-    def programs(self) -> int:
-        made = [vars(self).get(name) for name in ("_inner", "_outermost")]
-        return sum(compiled._cached._cache_size() for compiled in made if compiled is not None)
-
 
 USUAL_ERRORS = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
 """Errors of a function or value that does not support what is tried. No wider class is caught,
@@ -450,9 +446,6 @@ class HostFirst(Generic[Arguments, Result]):
             if results:
                 return results[0]
         return self._compiled(*arguments, **options)
-
-    def programs(self) -> int:
-        return self._compiled.programs()
 
     def _results(self, call: Callable[[], Result], is_new: bool) -> list[Result]:
         """Return a list with the result of `call`; the list is empty if NumPy cannot compute the

@@ -91,9 +91,6 @@ class Native(Generic[Arguments, Result]):
         trees = [part.tree if isinstance(part, FlatArguments) else part for part in arguments]
         return of_xla(self._compiled(*trees))  # pyright: ignore[reportCallIssue]
 
-    def programs(self) -> int:
-        return self._compiled.programs() + self.native.count()
-
 
 def is_native() -> bool:
     """Return whether native code is made: on CPUs, unless `CLEARJOINT_NATIVE` is 0."""

@@ -294,10 +294,6 @@ def _scan(lower: Lowering, equation: Equation, *arguments: Array) -> list[Array]
             offsets = np.arange(math.prod(memory.shape[1:]))
             first_element = first_of_row(memory, row)
             rows.append(read_block(lower, memory, first_element, offsets, memory.shape[1:]))
-            if lower.is_known(memory):
-                # Numbers of a table are the same in all lanes too.
-                for value in lower.values(rows[-1]):
-                    ops.mark_uniform(value)
         results = lower.inline(closed, [*consts, *carries[1:], *rows])
         for memory, array in zip(outputs, results[carried:], strict=True):
             lower.write(array, memory.start, first_of_row(memory, row))

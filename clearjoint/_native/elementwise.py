@@ -143,7 +143,7 @@ def _integer_power(a: Symbol, exponent: int) -> Symbol:
     return a.like(1) if result is None else result
 
 
-def _clamp(low: Symbol, a: Symbol, high: Symbol) -> Symbol:
+def clamp(low: Symbol, a: Symbol, high: Symbol) -> Symbol:
     return _extreme("lt")(_extreme("gt")(a, low), high)
 
 
@@ -196,7 +196,7 @@ def _convert(a: Symbol, dtype: DTypeLike) -> Symbol:
     int64, keeps its higher bits, and `Lowering` cuts them off."""
     if a.letter == "f" and np.dtype(dtype) == np.uint32:
         # A float beyond the range of uint32 becomes the nearest integer of that range.
-        a = _clamp(a.like(0), a, a.like((1 << 32) - 1))
+        a = clamp(a.like(0), a, a.like((1 << 32) - 1))
     return convert(a, KINDS[np.dtype(dtype).name])
 
 
@@ -220,7 +220,7 @@ RULES: dict[str, Rule] = {
     "pow": lambda a, b: float_power(a, convert(b, "f")),
     "rsqrt": lambda a: a.like(1) / a.emit("sqrt"),
     "round": lambda a, method: a.emit("round_even" if int(method) == 1 else "round_away"),
-    "clamp": _clamp,
+    "clamp": clamp,
     "logistic": lambda a: a.like(1) / (a.like(1) + ELEMENTARY["exp"](-a)),
     "log2": lambda a: ELEMENTARY["log"](a) * (1 / math.log(2)),  # from JAX 0.11 on; as XLA does
     "polynomial": _polynomial,  # from JAX 0.12 on

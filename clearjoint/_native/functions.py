@@ -491,11 +491,6 @@ class NativeFunction:
     def __init__(self, function: Callable[..., PyTree]):
         self._function, self._traced = function, begins_a_program(function)
         self._programs: RecentPrograms[tuple[NativeProgram, Result]] = RecentPrograms()
-        self._count = 0
-
-    def count(self) -> int:
-        """Return how many programs have been compiled or loaded from disk."""
-        return self._count
 
     def __call__(self, *arguments: PyTree) -> PyTree:
         return self.run(FlatArguments.of(arguments))
@@ -544,12 +539,8 @@ class NativeFunction:
                     program = load_or_make(
                         self._function, flat.arguments, lambda: self._compiled(flat)
                     )
-                    self._add(flat, program)
+                    self._programs.add(flat.key, program)
         return program
-
-    def _add(self, flat: FlatArguments, program: "tuple[NativeProgram, Result]") -> None:
-        self._programs.add(flat.key, program)
-        self._count += 1
 
     def is_made(self, flat: FlatArguments) -> bool:
         return flat.key in self._programs
@@ -557,7 +548,7 @@ class NativeFunction:
     def load(self, flat: FlatArguments) -> None:
         program = load(self._function, flat.arguments)
         if program is not None:
-            self._add(flat, cast(tuple[NativeProgram, Result], program))
+            self._programs.add(flat.key, cast(tuple[NativeProgram, Result], program))
 
     def _compiled(self, flat: FlatArguments) -> tuple[NativeProgram, "Result"]:
         # The function's result with `ARRAY` in place of its arrays, as the only member of this

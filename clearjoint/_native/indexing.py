@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 from jax.extend import core
 
-from .elementwise import apply, convert
+from .elementwise import clamp, convert
 from .lowering import (
     LARGEST_UNROLLED,
     Array,
@@ -48,8 +48,8 @@ def _moved_inside(
     fits = Symbol(lower.ops, lower.ops.constant("b", True))
     for start, length, size in zip(starts, lengths, sizes, strict=True):
         index_of_start = convert(Symbol(lower.ops, start), "i")
-        low, high = (lower.ops.constant("i", number) for number in (0, length - size))
-        inside.append(Symbol(lower.ops, apply(lower.ops, "clamp", low, index_of_start.value, high)))
+        low, high = map(index_of_start.like, (0, length - size))
+        inside.append(clamp(low, index_of_start, high))
         fits &= inside[-1].compare("eq", index_of_start)
     return inside, fits
 
@@ -79,14 +79,14 @@ def read_block(
 
     def visit(k: Value) -> None:
         source = ops.emit("add", "i", first, k)
-        ops.store(ops.load(memory.kind, memory.start, source), out.start, k)
+        ops.store(lower.load(memory, source), out.start, k)
 
     ops.repeat(offsets.size, visit)
     return out
 
 
 def _elements(lower: Lowering, memory: InMemory, first: Value, offsets: np.ndarray) -> list[Value]:
-    return [lower.ops.load(memory.kind, memory.start + int(k), first) for k in offsets]
+    return [lower.load(memory, first, int(k)) for k in offsets]
 
 
 def _block_of_slice(
@@ -194,16 +194,12 @@ def _gather(lower: Lowering, equation: Equation, array: Array, indices: Array) -
     def visit(k: Value) -> None:
         # Where the k-th row of indices begins, and the number of the k-th block's first element.
         row, first_element = (Symbol(ops, k) * size for size in (depth, offsets.size))
-        starts = [ops.load(table.kind, table.start + j, row.value) for j in range(depth)]
-        if lower.is_known(table):
-            for start in starts:
-                ops.mark_uniform(start)
+        starts = [lower.load(table, row.value, j) for j in range(depth)]
         for j, value in enumerate(block_at(starts, read)):
             if places is None:
                 ops.store(value, result.start + j, first_element.value)
             else:
-                place = ops.load(places.kind, places.start + j, first_element.value)
-                ops.mark_uniform(place)
+                place = lower.load(places, first_element.value, j)
                 ops.store(value, result.start, place)
 
     ops.repeat(math.prod(batch), visit)
@@ -290,7 +286,7 @@ def _scatter(
         target = flat_index(lower, along, [strides[axis] for axis in axes]) + known_offset
         if memory is not None:
             # Moved inside, the target is an element of the array even if nothing is to change.
-            old = Symbol(ops, ops.load(memory.kind, memory.start, target.value))
+            old = Symbol(ops, lower.load(memory, target.value))
             combined = Symbol(ops, combine(old.value, new))
             changed = combined if clips else fits.select(combined, old)
             ops.store(changed.value, memory.start, target.value)

@@ -39,14 +39,7 @@ def _sum(lower: Lowering, first: Symbol, begin: Symbol, end: Symbol, term: Term)
 
 
 def _read(lower: Lowering, memory: InMemory, index: Symbol) -> Symbol:
-    return Symbol(lower.ops, lower.ops.load(memory.kind, memory.start, index.value))
-
-
-def _known(lower: Lowering, table: InMemory, index: Symbol) -> Symbol:
-    """Return the integer at an index of a table: the same one in all lanes, as the index is."""
-    number = _read(lower, table, index)
-    lower.ops.mark_uniform(number.value)
-    return number
+    return Symbol(lower.ops, lower.load(memory, index.value))
 
 
 def large_product(lower: Lowering, equation: Equation, *factors: Array) -> list[Array]:
@@ -78,12 +71,12 @@ def large_product(lower: Lowering, equation: Equation, *factors: Array) -> list[
 
     # Compute and write element n of the result.
     def visit(n: Symbol) -> None:
-        begins = [_known(lower, table, n) for table in tables_of_starts]
+        begins = [_read(lower, table, n) for table in tables_of_starts]
 
         def term(k: Symbol) -> Symbol:
             # `preferred_element_type` may be wider than the arguments, which are converted first.
             values = (
-                convert(_read(lower, memory, begin + _known(lower, step, k)), result.kind)
+                convert(_read(lower, memory, begin + _read(lower, step, k)), result.kind)
                 for memory, begin, step in zip(memories, begins, steps, strict=True)
             )
             a, b = values

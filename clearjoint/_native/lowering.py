@@ -329,9 +329,13 @@ class Lowering:
         self.constants[table.start] = numbers.ravel()
         return table
 
-    def is_known(self, memory: InMemory) -> bool:
-        """Return whether the numbers of an array are known, and thus equal in all lanes."""
-        return memory.start in self.constants
+    def load(self, memory: InMemory, index: Value | None = None, offset: int = 0) -> Value:
+        """Return the element of an array with the row-major index `index` + `offset`."""
+        value = self.ops.load(memory.kind, memory.start + offset, index)
+        # In a table, the same index has the same number in all lanes.
+        if memory.start in self.constants and (index is None or self.ops.is_uniform(index)):
+            self.ops.mark_uniform(value)
+        return value
 
     def new_array(self, shape: tuple[int, ...], kind: str) -> InMemory:
         return InMemory(self.ops.allocate(math.prod(shape)), shape, kind, owned=True)
@@ -347,7 +351,7 @@ class Lowering:
         if isinstance(array, Packed):
             return [self.ops.element(array.value, k) for k in range(self.ops.tangents)]
         if isinstance(array, InMemory):
-            return [self.ops.load(array.kind, array.start + k) for k in range(array.size)]
+            return [self.load(array, offset=k) for k in range(array.size)]
         return array.ravel().tolist()
 
     def vector(self, array: Array) -> Value:
@@ -378,7 +382,7 @@ class Lowering:
 
         def visit(k: Value) -> None:
             target = k if index is None else ops.emit("add", "i", index, k)
-            ops.store(ops.load(array.kind, array.start, k), start, target)
+            ops.store(self.load(array, k), start, target)
 
         ops.repeat(array.size, visit)
 
@@ -444,7 +448,7 @@ class Lowering:
             # overwritten.
             return replace(part, owned=False) if flat.size < array.size else part
         if isinstance(array, InMemory) and flat.size <= LARGEST_UNROLLED:
-            return self.array([ops.load(array.kind, array.start + int(k)) for k in flat], shape)
+            return self.array([self.load(array, offset=int(k)) for k in flat], shape)
         if not isinstance(array, InMemory):
             values = self.values(array)
             if flat.size <= LARGEST_UNROLLED:
@@ -455,8 +459,7 @@ class Lowering:
             array = self.in_memory(array, (len(values),))
         # A loop reads the indices of the elements from a table in memory.
         table = self.table(flat)
-        kind, start = array.kind, array.start
-        return self._by_loop(lambda index: ops.load(kind, start, index), kind, shape, [table])
+        return self._by_loop(partial(self.load, array), array.kind, shape, [table])
 
     def _by_loop(
         self,

@@ -125,10 +125,8 @@ def _copied_to(lower: Lowering, array: InMemory, target: InMemory, places: np.nd
     table = lower.table(places)
 
     def visit(k: Value) -> None:
-        place = lower.ops.load(table.kind, table.start, k)
         # A known place is the same in all lanes, which then write at once.
-        lower.ops.mark_uniform(place)
-        lower.ops.store(lower.ops.load(array.kind, array.start, k), target.start, place)
+        lower.ops.store(lower.load(array, k), target.start, lower.load(table, k))
 
     lower.ops.repeat(array.size, visit)
 
@@ -223,11 +221,10 @@ def _reduce_memory(
         # element, so that j = 0 stands for the second one, which is `after` places further on.
         def add(j: Value) -> None:
             place = index((i, along * after), (j, after), (k, 1), offset=after)
-            total = ops.load(array.kind, out.start, target)
-            value = ops.load(array.kind, array.start, place)
-            ops.store(combine(total, value), out.start, target)
+            combined = combine(lower.load(out, target), lower.load(array, place))
+            ops.store(combined, out.start, target)
 
-        begin = ops.load(array.kind, array.start, index((i, along * after), (k, 1)))
+        begin = lower.load(array, index((i, along * after), (k, 1)))
         ops.store(begin, out.start, target)
         ops.repeat(along - 1, add)
 
@@ -248,12 +245,12 @@ def _cumulate_memory(
     """Add a loop that combines all elements of an array in memory, in their order, and return the
     total. The result after each element is written to `out`, if given."""
     ops = lower.ops
-    first_element = ops.load(array.kind, array.start)
+    first_element = lower.load(array)
     if out is not None:
         ops.store(first_element, out.start)
 
     def add(k: Value, totals: list[Value]) -> list[Value]:
-        total = combine(totals[0], ops.load(array.kind, array.start, k))
+        total = combine(totals[0], lower.load(array, k))
         if out is not None:
             ops.store(total, out.start, k)
         return [total]

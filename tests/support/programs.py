@@ -7,6 +7,15 @@ from typing import Any
 import jax
 
 
+def made_by(function: Any) -> int:
+    """How many programs a compiled function (`Compiled`, `Native` or `HostFirst`) has made, those
+    of native code that were used least recently left out."""
+    by_xla = vars(getattr(function, "_compiled", function))
+    made = [by_xla[name] for name in ("_inner", "_outermost") if name in by_xla]
+    by_native = function.native._programs if hasattr(function, "native") else ()
+    return sum(one._cached._cache_size() for one in made) + len(by_native)
+
+
 def inside(equation: Any) -> list[Any]:
     """The programs that an equation carries out: the body of a loop, say."""
     parts = jax.tree.leaves(equation.params, is_leaf=lambda part: hasattr(part, "eqns"))

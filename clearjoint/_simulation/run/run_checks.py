@@ -289,9 +289,6 @@ class _Starts:
         # The latest scene of each structure whose numbers have passed their checks.
         self._scenes: RecentPrograms[FlatArguments] = RecentPrograms()
 
-    def count(self) -> int:
-        return self._function.count()
-
     def redundant(self, arguments: FlatArguments) -> tuple[str, ...] | None:
         """Return the names of the redundant constraints of a start, `arguments` by `flat_start`,
         that passes all checks; ``None``, and then the caller must check the start in Python, if a

@@ -13,13 +13,14 @@ from clearjoint._simulation.run.host_run import segment_compiled
 from clearjoint._simulation.run.run_checks import check_structure
 from clearjoint._sweeps.axes import lanes_of
 from tests.dynamics.test_journals import CLEARANCE, end_of, rocker, sliding, start
+from tests.support.programs import made_by
 
 
 def test_a_journal_left_at_its_guess_is_refused_before_anything_is_compiled():
-    programs = segment_compiled.programs()
+    programs = made_by(segment_compiled)
     with pytest.raises(ValueError, match=r"contact 'V' of joint 'pin' at most 0.0095 m.*0.0295.*"):
         cj.simulate(rocker(), start(0.03), 0.1)
-    assert segment_compiled.programs() == programs
+    assert made_by(segment_compiled) == programs
 
 
 def test_a_journal_far_inside_the_wall_causes_a_warning():

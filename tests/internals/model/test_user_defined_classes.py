@@ -14,6 +14,7 @@ import pytest
 import clearjoint as cj
 from clearjoint._fields.objects import AbstractConverting, with_arrays
 from clearjoint._simulation.run.host_run import segment_compiled
+from tests.support.programs import made_by
 
 ABSTRACT = {
     name: getattr(owner, name)
@@ -50,9 +51,9 @@ def test_changing_a_number_of_a_user_defined_motor_does_not_recompile():
         return float(cj.simulate(scene, state, 1e-4).final.bodies["crank"].spin[2])
 
     slow = speed(2, 600)
-    programs = segment_compiled.programs()
+    programs = made_by(segment_compiled)
     assert speed(4.0, 500.0) == pytest.approx(2.0 * slow, rel=1e-3)
-    assert segment_compiled.programs() == programs
+    assert made_by(segment_compiled) == programs
 
 
 class Thing(AbstractConverting):

@@ -8,6 +8,7 @@ import pytest
 from clearjoint._native import Native, NativeFunction
 from clearjoint._native.compiled import SWITCH
 from clearjoint._native.functions import LARGE, FlatArguments
+from tests.support.programs import made_by
 
 
 def random_array(random: np.random.Generator):
@@ -67,7 +68,7 @@ def test_parts_of_results_are_arguments_of_further_calls(native, monkeypatch):
         # A part may stand beside an ordinary argument.
         np.testing.assert_array_equal(second(*parts, x), 3.0 * x + x.sum() + 4.0)
         np.testing.assert_array_equal(second(parts[0], trees[1], x), 3.0 * x + x.sum() + 4.0)
-    assert first.programs() == second.programs() == 1
+    assert made_by(first) == made_by(second) == 1
 
 
 def test_single_and_double_precision_are_joined():

@@ -10,6 +10,7 @@ from clearjoint._measurements.robot_logs import Logged
 from clearjoint._parametrisation.variations import changed
 from clearjoint._robot_fits.problem import MovedRobot, StartInPlay, StartOfJoint, _begins_at_rest
 from clearjoint._simulation.run.sampling import first_compiled, sampled_compiled
+from tests.support.programs import made_by
 from tests.support.rig import rig
 
 TIMES = np.sort(np.random.default_rng(1).uniform(3.0, 3.05, 10))
@@ -89,5 +90,5 @@ def test_a_second_log_compiles_nothing(tmp_path):
         options = {"grow": (), "max_iterations": 2, "progress": False}
         found = cj.fit_robot(robot, log, {"elbow": ["armature"]}, {"elbow": "torque"}, **options)
         robot = found.robot
-        counts.append((sampled_compiled.programs(), first_compiled.programs()))
+        counts.append((made_by(sampled_compiled), made_by(first_compiled)))
     assert counts[0] == counts[1]

@@ -15,6 +15,7 @@ from clearjoint._simulation.run.simulate import begin_compiled
 from tests.simulation import test_compilations
 from tests.simulation.test_compilations import END, PLACE, SHORT, STIFFNESS, along, compiling
 from tests.support.oscillator import on_spring
+from tests.support.programs import made_by
 
 compiled = test_compilations.compiled
 damped = test_compilations.damped
@@ -45,12 +46,12 @@ def test_records_of_few_lengths_are_compiled_for_fits(damped, compiled):
 
     along(damped, 3)
     along(damped, 70)
-    programs = sampled_compiled.programs()
+    programs = made_by(sampled_compiled)
     fit(5)
     fit(70)
     looked_at = {"x": cj.Sensor(channel, np.linspace(0.0, END, 70), 1e-4)}
     cj.identifiability(scene, state, STIFFNESS, looked_at)
-    assert sampled_compiled.programs() == programs
+    assert made_by(sampled_compiled) == programs
     calls = {
         "length": lambda: fit(63),
         "longer": lambda: fit(100),
@@ -66,7 +67,9 @@ NUMBERS = (1.1e-3, np.float64(1.2e-3), np.float32(1.3e-3), np.asarray(1.4e-3), j
 
 def native_programs() -> int:
     """How many programs runs, and checks of their starts, have compiled."""
-    return sum(one.programs() for one in (begin_compiled, segment_compiled)) + starts.count()
+    return sum(made_by(one) for one in (begin_compiled, segment_compiled)) + len(
+        starts._function._programs
+    )
 
 
 def test_a_number_is_a_number_whatever_its_type(rod):
@@ -111,14 +114,14 @@ def test_a_start_that_has_passed_is_not_checked_again(rod, monkeypatch):
             with pytest.raises(ValueError, match="`mass` must be (finite|positive)"):
                 wrong = eqx.tree_at(lambda s: s.bodies["rod"].mass, scene, np.asarray(number))
                 check(wrong, state)
-    assert own.count() == 1
+    assert len(own._function._programs) == 1
 
 
 def test_the_first_starts_of_a_structure_are_checked_without_a_program():
     (scene, state), own, found = on_spring(), type(starts)(), []
     for _ in range(BY_NUMPY + 2):
         redundant = own.redundant(flat_start(scene, state, 0.0, cj.AbsoluteCoordinates()))
-        found.append((redundant, own.count()))
+        found.append((redundant, len(own._function._programs)))
     assert found == [(None, 0)] * BY_NUMPY + [((), 1)] * 2
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from clearjoint._simulation.run.sampling import sampled_compiled
+from tests.support.programs import made_by
 from tests.support.recorded_rod import recorded_rod
 
 LATE = (2.0**14, 2.0**20)
@@ -13,7 +14,7 @@ landing tolerances."""
 
 @pytest.mark.slow
 def test_a_run_is_the_same_whenever_it_starts():
-    early, programs = recorded_rod(), sampled_compiled.programs()
+    early, programs = recorded_rod(), made_by(sampled_compiled)
     assert early.impacts is not None
     for start in LATE:
         late = recorded_rod(start)
@@ -27,5 +28,5 @@ def test_a_run_is_the_same_whenever_it_starts():
         later, earlier = late.outputs["deepest"], early.outputs["deepest"]
         np.testing.assert_allclose(later.times, start + earlier.times, rtol=1e-15)
         np.testing.assert_allclose(later.values["height"], earlier.values["height"], rtol=1e-9)
-        assert sampled_compiled.programs() == programs
+        assert made_by(sampled_compiled) == programs
         np.testing.assert_allclose(late.impacts.duration, early.impacts.duration, rtol=1e-9)
