@@ -13,7 +13,7 @@ so that the results have the same bits. For three contacts with the parameters p
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 
-from .operations import Block, Operation, Operations, Value
+from .operations import Block, Operation, Operations, Value, walked
 from .pieces import cells_written
 
 CALLS_AT_ONCE = 8
@@ -55,7 +55,9 @@ class _Joining:
                 self._join_block(block)
         for block in blocks:
             # Any block may read or write the cells that have moved.
-            self._use_moved_cells(block)
+            for entry in walked(block):
+                if isinstance(entry, Operation) and entry.name in ("load", "store"):
+                    entry.number = self._moved.get(entry.number, entry.number)
 
     def _join_block(self, block: Block) -> None:
         """Join calls in a block, and in those inside it, but not across branches and loops."""
@@ -175,13 +177,6 @@ class _Joining:
             self._vectors[call.out, index_of_result] = vector
             yield Operation(vector, "result", (call.out, call.arguments[0], index_of_result))
         yield Operation(result.out, "element", (vector, program.constant("i", place)))
-
-    def _use_moved_cells(self, block: Block) -> None:
-        for entry in block:
-            if isinstance(entry, Operation) and entry.name in ("load", "store"):
-                entry.number = self._moved.get(entry.number, entry.number)
-            for inner in entry.blocks:
-                self._use_moved_cells(inner)
 
 
 def _groups(calls: list[Operation]) -> Iterator[list[Operation]]:

@@ -101,6 +101,16 @@ class Loop:
 
 Entry = Operation | Branch | Loop
 Block = list[Entry]
+
+
+def walked(block: Block) -> Iterator[Entry]:
+    """Yield the entries of a block, each one before those of the blocks inside of it."""
+    for entry in block:
+        yield entry
+        for inner in entry.blocks:
+            yield from walked(inner)
+
+
 """Entries in the order of their execution."""
 
 
@@ -447,7 +457,8 @@ class Operations:
         # Used values that are computed in at most `depth` functions come from outside of this one.
         # A load at the beginning of the function defines them in it, under the same names.
         loads: list[Entry] = []
-        for value in _used(inner):
+        used = (value for entry in walked(inner) for value in entry.arguments)
+        for value in dict.fromkeys(used):
             if value not in self.constants and self._depths.get(value, 0) <= depth:
                 loads.append(Operation(value, "load", (), self.pass_on(value)))
         inner[:0] = loads
@@ -512,7 +523,7 @@ class Operations:
             self.of_vectors[function] = number
 
     def _uses_memory(self, block: Block) -> bool:
-        for entry in block:
+        for entry in walked(block):
             if isinstance(entry, Operation):
                 if entry.name in ("load", "store", "call"):
                     return True
@@ -520,8 +531,6 @@ class Operations:
                     called = int(self.constants[entry.arguments[0]])
                     if called not in self.without_memory:
                         return True
-            if any(map(self._uses_memory, entry.blocks)):
-                return True
         return False
 
     def width_of(self, function: int) -> int:
@@ -688,13 +697,3 @@ class Symbol:
 
     def is_nan(self) -> "Symbol":
         return self.emit("is_nan_either", self, letter="b")
-
-
-def _used(block: Block) -> dict[Value, None]:
-    """Return the values that the entries of a block use, in order of their first use."""
-    used: dict[Value, None] = {}
-    for entry in block:
-        used.update(dict.fromkeys(entry.arguments))
-        for inner in entry.blocks:
-            used.update(_used(inner))
-    return used

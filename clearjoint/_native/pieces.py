@@ -9,7 +9,7 @@ because the processor has registers for few of them.
 from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass
 
-from .operations import Block, Operation, Operations, Value
+from .operations import Block, Operation, Operations, Value, walked
 
 FEWEST = 40_000
 """Number of operations from which on a program is divided. With 24 000, for a chain of 30 joints
@@ -161,7 +161,7 @@ class Division:
 
 
 def count_operations(block: Block) -> int:
-    return sum(1 + sum(map(count_operations, entry.blocks)) for entry in block)
+    return sum(1 for _ in walked(block))
 
 
 def cells_of(program: Operations, value: Value, start: int) -> range:
@@ -172,9 +172,7 @@ def cells_written(program: Operations, block: Block, by_functions: Sequence[Set[
     """Return the cells to which a block may write. `by_functions` has, for each function that the
     block may call, the cells to which the function may write."""
     cells = set[int]()
-    for entry in block:
-        for inner in entry.blocks:
-            cells |= cells_written(program, inner, by_functions)
+    for entry in walked(block):
         if not isinstance(entry, Operation):
             continue
         if entry.name == "call":
