@@ -549,7 +549,7 @@ def _early_covariances(best: RunMisfit, compared: Comparison, horizon: float) ->
     this part; none if `horizon` is infinite."""
     if not math.isfinite(horizon):
         return []
-    start = float(compared.runs.start_time)
+    start = float(compared.runs.base.start_time)
     are_early = [compared.times < start + part * (horizon - start) for part in (1.0, 0.5)]
     # Rows of the Jacobian are those of one series after the other, each at all times.
     series = len(compared.data.weights)

@@ -57,12 +57,12 @@ class Comparison:
 
     def of(self, measurements: Measurements) -> "Comparison":
         """Return the comparison with measurements of other values at the same times."""
-        return replace(self, data=samples(measurements, len(self.runs.times)))
+        return replace(self, data=samples(measurements, len(self.runs.base.times)))
 
     @property
     def times(self) -> Float[np.ndarray, " T"]:
         """Sample times, followed by copies of the last one as padding."""
-        return np.asarray(self.runs.times)
+        return np.asarray(self.runs.base.times)
 
     @property
     def count(self) -> int:
@@ -73,7 +73,7 @@ class Comparison:
         """Return the last of the first `count` sample times, s, with `count` rounded up; for 0, the
         start of the run."""
         times = int(np.ceil(count))
-        return float(self.times[times - 1]) if times else float(self.runs.start_time)
+        return float(self.times[times - 1]) if times else float(self.runs.base.start_time)
 
     def chi_squared(
         self, coordinates: Points, count: int, smoothing: int = 1
@@ -101,7 +101,7 @@ class Comparison:
             if runs.sensors.of_values:
                 quantities = dict(zip(runs.names, np.moveaxis(predictions, 1, 0), strict=True))
                 of_lanes = np.resize(coordinates[lanes], (TOGETHER, coordinates.shape[1]))
-                elapsed = self.times - float(runs.start_time)
+                elapsed = self.times - float(runs.base.start_time)
                 readings = readings_of_runs(runs.sensors, quantities, elapsed, of_lanes)
                 predictions = np.stack([np.asarray(readings[n]) for n in runs.names], axis=1)
             sums = np.asarray(_cumulated(self.data, predictions, smoothing))
@@ -193,7 +193,7 @@ class Comparison:
         varied, states = jax.tree.map(lambda leaf: leaf[:lanes], of_rows)
         # A run ends at its last instant; an infinite one is padding.
         ends = np.where(np.isfinite(instants), instants, -np.inf).max(axis=1)
-        first_steps = np.full(lanes, float(self.runs.first_step))
+        first_steps = np.full(lanes, float(self.runs.base.first_step))
         return Task(varied, states, ends, first_steps, instants)
 
     def _instants(self, coordinates: np.ndarray, count: int) -> tuple[np.ndarray, list[np.ndarray]]:
@@ -215,7 +215,7 @@ class Comparison:
             delay = np.asarray(runs.sensors.value(number, jnp.asarray(coordinates)))
             delay_of |= dict.fromkeys(names, delay)
         # Before the start there is only the initial state.
-        start = float(runs.start_time)
+        start = float(runs.base.start_time)
         times_of = {n: np.maximum(undelayed - d[:, None], start) for n, d in delay_of.items()}
         # All series with the same delay have the same delayed times: `names[0]` stands for them.
         delayed = np.concatenate([times_of[names[0]] for _, names in runs.sensors.delays], axis=1)
@@ -232,7 +232,7 @@ class Comparison:
 
     @cached_property
     def _varied(self) -> PyTree[bool]:
-        return self.runs.family.varied()
+        return self.runs.base.family.varied()
 
     @cached_property
     def _common(self) -> Common:
@@ -240,12 +240,12 @@ class Comparison:
         # The lanes record the outputs at given times, but no reductions, such as peak values, no
         # crossings of sections and no impacts.
         return Common(
-            runs.scheme,
-            fold_constants(runs.family.base[0], self._varied),
-            runs.start_time,
-            runs.max_steps,
+            runs.base.scheme,
+            fold_constants(runs.base.family.base[0], self._varied),
+            runs.base.start_time,
+            runs.base.max_steps,
             saves=True,
-            channels={SAVED: runs.outputs},
+            channels={SAVED: dict(runs.base.outputs)},
         )
 
 
@@ -295,7 +295,7 @@ def comparison(
     runs = experiment(scene, state, parameters, outputs, times, start_time, settings)
     free = free_parameters(parameters)
     units = units_of(free, scene, state, {name: s.unit for name, s in series.items()})
-    return Comparison(runs, samples(measurements, len(runs.times)), free, units)
+    return Comparison(runs, samples(measurements, len(runs.base.times)), free, units)
 
 
 @Compiled
@@ -304,7 +304,7 @@ def _scenes_and_states(
 ) -> tuple[PyTree, State]:
     """Return scenes and initial states at n points, each in one PyTree with a first axis of n. In
     the scenes, leaves that are not `varied` are ``None``."""
-    scenes, states = jax.vmap(runs.family.scene_and_state)(coordinates)
+    scenes, states = jax.vmap(runs.base.family.scene_and_state)(coordinates)
     return eqx.filter(scenes, varied), states
 
 

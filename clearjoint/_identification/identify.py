@@ -288,7 +288,7 @@ class _Problem:
                 return None, True
             best, stopped = best_search(searches), True
         runs = compared.runs
-        scene, state = runs.family.scene_and_state(runs.with_held(best.best.coordinates))
+        scene, state = runs.base.family.scene_and_state(runs.with_held(best.best.coordinates))
         fit = Fit(
             scene=scene,
             state=state,
@@ -300,7 +300,7 @@ class _Problem:
             screened=tuple(screened),
             horizon=self.horizon,
             check=checked,
-            start_time=float(runs.start_time),
+            start_time=float(runs.base.start_time),
         )
         return fit, stopped
 

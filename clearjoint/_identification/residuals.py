@@ -33,14 +33,13 @@ from .._parametrisation.parameter import (
     coordinates_of,
     free_parameters,
 )
-from .._parametrisation.parametrised_scene import ParametrisedScene, parametrised
+from .._parametrisation.parametrised_scene import parametrised
 from .._parametrisation.readings import NO_ERRORS, SensorErrors, in_scene, sensor_errors
 from .._result_codes import RESULTS
 from .._simulation.run.outputs import EXAMPLE, RECORDED, requested_by
 from .._simulation.run.run_checks import derivative_scheme
-from .._simulation.run.sampling import Sampled, padded, sampled
+from .._simulation.run.sampling import Sampled, TangentRun, padded, sampled
 from .._simulation.step import presets
-from .._simulation.step.method import Scheme
 from .._simulation.step.settings import (
     Settings,
     check_span,
@@ -64,24 +63,18 @@ class Experiment(eqx.Module):
     """A scene with p parameters and measured quantities, to be run for many parameter values by one
     compiled program.
 
-    - `family`: scene and state as functions of coordinates; its own `values` are not used.
-    - `outputs`: measured quantity of each series, by name, in the order of `names`.
-    - `times`: the sample times, s. The last one is repeated until their number is 64, 512, 4096 and
-      so on, so that records of similar length share a program.
-    - `start_time`, `first_step`: start of a run and length of its first step, s.
+    - `base`: a run to the last sample; each call of `run` has other `values` of the family. The
+      `outputs` are the measured quantities of the series, and `times` the sample times, s: the last
+      one is repeated until their number is 64, 512, 4096 and so on, so that records of similar
+      length share a program.
+    - `names`: those of the series, in their order.
     - `sensors`: errors of the sensors, such as a delay, that are parameters.
     - `free`: indices of the parameters that are not `held`; ``None`` if none is held.
     - `whole`: coordinates (p,) of all parameters, of which only those of held parameters are used;
       ``None`` if none is held.
     """
 
-    scheme: Scheme
-    family: ParametrisedScene
-    outputs: dict[str, Quantity]
-    times: jax.Array
-    start_time: jax.Array
-    first_step: jax.Array
-    max_steps: jax.Array
+    base: TangentRun
     names: tuple[str, ...] = eqx.field(static=True)
     sensors: SensorErrors = NO_ERRORS
     free: tuple[int, ...] | None = eqx.field(static=True, default=None)
@@ -108,23 +101,14 @@ class Experiment(eqx.Module):
         of_all, end_time = on_device(self.with_held(coordinates)), on_device(end_time)
         delayed = _instants(self, of_all, end_time) if self.sensors.delays else None
         # Every output is evaluated at all times of `delayed`, whatever its delay.
-        times, end = (self.times, end_time) if delayed is None else (delayed.times, delayed.end)
-        run = sampled(
-            self.scheme,
-            self.family.at(of_all),
-            self.outputs,
-            times,
-            self.start_time,
-            end,
-            self.first_step,
-            self.max_steps,
-            recorders=NO_RECORDERS,
-        )
+        base = self.base
+        times, end = (base.times, end_time) if delayed is None else (delayed.times, delayed.end)
+        run = sampled(replace(base, family=base.family.at(of_all), times=times, end_time=end))
         if delayed is not None:
             run = _delayed(self, of_all, delayed, run)
         # The other errors of sensors, such as a bias, change the reading at a given time.
         if self.sensors.of_values:
-            elapsed = self.times - self.start_time
+            elapsed = base.times - base.start_time
             readings, slopes = sensor_readings.with_sensor_errors(
                 self.sensors, run.values, run.derivatives, elapsed, of_all
             )
@@ -160,13 +144,15 @@ def _instants(runs: Experiment, coordinates: jax.Array, end_time: jax.Array) -> 
     end = end_time + jnp.maximum(0.0, -jnp.min(jnp.stack(delays)))
     # Samples after the end time have no weight. Their times are replaced by the end time, because
     # the run does not reach them.
-    undelayed = jnp.minimum(runs.times, end_time)
+    undelayed = jnp.minimum(runs.base.times, end_time)
     rows, inside = [undelayed], []
     for delay in delays:
         delayed = undelayed - delay
-        inside.append(delayed >= runs.start_time)
+        inside.append(delayed >= runs.base.start_time)
         # The run has no motion before its start and after its end.
-        rows += [jnp.clip(delayed + shift, runs.start_time, end) for shift in (0.0, -APART, APART)]
+        rows += [
+            jnp.clip(delayed + shift, runs.base.start_time, end) for shift in (0.0, -APART, APART)
+        ]
     unsorted = jnp.concatenate(rows)
     order = jnp.argsort(unsorted)
     # Sorting a permutation gives its inverse: the index of each time in the sorted array.
@@ -184,7 +170,7 @@ def _delayed(
     rising, _, indices, inside = instants
     delay_of = {name: k for k, (_, names) in enumerate(runs.sensors.delays) for name in names}
     values, derivatives = {}, {}
-    for name, output in runs.outputs.items():
+    for name, output in runs.base.outputs.items():
         output_values = jnp.where(sampled.reached, sampled.values[name], jnp.nan)
         if name not in delay_of:
             values[name] = output_values[indices[0]]
@@ -203,7 +189,7 @@ def _delayed(
         # Where both times are clipped to the start they are equal; 1 replaces a division by zero.
         apart = rising[after] - rising[before]
         rate = jnp.where(inside[k], change / jnp.where(apart > 0.0, apart, 1.0), 0.0)
-        scale = runs.family.scales[parameter]
+        scale = runs.base.family.scales[parameter]
         # Chain rule: derivatives are by the delay's coordinate on its scale.
         coordinate = coordinates[parameter]
         slope = jax.grad(lambda u, scale=scale: jnp.asarray(scale.value(u)))(coordinate)
@@ -239,16 +225,22 @@ def experiment(
     sensors = sensor_errors(parameters, outputs)
     # The zeros are placeholders for coordinates that `Experiment.run` receives.
     family = parametrised(scene, state, in_scene(parameters), np.zeros(len(parameters)))
-    first_step = on_device(settings.length_of_first_step(start_time, end_time))
-    samples_at, start = on_device(padded(rising, end_time)), on_device(start_time)
-    max_steps, names = on_device(settings.max_steps, int), tuple(outputs)
-    runs = Experiment(
-        scheme, family, dict(outputs), samples_at, start, first_step, max_steps, names, sensors
+    base = TangentRun(
+        scheme=scheme,
+        family=family,
+        outputs=dict(outputs),
+        times=on_device(padded(rising, end_time)),
+        start_time=on_device(start_time),
+        end_time=on_device(end_time),
+        first_step=on_device(settings.length_of_first_step(start_time, end_time)),
+        max_steps=on_device(settings.max_steps, int),
+        recorders=NO_RECORDERS,
     )
+    runs = Experiment(base, tuple(outputs), sensors)
     # With held parameters, runs have the same compiled program as without. They get coordinates of
     # the free parameters only, which replace entries of `whole`.
-    numbers = {name: k for k, name in enumerate(parameters)}
-    free = [numbers[name] for name in free_parameters(parameters)]
+    indices = {name: k for k, name in enumerate(parameters)}
+    free = [indices[name] for name in free_parameters(parameters)]
     if len(free) == len(parameters):
         return runs
     return replace(runs, free=tuple(free), whole=coordinates_of(scene, state, parameters))

@@ -39,7 +39,7 @@ from ..step.method import Scheme, SystemFamily
 from ..step.step_state import Attempt, Method, SolverState, Step, Tangents, Variables, choose
 from ..step.stepping import attempt, start
 from ..step.trial_step import term_of
-from ..step.types import Gradients, Numbers
+from ..step.types import Gradients, Integers, Numbers
 from .host_run import IMPACTS, LATEST
 from .impact_recorder import ImpactRecorder, most
 from .recorders import LatestAttempt, TangentPeak, TangentPeakRecorder
@@ -197,34 +197,47 @@ def first_step_of(
     return replace(step, tangents=first_tangents(method, term, systems, step, own_end, initial))
 
 
-def _sampled_from(
-    first: Step,
-    scheme: Scheme,
-    family: ParametrisedScene,
-    outputs: Quantities,
-    times: jax.Array,
-    t0: Scalar,
-    t_end: Scalar,
-    max_steps: Scalar,
-    recorders: dict[str, Recorders],
-    has_states: bool,
-) -> Sampled:
-    """Integrate from `first`, the result of `first_step_of`; see `sampled` for the other arguments.
-    In the code, times named `own` are on the clock of the run, which begins at zero."""
-    method, systems = scheme.method, SystemFamily(family, scheme.formulation, t0)
-    system, own_end, own_times = systems.system(), t_end - t0, times - t0
-    all_recorders = {LATEST: LatestAttempt(), PEAK: TangentPeakRecorder(), **recorders}
+class TangentRun(eqx.Module):
+    """A run with tangents, which evaluates quantities and their derivatives at given times: the
+    whole run of `sensitivities` and fits.
+
+    - `outputs`: the quantities, by name.
+    - `times`: (N,) s, not decreasing, not before `start_time`. The run ends with the step that
+      reaches the last time, which must be `end_time` or later, as `padded` ensures; times after
+      `end_time` are not reached.
+    - `recorders`: further recorders; `has_states`: whether to keep the state at each time.
+    """
+
+    scheme: Scheme
+    family: ParametrisedScene
+    outputs: Quantities
+    times: Numbers
+    start_time: Numbers
+    end_time: Numbers
+    first_step: Numbers
+    max_steps: Integers
+    recorders: dict[str, Recorders] = eqx.field(default_factory=dict)
+    has_states: bool = eqx.field(static=True, default=False)
+
+
+def _sampled_from(first: Step, run: TangentRun) -> Sampled:
+    """Integrate from `first`, the result of `first_step_of`. In the code, times named `own` are on
+    the clock of the run, which begins at zero."""
+    method, outputs, t0 = run.scheme.method, run.outputs, run.start_time
+    systems = SystemFamily(run.family, run.scheme.formulation, t0)
+    system, own_end, own_times = systems.system(), run.end_time - t0, run.times - t0
+    all_recorders = {LATEST: LatestAttempt(), PEAK: TangentPeakRecorder(), **run.recorders}
     # JAX would otherwise trace an attempt again wherever `loop` calls it.
     tried = traced_once(attempt)
     loop = RunLoop(method, system, own_end, all_recorders, family=systems, attempt=tried)
 
     no_values = dict.fromkeys(outputs, jnp.zeros(()))
-    no_derivatives = dict.fromkeys(outputs, jnp.zeros(family.tangents))
+    no_derivatives = dict.fromkeys(outputs, jnp.zeros(run.family.tangents))
 
     def sample(now: Progress, row: tuple[Scalar, Condition]) -> tuple[Progress, PyTree]:
         time, is_new = row
         # Steps are not shortened to end at the time, since evaluation must not change the motion.
-        now = loop.until(time, now, max_steps)
+        now = loop.until(time, now, run.max_steps)
         latest = now.records[LATEST]
 
         def quantities() -> tuple[dict[str, Scalar], dict[str, Gradients]]:
@@ -234,7 +247,7 @@ def _sampled_from(
         # copied below. States are not copied, so they are computed at every time.
         values = jax.lax.cond(is_new, quantities, lambda: (no_values, no_derivatives))
         state = None
-        if has_states:
+        if run.has_states:
             system = systems.system()
             state = look_inside(method, system, latest, time).state(system)
         return now, (*values, state, time <= now.step.t)
@@ -243,19 +256,20 @@ def _sampled_from(
     now, (*sampled, states, reached) = _scanned(sample, loop.start(first), (own_times, is_new))
     step, records = now.step, now.records
     # Index of the first of equal times, of which the quantities are copied.
-    firsts = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(times)), 0))
+    firsts = jax.lax.cummax(jnp.where(is_new, jnp.arange(len(own_times)), 0))
     values, derivatives = jax.tree.map(lambda leaf: leaf[firsts], sampled)
     return Sampled(
         values=values,
         derivatives=derivatives,
         reached=reached,
-        # At the end this is `t_end` itself, as t0 + (t_end - t0) may differ from it by rounding.
-        time=jnp.where(step.t < own_end, t0 + step.t, t_end),
+        # At the end this is `end_time` itself, as t0 + (end_time - t0) may differ from it by
+        # rounding.
+        time=jnp.where(step.t < own_end, t0 + step.t, run.end_time),
         result=final_result(step, own_end),
         attempts=step.attempts,
         accepted=step.accepted,
         states=states,
-        records={name: records[name] for name in recorders},
+        records={name: records[name] for name in run.recorders},
         amplification=_amplification(step, records[PEAK]),
     )
 
@@ -285,34 +299,16 @@ first_compiled = Native(first_step_of)
 sampled_compiled: Native[..., Sampled] = Native(_sampled_from)
 
 
-def sampled(
-    scheme: Scheme,
-    family: ParametrisedScene,
-    outputs: Quantities,
-    times: jax.Array,
-    t0: Scalar,
-    t_end: Scalar,
-    first_step: Scalar,
-    max_steps: Scalar,
-    recorders: dict[str, Recorders] | None = None,
-    has_states: bool = False,
-) -> Sampled:
-    """Integrate the state and its derivatives, and evaluate quantities and their derivatives at
-    given times. This is the whole run of `sensitivities` and fits.
-
-    **Arguments:** `times`: (N,) s, not decreasing, not before `t0`. The run ends with the step that
-    reaches the last time, which must be `t_end` or later, as `padded` ensures; times after `t_end`
-    are not reached. `recorders`: further recorders; `has_states`: whether to keep the state at each
-    time. For more than `LONGEST_PACKED` parameters, there are several runs, each with the
-    derivatives by some of them; values, states and records are those of the first run.
-    """
-    rest = times, t0, t_end, max_steps, recorders or {}, has_states
-    runs = []
+def sampled(run: TangentRun) -> Sampled:
+    """Return the results of a run. For more than `LONGEST_PACKED` parameters, there are several
+    runs, each with the derivatives by some of them; values, states and records are those of the
+    first run."""
+    parts, span = [], (run.start_time, run.end_time, run.first_step)
     with one_call():
-        for group in family.in_groups(LONGEST_PACKED):
-            first = first_compiled(scheme, group, t0, t_end, first_step)
-            runs.append(sampled_compiled(first, scheme, group, outputs, *rest))
-    return runs[0] if len(runs) == 1 else _joined(runs, len(family.values))
+        for group in run.family.in_groups(LONGEST_PACKED):
+            first = first_compiled(run.scheme, group, *span)
+            parts.append(sampled_compiled(first, replace(run, family=group)))
+    return parts[0] if len(parts) == 1 else _joined(parts, len(run.family.values))
 
 
 def _joined(runs: list[Sampled], count: int) -> Sampled:
@@ -339,17 +335,15 @@ def _joined(runs: list[Sampled], count: int) -> Sampled:
     )
 
 
-def recorded_run(
-    arguments: tuple[PyTree, ...], recorders: dict[str, Recorders], has_states: bool, impacts: bool
-) -> Sampled:
-    """Return the result of `sampled` as NumPy arrays. `arguments`: all arguments of `sampled` that
-    precede `recorders`. With `impacts`, all impacts are recorded, in the record `IMPACTS`; the run
-    is repeated with larger buffers until these have room for all impacts."""
+def recorded_run(run: TangentRun, impacts: bool) -> Sampled:
+    """Return the result of `sampled` as NumPy arrays. With `impacts`, all impacts are recorded, in
+    the record `IMPACTS`; the run is repeated with larger buffers until these have room for all
+    impacts."""
     room = IMPACTS_AT_FIRST
     while True:
         every = {IMPACTS: ImpactRecorder(capacity=room)} if impacts else {}
-        run = sampled(*arguments, recorders=recorders | every, has_states=has_states)
-        result: Sampled = jax.device_get(run)
+        sampled_run = sampled(replace(run, recorders=run.recorders | every))
+        result: Sampled = jax.device_get(sampled_run)
         if not impacts or most(result.records[IMPACTS]) <= room:
             return result
         room *= GROWTH

@@ -4,7 +4,7 @@
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -33,7 +33,7 @@ from .host_run import IMPACTS
 from .impact_recorder import impact_rows_of
 from .outputs import EXAMPLE, Output, Requested, requested_by
 from .run_checks import derivative_scheme
-from .sampling import Sampled, padded, recorded_run
+from .sampling import Sampled, TangentRun, padded, recorded_run
 from .saving import Saving
 from .terminal import compiling_bar
 
@@ -201,10 +201,12 @@ def sensitivities(
     coordinates = coordinates_of(scene, state, parameters)
     family = parametrised(scene, state, in_scene(parameters), coordinates)
     span = start_time, end_time, settings.length_of_first_step(start_time, end_time)
-    numbers = *(np.asarray(t, float) for t in span), np.asarray(settings.max_steps, int)
-    arguments = scheme, family, quantities, run_times, *numbers
+    start, end, first_step = (np.asarray(t, float) for t in span)
+    max_steps = np.asarray(settings.max_steps, int)
+    wanted = TangentRun(scheme, family, quantities, run_times, start, end, first_step, max_steps)
+    wanted = replace(wanted, recorders=requested.recorders(), has_states=saved is not None)
     with compiling_bar(progress):
-        run = recorded_run(arguments, requested.recorders(), saved is not None, save.impacts)
+        run = recorded_run(wanted, save.impacts)
         values, derivatives = run.values, run.derivatives
         if sensors.errors:
             without_errors = values, derivatives, run_times - start_time, coordinates

@@ -30,7 +30,7 @@ def problem(draws):
     """Runs, data and coordinates near the truth."""
     runs = experiment(SCENE, STATE, PARAMETERS, PROBES, TIMES, 0.0, None)
     at = true_coordinates() + [0.02, -0.03, 0.01]
-    return runs, samples(draws[0], len(runs.times)), at
+    return runs, samples(draws[0], len(runs.base.times)), at
 
 
 @pytest.mark.slow

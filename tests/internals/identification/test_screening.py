@@ -38,7 +38,7 @@ def data():
 def side_by_side(data, **options):
     settings = replace(cj.presets.derivatives, rtol=1e-8, **options)
     runs = experiment(SCENE, STATE, PARAMETERS, {"x": CHANNEL}, TIMES, 0.0, settings)
-    return Comparison(runs, samples(data, len(runs.times)), PARAMETERS)
+    return Comparison(runs, samples(data, len(runs.base.times)), PARAMETERS)
 
 
 def fitted(data, guess=None, progress=False, **options):

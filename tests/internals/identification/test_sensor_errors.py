@@ -38,7 +38,7 @@ def test_values_and_derivatives_are_those_of_the_closed_form(seed):
     parameters, data = parameters_of(kinds), probe_of(TRUE)
     outputs = {"probe": X, "laser": V}
     runs = experiment(SCENE, STATE, parameters, outputs, TIMES, 0.0, cj.presets.identification)
-    held = samples(data, len(runs.times))
+    held = samples(data, len(runs.base.times))
     points = np.array([[np.log(STIFFNESS), *values.values()] for values in draws])
     lanes = Comparison(runs, held).chi_squared(points, 60)
     for point, values, lane in zip(points, draws, lanes, strict=True):

@@ -95,14 +95,15 @@ def test_a_run_goes_on_with_empty_buffers_when_they_are_full(monkeypatch):
 def test_a_run_with_more_impacts_than_the_capacity_is_repeated(monkeypatch):
     rooms: list[int] = []
 
-    def run(recorders, has_states: bool) -> module.Sampled:
-        rooms.append(recorders["impacts"].capacity)
+    def run(wanted: module.TangentRun) -> module.Sampled:
+        rooms.append(wanted.recorders["impacts"].capacity)
         end, record = cj.RESULTS.successful, _counted(20, rooms[-1])
         return module.Sampled({}, {}, 0, 0, end, 0, 0, 0, None, {"impacts": record})
 
     monkeypatch.setattr(module, "sampled", run)
     monkeypatch.setattr(module, "IMPACTS_AT_FIRST", 2)
-    found = module.recorded_run((), {}, False, True)
+    wanted = module.TangentRun(*[None] * 8)  # pyright: ignore
+    found = module.recorded_run(wanted, True)
     assert rooms == [2, 16, 128] and most(found.records["impacts"]) == 20
 
 

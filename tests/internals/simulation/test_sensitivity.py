@@ -14,7 +14,7 @@ from clearjoint._parametrisation.parametrised_scene import parametrised
 from clearjoint._simulation.run import sampling
 from clearjoint._simulation.run.recorders import TangentPeakRecorder
 from clearjoint._simulation.run.run_checks import derivative_scheme
-from clearjoint._simulation.run.sampling import _amplification, sampled
+from clearjoint._simulation.run.sampling import TangentRun, _amplification, sampled
 from clearjoint._simulation.run.sensitivities import _growth_of_derivatives
 from tests.support.oscillator import on_spring
 from tests.support.programs import body_of, primitives
@@ -100,7 +100,7 @@ def sampling_loop(scene, state, parameters, outputs, times):
     scheme = derivative_scheme(scene, state, cj.presets.derivatives)
 
     def program(times, *span):
-        return sampled(scheme, family, outputs, times, *span, 1000).derivatives
+        return sampled(TangentRun(scheme, family, outputs, times, *span, 1000)).derivatives
 
     return body_of(jax.make_jaxpr(program)(jnp.zeros(times), 0.0, 0.1, 1e-7), "scan")
 
