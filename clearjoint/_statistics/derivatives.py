@@ -26,10 +26,19 @@ from .._fields.checks import require, require_count, require_positive
 from .._fields.objects import with_arrays
 from .._model.bodies import State
 from .._model.scene import Scene
-from .._simulation.run.outputs import Output
+from .._simulation.reductions.base import result_name
+from .._simulation.run.outputs import Output, requested_by
 from .._simulation.step.settings import Settings
 from .._sweeps.sweep import SweepOptions, sweep
-from .ensemble import DISTURBANCE, directions, disturbed_axes, number_failed, scalar_outputs
+from .ensemble import (
+    DISTURBANCE,
+    FAILED,
+    directions,
+    disturbed_axes,
+    number_failed,
+    require_distinct_names,
+    scalar_outputs,
+)
 from .uncertain import Uncertain, check_confidence, check_uncertain
 
 if TYPE_CHECKING:
@@ -39,6 +48,12 @@ LEAST_RUNS = 10
 """Smallest number of runs for each coefficient of the regression. Intervals from so few runs
 contain the true derivative as often as stated, but half of them are wider than 3.5 times the root
 mean square error of the estimate; with 40 runs for each coefficient, than 2.4 times this error."""
+ENDINGS = (
+    "mean",
+    "standard_error",
+    *(f"derivative{part}" for part in ("", "_standard_error", "_low", "_high")),
+)
+"""Endings of the names of an output's results, after an underscore."""
 MOST_POWER = 4.0
 """Largest exponent k with which a run's squared residual is divided by (1 - leverage)^k."""
 
@@ -103,6 +118,9 @@ def statistics_derivatives(
     fewest = LEAST_RUNS * _coefficients(len(uncertain))
     expected = f"{fewest} or more for {len(uncertain)} parameters"
     require(draws >= fewest, "draws", draws, expected, "run more")
+    require_distinct_names(
+        requested_by(outputs, None), ENDINGS, [FAILED, "parameter", "coordinate"]
+    )
     scene, state = with_arrays((scene, state))
     points = _points(uncertain, draws, seed)
     pairs = zip(uncertain.items(), points.T, strict=True)
@@ -118,7 +136,7 @@ def statistics_derivatives(
     # One unit of each standardised coordinate, in the coordinate of the parameter's scale.
     sizes = np.array([number.centre_and_size(scene, state)[1] for number in uncertain.values()])
     normal = np.array([number.is_normal for number in uncertain.values()])
-    variables = {"failed": number_failed(results)}
+    variables = {FAILED: number_failed(results)}
     for name, (values, unit) in scalar_outputs(results).items():
         # A coordinate changes by its size when the standardised coordinate changes by 1. Divided by
         # the sizes, derivatives by standardised coordinates become those by nominal coordinates.
@@ -129,11 +147,11 @@ def statistics_derivatives(
         # Only the first runs are independent draws from the distributions, whose mean is wanted.
         sample = values[:draws][np.isfinite(values[:draws])]
         error = sample.std(ddof=1) / np.sqrt(len(sample))
-        variables[f"{name}_mean"] = Labelled((), sample.mean(), unit)
-        variables[f"{name}_standard_error"] = Labelled((), error, unit)
         rows = derivatives, errors, derivatives - half, derivatives + half
-        for part, row in zip(("", "_standard_error", "_low", "_high"), rows, strict=True):
-            variables[f"{name}_derivative{part}"] = Labelled(("parameter",), row, unit)
+        results_of = sample.mean(), error, *rows
+        for ending, numbers in zip(ENDINGS, results_of, strict=True):
+            dims = ("parameter",) if np.ndim(numbers) else ()
+            variables[result_name(name, ending)] = Labelled(dims, numbers, unit)
     coordinates = [number.parameter.scale.label(name) for name, number in uncertain.items()]
     labels = {
         "parameter": Labelled(("parameter",), texts(list(uncertain))),

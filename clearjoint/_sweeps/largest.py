@@ -197,6 +197,8 @@ def largest_feasible(
     require(rising, "between", between, "two rising values", remedy)
     low, high = (float(parameter.scale.coordinate(value)) for value in ends)
     _check_quantities(scene, quantities, limits)
+    expected = f"axes of other names than {VALUE!r}, the axis of the parameter"
+    require(VALUE not in draws, "draws", VALUE, expected, "rename the axis")
     sizes = {name: len(axis.values) for name, axis in draws.items()}
     expected = "axes of equal length"
     require(len(set(sizes.values())) < 2, "draws", sizes, expected, "draw them together")
