@@ -32,7 +32,6 @@ from .._simulation.step.settings import Settings
 from .._sweeps.sweep import SweepOptions, sweep
 from .ensemble import (
     DISTURBANCE,
-    FAILED,
     directions,
     disturbed_axes,
     number_failed,
@@ -98,7 +97,8 @@ def statistics_derivatives(
     of the nominal value for `Log`; ``coordinate`` has the names of these coordinates. ``failed``
     counts the failed runs, which are left out, as are values that are not finite.
 
-    **Raises:** `ValueError` for unsupported arguments, and if too few runs succeed.
+    **Raises:** `ValueError` for unsupported arguments, such as outputs "force" and
+    "force_derivative", whose results would have one name; and if too few runs succeed.
 
     **Warns:** as `sweep` does, for example of failed runs.
 
@@ -118,9 +118,7 @@ def statistics_derivatives(
     fewest = LEAST_RUNS * _coefficients(len(uncertain))
     expected = f"{fewest} or more for {len(uncertain)} parameters"
     require(draws >= fewest, "draws", draws, expected, "run more")
-    require_distinct_names(
-        requested_by(outputs, None), ENDINGS, [FAILED, "parameter", "coordinate"]
-    )
+    require_distinct_names(requested_by(outputs, None), ENDINGS)
     scene, state = with_arrays((scene, state))
     points = _points(uncertain, draws, seed)
     pairs = zip(uncertain.items(), points.T, strict=True)
@@ -136,7 +134,7 @@ def statistics_derivatives(
     # One unit of each standardised coordinate, in the coordinate of the parameter's scale.
     sizes = np.array([number.centre_and_size(scene, state)[1] for number in uncertain.values()])
     normal = np.array([number.is_normal for number in uncertain.values()])
-    variables = {FAILED: number_failed(results)}
+    variables = {"failed": number_failed(results)}
     for name, (values, unit) in scalar_outputs(results).items():
         # A coordinate changes by its size when the standardised coordinate changes by 1. Divided by
         # the sizes, derivatives by standardised coordinates become those by nominal coordinates.

@@ -302,7 +302,7 @@ def ensemble(
 
 
 def require_distinct_names(
-    requested: Requested, endings: Collection[str], taken: Collection[str]
+    requested: Requested, endings: Collection[str], taken: Collection[str] = ()
 ) -> None:
     """Raise a `ValueError` if two results of statistics would have one name, so that one of them
     would be lost. The names are those `taken`, and for each output with one number in each run, or

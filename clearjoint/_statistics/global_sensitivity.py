@@ -12,10 +12,10 @@ from .._fields.checks import require, require_count
 from .._fields.objects import with_arrays
 from .._model.bodies import State
 from .._model.scene import Scene
-from .._simulation.run.outputs import Output, requested_by
+from .._simulation.run.outputs import Output
 from .._simulation.step.settings import Settings
 from .._sweeps.sweep import SweepOptions, sweep
-from .ensemble import FAILED, number_failed, require_distinct_names, scalar_outputs
+from .ensemble import number_failed, scalar_outputs
 from .uncertain import Uncertain, axes_at, check_confidence, check_uncertain, unit_cube
 
 if TYPE_CHECKING:
@@ -89,12 +89,10 @@ def sobol_indices(
     require_count("draws", draws, "give a power of two")
     require(draws & (draws - 1) == 0 and draws > 1, "draws", draws, "a power of two", "round it up")
     check_confidence(confidence)
-    endings = "mean", "deviation", *(f"{o}{part}" for o in ORDERS for part in ("", "_low", "_high"))
-    require_distinct_names(requested_by(outputs, None), endings, [FAILED, "parameter"])
     scene, state = with_arrays((scene, state))
     axes = axes_at(scene, state, uncertain, _groups(p, draws, seed))
     results = sweep(scene, state, end_time, axes, outputs, settings, zipped=True, **options)
-    variables = {FAILED: number_failed(results)}
+    variables = {"failed": number_failed(results)}
     for name, (values, unit) in scalar_outputs(results).items():
         groups = values.reshape(draws, p + 2)
         # Only the first two points of a group are independent draws from the distributions.

@@ -135,6 +135,27 @@ def test_bad_arguments_are_refused(options, message):
         cj.ensemble(*on_spring(), 0.1, **options)
 
 
+PEAK = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
+
+
+@pytest.mark.parametrize(
+    ("outputs", "options"),
+    [
+        ({"f": PEAK, "f_mean": PEAK}, {}),
+        ({"f_mean": PEAK, "f": PEAK}, {}),
+        ({"f_quantile": PEAK, "f": cj.quantities.Position("ball", "x")}, {}),
+        ({"failed": PEAK}, {}),
+        ({"draw": PEAK}, {}),
+        ({"lyapunov_exponent": PEAK}, {"exponents": 2}),
+        ({"f": PEAK}, {"axes": {"f_mean": cj.Axis(lambda s: s.bodies["ball"].mass, [1.0])}}),
+        ({"f": PEAK}, {"axes": {"failed": cj.Axis(lambda s: s.bodies["ball"].mass, [1.0])}}),
+    ],
+)
+def test_results_that_would_share_a_name_are_refused(outputs, options):
+    with pytest.raises(ValueError, match="`outputs` must be outputs whose results have names of"):
+        cj.ensemble(*on_spring(), 0.1, outputs=outputs, **options)
+
+
 def test_a_scene_that_cannot_move_is_refused():
     scene, state = on_spring()
     fixed = cj.FixedJoint("ground", "ball", (0.1, 0, 0), (0, 0, 0))
