@@ -126,7 +126,8 @@ def wear(
       rates are additional parameters, with names such as "pin bearing rate". For the derivatives,
       the number of cycles before each stage is held fixed. The derivatives are valid if the motion
       has settled before the measured cycles.
-    - `settle`: number of cycles of a run before the wear is measured; `measured`: number of cycles
+    - `settle`: number of cycles of a run before the wear is measured, in which the memory of a
+      `Servo`, which begins anew in each run, must settle too; `measured`: number of cycles
       that are measured, even. Their first and second half must agree to the relative `tolerance`:
       in the sum of the depths that wear off each joint, and in the sum of the derivatives with
       respect to each parameter. A motion that is not periodic needs many measured cycles.

@@ -20,6 +20,7 @@ from .._information.error_growth import radii_of_gyration
 from .._model.bodies import State
 from .._model.scene import Scene
 from .._parametrisation.variations import SceneNumber, with_values
+from .._simulation.lanes.lane import SAVED
 from .._simulation.reductions.base import result_name
 from .._simulation.results.solution import SUCCESSFUL
 from .._simulation.run.outputs import Output, Requested, requested_by
@@ -177,6 +178,7 @@ ROUNDING = 1e-12
 """Largest rounding error of a quantile's level."""
 DRAW, QUANTILE = "draw", "quantile"
 """Names of the results' dimensions besides the axes."""
+SAMPLE_TIMES = result_name(SAVED, "time")
 FAILED, EXPONENT = "failed", "lyapunov_exponent"
 """Names of results that are no statistics of an output."""
 ENDINGS = "", "mean", "deviation", "standard_error", "quantile", "quantile_standard_error"
@@ -230,6 +232,7 @@ def ensemble(
       is NaN for a level too near 0 or 1 for the number of draws: for 0.05 with fewer than 19, for
       0.01 with fewer than 99.
 
+    Sample times that are a function of the scene are ``saved_time``, along "saved_number".
     ``failed`` counts failed runs, which the statistics leave out. These are NaN where all runs
     failed; so are ``force_deviation`` and all standard errors where only one run succeeded.
 
@@ -357,6 +360,13 @@ def _statistics(
     statistics = xr.Dataset(coords={**labels, QUANTILE: levels})
     failed = failed_runs(results).reshape(shape).sum(axis=-1)
     statistics[FAILED] = tuple(labels), failed, {"long_name": "number of failed runs"}
+    # Sample times that are a function of the scene are equal in all draws of a point, but NaN from
+    # where a run failed.
+    if SAMPLE_TIMES in results.data_vars:
+        times = results[SAMPLE_TIMES]
+        along = (*labels, DRAW, *times.dims[1:])
+        of_draws = xr.DataArray(times.values.reshape(*shape, -1), dims=along, attrs=times.attrs)
+        statistics[SAMPLE_TIMES] = of_draws.max(DRAW, keep_attrs=True)
     for name, (values, unit) in scalar_outputs(results, quantities).items():
         # Quantities have a further dimension, that of the sample times.
         times = results[name].dims[1:]

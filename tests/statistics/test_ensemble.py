@@ -135,6 +135,20 @@ def test_bad_arguments_are_refused(options, message):
         cj.ensemble(*on_spring(), 0.1, **options)
 
 
+def test_sample_times_that_depend_on_the_scene_are_in_the_result():
+    def quarters(scene):
+        return 0.5 * np.pi * np.arange(5.0) * (scene.bodies["ball"].mass / 100.0) ** 0.5
+
+    axes = {"mass": cj.Axis(lambda scene: scene.bodies["ball"].mass, [0.5, 2.0, -1.0])}
+    save = cj.Saving(quarters, states=False)
+    options = {"outputs": {"x": cj.quantities.Position("ball", "x")}, "save": save, "draws": 3}
+    with pytest.warns(UserWarning, match="mass"):
+        found = cj.ensemble(*on_spring(), lambda s: quarters(s)[-1], axes, **options)
+    expected = 0.5 * np.pi * np.arange(5.0) * np.sqrt([[0.005], [0.02], [np.nan]])
+    np.testing.assert_allclose(found["saved_time"].transpose("mass", ...), expected, rtol=1e-14)
+    assert found["saved_time"].dims == found["x_mean"].dims
+
+
 PEAK = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
 
 
