@@ -184,6 +184,10 @@ MISTAKEN = {
         {"draws": {"largest_value": cj.Axis(lambda scene: scene.gravity[0], [0.0])}},
         "`draws` must be axes of other names than 'largest_value'",
     ),
+    "draws of the parameter": (
+        {"draws": {"x": cj.Axis(lambda scene: scene.joints["shoulder"].clearance, [1e-4])}},
+        "`draws.'x'.` must be an axis of another number than the parameter",
+    ),
     "two lanes": ({"lanes": 2}, "`lanes` must be at least 3"),
     "a tolerance": ({"tolerance": 0.0}, "`tolerance` must be positive"),
 }
