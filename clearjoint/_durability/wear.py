@@ -1,6 +1,7 @@
 """Wear of clearance joints over many cycles of a periodic motion, in stages."""
 
 import dataclasses
+import re
 import shutil
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -18,6 +19,7 @@ from .._fields.cautions import quiet
 from .._fields.checks import require, require_count, require_positive
 from .._fields.objects import with_arrays
 from .._fields.types import ArrayLike
+from .._math.vectors import fold_constants
 from .._model.bodies import BodyState, State
 from .._model.clearance_joints.clearance import ClearanceJoint
 from .._model.clearance_joints.journal_bases import require_bases_only
@@ -25,10 +27,14 @@ from .._model.profiles import AbstractProfile, PeriodicSpline
 from .._model.scene import Scene
 from .._parametrisation.parameter import Parameter, check_parameters
 from .._result_codes import RESULTS
+from .._simulation.lanes.lane import Common
 from .._simulation.run.saving import Saving
 from .._simulation.run.simulate import simulate
-from .._simulation.step.settings import Settings
+from .._simulation.step import presets
+from .._simulation.step.method import Scheme
+from .._simulation.step.settings import Settings, settings_or
 from .._sweeps.store.metadata import remove_abandoned, unfinished, write_dataset
+from .._sweeps.store.program import RUN, programs
 from ..quantities.base import require_known
 from .wear_depths import even_angles, quadrature_times, wear_depths
 from .wear_derivatives import MovingSpline, ParameterDirection, derivatives_in_spans, directions_of
@@ -54,6 +60,8 @@ SETTLING_RUNS = 8
 """Largest number of runs after a stage until the motion is periodic."""
 LEAST_PENETRATION = 1e-12
 """Smallest scale of errors of depths, m, for joints whose contacts stay open."""
+ADDRESS = re.compile(" at 0x[0-9a-f]+")
+"""Part of the `repr` of a Python function that differs between processes."""
 INTEGRATION = 0.02
 """Absolute tolerance of the integration over a stage, divided by the stage's permitted error."""
 CONTACTS = ("contacts", "direct")
@@ -63,6 +71,8 @@ FEWEST_SAMPLES = 8
 wide, covers half of the circumference."""
 EXTREMES = {"penetration": "m", "force": "N"}
 """Unit of each quantity, by name, of which a result contains the largest value in each stage."""
+LOST = 0.05
+"""Largest difference of a profile from the spline through it at the `samples`, over its range."""
 STEPS_PER_SAMPLE = 16
 """Smallest number of quadrature steps in a cycle, divided by the number of angles. If a contact
 circles the wall once a cycle, so many steps resolve its motion from one angle to the next."""
@@ -116,7 +126,8 @@ def wear(
       rates are additional parameters, with names such as "pin bearing rate". For the derivatives,
       the number of cycles before each stage is held fixed. The derivatives are valid if the motion
       has settled before the measured cycles.
-    - `settle`: number of cycles of a run before the wear is measured; `measured`: number of cycles
+    - `settle`: number of cycles of a run before the wear is measured, in which the memory of a
+      `Servo`, which begins anew in each run, must settle too; `measured`: number of cycles
       that are measured, even. Their first and second half must agree to the relative `tolerance`:
       in the sum of the depths that wear off each joint, and in the sum of the derivatives with
       respect to each parameter. A motion that is not periodic needs many measured cycles.
@@ -127,7 +138,8 @@ def wear(
     - `largest_change`: largest change of depth in a stage, m; by default not limited. A stage has
       at most twice the cycles of the stage before, and the depth changes by a fifth of the
       penetration in the first stage.
-    - `samples`: number of angles around the wall and around the journal, at least 8.
+    - `samples`: number of angles around the wall and around the journal, at least 8, and enough to
+      resolve the profiles that wear: those of an earlier result have its number of angles.
     - `stages`: largest number of stages.
     - `depth`: m; the computation also ends when the deepest point of a part has lost this depth.
     - `path`: folder of a Zarr store of the result. Each stage is written; if the folder contains an
@@ -933,11 +945,25 @@ def _digest(scene: Scene, state: State, run: CycleRun) -> str:
         jax.jvp(lambda u, a=along: a.without_profiles(scene, state, u), (0.0,), (1.0,))[1]
         for along in run.directions.values()
     ]
-    parts: list[str | bytes] = [
+    texts = [
         f"_{named!r}",  # with the name that the class had when the first stores were written
         repr(run.cycles.tolist()),
         str(jax.tree.structure((scene, state))),
     ]
+    parts: list[str | bytes] = [ADDRESS.sub("", text) for text in texts]
+    # Functions are recognised by the operations that JAX traces, as by the stores of sweeps.
+    if parts != texts:
+        settings, start_time = (
+            settings_or(run.settings, presets.default),
+            np.asarray(run.start_time),
+        )
+        common = Common(
+            Scheme.of(settings, False),
+            fold_constants(scene),
+            start_time,
+            np.asarray(settings.max_steps),
+        )
+        parts.append(programs(common, state)[RUN])
     leaves = jax.tree.leaves((scene, state, effects))
     parts += [np.asarray(leaf).tobytes() for leaf in leaves]
     return digest(*parts, digits=LONG)
@@ -953,8 +979,18 @@ def _with_splines(
         if not wear[name][k] > 0.0:
             return profile
         # ``None`` is the profile of a circle.
-        values = 0.0 if profile is None else profile.at(even_angles(samples)).value
-        return PeriodicSpline.through(np.broadcast_to(values, samples))
+        if profile is None:
+            return PeriodicSpline.through(np.zeros(samples))
+        resampled = PeriodicSpline.through(profile.at(even_angles(samples)).value)
+        # A profile with waves that the samples do not resolve would be another one.
+        angles = even_angles(4 * max(samples, profile.angles()))
+        values = np.asarray(profile.at(angles).value)
+        lost = np.abs(np.asarray(resampled.at(angles).value) - values).max()
+        expected = f"enough to resolve the {PROFILES[k]} of {name!r}"
+        remedy = f"give {profile.angles()}, or more"
+        resolved = bool(lost <= max(LOST * np.ptp(values), LEAST_PENETRATION))
+        require(resolved, "samples", samples, expected, remedy)
+        return resampled
 
     return _with_profiles(scene, wear, spline)
 

@@ -26,10 +26,18 @@ from .._fields.checks import require, require_count, require_positive
 from .._fields.objects import with_arrays
 from .._model.bodies import State
 from .._model.scene import Scene
-from .._simulation.run.outputs import Output
+from .._simulation.reductions.base import result_name
+from .._simulation.run.outputs import Output, requested_by
 from .._simulation.step.settings import Settings
 from .._sweeps.sweep import SweepOptions, sweep
-from .ensemble import DISTURBANCE, directions, disturbed_axes, number_failed, scalar_outputs
+from .ensemble import (
+    DISTURBANCE,
+    directions,
+    disturbed_axes,
+    number_failed,
+    require_distinct_names,
+    scalar_outputs,
+)
 from .uncertain import Uncertain, check_confidence, check_uncertain
 
 if TYPE_CHECKING:
@@ -39,6 +47,12 @@ LEAST_RUNS = 10
 """Smallest number of runs for each coefficient of the regression. Intervals from so few runs
 contain the true derivative as often as stated, but half of them are wider than 3.5 times the root
 mean square error of the estimate; with 40 runs for each coefficient, than 2.4 times this error."""
+ENDINGS = (
+    "mean",
+    "standard_error",
+    *(f"derivative{part}" for part in ("", "_standard_error", "_low", "_high")),
+)
+"""Endings of the names of an output's results, after an underscore."""
 MOST_POWER = 4.0
 """Largest exponent k with which a run's squared residual is divided by (1 - leverage)^k."""
 
@@ -83,7 +97,8 @@ def statistics_derivatives(
     of the nominal value for `Log`; ``coordinate`` has the names of these coordinates. ``failed``
     counts the failed runs, which are left out, as are values that are not finite.
 
-    **Raises:** `ValueError` for unsupported arguments, and if too few runs succeed.
+    **Raises:** `ValueError` for unsupported arguments, such as outputs "force" and
+    "force_derivative", whose results would have one name; and if too few runs succeed.
 
     **Warns:** as `sweep` does, for example of failed runs.
 
@@ -103,6 +118,7 @@ def statistics_derivatives(
     fewest = LEAST_RUNS * _coefficients(len(uncertain))
     expected = f"{fewest} or more for {len(uncertain)} parameters"
     require(draws >= fewest, "draws", draws, expected, "run more")
+    require_distinct_names(requested_by(outputs, None), ENDINGS)
     scene, state = with_arrays((scene, state))
     points = _points(uncertain, draws, seed)
     pairs = zip(uncertain.items(), points.T, strict=True)
@@ -129,11 +145,11 @@ def statistics_derivatives(
         # Only the first runs are independent draws from the distributions, whose mean is wanted.
         sample = values[:draws][np.isfinite(values[:draws])]
         error = sample.std(ddof=1) / np.sqrt(len(sample))
-        variables[f"{name}_mean"] = Labelled((), sample.mean(), unit)
-        variables[f"{name}_standard_error"] = Labelled((), error, unit)
         rows = derivatives, errors, derivatives - half, derivatives + half
-        for part, row in zip(("", "_standard_error", "_low", "_high"), rows, strict=True):
-            variables[f"{name}_derivative{part}"] = Labelled(("parameter",), row, unit)
+        results_of = sample.mean(), error, *rows
+        for ending, numbers in zip(ENDINGS, results_of, strict=True):
+            dims = ("parameter",) if np.ndim(numbers) else ()
+            variables[result_name(name, ending)] = Labelled(dims, numbers, unit)
     coordinates = [number.parameter.scale.label(name) for name, number in uncertain.items()]
     labels = {
         "parameter": Labelled(("parameter",), texts(list(uncertain))),

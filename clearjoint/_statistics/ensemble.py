@@ -20,8 +20,10 @@ from .._information.error_growth import radii_of_gyration
 from .._model.bodies import State
 from .._model.scene import Scene
 from .._parametrisation.variations import SceneNumber, with_values
+from .._simulation.lanes.lane import SAVED
+from .._simulation.reductions.base import result_name
 from .._simulation.results.solution import SUCCESSFUL
-from .._simulation.run.outputs import Output, requested_by
+from .._simulation.run.outputs import Output, Requested, requested_by
 from .._simulation.run.sensitivities import sensitivities
 from .._simulation.step import presets
 from .._simulation.step.settings import Settings
@@ -176,6 +178,11 @@ ROUNDING = 1e-12
 """Largest rounding error of a quantile's level."""
 DRAW, QUANTILE = "draw", "quantile"
 """Names of the results' dimensions besides the axes."""
+SAMPLE_TIMES = result_name(SAVED, "time")
+FAILED, EXPONENT = "failed", "lyapunov_exponent"
+"""Names of results that are no statistics of an output."""
+ENDINGS = "", "mean", "deviation", "standard_error", "quantile", "quantile_standard_error"
+"""Endings of the names of an output's statistics, after an underscore."""
 
 
 def ensemble(
@@ -225,6 +232,7 @@ def ensemble(
       is NaN for a level too near 0 or 1 for the number of draws: for 0.05 with fewer than 19, for
       0.01 with fewer than 99.
 
+    Sample times that are a function of the scene are ``saved_time``, along "saved_number".
     ``failed`` counts failed runs, which the statistics leave out. These are NaN where all runs
     failed; so are ``force_deviation`` and all standard errors where only one run succeeded.
 
@@ -236,7 +244,8 @@ def ensemble(
     size, and does not stop growing when it is as large as the motion.
 
     **Raises:** `ValueError` for unsupported arguments, such as an axis named "draw" or
-    "quantile", which are dimensions of the result, and for constraints that leave no velocity free.
+    "quantile", which are dimensions of the result, and outputs "force" and "force_mean", whose
+    results would have one name; and for constraints that leave no velocity free.
 
     **Warns:** as `sweep` does, for example of failed runs.
 
@@ -258,6 +267,9 @@ def ensemble(
     possible = isinstance(exponents, int) and (exponents == 0 or 2 <= exponents <= draws)
     expected = f"0, or a whole number from 2 to draws = {draws}"
     require(possible, "exponents", exponents, expected, "a standard error needs two runs")
+    requested = requested_by(outputs, options.get("save"))
+    growth_names = [result_name(EXPONENT, part) for part in ("", "standard_error") if exponents]
+    require_distinct_names(requested, ENDINGS, [FAILED, DRAW, QUANTILE, *growth_names, *axes])
     scene, state = with_arrays((scene, state))
     # The values of each axis at all combinations of values; those of the last axis change fastest.
     grids = np.meshgrid(*(axis.values for axis in axes.values()), indexing="ij")
@@ -273,8 +285,7 @@ def ensemble(
     shape = tuple(len(axis.values) for axis in axes.values())
     labels = {n: (n, a.values, {"units": a.unit_in(scene, state)}) for n, a in axes.items()}
     notes = {"draws": draws, "disturbance": f"{disturbance:g} m/s", "seed": seed}
-    quantities = requested_by(outputs, options.get("save")).quantities
-    statistics = _statistics(results, labels, (*shape, draws), levels, quantities)
+    statistics = _statistics(results, labels, (*shape, draws), levels, requested.quantities)
     if exponents:
         rates = np.empty((count, 2))
         values = dict(zip(axes, points, strict=True))
@@ -288,10 +299,24 @@ def ensemble(
             rates[k] = _lyapunov_exponent(
                 changed, start, span, disturbance, along[:exponents], progress
             )
-        for column, name in zip(rates.T, ("", "_standard_error"), strict=True):
-            variable = tuple(axes), column.reshape(shape), {"units": "1/s"}
-            statistics[f"lyapunov_exponent{name}"] = variable
+        for column, name in zip(rates.T, growth_names, strict=True):
+            statistics[name] = tuple(axes), column.reshape(shape), {"units": "1/s"}
     return statistics.assign_attrs({**results.attrs, **notes})
+
+
+def require_distinct_names(
+    requested: Requested, endings: Collection[str], taken: Collection[str] = ()
+) -> None:
+    """Raise a `ValueError` if two results of statistics would have one name, so that one of them
+    would be lost. The names are those `taken`, and for each output with one number in each run, or
+    one at each sample time, its name with each of the `endings` after an underscore."""
+    reductions, sections = requested.reductions.items(), requested.sections
+    outputs = [result_name(name, part) for name, r in reductions for part in r.units()]
+    outputs += [*requested.quantities, *(result_name(name, "count") for name in sections)]
+    names = [*taken, *(result_name(name, e) for name in outputs for e in endings)]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    expected, remedy = "outputs whose results have names of their own", "rename an output or axis"
+    require(not twice, "outputs", twice, expected, remedy)
 
 
 def failed_runs(results: "xr.Dataset") -> Bool[np.ndarray, " lanes"]:
@@ -334,7 +359,14 @@ def _statistics(
 
     statistics = xr.Dataset(coords={**labels, QUANTILE: levels})
     failed = failed_runs(results).reshape(shape).sum(axis=-1)
-    statistics["failed"] = tuple(labels), failed, {"long_name": "number of failed runs"}
+    statistics[FAILED] = tuple(labels), failed, {"long_name": "number of failed runs"}
+    # Sample times that are a function of the scene are equal in all draws of a point, but NaN from
+    # where a run failed.
+    if SAMPLE_TIMES in results.data_vars:
+        times = results[SAMPLE_TIMES]
+        along = (*labels, DRAW, *times.dims[1:])
+        of_draws = xr.DataArray(times.values.reshape(*shape, -1), dims=along, attrs=times.attrs)
+        statistics[SAMPLE_TIMES] = of_draws.max(DRAW, keep_attrs=True)
     for name, (values, unit) in scalar_outputs(results, quantities).items():
         # Quantities have a further dimension, that of the sample times.
         times = results[name].dims[1:]
@@ -347,16 +379,17 @@ def _statistics(
             warnings.simplefilter("ignore", RuntimeWarning)
             quantile = runs.quantile(levels, DRAW).transpose(..., QUANTILE)
             errors = _quantile_errors(runs.transpose(..., DRAW).values, levels)
-        variables = {
-            "": runs,
-            "_mean": runs.mean(DRAW),
-            "_deviation": deviation,
-            "_standard_error": deviation / np.sqrt(runs.count(DRAW)),
-            "_quantile": quantile,
-            "_quantile_standard_error": quantile.copy(data=errors),
-        }
-        for part, variable in variables.items():
-            statistics[f"{name}{part}"] = variable.assign_attrs(units=unit)
+        # In the order of `ENDINGS`.
+        variables = (
+            runs,
+            runs.mean(DRAW),
+            deviation,
+            deviation / np.sqrt(runs.count(DRAW)),
+            quantile,
+            quantile.copy(data=errors),
+        )
+        for ending, variable in zip(ENDINGS, variables, strict=True):
+            statistics[result_name(name, ending)] = variable.assign_attrs(units=unit)
     return statistics
 
 

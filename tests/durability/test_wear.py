@@ -478,6 +478,19 @@ def test_unsuitable_arguments_are_refused(change, name):
         cj.wear(*whirling(), **usual | change)
 
 
+@pytest.mark.parametrize("part", ["bearing", "journal"])
+@pytest.mark.parametrize("lobes", [11, 16, 24])
+def test_samples_that_lose_a_profile_are_refused(part, lobes):
+    """At 16 angles, 16 or 24 lobes are a circle, and 11 lobes are five."""
+    scene, state = whirling()
+    waves = cj.profiles.Harmonics([0.0] * (lobes - 1) + [1e-7])
+    pin = dataclasses.replace(scene.joints["pin"], **{f"{part}_profile": waves})
+    scene = dataclasses.replace(scene, joints={**scene.joints, "pin": pin})
+    message = f"`samples` must be enough to resolve the {part}_profile of 'pin', but is 16"
+    with pytest.raises(ValueError, match=message):
+        cj.wear(scene, state, CYCLE, {"pin": cj.WearRates(**{part: RATE})}, 10.0, **OPTIONS)
+
+
 def test_points_between_the_bases_are_refused():
     scene, state = whirling()
     pin = dataclasses.replace(scene.joints["pin"], line_points=3)

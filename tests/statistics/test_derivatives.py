@@ -130,6 +130,14 @@ def test_bad_arguments_are_refused(options, message):
         derivatives({})
 
 
+def test_results_that_would_share_a_name_are_refused():
+    """The standard error of a derivative, and that of the mean of the other output."""
+    outputs = dict.fromkeys(["f", "f_derivative"], OUTPUTS["f"])
+    wanted = {"x": component(0, deviation=0.1)}, outputs
+    with pytest.raises(ValueError, match="is .'f_derivative_standard_error'.: rename an output"):
+        cj.statistics_derivatives(*scene_and_state(), 1e-3, *wanted, draws=40)
+
+
 @pytest.mark.slow
 def test_a_design_is_a_sweep_that_can_be_stored_and_extended(tmp_path, capsys):
     scene, state = scene_and_state()

@@ -135,6 +135,41 @@ def test_bad_arguments_are_refused(options, message):
         cj.ensemble(*on_spring(), 0.1, **options)
 
 
+def test_sample_times_that_depend_on_the_scene_are_in_the_result():
+    def quarters(scene):
+        return 0.5 * np.pi * np.arange(5.0) * (scene.bodies["ball"].mass / 100.0) ** 0.5
+
+    axes = {"mass": cj.Axis(lambda scene: scene.bodies["ball"].mass, [0.5, 2.0, -1.0])}
+    save = cj.Saving(quarters, states=False)
+    options = {"outputs": {"x": cj.quantities.Position("ball", "x")}, "save": save, "draws": 3}
+    with pytest.warns(UserWarning, match="mass"):
+        found = cj.ensemble(*on_spring(), lambda s: quarters(s)[-1], axes, **options)
+    expected = 0.5 * np.pi * np.arange(5.0) * np.sqrt([[0.005], [0.02], [np.nan]])
+    np.testing.assert_allclose(found["saved_time"].transpose("mass", ...), expected, rtol=1e-14)
+    assert found["saved_time"].dims == found["x_mean"].dims
+
+
+PEAK = cj.Peak(cj.quantities.Velocity("ball"), "m/s")
+
+
+@pytest.mark.parametrize(
+    ("outputs", "options"),
+    [
+        ({"f": PEAK, "f_mean": PEAK}, {}),
+        ({"f_mean": PEAK, "f": PEAK}, {}),
+        ({"f_quantile": PEAK, "f": cj.quantities.Position("ball", "x")}, {}),
+        ({"failed": PEAK}, {}),
+        ({"draw": PEAK}, {}),
+        ({"lyapunov_exponent": PEAK}, {"exponents": 2}),
+        ({"f": PEAK}, {"axes": {"f_mean": cj.Axis(lambda s: s.bodies["ball"].mass, [1.0])}}),
+        ({"f": PEAK}, {"axes": {"failed": cj.Axis(lambda s: s.bodies["ball"].mass, [1.0])}}),
+    ],
+)
+def test_results_that_would_share_a_name_are_refused(outputs, options):
+    with pytest.raises(ValueError, match="`outputs` must be outputs whose results have names of"):
+        cj.ensemble(*on_spring(), 0.1, outputs=outputs, **options)
+
+
 def test_a_scene_that_cannot_move_is_refused():
     scene, state = on_spring()
     fixed = cj.FixedJoint("ground", "ball", (0.1, 0, 0), (0, 0, 0))

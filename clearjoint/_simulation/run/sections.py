@@ -161,6 +161,7 @@ class Section:
     **Arguments:**
 
     - `crossing`: the quantity whose rise through zero is a crossing, a function of an `Instant`.
+      At most one crossing is found in a step; `Peak` tells how to limit the steps in free flight.
       For an angle other than zero, take a sine, which has no jump at half a revolution:
       ``lambda now: jnp.sin(angle(now) - 0.5)``.
     - `channels`: the quantities to evaluate at each crossing, by name; for a function without an

@@ -138,13 +138,23 @@ class Strobe:
     def multiple(self, largest: int, tolerance: float) -> int | None:
         """Return the smallest number m of periods, up to `largest`, after which the motion repeats,
         or ``None``: in each of the last max(m, `CONFIRMING`) periods, the largest scaled change
-        since m periods earlier (see `change`) is at most `tolerance`."""
+        since m periods earlier (see `change`) is at most `tolerance`, and the changes since fewer
+        periods earlier don't decay."""
         for multiple in range(1, largest + 1):
             needed = max(multiple, CONFIRMING)
             changes = self.change(multiple) if len(self.rows) > multiple else np.zeros(0)
             if len(changes) >= needed and bool(np.all(changes[-needed:] <= tolerance)):
-                return multiple
+                # A vibration that decays may resemble itself best after m periods, but vanishes.
+                decay = any(self._decays(fewer, needed) for fewer in range(1, multiple))
+                return None if decay else multiple
         return None
+
+    def _decays(self, multiple: int, count: int) -> bool:
+        """Return whether the change since `multiple` periods earlier is, in the last `count`
+        periods, less than half of what it was after three quarters of the motion."""
+        changes = self.change(multiple)
+        earlier = changes[: 3 * len(changes) // 4][-count:]
+        return bool(changes[-count:].max() < 0.5 * earlier.max(initial=0.0))
 
     def statistics_settled(self) -> bool:
         """Return whether means and standard deviations of all columns agree between the third and
@@ -255,7 +265,8 @@ def settle(
       motion over 0.1 m, 1e-5 is a micrometre. With a section, they are relative to the mean time
       between crossings and to the largest magnitude of each channel. A motion is at rest if its
       ranges in the last three periods are at most `tolerance` times those of the whole motion.
-      `settings.rtol` must be well below `tolerance`.
+      A motion whose distance from its limit falls slowly, by a factor f in each period, is still
+      up to ``tolerance / (1 - f)`` away. `settings.rtol` must be well below `tolerance`.
 
     **Returns:** a `Settled`. A motion that does not settle, or a run that fails, raises no error;
     `kind` of the result tells.

@@ -111,6 +111,20 @@ def test_a_store_of_an_earlier_version_is_not_continued(tmp_path):
         store.read(first)
 
 
+def test_a_store_recognises_functions_by_what_they_compute():
+    """In another process, equal functions have other addresses."""
+
+    ball, state = cj.Body(1.0, (1e-3, 1e-3, 1e-3)), cj.State({"ball": cj.body_state((0.1, 0, 0))})
+    fields = {"cycles": np.array([10.0]), "largest_change": None, "stages": 9, "depth": None}
+    run = wear_module.CycleRun(OF_PIN, CYCLE, 1, 2, 0.1, 16, **fields)
+
+    def digest(size):
+        load = cj.AppliedLoad("ball", force=(lambda t: size * jnp.cos(t), 0.0, 0.0))
+        return wear_module._digest(cj.Scene({"ball": ball}, forces={"load": load}), state, run)
+
+    assert digest(10.0) == digest(10.0) != digest(20.0)
+
+
 def test_a_store_that_is_replaced_while_it_is_read_is_read_again(tmp_path, monkeypatch):
     store, opened, reads = wear_module._Store(tmp_path / "wear", ""), xr.open_zarr, []
 

@@ -40,6 +40,19 @@ def test_chaos_has_no_period_and_settled_statistics_and_a_drift_has_neither():
     assert slow.multiple(8, 1e-5) is None and slow.multiple(8, 1e-3) == 1
 
 
+@pytest.mark.parametrize("seed", range(10))
+def test_a_vibration_that_decays_is_not_taken_for_a_longer_period(seed):
+    """It may resemble itself after three periods long before it vanishes."""
+    rng = np.random.default_rng(seed)
+    multiple, decay = rng.integers(1, 5), rng.uniform(0.5, 0.99)
+    angles = 2.0 * np.pi / rng.integers(2, 9, 5) + rng.normal(0.0, 0.01, 5)
+    periods = np.arange(2000)
+    vibrations = decay**periods * np.cos(np.outer(angles, periods) + rng.uniform(0.0, 6.0, (5, 1)))
+    motion = np.tile(rng.normal(size=(5, multiple)), 2000)[:, :2000] + vibrations
+    strobes = [Strobe(motion.T[:count], np.ones(5)) for count in range(10, 2001, 10)]
+    assert next(m for m in (s.multiple(8, 1e-5) for s in strobes) if m is not None) == multiple
+
+
 @pytest.mark.parametrize("kind", Settling)
 def test_a_motion_has_settled_unless_it_has_not_or_its_run_failed(kind):
     state, none = cj.State({}), np.zeros(0)

@@ -180,6 +180,14 @@ MISTAKEN = {
     ),
     "another joint": ({"quantity": ContactForce("elbow")}, "`joint` must be one of the scene's"),
     "a quantile": ({"quantile": 95.0}, r"`quantile` must be in \[0.0, 1.0\]"),
+    "draws with the name of the axis": (
+        {"draws": {"largest_value": cj.Axis(lambda scene: scene.gravity[0], [0.0])}},
+        "`draws` must be axes of other names than 'largest_value'",
+    ),
+    "draws of the parameter": (
+        {"draws": {"x": cj.Axis(lambda scene: scene.joints["shoulder"].clearance, [1e-4])}},
+        "`draws.'x'.` must be an axis of another number than the parameter",
+    ),
     "two lanes": ({"lanes": 2}, "`lanes` must be at least 3"),
     "a tolerance": ({"tolerance": 0.0}, "`tolerance` must be positive"),
 }
