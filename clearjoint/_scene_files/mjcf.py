@@ -80,7 +80,7 @@ def _with_options_applied(model: Model, bits: PyTree) -> Model:
     # A joint has gear times the speed of its actuator. Older versions of MuJoCo lack this.
     for name in ("armature", "damping"):
         numbers = getattr(model, f"actuator_{name}", np.zeros(model.nu))
-        for k in np.flatnonzero(numbers):
+        for k in np.flatnonzero(numbers).tolist():
             joint, gear = model.actuator_trnid[k, 0], model.actuator_gear[k, 0]
             if _acts_on_joint(model, k):
                 of_joints = getattr(model, f"dof_{name}")
