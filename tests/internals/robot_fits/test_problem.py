@@ -23,6 +23,36 @@ def test_a_joint_that_follows_its_log_starts_with_the_rate_of_the_log(tmp_path):
     assert free.robot.speeds(free.state)["elbow"] == 0.0
 
 
+@pytest.mark.parametrize(("first", "last"), [(1, 2), (2, 0), (3, 0), (0, 4)])
+@pytest.mark.parametrize("mode", ["angle", "torque", "held torque"])
+def test_what_drives_is_logged_at_times_of_its_own(mode, first, last, tmp_path):
+    """It may miss two samples at the start and at the end; more are refused."""
+    robot, times = rig(tmp_path), 3.0 + np.arange(100) / 200.0
+    tables = {"q [rad]": 0.1 + 0.3 * times, "tau [N m]": 2.0 * times}
+    driven, measured = [*tables] if mode == "angle" else [*tables][::-1]
+    tables[driven] = np.where(np.arange(100) < first, np.nan, tables[driven])
+    tables[driven] = np.where(np.arange(100) >= 100 - last, np.nan, tables[driven])
+    columns = {"elbow": cj.LogColumn("q", noise=2e-4)}, {"elbow": cj.LogColumn("tau", noise=0.1)}
+    table = pd.DataFrame({"t": times, **tables})
+    options = {"angles": columns[0], "torques": columns[1], "missing": "drop"}
+    log = cj.RobotLog.read(table, **options)
+    if max(first, last) > 2:
+        message = f"`{mode.split()[-1]} that drives 'elbow'` must be logged from 0 to 0.495 s"
+        with pytest.raises(ValueError, match=message):
+            robot_problem(robot, log, {}, {"elbow": mode})
+        log = log.between(first / 200.0 - 1e-9, (99 - last) / 200.0 + 1e-9)
+    problem = robot_problem(robot, log, {}, {"elbow": mode})
+    if mode == "angle":  # From its start, the run has the line that was logged.
+        outputs, times = (
+            {"q": cj.quantities.JointAngle("elbow")},
+            log.start + np.linspace(0, 0.1, 7),
+        )
+        options = {"start_time": log.start, "outputs": outputs, "progress": False}
+        scene, save = problem.scene, cj.Saving(times)
+        solution = cj.simulate(scene, problem.state, times[-1], save=save, **options)
+        np.testing.assert_allclose(solution.outputs["q"], 1.0 + 0.3 * times, atol=1e-6)
+
+
 def test_a_slider_does_not_return_after_six_metres(tmp_path):
     """As an angle does: this one seemed at rest, since it moves by 2 pi m from sample to sample."""
     limit = '<limit lower="-99" upper="99" effort="1" velocity="9"/></joint>'
