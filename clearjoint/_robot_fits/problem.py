@@ -22,7 +22,7 @@ from .._model.bodies import State
 from .._model.clearance_joints.backlash import Backlash
 from .._model.contact.friction import RegularisedCoulomb
 from .._model.drives.drivers import AbstractDriveTorque, DriveTorque
-from .._model.drives.functions_of_time import PiecewiseConstant, Spline
+from .._model.drives.functions_of_time import PiecewiseConstant, Spline, value_and_rate
 from .._model.drives.servo import Servo
 from .._model.forces import TorsionalSpring
 from .._model.joints.base import AbstractForce
@@ -318,16 +318,16 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
     # of the log. A joint that is driven by its position follows the log from the start on.
     following = {motor_of(robot, joint) for joint, mode in driven_by.items() if mode == "angle"}
     q = {name: float(spline.values[1]) for name, spline in positions.items()}
-    # Its own first sample may be a little later, as where each joint is logged at times of its own.
-    q |= {
-        n: float(positions[n](log.start)) for n in following if log.angles[n].times[0] > log.start
-    }
     at_rest = {
         n
         for n in log.angles
         if n not in following and _begins_at_rest(log.angles[n], is_hinge(robot, n))
     }
     qd = {n: 0.0 if n in at_rest else float(spline.rates[1]) for n, spline in positions.items()}
+    for n in following:
+        # Its own first sample may be a little later, if each joint is logged at times of its own.
+        if log.angles[n].times[0] > log.start:
+            q[n], qd[n] = map(float, value_and_rate(positions[n], log.start))
     for name in log.angles:
         # A motor turns with its link; likewise, a link that is not logged turns with its motor.
         link = _other_side(robot, log, name)
