@@ -1,5 +1,8 @@
 """The problem of a fit of a robot to its log."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -49,6 +52,27 @@ def test_what_drives_is_logged_at_times_of_its_own(mode, first, last, tmp_path):
         scene, save = problem.scene, cj.Saving(times)
         solution = cj.simulate(scene, problem.state, times[-1], save=save, **options)
         np.testing.assert_allclose(solution.outputs["q"], 0.1 * (3.0 + times) ** 3, atol=1e-3)
+
+
+@pytest.mark.parametrize("low", [-np.pi, 0.0, None])
+def test_loops_of_hysteresis_go_on_over_revolutions(low, tmp_path):
+    """Whether or not the log's angles are within a revolution from `low` on."""
+    times = np.arange(100) / 20.0
+    angles = 2.0 + 7.0 * np.sin(times)
+    jumping = angles if low is None else (angles - low) % (2.0 * np.pi) + low
+    table = pd.DataFrame({"t": times, "q [rad]": jumping, "tau [N m]": np.cos(times)})
+    columns = {"elbow": cj.LogColumn("q", noise=2e-3)}, {"elbow": cj.LogColumn("tau", noise=0.1)}
+    log = cj.RobotLog.read(table, angles=columns[0], torques=columns[1])
+    problem = robot_problem(rig(tmp_path), log, {}, {"elbow": "torque"})
+    fit: Any = SimpleNamespace(
+        measurements=problem.measurements, residuals={"elbow position": 3.0 * np.cos(5.0 * times)}
+    )
+    found = cj.results.RobotFit(fit, problem.robot, log, {"elbow": "torque"}, {}, {}, {})
+    loop = found.hysteresis()["elbow"]
+    turns = np.round((loop.position - angles) / (2.0 * np.pi))
+    assert len(set(turns.tolist())) == 1
+    difference = loop.predicted_position - loop.position
+    np.testing.assert_allclose(difference, 6e-3 * np.cos(5.0 * times), atol=1e-12)
 
 
 def test_a_slider_does_not_return_after_six_metres(tmp_path):
