@@ -292,7 +292,18 @@ class Fit(AbstractTabular):
     @cached_property
     def predictions(self) -> dict[str, np.ndarray]:
         """Predicted values of each series by name at its sample times, (N,), SI; meaningless at
-        times that the fitted run does not reach (`Ending.FAILED`)."""
+        times that the fitted run does not reach (`Ending.FAILED`). Those of a quantity with a
+        period, such as an angle, are within half a period of the measured values."""
+        nearest = dict(self._outputs)
+        for name, series in self.measurements.series.items():
+            if series.period is not None:
+                turns = np.round((nearest[name] - np.asarray(series.values)) / series.period)
+                nearest[name] = nearest[name] - series.period * turns
+        return nearest
+
+    @property
+    def _outputs(self) -> dict[str, np.ndarray]:
+        """The `predictions` as the run has them: angles may jump from pi to -pi."""
         return self._at_samples(self.best.best.predicted.ravel())
 
     @cached_property
@@ -690,11 +701,13 @@ def _effects_of_errors(fit: Fit, name: str) -> dict[Kind, Float[np.ndarray, " N"
     """Derivatives of the residuals of the series `name` by each kind of error of its sensor, at the
     values of an ideal sensor."""
     series = fit.measurements[name]
-    quantity, times = fit.predictions[name], np.asarray(series.times)
+    quantity, times = fit._outputs[name], np.asarray(series.times)
     # For each sample, the predicted value and the time since the start of the run.
     instants = [*zip(quantity.tolist(), (times - fit.start_time).tolist(), strict=True)]
     # A delayed sensor reads an earlier value of the quantity, hence the minus.
-    effects: dict[Kind, np.ndarray] = {SeriesDelay: -np.gradient(quantity, times)}
+    period = series.period
+    continuous = quantity if period is None else np.unwrap(quantity, period=period)
+    effects: dict[Kind, np.ndarray] = {SeriesDelay: -np.gradient(continuous, times)}
     for kind in (variations.SeriesBias, variations.SeriesGain, variations.SeriesDrift):
         fault = kind((name,))
         # The reading is linear in the error: its derivative is the effect of one unit.

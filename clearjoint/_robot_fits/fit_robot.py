@@ -253,6 +253,8 @@ class RobotFit(AbstractTabular):
                 np.interp(times, measured[n].times, by_name[n]) if n in by_name else as_logged
                 for n, as_logged in zip((position, torque), logged, strict=True)
             ]
+            if position in by_name:  # The predicted revolution is that of the logged sample.
+                predicted[0] = predicted[0] + (logged[0] - np.asarray(measured[position].values))
             loops[joint] = Hysteresis(*logged, *predicted)
         return loops
 

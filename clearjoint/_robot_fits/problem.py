@@ -22,7 +22,7 @@ from .._model.bodies import State
 from .._model.clearance_joints.backlash import Backlash
 from .._model.contact.friction import RegularisedCoulomb
 from .._model.drives.drivers import AbstractDriveTorque, DriveTorque
-from .._model.drives.functions_of_time import PiecewiseConstant, Spline
+from .._model.drives.functions_of_time import PiecewiseConstant, Spline, value_and_rate
 from .._model.drives.servo import Servo
 from .._model.forces import TorsionalSpring
 from .._model.joints.base import AbstractForce
@@ -324,6 +324,10 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
         if n not in following and _begins_at_rest(log.angles[n], is_hinge(robot, n))
     }
     qd = {n: 0.0 if n in at_rest else float(spline.rates[1]) for n, spline in positions.items()}
+    for n in following:
+        # Its own first sample may be a little later, if each joint is logged at times of its own.
+        if log.angles[n].times[0] > log.start:
+            q[n], qd[n] = map(float, value_and_rate(positions[n], log.start))
     for name in log.angles:
         # A motor turns with its link; likewise, a link that is not logged turns with its motor.
         link = _other_side(robot, log, name)
@@ -337,6 +341,7 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
     subjects = {f"{joint} {kind}": (joint, kind) for joint, kind in parameters}
     by_name = dict(zip(subjects, parameters.values(), strict=True))
     state, measured = robot.state(q, qd), _measured(robot, log, driven_by, following)
+    _require_covered(robot, log, driven_by, float(measured.times()[-1]))
     return RobotProblem(driven, log, driven_by, state, by_name, subjects, measured)
 
 
@@ -354,6 +359,24 @@ def _require_joints(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy
             require(name in names, argument, name, expected, remedy)
             joint, expected = robot.scene.joints[name], "an ideal hinge or slider"
             require_type(f"{argument}[{name!r}]", joint, HingeOrSlider, expected, "leave it out")
+
+
+def _require_covered(robot: Robot, log: RobotLog, driven_by: DrivenBy, end: float) -> None:
+    """Raise a `ValueError` if what drives a joint is not logged from the start of the log to the
+    `end` of what a run predicts, s: the drive would continue it along a tangent. Two samples may be
+    missing, as where each joint is logged at times of its own."""
+    for joint, mode in driven_by.items():
+        if isinstance(mode, AbstractForce):
+            continue
+        is_angle = mode == "angle"
+        samples = log.angles[motor_of(robot, joint)] if is_angle else log.torques[joint]
+        first, last = samples.times[[0, -1]].tolist()
+        missing = max(first - log.start, end - last)
+        spare = 2.5 * float(np.median(np.diff(samples.times)))
+        actual, expected = f"logged from {first:.6g} to {last:.6g} s", f"{log.start:g} to {end:g} s"
+        remedy = "cut the log by log.between(start, end)"
+        argument = f"{'angle' if is_angle else 'torque'} that drives {joint!r}"
+        require(missing <= spare, argument, actual, f"logged from {expected}", remedy)
 
 
 def _of_start(

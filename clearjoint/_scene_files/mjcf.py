@@ -36,7 +36,8 @@ IGNORED = {
 
 
 def read_mjcf(path: Path) -> robots.Content:
-    model, location = _compiled(path), FileLocation(str(path))
+    location = FileLocation(str(path))
+    model = _with_options_applied(_compiled(path), mujoco_package(location).mjtDisableBit)
     names = [model.body(k).name or f"body {k}" for k in range(model.nbody)]
     links = [robots.RobotLink(name, _inertial(model, k)) for k, name in enumerate(names)]
     joints: list[robots.RobotJoint] = []
@@ -63,14 +64,66 @@ def read_mjcf(path: Path) -> robots.Content:
         "actuators of other kinds": other_actuators,
         "limits, damping, armature, friction and springs": _resisted(model),
         "gravity compensation": [names[k] for k in np.flatnonzero(model.body_gravcomp)],
+        "nonlinear springs and dampers": _nonlinear(model),
     }
     omitted = {title: elements for title, elements in of_elements.items() if elements}
     # Contents of the robot as a whole, without names of elements.
     omitted |= {title: [] for title, number in IGNORED.items() if getattr(model, number)}
     omitted |= {"fluid": []} if model.opt.density or model.opt.viscosity else {}
-    has_no_gravity = model.opt.disableflags & mujoco_package(location).mjtDisableBit.mjDSBL_GRAVITY
-    gravity = (0.0, 0.0, 0.0) if has_no_gravity else tuple(model.opt.gravity.tolist())
+    gravity = tuple(model.opt.gravity.tolist())
     return robots.Content(links, joints, omitted, loops, actuators, gravity)
+
+
+def _with_options_applied(model: Model, bits: PyTree) -> Model:
+    """Return the model, changed: without what the file's flags disable, and with the armatures and
+    dampers of actuators of joints as those of the joints. `bits`: MuJoCo's enumeration of flags."""
+    # A joint has gear times the speed of its actuator. Older versions of MuJoCo lack this.
+    for name in ("armature", "damping"):
+        numbers = getattr(model, f"actuator_{name}", np.zeros(model.nu))
+        for k in np.flatnonzero(numbers).tolist():
+            joint, gear = model.actuator_trnid[k, 0], model.actuator_gear[k, 0]
+            if _acts_on_joint(model, k):
+                of_joints = getattr(model, f"dof_{name}")
+                of_joints[model.jnt_dofadr[joint]] += gear**2 * numbers[k]
+
+    def is_disabled(*names: str) -> bool:
+        # A version of MuJoCo has either "PASSIVE" or both "SPRING" and "DAMPER".
+        values = (int(getattr(bits, f"mjDSBL_{name}", 0)) for name in names)
+        return any(model.opt.disableflags & value for value in values)
+
+    for numbers, names in (
+        (model.opt.gravity, ("GRAVITY",)),
+        (model.jnt_stiffness, ("SPRING", "PASSIVE")),
+        (model.dof_damping, ("DAMPER", "PASSIVE")),
+        (model.dof_frictionloss, ("FRICTIONLOSS", "CONSTRAINT")),
+        (model.eq_active0, ("EQUALITY", "CONSTRAINT")),
+    ):
+        if is_disabled(*names):
+            numbers[:] = 0
+    return model
+
+
+def _acts_on_joint(model: Model, actuator: int) -> bool:
+    """Return whether an actuator acts directly on a slider or hinge."""
+    joint = model.actuator_trnid[actuator, 0]
+    return bool(model.actuator_trntype[actuator] in (0, 1) and model.jnt_type[joint] >= 2)
+
+
+def _nonlinear(model: Model) -> list[str]:
+    """Return the names of joints and actuators whose springs or dampers are not linear. Only their
+    linear terms are carried over. Older versions of MuJoCo have only linear ones."""
+    names = [_joint_name(model, j) for j in range(model.njnt)]
+    of_dofs = [names[j] for j in model.dof_jntid]
+    of_actuators = [_actuator_name(model, k) for k in range(model.nu)]
+    owners = {"jnt_stiffness": names, "dof_damping": of_dofs, "actuator_damping": of_actuators}
+    return [
+        *dict.fromkeys(
+            owner
+            for name, elements in owners.items()
+            for owner, further in zip(elements, getattr(model, f"{name}poly", ()), strict=False)
+            if np.any(further)
+        )
+    ]
 
 
 def mujoco_package(location: FileLocation) -> ModuleType:
@@ -126,6 +179,10 @@ def _inertial(model: Model, body: int) -> robots.Inertial | None:
 
 def _joint_name(model: Model, joint: int) -> str:
     return model.joint(joint).name or f"joint {joint}"
+
+
+def _actuator_name(model: Model, actuator: int) -> str:
+    return model.actuator(actuator).name or f"actuator {actuator}"
 
 
 def _joint(model: Model, j: int, parent: str, child: str, pose: np.ndarray) -> robots.RobotJoint:
@@ -230,12 +287,13 @@ def _actuators(model: Model) -> tuple[dict[str, robots.Actuator], list[str]]:
     actuators: dict[str, robots.Actuator] = {}
     others: list[str] = []
     for k in range(model.nu):
-        name, (target, _) = model.actuator(k).name or f"actuator {k}", model.actuator_trnid[k]
+        name, (target, _) = _actuator_name(model, k), model.actuator_trnid[k]
         # An `Actuator` acts on a slider or hinge, with a fixed gain, an affine bias (type 1) or
-        # none (type 0), and no activation state.
-        is_of_joint = model.actuator_trntype[k] in (0, 1) and model.jnt_type[target] >= 2
+        # none (type 0), and no activation state or delay.
         is_affine = model.actuator_gaintype[k] == 0 and model.actuator_biastype[k] in (0, 1)
-        if not (is_of_joint and is_affine and model.actuator_dyntype[k] == 0):
+        is_delayed = bool(getattr(model, "actuator_delay", np.zeros(model.nu))[k])
+        is_static = model.actuator_dyntype[k] == 0 and not is_delayed
+        if not (_acts_on_joint(model, k) and is_affine and is_static):
             others.append(name)
             continue
         bias = model.actuator_biasprm[k, :3] * (model.actuator_biastype[k] == 1)

@@ -78,6 +78,61 @@ def test_torques_are_those_of_mujocos_inverse_dynamics(seed, read_robot):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+def test_flags_of_the_file_and_resistances_of_actuators_have_mujocos_effect(seed, read_robot):
+    generator = np.random.default_rng(seed)
+    names = [f"body {k}" for k in generator.permutation(4)]
+    tree = random_tree(generator, names, fixed=False)
+    model, _ = model_of(file_of(tree, generator))
+    flags = {name: generator.random() < 0.5 for name in ("spring", "damper", "gravity")}
+    resistance = "armature damping" if hasattr(model, "actuator_armature") else ""
+    disabled = " ".join(f'{name}="disable"' for name, is_off in flags.items() if is_off)
+    rest = f"<option><flag {disabled}/></option><actuator>"
+    for k in range(model.njnt):
+        joint = f'{generator.choice(["joint", "jointinparent"])}="{model.joint(k).name}"'
+        numbers = [f'{name}="{text(generator.uniform(0, 2))}"' for name in resistance.split()]
+        for gear in generator.normal(size=generator.integers(3)):
+            rest += f'<motor {joint} gear="{text(gear)}" {" ".join(numbers)}/>'
+    robot = file_of(tree, generator, rest + "</actuator>")
+    model, data = model_of(robot)
+    data.qpos[:], data.qvel[:], data.qacc[:] = generator.uniform(-2, 2, (3, model.nv))
+    mujoco.mj_inverse(model, data)
+    found = read_robot(robot).torques(data.qpos, data.qvel, data.qacc)
+    scale = np.abs(data.qfrc_inverse).max()
+    assert np.abs([*found.values()] - data.qfrc_inverse).max() < 1e-9 * scale
+
+
+ONE_HINGE = """<mujoco><option><flag {flags}/></option><worldbody>
+<body name="arm"><joint name="hinge" frictionloss="2" damping="1 0.5" axis="0 1 0"/>
+<inertial mass="1" pos="0.5 0 0" diaginertia="0.1 0.1 0.1"/></body></worldbody>
+<equality><joint name="hold" joint1="hinge"/></equality>
+<actuator><motor name="late" joint="hinge" delay="0.1" nsample="9"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("flag", "friction", "coupling"),
+    [
+        ("", True, True),
+        ("frictionloss", False, True),
+        ("equality", True, False),
+        ("constraint", False, False),
+    ],
+)
+def test_disabled_constraints_and_what_a_robot_lacks(flag, friction, coupling, tmp_path):
+    if not hasattr(mujoco.MjModel, "dof_dampingpoly"):
+        pytest.skip("this version of MuJoCo has no dampers that are not linear")
+    file = tmp_path / "robot.xml"
+    file.write_text(ONE_HINGE.format(flags=f'{flag}="disable"' if flag else ""))
+    with pytest.warns(cj.NotCarriedOverWarning) as caught:
+        robot = cj.load_robot(file)
+    assert ("hinge friction" in robot.scene.joints) == friction
+    assert ("hinge coupling" in robot.scene.joints) == coupling
+    (message,) = [str(warning.message) for warning in caught]
+    assert ("equalities of hold" in message) != coupling
+    assert "nonlinear springs and dampers of hinge" in message
+    assert "actuators of other kinds of late" in message
+
+
+@pytest.mark.parametrize("seed", SEEDS)
 def test_equalities_accelerate_as_mujocos_jacobian_says(seed, read_robot):
     """At rest: M a = forces + J^T multipliers with J a = 0."""
     generator = np.random.default_rng(seed)

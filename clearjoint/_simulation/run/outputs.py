@@ -105,7 +105,8 @@ EXAMPLE = 'pass for example {"x": cj.quantities.Position("arm", "x")}'
 @dataclass(frozen=True)
 class Requested:
     """What a run is asked for besides its final state: `outputs` by name, and what `save` selects.
-    It raises a `ValueError` for outputs that are no `Output`, or not by name."""
+    It raises a `ValueError` for outputs that are no `Output`, or not by name, and for one with the
+    name of a further result of a reduction, such as "peak_time" of a `Peak` named "peak"."""
 
     outputs: Mapping[str, Output]
     save: Saving
@@ -120,6 +121,10 @@ class Requested:
             is_quantity = callable(output) and not isinstance(output, type)
             is_output = is_quantity or isinstance(output, RECORDED)
             require(is_output, f"outputs[{name!r}]", output, expected, EXAMPLE)
+        # The result "" of a reduction has the name of the output itself.
+        parts = {result_name(n, p) for n, o in self.reductions.items() for p in o.units() if p}
+        twice = sorted(parts & set(self.outputs))
+        require(not twice, "outputs", twice, "names of no part of a reduction", "rename the output")
 
     @cached_property
     def quantities(self) -> dict[str, Quantity]:
@@ -151,14 +156,9 @@ class Requested:
                     check_quantity("quantity", output, scene)
 
     def check_names(self) -> None:
-        """Raise a `ValueError` for names that arrays in files cannot have, for an output with the
-        name of a further result of a reduction, such as "peak_time" of a `Peak` named "peak", and
-        for quantities without sample times."""
+        """Raise a `ValueError` for names that arrays in files cannot have, and for quantities
+        without sample times."""
         require_array_names("outputs", self.outputs, EXAMPLE)
-        # The result "" of a reduction has the name of the output itself.
-        parts = {result_name(n, p) for n, o in self.reductions.items() for p in o.units() if p}
-        twice = sorted(parts & set(self.outputs))
-        require(not twice, "outputs", twice, "names of no part of a reduction", "rename the output")
         remedy = "pass save=cj.Saving(times), or reduce the quantity by cj.Peak or cj.Statistics"
         for name in self.quantities:
             expected = f"those at which outputs[{name!r}] is evaluated"

@@ -239,6 +239,28 @@ def test_a_fine_fit_needs_no_advice():
     assert line().advice == [] and "Remedies" not in str(line())
 
 
+@pytest.mark.filterwarnings("ignore::clearjoint.LooseBodyWarning")
+@pytest.mark.filterwarnings("ignore::clearjoint.PoorFitWarning")
+@pytest.mark.parametrize("low", [None, 0.0, -np.pi])
+def test_predicted_angles_are_in_the_revolution_of_the_measured_ones(low):
+    """Also the advice about a late sensor is the same for angles that jump by a revolution."""
+    torque = cj.DriveTorque("ground", "rotor", (0, 0, 1), cj.Polynomial((0.0, 1.2)))
+    rotor = cj.Body(1.0, (0.01, 0.01, 0.01))
+    scene = cj.Scene({"rotor": rotor}, forces={"drive": torque})
+    state, times = cj.State({"rotor": cj.body_state((0, 0, 0))}), np.linspace(0.03, 1.0, 60)
+    # The closed form, late by 0.02 s.
+    angles = 20.0 * (times - 0.02) ** 3 + 2e-3 * np.random.default_rng(0).normal(size=60)
+    angles = angles if low is None else (angles - low) % (2.0 * np.pi) + low
+    encoder = cj.Series(cj.quantities.Angle("rotor", (0, 0, 1)), times, angles, 2e-3)
+    mass = {"mass": cj.Parameter(lambda scene: scene.bodies["rotor"].mass, cj.Log())}
+    options = {"check_runs": 0, "max_iterations": 2, "progress": False}
+    fit = cj.identify(scene, state, cj.Measurements({"encoder": encoder}), mass, **options)
+    expected = 20.0 * (times**3 - (times - 0.02) ** 3)
+    np.testing.assert_allclose(fit.predictions["encoder"] - angles, expected, atol=0.02)
+    (advice,) = saying(fit, "as if its clock and trigger had a delay of 0.0")
+    assert float(advice.split("a delay of ")[1].split(" s")[0]) == pytest.approx(0.02, rel=0.1)
+
+
 def test_advice_to_grow_windows_where_the_run_deviates():
     fit = with_data(lambda data: data + np.where(TIMES > 1.0, 5.0 * np.sin(9.0 * TIMES), 0.0))
     until = float(saying(fit, "grow=")[0].split("up to ")[1].split(" s")[0])

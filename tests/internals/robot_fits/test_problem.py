@@ -1,5 +1,8 @@
 """The problem of a fit of a robot to its log."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -21,6 +24,55 @@ def test_a_joint_that_follows_its_log_starts_with_the_rate_of_the_log(tmp_path):
     cj.simulate(problem.scene, problem.state, 0.1, progress=False)  # refuses other speeds
     free = robot_problem(robot, log, {}, {"elbow": "torque"})
     assert free.robot.speeds(free.state)["elbow"] == 0.0
+
+
+@pytest.mark.parametrize(("first", "last"), [(1, 2), (2, 0), (3, 0), (0, 4)])
+@pytest.mark.parametrize("mode", ["angle", "torque", "held torque"])
+def test_what_drives_is_logged_at_times_of_its_own(mode, first, last, tmp_path):
+    """It may miss two samples at the start and at the end; more are refused."""
+    robot, times = rig(tmp_path), 3.0 + np.arange(100) / 200.0
+    tables = {"q [rad]": 0.1 * times**3, "tau [N m]": 2.0 * times}
+    driven, measured = [*tables] if mode == "angle" else [*tables][::-1]
+    tables[driven] = np.where(np.arange(100) < first, np.nan, tables[driven])
+    tables[driven] = np.where(np.arange(100) >= 100 - last, np.nan, tables[driven])
+    columns = {"elbow": cj.LogColumn("q", noise=2e-4)}, {"elbow": cj.LogColumn("tau", noise=0.1)}
+    table = pd.DataFrame({"t": times, **tables})
+    options = {"angles": columns[0], "torques": columns[1], "missing": "drop"}
+    log = cj.RobotLog.read(table, **options)
+    if max(first, last) > 2:
+        message = f"`{mode.split()[-1]} that drives 'elbow'` must be logged from 0 to 0.495 s"
+        with pytest.raises(ValueError, match=message):
+            robot_problem(robot, log, {}, {"elbow": mode})
+        log = log.between(first / 200.0 - 1e-9, (99 - last) / 200.0 + 1e-9)
+    problem = robot_problem(robot, log, {}, {"elbow": mode})
+    if mode == "angle":  # From its start, the run has the motion that was logged.
+        outputs = {"q": cj.quantities.JointAngle("elbow")}
+        times = log.start + np.linspace(0.0, 0.1, 7)
+        options = {"start_time": log.start, "outputs": outputs, "progress": False}
+        scene, save = problem.scene, cj.Saving(times)
+        solution = cj.simulate(scene, problem.state, times[-1], save=save, **options)
+        np.testing.assert_allclose(solution.outputs["q"], 0.1 * (3.0 + times) ** 3, atol=1e-3)
+
+
+@pytest.mark.parametrize("low", [-np.pi, 0.0, None])
+def test_loops_of_hysteresis_go_on_over_revolutions(low, tmp_path):
+    """Whether or not the log's angles are within a revolution from `low` on."""
+    times = np.arange(100) / 20.0
+    angles = 2.0 + 7.0 * np.sin(times)
+    jumping = angles if low is None else (angles - low) % (2.0 * np.pi) + low
+    table = pd.DataFrame({"t": times, "q [rad]": jumping, "tau [N m]": np.cos(times)})
+    columns = {"elbow": cj.LogColumn("q", noise=2e-3)}, {"elbow": cj.LogColumn("tau", noise=0.1)}
+    log = cj.RobotLog.read(table, angles=columns[0], torques=columns[1])
+    problem = robot_problem(rig(tmp_path), log, {}, {"elbow": "torque"})
+    fit: Any = SimpleNamespace(
+        measurements=problem.measurements, residuals={"elbow position": 3.0 * np.cos(5.0 * times)}
+    )
+    found = cj.results.RobotFit(fit, problem.robot, log, {"elbow": "torque"}, {}, {}, {})
+    loop = found.hysteresis()["elbow"]
+    turns = np.round((loop.position - angles) / (2.0 * np.pi))
+    assert len(set(turns.tolist())) == 1
+    difference = loop.predicted_position - loop.position
+    np.testing.assert_allclose(difference, 6e-3 * np.cos(5.0 * times), atol=1e-12)
 
 
 def test_a_slider_does_not_return_after_six_metres(tmp_path):

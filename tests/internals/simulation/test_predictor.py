@@ -464,6 +464,12 @@ def test_values_of_another_form_are_refused_by_or_nan_too(predict, values):
         (STIFFNESS, {"lost": cj.DissipatedEnergy()}, None, "ledger"),
         (
             STIFFNESS,
+            {"x_mean": POSITION["x"], "x": cj.Statistics(POSITION["x"], "m")},
+            TIMES,
+            r"outputs.*part of a reduction.*\['x_mean'\]",
+        ),
+        (
+            STIFFNESS,
             {"x": cj.Quantiles(POSITION["x"], "m", [-1.0, 1.0])},
             None,
             r"outputs\['x'\].*with derivatives in reverse mode",
