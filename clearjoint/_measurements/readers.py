@@ -194,7 +194,7 @@ def columns_of(
     file, names_in_file = "the table", []
     if isinstance(source, pd.DataFrame):
         table = source
-    elif Path(source).suffix == ".parquet":
+    elif Path(source).suffix.lower() == ".parquet":
         file, table = f"{str(source)!r}", _read_parquet(source, options)
     else:
         file = f"{str(source)!r}"

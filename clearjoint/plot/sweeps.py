@@ -105,8 +105,8 @@ def against(
     colour = style.next_colour(axes) if colour is None else colour
     label = style.legend_label(dataset, variable, axis) if label is None else label
     # Axes of an earlier call already have labels, with the units to which values are converted.
-    x = style.scaled(dataset[axis], axes.get_xlabel())
-    y = style.scaled(of_lanes(dataset, variable, (axis,)), axes.get_ylabel())
+    x = style.scaled(dataset[axis], axes.xaxis)
+    y = style.scaled(of_lanes(dataset, variable, (axis,)), axes.yaxis)
     axes.plot(
         x.values,
         y.values,
@@ -217,8 +217,8 @@ def convergence(
     axis = only_axis(dataset, axis)
     axes = style.axes_or_new(axes)
     colour = style.next_colour(axes) if colour is None else colour
-    x = style.scaled(dataset[axis], axes.get_xlabel())
-    y = style.scaled(of_lanes(dataset, variable, (axis,)), axes.get_ylabel())
+    x = style.scaled(dataset[axis], axes.xaxis)
+    y = style.scaled(of_lanes(dataset, variable, (axis,)), axes.yaxis)
     used = style.inside(dataset[axis].values, within, "within", "swept values", "widen it")
     rate, factor = _power_law(x.values[used], y.values[used])
     # Adding zero makes the "-0.00" of a small negative rate "0.00".
