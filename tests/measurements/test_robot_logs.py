@@ -26,7 +26,7 @@ def test_every_source_gives_the_same_log(kind, tmp_path):
         columns, options = ("0 [ms]", (1, "deg"), "2 [mA]"), {"header": None}
     else:
         pytest.importorskip("pyarrow")
-        source = tmp_path / "log.parquet"
+        source = tmp_path / "LOG.PARQUET"
         if kind == "lists":
             state = [np.array(row) for row in zip(data["q [deg]"], data["i [mA]"], strict=True)]
             table = pd.DataFrame({"t [ms]": data["t [ms]"], "state": state})
