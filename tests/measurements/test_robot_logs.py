@@ -45,6 +45,15 @@ def test_every_source_gives_the_same_log(kind, tmp_path):
     assert torque.noise == pytest.approx(0.01)
 
 
+@pytest.mark.parametrize("unit", ["", " [rad]"])
+def test_a_number_in_brackets_after_a_name_is_an_index(unit, tmp_path):
+    columns = {f"/state/position[{k}]{unit}": (k + 1.0) * ANGLES for k in range(3)}
+    pd.DataFrame({"t": TIMES, **columns}).to_csv(tmp_path / "log.csv", index=False)
+    angles = {"elbow": cj.LogColumn(f"/state/position[1]{unit}", None if unit else "rad")}
+    log = cj.RobotLog.read(tmp_path / "log.csv", time="t", angles=angles)
+    np.testing.assert_allclose(log.angles["elbow"].values, 2.0 * ANGLES)
+
+
 def test_times_may_be_dates(tmp_path):
     dates = pd.to_datetime(1e9 + TIMES, unit="s", utc=True)
     table = pd.DataFrame({"stamp": dates, "q [rad]": ANGLES})
