@@ -94,7 +94,7 @@ def run(study: Study, folder: Path) -> CommandResult:
         failure = f"error: the run ended at {reached}: {RESULTS[solution.result]}"
         say(failure if code == FAILED else f"interrupted at {reached}")
         say(
-            f"the results so far are in {folder}; {folders.REACHED} has the state to continue from, "
+            f"the results so far are in {folder}; {folders.REACHED} has the state to continue from "
             f"with --set run.start={float(solution.time)!r}"
         )
     count = "" if solution.impacts is None else f", {len(solution.impacts)} finished impacts"
