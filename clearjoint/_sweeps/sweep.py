@@ -190,9 +190,15 @@ def _constant_numbers(tree: PyTree, varied: PyTree[bool], name: str) -> dict[str
     """Return the numbers of a PyTree that all lanes share, as texts by paths that begin with
     `name`. `varied` tells for each leaf of the PyTree whether it differs between lanes."""
     varies = {key: any(jax.tree.leaves(flags)) for key, (flags, _) in parameters(varied).items()}
-    # netCDF allows no quotes in names: bodies['rod'].mass becomes bodies.rod.mass.
+
+    # bodies['rod'].mass becomes bodies.rod.mass. netCDF allows in names neither "'" nor "/", and as
+    # SciPy writes it, only Latin letters.
+    def written(key: str) -> str:
+        key = key.replace("['", ".").replace("']", "").replace("'", "\\x27").replace("/", "\\x2f")
+        return key.encode("latin-1", "backslashreplace").decode("latin-1")
+
     return {
-        f"{name}." + key.replace("['", ".").replace("']", ""): describe(value)
+        f"{name}.{written(key)}": describe(value)
         for key, (value, _) in parameters(tree).items()
         if not varies[key]
     }
