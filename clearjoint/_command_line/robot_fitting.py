@@ -99,7 +99,7 @@ def read_robot_fit(robot_file: Path, log_file: Path, path: Path) -> RobotFitStud
                 first, second, axis = robot.motor_side(joint)
             table = {"first": first, "second": second, "axis": axis.tolist(), **mode}
             driven_by[joint] = reader.value(table, SERVO, location.at("driven_by", joint))
-    is_parquet = log_file.suffix == ".parquet"  # its columns always have names
+    is_parquet = log_file.suffix.lower() == ".parquet"  # its columns always have names
     options: dict[str, PyTree] = {} if parts.header or is_parquet else {"header": None}
     with location.in_errors():
         log = RobotLog.read(

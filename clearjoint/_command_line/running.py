@@ -93,7 +93,10 @@ def run(study: Study, folder: Path) -> CommandResult:
     if code != WELL:
         failure = f"error: the run ended at {reached}: {RESULTS[solution.result]}"
         say(failure if code == FAILED else f"interrupted at {reached}")
-        say(f"the results so far are in {folder}; {folders.REACHED} has the state to continue from")
+        say(
+            f"the results so far are in {folder}; {folders.REACHED} has the state to continue from "
+            f"with --set run.start={float(solution.time)!r}"
+        )
     count = "" if solution.impacts is None else f", {len(solution.impacts)} finished impacts"
     largest = f", largest force of a contact {force:.4g} N ({contact})" if force else ""
     return CommandResult(code, f"{int(solution.accepted)} steps to {reached}{count}{largest}")

@@ -6,6 +6,7 @@ unit of a number. A path is a text such as "joints.pin.clearance" or
 """
 
 import inspect
+import re
 import time
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
@@ -447,7 +448,9 @@ def _set(
     """Make a change, such as "run.end=2", in the study or the scene; return whether the study has
     been changed, and the keys of the value."""
     location = documents.FileLocation(f"--set {change}")
-    path, equals, text = change.partition("=")
+    # Names in quotation marks may contain equals signs.
+    named = re.match(rf"((?:{documents.QUOTED}|[^='\"])*)(=)(.*)", change, re.DOTALL)
+    path, equals, text = named.groups() if named else change.partition("=")
     if not equals:
         location.refuse(change, "a path and a value", "write joints.pin.clearance=0.2mm, say")
     with location.in_errors():

@@ -194,7 +194,7 @@ def columns_of(
     file, names_in_file = "the table", []
     if isinstance(source, pd.DataFrame):
         table = source
-    elif Path(source).suffix == ".parquet":
+    elif Path(source).suffix.lower() == ".parquet":
         file, table = f"{str(source)!r}", _read_parquet(source, options)
     else:
         file = f"{str(source)!r}"
@@ -320,9 +320,11 @@ def _read_parquet(path: str | Path, options: dict[str, PyTree]) -> "pd.DataFrame
 
 
 def split_header(header: Hashable) -> tuple[str, str | None]:
-    """Return the name and the unit, ``None`` if there is none, of a header such as "x [mm]"."""
+    """Return the name and the unit, ``None`` if there is none, of a header such as "x [mm]". A
+    number right after the name is an index, as in "position[0]", and part of the name."""
     name, bracket, rest = str(header).strip().rpartition("[")
-    if not bracket or not rest.endswith("]"):
+    is_index = rest.removesuffix("]").isdecimal() and not name.endswith((" ", "\t"))
+    if not bracket or not rest.endswith("]") or is_index:
         return str(header).strip(), None
     return name.strip(), rest.removesuffix("]").strip()
 

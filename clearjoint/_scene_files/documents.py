@@ -4,6 +4,7 @@ A location is the keys of tables and the indices of lists that lead to it; its t
 "joints.pin.axis[0]", is a path. Limits stop files that would exhaust time or memory.
 """
 
+import ast
 import json
 import re
 import reprlib
@@ -25,7 +26,9 @@ from typing_extensions import override
 from .._fields.checks import errors_about, require
 
 Keys: TypeAlias = tuple[str | int, ...]
-NAME = r"""'[^']*'|"[^"]*"|[^.\[\]'"]+"""
+QUOTED = r"""'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*\""""
+"""Pattern of a key in quotation marks, as a string of Python: a backslash begins an escape."""
+NAME = rf"""{QUOTED}|[^.\[\]'"]+"""
 """Pattern of one key or index, with or without quotation marks."""
 KEY = re.compile(rf"\[({NAME})\]|(?:^|(?!^)\.)({NAME})")
 """Pattern of one key or index of a path: in brackets, after a dot, or at the beginning."""
@@ -37,8 +40,15 @@ SHORT.maxstring = SHORT.maxother = 60
 def split(text: str) -> tuple[str, ...]:
     """Return the keys and indices of a path as texts: ("joints", "pin", "axis", "0") for
     "joints.pin.axis[0]" or "joints['pin'].axis[0]". Other characters are skipped."""
-    names = map("".join, KEY.findall(text))
-    return tuple(name[1:-1] if name[0] in "'\"" else name for name in names)
+    return tuple(map(_name, map("".join, KEY.findall(text))))
+
+
+def _name(text: str) -> str:
+    if text[0] not in "'\"":
+        return text
+    with suppress(ValueError, SyntaxError):  # of an escape that Python does not know
+        return ast.literal_eval(text)
+    return text[1:-1]
 
 
 def keys_of(text: str) -> tuple[str, ...]:
@@ -53,11 +63,12 @@ def keys_of(text: str) -> tuple[str, ...]:
 
 def written(keys: Keys) -> str:
     """Return keys and indices as text: "joints.pin.axis[0]" for ("joints", "pin", "axis", 0). Keys
-    with dots, brackets or quotation marks are quoted."""
+    with dots, brackets, quotation marks, equals signs or characters that can't be printed are
+    quoted."""
 
     def quoted(key: str) -> str:
-        mark = '"' if "'" in key else "'"
-        return key if re.fullmatch(r"""[^.\[\]'"]+""", key) else f"{mark}{key}{mark}"
+        is_plain = re.fullmatch(r"""[^.\[\]'"=]+""", key) and key.isprintable()
+        return key if is_plain else repr(key)
 
     steps = (f"[{key}]" if isinstance(key, int) else f".{quoted(key)}" for key in keys)
     return "".join(steps).removeprefix(".")
@@ -176,9 +187,10 @@ JSON_END = re.compile(r'"(?:[^"\\]|\\.)*"|\}')
 
 
 def suffix_of(path: Path) -> str:
-    if path.suffix not in SUFFIXES:
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
         FileLocation(str(path)).refuse(path.suffix, "the suffix .toml or .json", "rename the file")
-    return path.suffix
+    return suffix
 
 
 def read_document(path: Path) -> tuple[Document, FileLocation]:

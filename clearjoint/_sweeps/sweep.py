@@ -190,9 +190,15 @@ def _constant_numbers(tree: PyTree, varied: PyTree[bool], name: str) -> dict[str
     """Return the numbers of a PyTree that all lanes share, as texts by paths that begin with
     `name`. `varied` tells for each leaf of the PyTree whether it differs between lanes."""
     varies = {key: any(jax.tree.leaves(flags)) for key, (flags, _) in parameters(varied).items()}
-    # netCDF allows no quotes in names: bodies['rod'].mass becomes bodies.rod.mass.
+
+    # bodies['rod'].mass becomes bodies.rod.mass. netCDF allows in names neither "'" nor "/", and as
+    # SciPy writes it, only Latin letters.
+    def written(key: str) -> str:
+        key = key.replace("['", ".").replace("']", "").replace("'", "\\x27").replace("/", "\\x2f")
+        return key.encode("latin-1", "backslashreplace").decode("latin-1")
+
     return {
-        f"{name}." + key.replace("['", ".").replace("']", ""): describe(value)
+        f"{name}.{written(key)}": describe(value)
         for key, (value, _) in parameters(tree).items()
         if not varies[key]
     }
@@ -267,11 +273,11 @@ def sweep(
       are NaN. Sweeps can't save every step, and save impacts only by an `ImpactTable`.
     - `path`: folder of a Zarr store, which is written chunk by chunk. If it is the store of this
       sweep, only missing or damaged lanes are computed, so that axes, further values of an axis,
-      and outputs can be added later. A store recognises its sweep by the numbers of its lanes and
-      by the programs that JAX traces, not by source texts or names. `open_sweep(path)` and
-      ``xarray.open_zarr(path)`` read the store, also of an unfinished sweep. A process that is
-      killed loses the running lanes and, of the ended ones, about one second of computing; on a
-      slow disk, also lanes of incomplete chunks.
+      and outputs can be added later; but not axes of vectors with components of 0 or 1. A store
+      recognises its sweep by the numbers of its lanes and by the programs that JAX traces, not by
+      source texts or names. `open_sweep(path)` and ``xarray.open_zarr(path)`` read the store, also
+      of an unfinished sweep. A process that is killed loses the running lanes and, of the ended
+      ones, about one second of computing; on a slow disk, also lanes of incomplete chunks.
     - `executor`: a `concurrent.futures.Executor` or a `dask.distributed.Client` that computes the
       chunks; by default threads of this process share the lanes. Processes must be spawned, not
       forked, and a script must make the executor below ``if __name__ == "__main__":``, as

@@ -164,8 +164,8 @@ def _bars(
         axes.bar(middles, heights, 2.0 * np.pi / sectors, bottom=bottom, label=label, **look)
         bottom = bottom + heights if stacked else bottom
     top = 1.08 * factor * tops.max(initial=0.0)  # with some space above the longest bar
+    axes.set_ylim(0.0, top or 1.0)  # without any contact, an empty disc
     if top > 0.0:
-        axes.set_ylim(0.0, top)
         axes.set_yticks([tick for tick in MaxNLocator(4).tick_values(0.0, top) if 0.0 < tick < top])
     axes.tick_params(axis="x", pad=5)
     return _dressed(axes, middles, tops, f"{quantity[0]}, {unit}", directions)

@@ -214,6 +214,10 @@ GEOMETRIC = 1e-6
 """Numbers count as equal if they differ by at most this fraction of their mean."""
 
 
+UNIT = "_unit_without_prefix"
+"""Attribute by which `scaled` knows the unit of the data that it drew on an axis."""
+
+
 class ScaledValues(NamedTuple):
     """Values in a unit with a prefix, the text of their axis, such as "force, kN", and the factor
     from the SI unit."""
@@ -223,29 +227,38 @@ class ScaledValues(NamedTuple):
     factor: float
 
 
-def scaled(data: xr.DataArray, present: str = "") -> ScaledValues:
+def scaled(data: xr.DataArray, axis: Axis | None = None) -> ScaledValues:
     """Convert data to the unit with the prefix that brings the largest magnitude between 1 and
-    1000, and make the label of their axis; but if the axis has the label `present`, such as "force,
-    kN", keep its unit."""
+    1000, and make the label of their axis; but if the `axis` to draw on has a label already, such
+    as "force, kN", keep its unit."""
     values = np.asarray(data.values, dtype=float)
     exponent, unit = _prefixed(values, data.attrs.get("units", "1"))
+    base = unit.removeprefix(PREFIXES[exponent])
     name = shown(str(data.name).replace("_", " "))
+    present = "" if axis is None else axis.get_label_text()
     if present:  # both data have one axis, and thus one prefix
-        names = present.replace("\n", " ")
+        # The unit is unknown, except from the label, on an axis that another function labelled.
+        names, drawn, remedy = (
+            present.replace("\n", " "),
+            getattr(axis, UNIT, None),
+            "draw it into new axes",
+        )
         if unit != "1":  # only labels of data with a unit end with one
-            base = unit.removeprefix(PREFIXES[exponent])
             exponents = {prefix + base: power for power, prefix in PREFIXES.items()}
             names, _, unit = names.rpartition(", ")
-            expected = f"of an axis with the unit of {present!r}"
-            require(unit in exponents, "axes", base, expected, "draw it into new axes")
+            fits = unit in exponents and drawn in (base, None)
+            require(fits, "axes", base, f"of an axis with the unit of {present!r}", remedy)
             exponent = exponents[unit]
         else:
             # Data without unit don't fit an axis whose label ends with a unit, such as "mm/s".
             last = names.rpartition(", ")[2].split("/")[0]
             has_unit = last in {prefix + base for prefix in PREFIXES.values() for base in PREFIXED}
-            require(not has_unit, "axes", present, "axes of data in 1", "draw it into new axes")
+            fits = drawn == "1" or (drawn is None and not has_unit)
+            require(fits, "axes", present, "axes of data in 1", remedy)
         # The label lists the names of all data on the axis, each once.
         name = names if name in names.split(", ") else f"{names}, {name}"
+    if axis is not None:
+        setattr(axis, UNIT, base)
     factor = 10.0**-exponent
     return ScaledValues(values * factor, name if unit == "1" else f"{name}, {unit}", factor)
 

@@ -105,8 +105,8 @@ def against(
     colour = style.next_colour(axes) if colour is None else colour
     label = style.legend_label(dataset, variable, axis) if label is None else label
     # Axes of an earlier call already have labels, with the units to which values are converted.
-    x = style.scaled(dataset[axis], axes.get_xlabel())
-    y = style.scaled(of_lanes(dataset, variable, (axis,)), axes.get_ylabel())
+    x = style.scaled(dataset[axis], axes.xaxis)
+    y = style.scaled(of_lanes(dataset, variable, (axis,)), axes.yaxis)
     axes.plot(
         x.values,
         y.values,
@@ -171,18 +171,21 @@ def parameter_map(
     >>> found = cj.sweep(scene, state, 0.5, both, outputs, progress=False)
     >>> drawn = plot.parameter_map(found, "speed", "stiffness", "mass")
     """
-    values, label, _ = style.scaled(of_lanes(dataset, variable, (y, x)))
+    # Cells end midway between neighbours, so that these must be in order.
+    lanes = of_lanes(dataset, variable, (y, x)).sortby([y, x])
+    values, label, _ = style.scaled(lanes)
     axes = style.axes_or_new(axes)
-    x_data, y_data = style.scaled(dataset[x]), style.scaled(dataset[y])
+    x_data, y_data = style.scaled(lanes[x]), style.scaled(lanes[y])
     norm = LogNorm() if style.suits_logarithm(values) else Normalize()
-    mesh = axes.pcolormesh(x_data.values, y_data.values, values, norm=norm, shading="nearest")
     style.scale_axes(axes, x_data.values, y_data.values, swept="xy")
+    edges = _edges(x_data.values, axes.get_xscale()), _edges(y_data.values, axes.get_yscale())
+    mesh = axes.pcolormesh(*edges, values, norm=norm)
     bar = axes.figure.colorbar(mesh, ax=axes, label=label)
     if style.suits_logarithm(values):
         style.tick_logarithm(bar.ax.yaxis, values)
     # Cells without a number are transparent: the background is seen there.
     axes.patch.set(**MISSING)
-    missing = int((values != values).sum())  # NaN differs from itself
+    missing = int((~np.isfinite(values)).sum())
     if missing:
         patch = Patch(label=f"failed or pending: {missing}")
         patch.set(**MISSING)
@@ -190,6 +193,17 @@ def parameter_map(
     style.dress(axes, x_data.label, y_data.label)
     axes.grid(False)  # the grid of `dress` would be seen through the cells without a number
     return axes
+
+
+def _edges(values: np.ndarray, scale: str) -> np.ndarray:
+    """Return the edges, (n + 1,), of cells around ascending values (n,), midway between neighbours
+    on an axis with a "linear" or "log" scale."""
+    places = np.log(values) if scale == "log" else values
+    # A single value has no neighbours: any width makes its cell visible.
+    halves = 0.5 * np.diff(places) if len(places) > 1 else 0.5 * np.abs(places) + (places == 0.0)
+    inner = 0.5 * (places[1:] + places[:-1])
+    edges = np.concatenate([places[:1] - halves[:1], inner, places[-1:] + halves[-1:]])
+    return np.exp(edges) if scale == "log" else edges
 
 
 def convergence(
@@ -217,15 +231,16 @@ def convergence(
     axis = only_axis(dataset, axis)
     axes = style.axes_or_new(axes)
     colour = style.next_colour(axes) if colour is None else colour
-    x = style.scaled(dataset[axis], axes.get_xlabel())
-    y = style.scaled(of_lanes(dataset, variable, (axis,)), axes.get_ylabel())
+    x = style.scaled(dataset[axis], axes.xaxis)
+    y = style.scaled(of_lanes(dataset, variable, (axis,)), axes.yaxis)
     used = style.inside(dataset[axis].values, within, "within", "swept values", "widen it")
     rate, factor = _power_law(x.values[used], y.values[used])
     # Adding zero makes the "-0.00" of a small negative rate "0.00".
     text = f"rate {round(rate, 2) + 0.0:.2f}"
     text = text if label is None else f"{label}: {text}"
     axes.plot(x.values, y.values, "o", color=colour, markersize=5, markeredgewidth=0)
-    ends = np.array([x.values[used].min(), x.values[used].max()])
+    fitted = x.values[used & (x.values > 0.0) & (y.values > 0.0)]
+    ends = np.array([fitted.min(), fitted.max()])
     axes.plot(ends, factor * ends**rate, color=colour, linewidth=1.5, label=text)
     axes.set(xscale="log", yscale="log")
     mark_failed(axes, x.values, is_successful(dataset).values, colour)

@@ -26,7 +26,7 @@ def test_every_source_gives_the_same_log(kind, tmp_path):
         columns, options = ("0 [ms]", (1, "deg"), "2 [mA]"), {"header": None}
     else:
         pytest.importorskip("pyarrow")
-        source = tmp_path / "log.parquet"
+        source = tmp_path / "LOG.PARQUET"
         if kind == "lists":
             state = [np.array(row) for row in zip(data["q [deg]"], data["i [mA]"], strict=True)]
             table = pd.DataFrame({"t [ms]": data["t [ms]"], "state": state})
@@ -43,6 +43,15 @@ def test_every_source_gives_the_same_log(kind, tmp_path):
     assert angle.noise == pytest.approx(np.radians(0.5)) and angle.unit == "rad"
     np.testing.assert_allclose(torque.values, -5e-3 * np.arange(4.0), rtol=0.0, atol=1e-15)
     assert torque.noise == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize("unit", ["", " [rad]"])
+def test_a_number_in_brackets_after_a_name_is_an_index(unit, tmp_path):
+    columns = {f"/state/position[{k}]{unit}": (k + 1.0) * ANGLES for k in range(3)}
+    pd.DataFrame({"t": TIMES, **columns}).to_csv(tmp_path / "log.csv", index=False)
+    angles = {"elbow": cj.LogColumn(f"/state/position[1]{unit}", None if unit else "rad")}
+    log = cj.RobotLog.read(tmp_path / "log.csv", time="t", angles=angles)
+    np.testing.assert_allclose(log.angles["elbow"].values, 2.0 * ANGLES)
 
 
 def test_times_may_be_dates(tmp_path):

@@ -121,6 +121,11 @@ def test_bases_that_move_alike_share_a_curve():
     assert max(bar.get_height() for bar in bars) == pytest.approx(3.0)
 
 
+def test_without_contact_no_bar_is_seen():
+    axes = plot.contact_rose(seen_contact(-DEPTHS, np.zeros(5), 0.0 * DEPTHS), "pin")
+    assert axes.get_ylim() == (0.0, 1.0)  # bars of no length lie in the centre
+
+
 def test_a_journal_at_the_wall_shows_its_penetration():
     seen = alike(seen_contact(DEPTHS, np.zeros(5), 1e6 * DEPTHS))
     axes = plot.eccentricities(seen, "pin")

@@ -87,6 +87,23 @@ def test_further_outputs_keep_the_units_of_the_axes():
     assert len({line.get_color() for line in two.get_lines()}) == 2
 
 
+@pytest.mark.parametrize("unit", ["kg", "m^2", "1/s", "N m/rad"])
+def test_numbers_and_data_with_any_unit_share_no_axes(unit):
+    data = failing().rename(impacts="N")  # a name like a unit
+    data["load"] = data["peak_force"].assign_attrs(units=unit)
+    for first, second in (("load", "N"), ("N", "load"), ("N", "peak_force")):
+        axes = plot.against(data, first)
+        with pytest.raises(ValueError, match="draw it into new axes"):
+            plot.against(data, second, axes=axes)
+        assert len(plot.against(data, first, axes=axes).get_lines()) == 4
+
+
+def test_the_law_of_lanes_that_have_a_logarithm_is_seen():
+    data = failing().assign_coords(clearance=("clearance", [-1.0, 0.0, 1, 2, 3, 4, 5, 6, 7]))
+    line = plot.convergence(data, "peak_force").get_lines()[1]
+    assert np.isfinite(line.get_ydata()).all() and line.get_xdata() == pytest.approx([2.0, 7.0])
+
+
 def test_a_logarithm_ends_where_values_are_negative():
     data = failing()
     data["force"] = (data["peak_force"] ** 4).assign_attrs(units="N")
@@ -156,6 +173,30 @@ def test_map_takes_logarithmic_colours_over_decades():
     data["peak_force"] = (data["peak_force"] ** 4).assign_attrs(units="N")
     axes = plot.parameter_map(data, "peak_force", "clearance", "restitution")
     assert isinstance(axes.collections[0].norm, LogNorm)
+
+
+def test_map_takes_lanes_in_any_order_and_cells_lie_around_their_values():
+    data = dataset()
+    data["peak_force"][4, 4] = np.inf
+    mixed = data.isel(clearance=[3, 0, 8, 1, 7, 2, 5, 6, 4], restitution=[4, 1, 0, 3, 2])
+    axes = plot.parameter_map(mixed, "peak_force", "clearance", "restitution")
+    ordered = plot.parameter_map(data, "peak_force", "clearance", "restitution")
+    (mesh,), (other,) = axes.collections, ordered.collections
+    np.testing.assert_array_equal(mesh.get_coordinates(), other.get_coordinates())
+    np.testing.assert_array_equal(mesh.get_array().filled(-1.0), other.get_array().filled(-1.0))
+    assert legend(axes) == ["failed or pending: 3"]
+    x, y = np.asarray(mesh.get_coordinates())[0, :, 0], np.asarray(mesh.get_coordinates())[:, 0, 1]
+    assert axes.get_xscale() == "log" and axes.get_yscale() == "linear"
+    assert np.sqrt(x[1:] * x[:-1]) == pytest.approx(1e3 * CLEARANCES)
+    assert (y[1:] + y[:-1]) / 2.0 == pytest.approx(RESTITUTIONS)
+
+
+def test_map_of_a_single_value_has_visible_cells():
+    for lanes in ({"clearance": [0]}, {"restitution": [0]}, {"clearance": [0], "restitution": [0]}):
+        data = dataset().isel(lanes)
+        (mesh,) = plot.parameter_map(data, "peak_force", "clearance", "restitution").collections
+        x, y = mesh.get_coordinates()[0, :, 0], mesh.get_coordinates()[:, 0, 1]
+        assert (np.diff(x) > 0.0).all() and (np.diff(y) > 0.0).all()
 
 
 def test_bifurcation_has_a_dot_for_each_crossing():

@@ -11,6 +11,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import clearjoint as cj
 from clearjoint import quantities as q
@@ -210,6 +211,19 @@ def test_sections_are_where_the_journal_is_deepest(pairs):
         time, depth = lane.rebound_time.values[0], lane.rebound_depth.values[0]
         assert impacts.onset[0] < time < impacts.separation[0]
         assert depth == pytest.approx(impacts.largest_penetration[0], rel=1e-5)
+
+
+def test_results_with_names_in_any_alphabet_can_be_written_as_netcdf(tmp_path):
+    names = ["π", "a/b", "a_b", "it's", 'the "x"', "e\u0301", "new\nline", "a.b", "\\", "轴 1"]
+    scene = cj.Scene({name: cj.Body(mass=1.0, inertia=(1.0, 1.0, 1.0)) for name in names})
+    state = cj.State({name: cj.body_state(position=(0.0, 0.0, 0.0)) for name in names})
+    masses = cj.Axis(lambda scene: scene.bodies["轴 1"].mass, [1.0, 2.0])
+    found = cj.sweep(scene, state, 0.01, {"mass": masses}, progress=False)
+    found.to_netcdf(tmp_path / "found.nc", engine="scipy")
+    again = xr.load_dataset(tmp_path / "found.nc", engine="scipy")
+    xr.testing.assert_equal(again, found)
+    written = [name for name in again.attrs if name.startswith("scene.bodies.")]
+    assert sum(name.endswith(".mass") for name in written) == len(names) - 1
 
 
 def test_result_is_labelled_with_units_and_settings(grid):

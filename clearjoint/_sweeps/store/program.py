@@ -287,7 +287,7 @@ class _Outputs:
             section = self.common.sections.get(name)
             # The times of a section's crossings depend on the crossing condition, so that every
             # variable of the section includes it.
-            crossing = () if section is None else (section.quantity(now), section.after)
+            crossing = () if section is None else (section.quantity(now), section.earliest)
             computed |= {variable_name(name, key): crossing for key in ("time", "count")}
             computed |= {
                 variable_name(name, key): (*crossing, quantity(now))

@@ -129,11 +129,18 @@ def _lost(stored: Contents, wanted: Layout, matches: np.ndarray) -> Iterator[str
 def _programs(stored: Contents, wanted: Contents, without_run: bool) -> Iterator[str]:
     """A line for each traced program that has different digests in the two sweeps; with
     `without_run`, none for the program of the run itself."""
-    new = wanted.identity.programs
+    new, stored_axes = wanted.identity.programs, {axis.name for axis in stored.layout.axes}
+    added = [axis.name for axis in wanted.layout.axes if axis.name not in stored_axes]
+    # See `fold_constants`.
+    why = (
+        f", perhaps because axis {' or '.join(added)} is of a vector with components that are "
+        "exactly 0 or 1 in the scene: a store can't be extended by such an axis"
+    )
     for name, program in stored.identity.programs.items():
         if program != new.get(name, program) and not (without_run and name == RUN):
             subject = f"variable {name}" if name else "program of a step"
-            yield f"{subject}: the code that JAX traces differs from the stored one"
+            line = f"{subject}: the code that JAX traces differs from the stored one"
+            yield line + why if added else line
 
 
 def _save_times(stored: Contents, wanted: Contents, matches: np.ndarray) -> Iterator[str]:

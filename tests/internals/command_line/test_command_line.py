@@ -24,6 +24,7 @@ from click.testing import CliRunner
 
 import clearjoint as cj
 from clearjoint._command_line import fitting, folders, reports, running, study, wearing
+from clearjoint._command_line.checking import number_paths
 from clearjoint._command_line.endings import understandable
 from clearjoint._command_line.folders import read_run
 from clearjoint._command_line.program import clearjoint
@@ -212,10 +213,28 @@ def test_paths_are_written_with_dots_or_brackets(text, keys):
     assert keys_of(text) == keys
 
 
-@pytest.mark.parametrize("key", ["a.b", "a'b", 'a"b', "a[0]", "it's 1.5", 'the "1.5" gear', ""])
+NAMES = ["a.b", "a'b", 'a"b', "a[0]", "it's 1.5", 'the "1.5" gear', "", """its 'a' "b".""", "a=b"]
+NAMES += ["\\", "\\'", "a\\.b\\", "new\nline", "\u2028", "轴", "\x00", "'", '"', "=", "\\n"]
+
+
+@pytest.mark.parametrize("key", NAMES)
 def test_a_written_key_is_read_back(key):
-    assert keys_of(written(("joints", key, "axis", 0))) == ("joints", key, "axis", "0")
+    # As written in messages and by `check --paths`, and as in the names of `parameters`.
+    for text in (written(("joints", key, "axis", 0)), f"joints[{key!r}].axis[0]"):
+        assert keys_of(text) == ("joints", key, "axis", "0")
     assert keys_of(written((key, "axis"))) == (key, "axis")
+    assert written((key, "axis")).isprintable()
+
+
+def test_numbers_of_elements_with_any_name_are_set_and_listed(tmp_path):
+    scene, state = dropped_rod()
+    for name in filter(None, NAMES):
+        renamed = cj.Scene(scene.bodies, {name: scene.joints["pin"]}, gravity=scene.gravity)
+        cj.save(renamed, state, tmp_path / "SCENE.TOML")
+        path = written(("joints", name, "clearance"))
+        study = read_study(tmp_path / "SCENE.TOML", (f"{path} = 0.2mm",))
+        assert float(study.scene.joints[name].clearance) == pytest.approx(2e-4)
+        assert any(line.startswith(f"{path} ") for line in number_paths(study))
 
 
 @pytest.mark.parametrize(

@@ -143,6 +143,14 @@ def test_a_further_axis_takes_the_lanes_that_it_has(tmp_path):
     assert found["steps"].sel(b=1.0).values.tolist() == [1001, 1003, 1005]
 
 
+def test_a_further_axis_that_may_have_changed_the_program_is_named(tmp_path):
+    path, (a, b) = tmp_path / "sweep.zarr", (Coordinate("a", [1.0, 2.0]), Coordinate("b", [0.0]))
+    compute(opened(path, layout(axes=(a,))))
+    lanes = {RUN: row_digests([a.values])}
+    with pytest.raises(ValueError, match="program of a step: .* because axis b is of a vector"):
+        SweepStore.open(path, layout(axes=(a, b)), Identity({RUN: "falls along a vector"}, lanes))
+
+
 def test_a_lane_that_another_sweep_lacks_has_its_number(path):
     """The lanes of the smallest clearance were added last, in the rows from 12 on."""
     compute(opened(path, layout(**FURTHER["before"])))
