@@ -167,8 +167,6 @@ from ._model.forces import SpringDamper as SpringDamper
 from ._model.forces import TorsionalSpring as TorsionalSpring
 from ._model.joints.couplings import GearJoint as GearJoint
 from ._model.joints.couplings import JointCoupling as JointCoupling
-from ._model.joints.couplings import ScrewJoint as ScrewJoint
-from ._model.joints.couplings import UniversalJoint as UniversalJoint
 from ._model.joints.ideal import CylindricalJoint as CylindricalJoint
 from ._model.joints.ideal import DistanceJoint as DistanceJoint
 from ._model.joints.ideal import FixedJoint as FixedJoint
@@ -178,7 +176,9 @@ from ._model.joints.ideal import PlanarJoint as PlanarJoint
 from ._model.joints.ideal import PointInPlaneJoint as PointInPlaneJoint
 from ._model.joints.ideal import PrismaticJoint as PrismaticJoint
 from ._model.joints.ideal import RevoluteJoint as RevoluteJoint
+from ._model.joints.ideal import ScrewJoint as ScrewJoint
 from ._model.joints.ideal import SphericalJoint as SphericalJoint
+from ._model.joints.ideal import UniversalJoint as UniversalJoint
 from ._model.joints.joint_friction import JointFriction as JointFriction
 from ._model.scene import Scene as Scene
 from ._parametrisation.parameter import Bounded as Bounded

@@ -26,8 +26,7 @@ from .._model.drives.functions_of_time import PiecewiseConstant, Spline, value_a
 from .._model.drives.servo import Servo
 from .._model.forces import TorsionalSpring
 from .._model.joints.base import AbstractForce
-from .._model.joints.couplings import HingeOrSlider
-from .._model.joints.ideal import PrismaticJoint, RevoluteJoint
+from .._model.joints.ideal import HingeOrSlider, PrismaticJoint, RevoluteJoint
 from .._model.joints.joint_friction import JointFriction
 from .._model.scene import Scene
 from .._parametrisation.parameter import Bounded, Linear, Log, Parameter

@@ -17,8 +17,7 @@ from .._model.contact.friction import FrictionLaw
 from .._model.contact.hunt_crossley import ExactRestitution
 from .._model.contact.laws import AbstractContactLaw
 from .._model.joints.base import AbstractContactJoint
-from .._model.joints.couplings import HingeOrSlider
-from .._model.joints.ideal import PrismaticJoint, RevoluteJoint
+from .._model.joints.ideal import HingeOrSlider, PrismaticJoint, RevoluteJoint
 from .._model.joints.joint_friction import JointFriction
 from .documents import FileLocation
 from .reading import number_of_text

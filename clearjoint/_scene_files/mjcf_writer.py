@@ -44,8 +44,8 @@ from .._model.contact.laws import AbstractContactLaw, Gap
 from .._model.drives import functions_of_time
 from .._model.drives.drivers import DriveTorque, Motor, PrescribedAngle, PrescribedTranslation
 from .._model.forces import Bushing, SpringDamper, TorsionalSpring
-from .._model.joints.couplings import HingeOrSlider, JointCoupling
-from .._model.joints.ideal import FixedJoint, RevoluteJoint, SphericalJoint
+from .._model.joints.couplings import JointCoupling
+from .._model.joints.ideal import FixedJoint, HingeOrSlider, RevoluteJoint, SphericalJoint
 from .._model.joints.joint_friction import JointFriction
 from .._model.joints.motion_subspaces import Ball, Hinge, Slider, Weld
 from .._model.scene import Scene

@@ -28,8 +28,7 @@ from .._math.vectors import ZERO, EulerParameters, Scalar, Vector, library, pack
 from .._model.bodies import GROUND, Body, BodyState, State
 from .._model.contact.friction import FrictionLaw
 from .._model.joints.base import AbstractForce
-from .._model.joints.couplings import HingeOrSlider
-from .._model.joints.ideal import RevoluteJoint
+from .._model.joints.ideal import HingeOrSlider, RevoluteJoint
 from .._model.joints.motion_subspaces import REST, Hinge, JointState, Relative
 from .._model.scene import Scene
 from . import robots

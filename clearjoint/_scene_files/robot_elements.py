@@ -24,9 +24,10 @@ from .._model.drives.drivers import PrescribedAngle, PrescribedTranslation
 from .._model.drives.functions_of_time import FunctionOfTime, Polynomial
 from .._model.forces import Bushing, TorsionalSpring
 from .._model.joints.base import AbstractConstraint, AbstractContactJoint, AbstractForce
-from .._model.joints.couplings import HingeOrSlider, JointCoupling
+from .._model.joints.couplings import JointCoupling
 from .._model.joints.ideal import (
     FixedJoint,
+    HingeOrSlider,
     PlanarJoint,
     PrismaticJoint,
     RevoluteJoint,

@@ -1,37 +1,41 @@
-"""Ideal joints that hold points, lines or planes of two bodies together, and a massless rod.
+"""Ideal joints: points, lines or planes of two bodies kept together, a screw, and a massless rod.
 
 Equation numbers are those of P. Flores, J. Ambrosio, J. C. P. Claro, H. M. Lankarani, Spatial
 revolute joints with clearances for dynamic analysis of multi-body systems, 2006.
 """
 
 import abc
-from typing import TypeVar
+import math
+from dataclasses import replace
+from typing import TypeAlias, TypeVar
 
 import equinox as eqx
 from typing_extensions import override
 
-from ..._fields.checks import require_axis, require_euler_parameters
+from ..._fields.checks import require_axis, require_euler_parameters, require_numbers, require_shape
 from ..._fields.objects import optional_quantity, quantity
-from ..._fields.types import Quadruple, Single, Triple
-from ..._math.rotations import conjugate, rotation_matrix, transverse_axes, unit, within_two_turns
-from ..._math.vectors import UNIT_X, UNIT_Y, UNIT_Z, ZERO, EulerParameters, Matrix, Scalar, Vector
+from ..._fields.types import ArrayLike, Quadruple, Single, Triple
+from ..._math.rotations import conjugate, rotation_matrix, transverse_axes, unit
+from ..._math.smoothing import wrapped
+from ..._math.vectors import UNIT_X, UNIT_Y, UNIT_Z, EulerParameters, Scalar, Vector
 from ..pen import AbstractPen
 from .base import PARALLEL, AbstractConstraint, AbstractPairAtPoints, Motions, Row
 from .constraint_rows import (
     coincident_points,
     distance_row,
     perpendicular,
+    plus_multiple,
     point_in_plane,
     relative_angle_row,
+    reversed_if_opposite,
 )
 from .motion_subspaces import (
-    AbstractTurning,
     Ball,
     Hinge,
-    JointState,
-    Relative,
+    PlanarMotion,
+    ScrewMotion,
     Slider,
-    Twist,
+    UniversalMotion,
     Weld,
     aligning,
 )
@@ -132,6 +136,10 @@ class AbstractAxisJoint(AbstractPairJoint):
         is zero if the frames differ by the shortest rotation that makes the axes parallel, or
         antiparallel if their components enclose more than 170 degrees."""
         return relative_angle_row(*self._between(motions), self.axis_first, self.axis_second)
+
+    @override
+    def draw(self, pen: AbstractPen) -> None:
+        pen.slide(*self.ends(self.axis_first, self.axis_second), turning=True)
 
 
 class SphericalJoint(AbstractPairJoint):
@@ -268,10 +276,6 @@ class CylindricalJoint(AbstractAxisJoint):
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
         return self._point_on_line(motions, self.axis_first) | self._tilts(motions)
 
-    @override
-    def draw(self, pen: AbstractPen) -> None:
-        pen.slide(*self.ends(self.axis_first, self.axis_second), turning=True)
-
 
 class PrismaticJoint(AbstractOrientedJoint, AbstractDriveableJoint):
     """Allows sliding along an axis of the first body without rotation; five constraints.
@@ -401,77 +405,6 @@ class LineInPlaneJoint(AbstractPairJoint):
         pen.plane(*self.ends(self.normal))
 
 
-Position = tuple[Scalar, Scalar, Scalar]
-"""Coordinates of a planar joint: distances, m, along the `transverse_axes` of the parent's normal,
-and the angle about it, rad."""
-
-
-class PlanarMotion(AbstractTurning):
-    """Translation by two distances, m, in a plane of the parent, and rotation by an angle, rad.
-    `axis` and `normal_parent` are the plane's normal in the child's and in the parent's axes. The
-    distances are along the `transverse_axes` of `normal_parent`: along axes of the child they would
-    oscillate as the child rotates."""
-
-    normal_parent: Vector
-
-    @override
-    def encode(self, relative: Relative) -> JointState:
-        # The vectors of `relative` have components in the child's axes, but the distances are along
-        # axes of the parent. Along these, the displacement also changes because the child rotates.
-        angle = self.angle(relative)
-        rotation = super().rotation(angle)
-        apart, spin = relative.displacement, relative.twist.angular
-        offset = rotation @ apart
-        velocity = rotation @ (relative.twist.linear + spin.cross(apart))
-        x_axis, y_axis = transverse_axes(self.normal_parent)
-        return JointState(
-            (offset.dot(x_axis), offset.dot(y_axis), angle),
-            (velocity.dot(x_axis), velocity.dot(y_axis), spin.dot(self.axis)),
-        )
-
-    @override
-    def orientation(self, position: Position) -> EulerParameters:
-        return super().orientation(position[2])
-
-    @override
-    def rotation(self, position: Position) -> Matrix:
-        return super().rotation(position[2])
-
-    @override
-    def displacement(self, position: Position) -> Vector:
-        return self._in_child(position[:2], position)
-
-    @override
-    def columns(self, position: Position) -> tuple[Twist, ...]:
-        directions = (self._in_child(axis, position) for axis in ((1.0, 0.0), (0.0, 1.0)))
-        apart = self.displacement(position)
-        # While the child rotates at spin = axis, a displacement that is constant in the parent has
-        # the rate -(spin x displacement) in the child's axes.
-        rotation = Twist(self.axis, apart.cross(self.axis))
-        return (*(Twist(ZERO, direction) for direction in directions), rotation)
-
-    @override
-    def bias(self, state: JointState) -> Twist:
-        x_speed, y_speed, angular_speed = state.speeds
-        spin = self.axis * angular_speed
-        velocity = self._in_child((x_speed, y_speed), state.position)
-        apart = self.displacement(state.position)
-        # The twist's linear part is velocity - spin x apart. In the child's axes, the rate of
-        # velocity is -(spin x velocity), and the rate of apart is the linear part itself.
-        return Twist(ZERO, spin.cross(spin.cross(apart) - velocity * 2.0))
-
-    @override
-    def without_drift(self, position: Position) -> Position:
-        return position[0], position[1], within_two_turns(position[2])
-
-    def _in_child(self, across: tuple[Scalar, Scalar], position: Position) -> Vector:
-        """Return a vector in the child's axes from its components `across` along the
-        `transverse_axes` of `normal_parent`."""
-        x_axis, y_axis = transverse_axes(self.normal_parent)
-        vector = x_axis * across[0] + y_axis * across[1]
-        return self.rotation(position).transposed_times(vector)
-
-
 class PlanarJoint(AbstractAxisJoint):
     """Allows sliding in a plane and rotation about its normal; three constraints.
 
@@ -499,3 +432,100 @@ class PlanarJoint(AbstractAxisJoint):
     @override
     def draw(self, pen: AbstractPen) -> None:
         pen.plane(*self.ends(self.axis_first, self.axis_second))
+
+
+def _require_lead(argument: str, value: ArrayLike) -> None:
+    require_shape(argument, value, (), "pass a single number in m")
+    remedy = "give the advance per revolution in m; use a RevoluteJoint for no advance"
+    require_numbers(lambda lead: lead != 0.0, argument, (value,), "other than zero", remedy)
+
+
+class ScrewJoint(AbstractAxisJoint):
+    """Couples rotation about an axis with an advance along it; five constraints.
+
+    The advance is taken modulo the lead, so that the number of revolutions is unlimited: of the
+    advances that belong to an angle, the joint holds the nearest.
+
+    **Arguments:**
+
+    - `point_first`, `point_second`: a point of the axis on each body, (3,) m from its centre of
+      mass in its axes. The two points coincide at angle zero.
+    - `axis_first`, `axis_second`: direction of the axis on each body, (3,) in its axes, any length.
+      At angle zero, the bodies' frames differ by the shortest rotation that makes the two
+      directions parallel, or opposite if they enclose more than 170 degrees.
+    - `lead`: advance of the second body per revolution, m, positive for a right-handed thread and
+      negative for a left-handed one.
+
+    >>> axes = (0, 0, 1), (0, 0, 1)
+    >>> joint = cj.ScrewJoint("ground", "arm", (0, 0, 0), (0, 0, 0), *axes, lead=5e-3)
+    >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
+    ['offset 1', 'offset 2', 'tilt 1', 'tilt 2', 'thread']
+    """
+
+    lead: Single = quantity("m", check=_require_lead)
+
+    @override
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        cylindrical = self._point_on_line(motions, self.axis_first) | self._tilts(motions)
+        return cylindrical | {"thread": self._thread(motions)}
+
+    def _thread(self, motions: Motions) -> Row:
+        """Return the row advance - lead angle/(2 pi), m, without whole multiples of the lead."""
+        advance = self._in_plane(motions, unit(self.axis_first))
+        angle, factor = self.relative_angle(motions), self.lead * (-0.5 / math.pi)
+        row = plus_multiple(advance, angle, factor)
+        return replace(row, value=wrapped(row.value, self.lead))
+
+    @override
+    def motion_subspace(self, parent: str) -> ScrewMotion:
+        first = unit(self.axis_first)
+        # Opposite axes define the same screw: as in `relative_angle`, the second is then reversed.
+        second = reversed_if_opposite(first, unit(self.axis_second))
+        in_parent, in_child = self._ordered(parent, first, second)
+        # Euler parameters, of any norm, of the shortest rotation from the child's axis to the
+        # parent's.
+        shortest = EulerParameters(1.0 + in_parent.dot(in_child), *in_child.cross(in_parent))
+        return ScrewMotion(*self._points(parent), in_child, shortest, self.lead * (0.5 / math.pi))
+
+
+class UniversalJoint(AbstractPairJoint):
+    r"""A Hooke or Cardan joint: two points together, two axes perpendicular; four constraints.
+
+    $$\frac{\omega_2}{\omega_1} = \frac{\cos \beta}{1 - \sin^2 \beta \cos^2 \theta}$$
+
+    The axes are the arms of a massless cross. The equation is the ratio of the speeds omega of two
+    shafts that enclose the angle beta. Here theta is the first shaft's angle of rotation, zero
+    where its arm lies in the plane of the shafts (C. E. Wilson, J. P. Sadler, Kinematics and
+    Dynamics of Machinery, 1993).
+
+    **Arguments:**
+
+    - `point_first`, `point_second`: centre of the cross on each body, (3,) m from its centre of
+      mass in its axes.
+    - `axis_first`, `axis_second`: arm of the cross on each body, (3,) in its axes, any length.
+
+    >>> joint = cj.UniversalJoint("ground", "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (1, 0, 0))
+    >>> list(extend.unpack(joint).rows(motions, 0.0))  # each has a multiplier
+    ['translation x', 'translation y', 'translation z', 'cross']
+    """
+
+    axis_first: Triple = quantity("1", check=require_axis)
+    axis_second: Triple = quantity("1", check=require_axis)
+
+    @override
+    def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:
+        arms = self._perpendicular(motions, unit(self.axis_first), unit(self.axis_second))
+        return self._coincidence(motions) | {"cross": arms}
+
+    @override
+    def motion_subspace(self, parent: str) -> UniversalMotion:
+        arms = self._ordered(parent, unit(self.axis_first), unit(self.axis_second))
+        return UniversalMotion(*self._points(parent), *arms)
+
+    @override
+    def draw(self, pen: AbstractPen) -> None:
+        pen.cross(*self.ends(self.axis_first, self.axis_second))
+
+
+HingeOrSlider: TypeAlias = RevoluteJoint | PrismaticJoint
+"""A joint with one coordinate."""

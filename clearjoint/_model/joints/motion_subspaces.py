@@ -21,10 +21,11 @@ from ..._math.rotations import (
     euler_parameter_rates,
     kept_unit,
     rotation_matrix,
+    transverse_axes,
     turned,
     within_two_turns,
 )
-from ..._math.smoothing import cosine, norm_and_direction, polar_angle, sine, where
+from ..._math.smoothing import TURN, cosine, norm_and_direction, polar_angle, sine, where, wrapped
 from ..._math.vectors import (
     UNIT_X,
     UNIT_Y,
@@ -329,3 +330,161 @@ def _from_zeta(axis: Vector) -> EulerParameters:
     shortest = EulerParameters(1.0 - axis.z, axis.y, -axis.x, 0.0)
     backwards = composed(shortest, EulerParameters(0.0, 1.0, 0.0, 0.0))
     return jax.tree.map(lambda a, b: where(axis.z >= 0.0, a, b), forwards, backwards)
+
+
+class ScrewMotion(AbstractTurning):
+    """Rotation about an axis with an advance of `pitch`, m/rad; its angle counts revolutions."""
+
+    pitch: Scalar
+
+    @override
+    def encode(self, relative: Relative) -> JointState:
+        angle, rate = self.angle(relative), relative.twist.angular.dot(self.axis)
+        # The advance determines the number of revolutions, and the orientation the angle up to
+        # whole revolutions, exactly.
+        angle_by_advance = relative.displacement.dot(self.axis) / self.pitch
+        error = wrapped(angle_by_advance - angle, TURN)
+        return JointState(angle_by_advance - error, (rate,))
+
+    @override
+    def displacement(self, position: Scalar) -> Vector:
+        return self.axis * (self.pitch * position)
+
+    @override
+    def columns(self, position: Scalar) -> tuple[Twist, ...]:
+        return (Twist(self.axis, self.axis * self.pitch),)
+
+
+Position = tuple[Scalar, Scalar, Scalar]
+"""Coordinates of a planar joint: distances, m, along the `transverse_axes` of the parent's normal,
+and the angle about it, rad."""
+
+
+class PlanarMotion(AbstractTurning):
+    """Translation by two distances, m, in a plane of the parent, and rotation by an angle, rad.
+    `axis` and `normal_parent` are the plane's normal in the child's and in the parent's axes. The
+    distances are along the `transverse_axes` of `normal_parent`: along axes of the child they would
+    oscillate as the child rotates."""
+
+    normal_parent: Vector
+
+    @override
+    def encode(self, relative: Relative) -> JointState:
+        # The vectors of `relative` have components in the child's axes, but the distances are along
+        # axes of the parent. Along these, the displacement also changes because the child rotates.
+        angle = self.angle(relative)
+        rotation = super().rotation(angle)
+        apart, spin = relative.displacement, relative.twist.angular
+        offset = rotation @ apart
+        velocity = rotation @ (relative.twist.linear + spin.cross(apart))
+        x_axis, y_axis = transverse_axes(self.normal_parent)
+        return JointState(
+            (offset.dot(x_axis), offset.dot(y_axis), angle),
+            (velocity.dot(x_axis), velocity.dot(y_axis), spin.dot(self.axis)),
+        )
+
+    @override
+    def orientation(self, position: Position) -> EulerParameters:
+        return super().orientation(position[2])
+
+    @override
+    def rotation(self, position: Position) -> Matrix:
+        return super().rotation(position[2])
+
+    @override
+    def displacement(self, position: Position) -> Vector:
+        return self._in_child(position[:2], position)
+
+    @override
+    def columns(self, position: Position) -> tuple[Twist, ...]:
+        directions = (self._in_child(axis, position) for axis in ((1.0, 0.0), (0.0, 1.0)))
+        apart = self.displacement(position)
+        # While the child rotates at spin = axis, a displacement that is constant in the parent has
+        # the rate -(spin x displacement) in the child's axes.
+        rotation = Twist(self.axis, apart.cross(self.axis))
+        return (*(Twist(ZERO, direction) for direction in directions), rotation)
+
+    @override
+    def bias(self, state: JointState) -> Twist:
+        x_speed, y_speed, angular_speed = state.speeds
+        spin = self.axis * angular_speed
+        velocity = self._in_child((x_speed, y_speed), state.position)
+        apart = self.displacement(state.position)
+        # The twist's linear part is velocity - spin x apart. In the child's axes, the rate of
+        # velocity is -(spin x velocity), and the rate of apart is the linear part itself.
+        return Twist(ZERO, spin.cross(spin.cross(apart) - velocity * 2.0))
+
+    @override
+    def without_drift(self, position: Position) -> Position:
+        return position[0], position[1], within_two_turns(position[2])
+
+    def _in_child(self, across: tuple[Scalar, Scalar], position: Position) -> Vector:
+        """Return a vector in the child's axes from its components `across` along the
+        `transverse_axes` of `normal_parent`."""
+        x_axis, y_axis = transverse_axes(self.normal_parent)
+        vector = x_axis * across[0] + y_axis * across[1]
+        return self.rotation(position).transposed_times(vector)
+
+
+Angles = tuple[Scalar, Scalar]
+"""Angle of the cross about the arm fixed to the parent, and of the child about the other, rad."""
+
+
+class UniversalMotion(AbstractMotionAtPoints):
+    """Rotation by two angles, rad, about the arms of a universal joint's cross. The cross rotates
+    in the parent about `arm_parent`, and the child rotates about `arm_child`, which is
+    perpendicular to `arm_parent`; each arm is a unit vector fixed to its body, in its axes."""
+
+    arm_parent: Vector
+    arm_child: Vector
+
+    def _reference(self) -> EulerParameters:
+        """Return the Euler parameters from the child's axes to the parent's at zero angles."""
+        return aligning(transverse_axes(self.arm_parent)[0], self.arm_child)
+
+    def _about_child(self, reference: EulerParameters) -> Hinge:
+        return Hinge(self.point_parent, self.point_child, self.arm_child, reference)
+
+    def _parents_arm(self, angle: Scalar) -> tuple[Vector, Vector]:
+        """Return `arm_parent` in the child's axes at the second angle, `angle`, rad, and the
+        derivative of this vector by this angle."""
+        # In the child's axes, the parent's arm rotates backwards about the child's arm.
+        start = rotation_matrix(self._reference()).transposed_times(self.arm_parent)
+        quarter = self.arm_child.cross(start)
+        c, s = cosine(angle), sine(angle)
+        return start * c - quarter * s, -(start * s + quarter * c)
+
+    @override
+    def encode(self, relative: Relative) -> JointState:
+        start, quarter = transverse_axes(self.arm_parent)
+        arm = rotation_matrix(relative.orientation) @ self.arm_child
+        # The child's arm rotates with the cross about the parent's arm, which gives the first
+        # angle. What remains of the orientation is the rotation about the child's arm.
+        first_angle = polar_angle(arm.dot(quarter), arm.dot(start))
+        reference = composed(rotation_about(self.arm_parent, first_angle), self._reference())
+        about_child = self._about_child(reference).encode(relative)
+        # The relative spin is the sum of the arms, each times the rate of the angle about it. The
+        # arms are perpendicular, so that the scalar product of spin and arm is this rate.
+        parents_arm, _ = self._parents_arm(about_child.position)
+        first_rate = relative.twist.angular.dot(parents_arm)
+        position = first_angle, about_child.position
+        return JointState(position, (first_rate, *about_child.speeds))
+
+    @override
+    def orientation(self, position: Angles) -> EulerParameters:
+        about_parent = rotation_about(self.arm_parent, position[0])
+        reference = composed(about_parent, self._reference())
+        return self._about_child(reference).orientation(position[1])
+
+    @override
+    def columns(self, position: Angles) -> tuple[Twist, ...]:
+        return Twist(self._parents_arm(position[1])[0], ZERO), Twist(self.arm_child, ZERO)
+
+    @override
+    def bias(self, state: JointState) -> Twist:
+        _, change = self._parents_arm(state.position[1])
+        return Twist(change * (state.speeds[0] * state.speeds[1]), ZERO)
+
+    @override
+    def without_drift(self, position: Angles) -> Angles:
+        return within_two_turns(position[0]), within_two_turns(position[1])
