@@ -85,6 +85,7 @@ from .fits import correlations as correlations
 from .fits import fitted as fitted
 from .fits import growth as growth
 from .fits import integration_error as integration_error
+from .fits import joint_hysteresis as joint_hysteresis
 from .fits import record_length as record_length
 from .forces import ContactPhase as ContactPhase
 from .forces import contact_and_reaction as contact_and_reaction
@@ -109,7 +110,6 @@ from .polar import contact_rose as contact_rose
 from .polar import wear as wear
 from .polar import worn_profile as worn_profile
 from .report_page import report as report
-from .robots import joint_hysteresis as joint_hysteresis
 from .sections import bifurcation as bifurcation
 from .sections import poincare_map as poincare_map
 from .sections import poincare_section as poincare_section
