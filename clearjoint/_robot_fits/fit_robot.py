@@ -335,9 +335,10 @@ def fit_robot(
       the log on are tried too. At last the fit is repeated from plays that are a fifth smaller and
       a quarter larger, and without each of them.
 
-    **Raises:** `ValueError` for names, units and modes that don't fit robot and log, for noise that
-    is unknown, and for a log that determines none of the parameters. `SimulationError` if the run
-    with the starts fails. Otherwise as `identify`.
+    **Raises:** `ValueError` for names, units and modes that don't fit robot and log, for what
+    drives a joint but is logged for a part of the log only, for noise that is unknown, and for a
+    log that determines none of the parameters. `SimulationError` if the run with the starts fails.
+    Otherwise as `identify`.
 
     **Warns:** as `identify`.
     """
