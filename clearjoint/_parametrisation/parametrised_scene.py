@@ -19,7 +19,7 @@ from .._math.vectors import ConstantFolded, Scalar, fold_constants, unpack
 from .._model.bodies import State
 from .._model.scene import Scene
 from .parameter import AbstractScale, Parameter
-from .variations import Change, NumberSetter, changed, changed_in_steps
+from .variations import Change, NumberSetter, changed, changed_in_steps, require_apart
 
 Coordinates = jax.Array | np.ndarray
 Trees = tuple[PyTree, ...]
@@ -198,12 +198,17 @@ def parametrised(
     # value of the number.
     scene, state = with_arrays((scene, state))
     # The example 0.0 says that all values are single numbers.
-    changes = tuple(p.variation.setter(scene, state, 0.0) for p in parameters.values())
+    changes = {name: p.variation.setter(scene, state, 0.0) for name, p in parameters.items()}
+    require_apart("parameters", changes, scene, state)
     scales = tuple(p.scale for p in parameters.values())
     # Constants are folded only in leaves that no parameter changes. A first object without folded
     # constants finds these leaves.
     unfolded = ParametrisedScene(
-        values=values, base=(scene, state), changes=changes, scales=scales, patterns=()
+        values=values,
+        base=(scene, state),
+        changes=tuple(changes.values()),
+        scales=scales,
+        patterns=(),
     )
     varied, in_scene = unfolded.effects()
     patterns = fold_constants(scene, varied).patterns

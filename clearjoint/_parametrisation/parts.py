@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -16,7 +17,7 @@ from .._model.bodies import State
 from .._model.scene import Scene
 from .parameter import Parameter
 from .paths import Number, marked, value_at
-from .variations import AbstractLeafSetter, Change, SceneNumber
+from .variations import AbstractLeafSetter, Change, SceneNumber, require_apart
 
 Part = Callable[[Scene], PyTree] | Parameter
 """A function of a scene that selects a number, an array or a whole element, or a `Parameter`."""
@@ -25,14 +26,15 @@ _EXAMPLE = 'pass for example {"clearance": lambda scene: scene.joints["pin"].cle
 
 @dataclass(frozen=True)
 class PartSetter(AbstractLeafSetter):
-    """A `Change` that sets leaves of the scene, given by index, to the arrays of a value."""
+    """A `Change` that sets whole leaves of the scene to the arrays of a value."""
 
-    leaves: tuple[int, ...]
+    numbers: tuple[Number, ...]
+    in_scene: ClassVar[bool] = True
 
     @override
     def set_in(self, scene: list[PyTree], state: list[PyTree], value: PyTree) -> None:
-        for k, array in zip(self.leaves, jax.tree.leaves(value), strict=True):
-            scene[k] = array
+        for number, array in zip(self.numbers, jax.tree.leaves(value), strict=True):
+            scene[number.leaf] = array
 
 
 def parts_of(
@@ -60,6 +62,7 @@ def parts_of(
         require(callable(path), argument, path, expected, _EXAMPLE)
         numbers[name], change = _selected(scene, state, path, argument)
         changes.append((name, change))
+    require_apart("paths", dict(changes), scene, state)
     return numbers, tuple(changes)
 
 
@@ -82,11 +85,11 @@ def _selected(
     stored = all(isinstance(place, Number) and not place.component for place in places)
     remedy = "return a number, an array or an element of the scene, not a value computed from them"
     require(stored and bool(places), argument, element, "a part of the scene", remedy)
-    chosen = [p.leaf for p in places if eqx.is_inexact_array(leaves[p.leaf])]
+    chosen = tuple(place for place in places if eqx.is_inexact_array(leaves[place.leaf]))
     require(bool(chosen), argument, element, "a part with numbers", remedy)
     value = jax.tree.unflatten(structure, [leaves[place.leaf] for place in places])
     floats = eqx.filter(value, eqx.is_inexact_array)
-    return jax.tree.map(lambda leaf: np.asarray(leaf, float), floats), PartSetter(tuple(chosen))
+    return jax.tree.map(lambda leaf: np.asarray(leaf, float), floats), PartSetter(chosen)
 
 
 def guard_direction(paths: Mapping[str, Part], numbers: Mapping[str, PyTree]) -> dict[str, PyTree]:

@@ -1,12 +1,13 @@
 """Variations: what the value of a sweep's axis or of a fit's parameter changes in a run."""
 
 import abc
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import ClassVar, NoReturn
 
 import jax
+import numpy as np
 from jaxtyping import PyTree
 from typing_extensions import override
 
@@ -231,7 +232,10 @@ class AbstractGroupedChange(abc.ABC):
 
 
 class AbstractLeafSetter(AbstractGroupedChange):
-    """A `Change` that only sets leaves of the scene or of the state."""
+    """A `Change` that only sets `numbers` of the scene, if `in_scene`, or of the state."""
+
+    numbers: tuple[Number, ...]
+    in_scene: bool
 
     @abc.abstractmethod
     def set_in(self, scene: list[PyTree], state: list[PyTree], value: PyTree) -> None:
@@ -293,3 +297,23 @@ class NumberSetter(AbstractLeafSetter):
     @override
     def set_in(self, scene: list[PyTree], state: list[PyTree], value: Scalar) -> None:
         set_in_leaves(scene if self.in_scene else state, self.numbers, value)
+
+
+def require_apart(argument: str, changes: Mapping[str, Change], scene: Scene, state: State) -> None:
+    """Raise a `ValueError` if two changes, by name, set the same number, of which the earlier one
+    would have no effect. Users' functions are not checked. `argument`: name for the message."""
+    names = list(changes)
+    # For each array that is changed, the position in `names` of the change of each of its numbers.
+    owners: dict[tuple[bool, int], np.ndarray] = {}
+    for k, change in enumerate(changes.values()):
+        if not isinstance(change, AbstractLeafSetter):
+            continue
+        leaves = jax.tree.leaves(scene if change.in_scene else state)
+        for number in change.numbers:
+            shape, place = np.shape(leaves[number.leaf]), (change.in_scene, number.leaf)
+            owner = owners.setdefault(place, np.full(shape, -1))
+            earlier = set(np.unique(owner[number.component]).tolist()) - {-1, k}
+            both = [names[other] for other in earlier] + [names[k]]
+            remedy = "leave one out, or let a function combine them: Axis.change, Parameter.change"
+            require(not earlier, argument, both, "names of different numbers", remedy)
+            owner[number.component] = k

@@ -21,7 +21,7 @@ from .._model.joints.base import AbstractContactJoint
 from .._model.scene import Scene
 from .._parametrisation import variations
 from .._parametrisation.paths import NumberPath
-from .._parametrisation.variations import AbstractVariation, Change, NumberSetter
+from .._parametrisation.variations import AbstractVariation, Change, NumberSetter, require_apart
 
 Values = Mapping[str, np.ndarray]
 """Value in every lane, (lanes,), of each axis by name."""
@@ -155,6 +155,7 @@ def lanes_of(scene: Scene, state: State, axes: Mapping[str, Axis], values: Value
     """Return all lanes, from the `values` of each axis in every lane. Lanes with values that a
     constructor or a function of `Axis.change` refuses have an error message in `Lanes.bad`."""
     changes = {name: axis.setter(scene, state) for name, axis in axes.items()}
+    require_apart("axes", changes, scene, state)
     base, structure = jax.tree.flatten((scene, state))
     bad: dict[int, str] = {}
     # Axes that only set numbers, which is the usual case, need no loop over the lanes in Python.

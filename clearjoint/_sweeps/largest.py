@@ -24,7 +24,7 @@ from .._fields.objects import as_numbers
 from .._model.bodies import State
 from .._model.scene import Scene
 from .._parametrisation.parameter import PASS_PARAMETERS, Parameter
-from .._parametrisation.variations import NumberSetter
+from .._parametrisation.variations import require_apart
 from .._simulation.reductions.base import AbstractReduction
 from .._simulation.reductions.quantities import Peak
 from .._simulation.results.solution import SUCCESSFUL
@@ -200,12 +200,9 @@ def largest_feasible(
     _check_quantities(scene, quantities, limits)
     expected = f"axes of other names than {VALUE!r}, the axis of the parameter"
     require(VALUE not in draws, "draws", VALUE, expected, "rename the axis")
-    # Each draw sets its number after the parameter, which would then have no effect.
+    changes = {name: axis.setter(scene, state) for name, axis in draws.items()}
     own = parameter.variation.setter(scene, state, 0.0)
-    for name, axis in draws.items():
-        hides = isinstance(own, NumberSetter) and axis.setter(scene, state) == own
-        expected, remedy = "an axis of another number than the parameter", "take Axis.change to add"
-        require(not hides, f"draws[{name!r}]", name, expected, remedy)
+    require_apart("draws", {"parameter": own, **changes}, scene, state)
     sizes = {name: len(axis.values) for name, axis in draws.items()}
     expected = "axes of equal length"
     require(len(set(sizes.values())) < 2, "draws", sizes, expected, "draw them together")

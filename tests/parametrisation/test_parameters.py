@@ -1,5 +1,6 @@
 """Paths of numbers: listing, replacing and tying numbers, and paths that lead to no number."""
 
+import re
 from dataclasses import replace
 
 import jax
@@ -121,3 +122,60 @@ def test_a_function_may_return_integers():
     x = {"x": cj.Parameter.change(thrown, 0.5)}
     found = cj.sensitivities(scene, start, 0.5, x, {"z": z}, [0.5], progress=False)
     np.testing.assert_allclose(found.derivatives["z"], 0.0, atol=1e-12)
+
+
+def clearance(scene):
+    return scene.joints["shoulder"].clearance
+
+
+X = {"x": cj.quantities.Position("arm 2", "x")}
+BODY = "arm 2"
+PAIRS = {
+    "a number": (clearance, lambda scene: scene.joints["shoulder"].clearance),
+    "a vector and its component": (
+        lambda scene: scene.bodies[BODY].inertia,
+        lambda scene: scene.bodies[BODY].inertia[1],
+    ),
+    "an element and its number": (
+        lambda scene: scene.bodies[BODY],
+        lambda scene: scene.bodies[BODY].mass,
+    ),
+    "tied numbers": (
+        lambda scene: [body.mass for body in scene.bodies.values()],
+        lambda scene: scene.bodies[BODY].mass,
+    ),
+}
+SAME = "must be names of different numbers, but is {}"
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_two_paths_to_the_same_number_are_refused(pair):
+    """The earlier one would have no effect."""
+    scene, state = cj.mechanisms.double_pendulum()
+    for first, second in (PAIRS[pair], PAIRS[pair][::-1]):
+        paths = {"a": first, "other": lambda scene: scene.gravity[0], "b": second}
+        with pytest.raises(ValueError, match=re.escape(SAME.format(["a", "b"]))):
+            cj.predictor(scene, state, 0.01, paths, X, [0.01])
+
+
+def test_two_parameters_or_axes_of_the_same_number_are_refused():
+    scene, state = cj.mechanisms.double_pendulum()
+    parameters = {"a": cj.Parameter(clearance), "b": cj.Parameter(clearance, cj.Log())}
+    axes = {name: cj.Axis(clearance, [1e-4]) for name in "ab"}
+    measured = cj.Measurements({"x": cj.Series(X["x"], [0.01], [0.0], noise=1e-3)})
+    refused = pytest.raises(ValueError, match=re.escape(SAME.format(["a", "b"])))
+    with refused:
+        cj.sensitivities(scene, state, 0.01, parameters, X, [0.01])
+    with refused:
+        cj.identify(scene, state, measured, parameters)
+    with refused:
+        cj.sweep(scene, state, 0.01, axes=axes)
+
+
+def test_components_of_a_vector_are_different_numbers():
+    scene, state = cj.mechanisms.double_pendulum()
+    axes = {n: cj.Axis(lambda s, k=k: s.gravity[k], [1.0]) for k, n in enumerate("xyz")}
+    axes["vx"] = cj.Axis.initial(lambda state: state.bodies[BODY].velocity[0], [0.0])
+    axes["length"] = cj.Axis.change(lambda scene, state, value: (scene, state), [1.0])
+    swept = cj.sweep(scene, state, 1e-4, axes=axes, progress=False)
+    assert bool((swept["result"] == 0).all())
