@@ -1,6 +1,7 @@
 """Parameter sweeps: simulate one scene for many values of its parameters."""
 
 import os
+import re
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -194,7 +195,8 @@ def _constant_numbers(tree: PyTree, varied: PyTree[bool], name: str) -> dict[str
     # bodies['rod'].mass becomes bodies.rod.mass. netCDF allows in names neither "'" nor "/", and as
     # SciPy writes it, only Latin letters.
     def written(key: str) -> str:
-        key = key.replace("['", ".").replace("']", "").replace("'", "\\x27").replace("/", "\\x2f")
+        key = re.sub(r"""\[['"]""", ".", re.sub(r"""['"]\]""", "", key))
+        key = key.replace("'", "\\x27").replace("/", "\\x2f")
         return key.encode("latin-1", "backslashreplace").decode("latin-1")
 
     return {
