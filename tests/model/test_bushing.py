@@ -7,25 +7,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.extend import unpack
-from clearjoint.testing import check_force
-from tests.support.motions import NEAR_EACH_OTHER
 from tests.support.shaft import ORIGIN, angle_about
-
-LINER = cj.Bushing(
-    *("a", "b", (0.1, 0.2, 0.3), (0.3, -0.1, 0.2)),
-    stiffness=(2e4, 3e4, 4e4),
-    damping=(20.0, 30.0, 50.0),
-    rotational_stiffness=(30.0, 50.0, 70.0),
-    rotational_damping=(0.1, 0.2, 0.4),
-    orientation_first=cj.rotation((0.1, -0.3, 0.5), 1.3),
-    orientation_second=(0.6, 0.0, 0.8, 0.0),
-)
-
-
-def test_forces_balance_and_do_the_work_of_springs_and_dampers():
-    check_force(LINER, NEAR_EACH_OTHER, tolerance=1e-9)
-    assert unpack(LINER).supplied_power(NEAR_EACH_OTHER, 0.0) < 0.0
 
 
 @pytest.mark.parametrize(
