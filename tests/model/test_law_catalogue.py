@@ -73,21 +73,6 @@ def test_an_unusable_law_warns():
     assert float(law.damping_factor()) == pytest.approx(1.5 * (1 - 0.5**2) / 0.5**2, rel=1e-14)
 
 
-@pytest.mark.slow
-def test_small_losses_by_the_slope_of_the_factor():
-    """e = 1 - 2 chi/3: the exact slope of chi is -3/2; Lee and Wang have half of it."""
-    slopes = {
-        law: float(jax.grad(lambda c, law=law: law(c, K).damping_factor())(1.0))
-        for law in (
-            cj.laws.ExactRestitution,
-            cj.laws.HuntCrossley,
-            cj.laws.LeeWang,
-            cj.laws.SafaeifarFarshidianfar,
-        )
-    }
-    assert list(slopes.values()) == pytest.approx([-1.5, -1.5, -0.75, -1.25], rel=1e-12)
-
-
 FACTORS = jax.jit(jax.vmap(cj.laws.exact_damping_factor))
 SLOPES = jax.jit(jax.vmap(jax.grad(cj.laws.exact_damping_factor)))
 
@@ -152,14 +137,6 @@ IMPACTS = [
 def test_integrated_impacts(law, expected, within):
     found = cj.free_impact(law, MASS, SPEED, 10e-3, 0.5e-3).restitution
     assert found == pytest.approx(expected, abs=within)
-
-
-@pytest.mark.slow
-def test_a_force_that_is_largest_at_the_onset_is_found():
-    law, log = cj.laws.KelvinVoigt(0.02, 1e9, MASS), np.log(0.02)
-    damping = -2.0 * log / np.hypot(np.pi, log) * np.sqrt(1e9 * MASS)
-    found = cj.free_impact(law, MASS, SPEED).peak_force
-    assert found == pytest.approx(damping * SPEED, rel=1e-9)
 
 
 @pytest.mark.slow
