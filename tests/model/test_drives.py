@@ -219,20 +219,6 @@ def test_a_driver_that_is_not_followed_is_reported(angle, size):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("preset", ["preview", "default", "accurate"])
-@pytest.mark.parametrize("kink", [0.1, 0.2 - 1e-5])
-def test_undeclared_kinks_of_half_a_millimetre_are_not_passed_over(preset, kink):
-    """One of them is within a run's last step."""
-    line = cj.PiecewiseLinear([0.0, kink, 0.2], [0.0, 0.0, 5e-4])
-    rail = "ground", "shaft", ORIGIN, ORIGIN, (1.0, 0, 0)
-    drive = cj.PrescribedTranslation(*rail, undeclared(cj.extend.unpack(line)))
-    scene = cj.Scene({"shaft": SHAFT}, {"guide": cj.PrismaticJoint(*rail), "drive": drive})
-    solution = cj.simulate(scene, turned(), 0.2, getattr(cj.presets, preset), throw=False)
-    assert solution.result == cj.RESULTS.not_followed
-    assert solution.time == pytest.approx(kink, abs=1e-9)
-
-
-@pytest.mark.slow
 def test_projection_takes_no_step_of_a_driver_for_an_error_of_integration():
     """One linearised projection over 0.2 rad left the arm's hinge 2 mm open."""
     scene, state = crank_and_arm(undeclared(Step(0.2, 0.1)))

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.linalg import eigh
 from scipy.special import beta
 
 import clearjoint as cj
@@ -100,39 +99,6 @@ def test_a_dropped_ball_meets_its_socket_as_falling_bodies_do():
     assert impacts.onset[1] == pytest.approx(again, rel=1e-8)
 
 
-@pytest.mark.slow
-def test_a_resting_ball_swings_as_a_pendulum_on_a_short_link():
-    """Without friction the ball's centre swings about the socket's as on a massless link of the
-    clearance and the static penetration, the body below as the second of a double pendulum: slow
-    mode and frequency from the linear equations."""
-    mass, inertia, height, clearance, g = 2.0, 5e-3, 0.1, 0.5e-3, G
-    stiffness = 1e10
-    depth = (mass * g / stiffness) ** (2 / 3)
-    link = clearance + depth
-    law, top = cj.laws.Hertz(stiffness), (0.0, height, 0.0)
-    joint = socket("ground", "b", clearance=clearance, law=law, ball_point=top)
-    masses = mass * np.array([[link**2, link * height], [link * height, height**2]])
-    masses[1, 1] += inertia
-    squares, modes = eigh(np.diag([mass * g * link, mass * g * height]), masses)
-    tilt = 1e-4 * modes[:, 0] / modes[1, 0]
-
-    def ball(angles: np.ndarray) -> cj.State:
-        x, y = np.array([link, height]) @ np.transpose([np.sin(angles), -np.cos(angles)])
-        return cj.State({"b": cj.body_state((x, y, 0.0), cj.rotation((0, 0, 1), angles[1]))})
-
-    body = cj.Body(mass, (inertia, inertia, inertia))
-    scene = cj.Scene({"b": body}, {"joint": joint}, gravity=(0, -g, 0))
-    period = 2.0 * math.pi / math.sqrt(squares[0])
-    times = period * np.array([0.25, 0.5, 1.0])
-    settings = cj.Settings(rtol=1e-10, atol=1e-14)
-    states = cj.simulate(scene, ball(tilt), period, settings, save=cj.Saving(times)).states
-    x = np.asarray(states.bodies["b"].position)[:, 0]
-    start = float(ball(tilt).bodies["b"].position[0])
-    np.testing.assert_allclose(x / start, [0.0, -1.0, 1.0], atol=1e-5)
-    stiff = 2.0 * math.pi * math.sqrt((inertia + mass * height**2) / (mass * g * height))
-    assert abs(period / stiff - 1.0) > 1e-3, "the clearance is seen in the period"
-
-
 def a_pin(**options: Any) -> tuple[cj.Scene, cj.State]:
     """A pin that flies across a slot of the ground, and along it, without weight."""
     bodies = {"b": cj.Body(0.5, (1e-4, 1e-4, 1e-4))}
@@ -204,29 +170,6 @@ def test_a_pin_deep_in_the_end_of_its_slot_is_not_assembled():
             cj.assemble(scene, state, resting=resting)
         state = cj.State({"b": cj.body_state((0.05 + 2e-6, 0.0, 0.0))})
         assert cj.assemble(scene, state, resting=resting).bodies["b"].position[0] > 0.05
-
-
-@pytest.mark.slow
-def test_two_pins_in_slots_move_as_alone():
-    """Two pins in slots of the ground with different plays and speeds, against separate runs."""
-    plays, speeds = {"b": 1e-3, "c": 0.7e-3}, {"b": 0.4, "c": 0.3}
-
-    def final(names: str) -> dict[str, cj.BodyState]:
-        bodies = {name: cj.Body(0.5, (1e-4, 1e-4, 1e-4)) for name in names}
-        joints = {
-            f"slot of {name}": slot("ground", name, play=plays[name], friction=ROUGH)
-            for name in names
-        }
-        states = {
-            name: cj.body_state((0.0, 0.0, 0.0), velocity=(0.3, speeds[name], 0.0))
-            for name in names
-        }
-        return cj.simulate(cj.Scene(bodies, joints), cj.State(states), 5e-3, TIGHT).final.bodies
-
-    both = final("bc")
-    for name in "bc":
-        alone = final(name)[name].position
-        np.testing.assert_allclose(both[name].position, alone, rtol=0.0, atol=1e-9)
 
 
 @pytest.mark.slow

@@ -1,6 +1,5 @@
 """Contact along the length of a tilted journal, against integrals along its axis by SciPy."""
 
-from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -17,7 +16,6 @@ from clearjoint.results import MotionMode
 from clearjoint.testing import check_law
 from tests.support import many_states
 from tests.support.differences import by_differences
-from tests.support.dropped_rod import dropped_rod
 from tests.support.observations import observed
 
 RADIUS, CLEARANCE, LENGTH, STIFFNESS = 10e-3, 0.2e-3, 30e-3, 1e8
@@ -163,21 +161,6 @@ def test_parallel_journal_has_the_force_of_the_law_and_of_two_bases_with_half_of
     np.testing.assert_allclose(found, bases, rtol=1e-12, atol=1e-12)
     push = STIFFNESS * (np.array([0.0, 0.1, 0.7]) * CLEARANCE) ** 1.5
     np.testing.assert_allclose(loads(pin(points), poses)[:, :3] @ ACROSS, -push, rtol=1e-12)
-
-
-@pytest.mark.slow
-def test_motion_in_the_plane_is_that_with_bases():
-    """Over seven impacts, with half the stiffness at each of two bases."""
-    scene, state = dropped_rod()
-
-    def final(points, stiffness):
-        law = cj.laws.LankaraniNikravesh(0.9, stiffness)
-        joint = replace(scene.joints["pin"], law=law, line_points=points)
-        changed = replace(scene, joints={"pin": joint})
-        rod = cj.simulate(changed, state, 0.1, cj.presets.accurate).final.bodies["rod"]
-        return np.concatenate([rod.position, rod.velocity, rod.spin])
-
-    np.testing.assert_allclose(final(3, 1.2e11), final(None, 6e10), rtol=1e-10, atol=1e-12)
 
 
 NEAR = 1e-6
