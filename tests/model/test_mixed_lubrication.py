@@ -115,23 +115,6 @@ def test_an_equilibrium_at_a_wall_with_a_profile_is_refused():
     np.testing.assert_allclose(found.offset, expected.offset, rtol=1e-12)
 
 
-@pytest.mark.slow
-def test_the_ledger_of_a_run_closes():
-    bodies = {"rotor": cj.Body(5.0, (5e-3, 5e-3, 1e-2))}
-    push = {"load": cj.AppliedLoad("rotor", force=(0.0, -LOAD, 0.0))}
-    scene = cj.Scene(bodies, {"bearing": JOINT}, push)
-    start = cj.body_state((0.0, -48.5e-6, 0.0), spin=(0.0, 0.0, 10.0))
-    save = cj.Saving(np.array([0.0, 2e-3]))
-    settings = cj.Settings(rtol=1e-9, ledger=True)
-    state = cj.State({"rotor": start})
-    solution = cj.simulate(scene, state, 2e-3, settings, save, progress=False)
-    energies = cj.observe(scene, solution).energies
-    gain = {name: values[-1] - values[0] for name, values in energies.items()}
-    assert gain["friction"] > 0.0 and gain["film"] > 0.0
-    left = gain["mechanical"] + gain["film"] + gain["friction"] - gain["supplied"]
-    assert abs(left) < 1e-6 * (gain["film"] + gain["friction"])
-
-
 @pytest.mark.parametrize(
     ("make", "message"),
     [
