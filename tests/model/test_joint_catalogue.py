@@ -2,7 +2,6 @@
 machines beside each other, their motions, reactions and work."""
 
 import math
-from dataclasses import replace
 from functools import partial
 
 import jax
@@ -13,7 +12,6 @@ from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from clearjoint.extend import unpack
-from studies.catalogue import joints as study
 from studies.catalogue import machines as of
 from studies.catalogue.machines import ORIGIN, X, Y, Z
 from tests.support.shaft import angle_about
@@ -197,62 +195,3 @@ def test_a_motor_clips_its_torque():
     assert at_limit == pytest.approx(1.0 - 0.02 / 4.0)
     assert float(motor.torque_at(math.pi + 0.4, 3.0, 0.0)) == pytest.approx(-1.0)
     assert float(motor.torque_at(2 * math.pi + 0.4, 3.0, 0.0)) == pytest.approx(0.2)
-
-
-@pytest.fixture(scope="module", params=[cj.AbsoluteCoordinates, cj.JointCoordinates])
-def run(request):
-    scene, state = of.machines()
-    settings = replace(study.SETTINGS, coordinates=request.param(), ledger=True)
-    solution = cj.simulate(scene, state, study.END, settings, save=cj.Saving(study.TIMES))
-    return solution.states.bodies, cj.observe(scene, solution)
-
-
-def close(found, expected, tolerance):
-    """Assert that the largest difference is small, and report it."""
-    error = np.abs(np.asarray(found) - expected).max()
-    print(f"largest difference {error:.1e}, of {np.abs(expected).max():.1e}")
-    assert error < tolerance
-
-
-MOTIONS = {
-    study.cardan: 1e-6,
-    study.nut: 1e-8,
-    study.gears: 1e-7,
-    study.plate: 1e-8,
-    study.cart: 1e-9,
-    study.rod: 1e-8,
-    study.cushioned: 1e-8,
-    study.sprung: 1e-8,
-    study.driven: 1e-6,
-}
-"""Largest differences from the closed forms."""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("motion", MOTIONS, ids=lambda motion: motion.__name__)
-def test_motions_of_the_closed_form(run, motion):
-    """Among them the IFToMM benchmark A01, of a ball on a rod."""
-    bodies, _ = run
-    close(*motion(bodies), MOTIONS[motion])
-
-
-@pytest.mark.slow
-def test_gears_share_the_torque(run):
-    _, observed = run
-    acceleration = of.TORQUE / (of.PINION + of.WHEEL / 9.0)
-    loads = observed.reactions["gears"]
-    close(loads["wheel"].moment[:, 2], -of.WHEEL * acceleration / 3.0, 1e-10)
-    close(loads["pinion"].moment[:, 2], -of.WHEEL * acceleration / 9.0, 1e-10)
-
-
-@pytest.mark.slow
-def test_pusher_gives_its_force(run):
-    _, observed = run
-    force = -of.CART * of.STROKE * of.PACE**2 * np.cos(of.PACE * study.TIMES)
-    close(observed.reactions["pusher"]["cart"].force[:, 0], force, 1e-8)
-
-
-@pytest.mark.slow
-def test_the_ledger_of_all_machines_closes(run):
-    _, observed = run
-    close(observed.ledger_residual() / observed.energies["kinetic"].max(), 0.0, 1e-9)

@@ -37,46 +37,6 @@ def test_slider_in_its_guide_as_published():
     np.testing.assert_allclose(turns[2:] % 1.0, [0.151616754, 0.770408323], rtol=0.02)
 
 
-def lever_angle(crank: np.ndarray) -> np.ndarray:
-    """Of the quick return without play, rad from the vertical."""
-    return np.arctan2(0.05 * np.sin(crank), 0.1 + 0.05 * np.cos(crank))
-
-
-@pytest.mark.slow
-def test_quick_return_goes_back_in_half_the_time():
-    """The lever's closed form; it turns back at -30 and 30 degrees, at two thirds of the crank's
-    turn from each other and at one third."""
-    scene, state = cj.mechanisms.quick_return(None, angle=0.3)
-    crank = np.array([0.3, 1.0, 2.0 * math.pi / 3.0, 3.0, 4.0 * math.pi / 3.0, 6.0])
-    save = cj.Saving((crank - 0.3) / 10.0)
-    lever = cj.simulate(scene, state, 0.6, FINE, save=save).states.bodies["lever"]
-    angles, spins = angle_about(lever) - 0.5 * math.pi, np.asarray(lever.spin)[:, 2]
-    np.testing.assert_allclose(angles, lever_angle(crank), rtol=0.0, atol=1e-9)
-    np.testing.assert_allclose(angles[[2, 4]], [math.pi / 6, -math.pi / 6], rtol=0.0, atol=1e-9)
-    np.testing.assert_allclose(spins[[2, 4]], 0.0, atol=1e-7)
-    assert (spins[[1, 5]] > 0.0).all() and spins[3] < 0.0
-
-
-@pytest.mark.slow
-def test_spatial_four_bar_without_clearance_closes():
-    """The rocker's angle p from the coupler's length: with d from the rocker's axis to the crank's
-    end, d_x cos p + d_y sin p = (d.d + r^2 - l^2)/(2 r)."""
-    scene, state = cj.mechanisms.spatial_four_bar(None, speed=40.0)
-    save = cj.Saving(np.linspace(0.01, 0.3, 30))
-    settings = cj.Settings(rtol=1e-10, atol=1e-12, ledger=True)
-    solution = cj.simulate(scene, state, 0.3, settings, save=save)
-    crank = angle_about(solution.states.bodies["crank"], 1)
-    assert np.ptp(np.unwrap(crank)) > 2.0 * math.pi
-    x, y, z = -0.122 + 0.0 * crank, 0.02 * np.cos(crank) + 0.054, 0.02 * np.sin(crank)
-    share = (x**2 + y**2 + z**2 + 0.074**2 - 0.122**2) / (2.0 * 0.074 * np.hypot(x, y))
-    rocker = np.arctan2(y, x) - np.arccos(share)
-    found = angle_about(solution.states.bodies["rocker"]) + 0.5 * math.pi
-    np.testing.assert_allclose(np.sin(found - rocker), 0.0, atol=1e-8)
-    assert np.ptp(found) > 0.05
-    residual = cj.observe(scene, solution).ledger_residual()
-    np.testing.assert_allclose(residual, 0.0, atol=1e-8)
-
-
 def first_contact(shaft: float, play: float, sense: float) -> float:
     """Angle of the output from the disc, rad, at which one of six pins reaches the wall of its
     hole: the distance of their centres is the eccentricity plus the play."""

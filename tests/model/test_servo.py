@@ -378,27 +378,6 @@ def test_reverse_mode_has_the_same_derivatives():
         assert gradient[name] == pytest.approx(slopes(name, efforts), rel=2e-4), name
 
 
-@pytest.mark.slow
-def test_derivatives_with_play_are_those_of_scipy():
-    """By play and friction of the joint behind the motor, from the position of the link alone."""
-    times = np.linspace(0.0503, 0.4, 8)
-    scene = geared(with_play(cj.Encoder("ground", "link", Z)))
-    parameters = {
-        "play": cj.Parameter(lambda scene: scene.joints["gear"].play),
-        "drag": cj.Parameter(lambda scene: scene.joints["friction"].load),
-    }
-    outputs = {"link": cj.quantities.JointAngle("hinge of the link")}
-    settings = cj.Settings(rtol=1e-9)
-    found = cj.sensitivities(scene, AT_REST, 0.4, parameters, outputs, times, settings, **QUIET)
-    for k, (name, middle) in enumerate({"play": PLAY, "drag": 0.1}.items()):
-        ends = [scipy_with_play(True, times, **{name: middle * f})[0] for f in (0.9998, 1.0002)]
-        slope = (ends[1] - ends[0])[:, 1] / (4e-4 * middle)
-        scale = np.abs(slope).max()
-        np.testing.assert_allclose(
-            found.derivatives["link"][:, k], slope, rtol=0.0, atol=2e-4 * scale
-        )
-
-
 def test_a_run_continues_from_a_state_in_the_middle():
     """Also at an instant of a sample, where the memory is that after the sample."""
     times = np.array([0.05, 0.1, 0.2])

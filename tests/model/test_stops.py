@@ -1,7 +1,6 @@
 """A stop and two balls: geometry, conformance, closed forms, and independent integrations."""
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -13,7 +12,6 @@ from scipy.special import beta
 
 import clearjoint as cj
 from clearjoint.extend import IDENTITY, unpack
-from tests.support.differences import by_differences
 from tests.support.motions import AT_REST
 
 G, Z = 9.81, (0.0, 0.0, 1.0)
@@ -165,29 +163,6 @@ def test_derivatives_of_two_bounces_are_those_of_the_closed_form():
     assert forward.outputs["z"][0] == pytest.approx(float(after_two(*numbers)), abs=1e-9)
     np.testing.assert_allclose(forward.derivatives["z"][0], expected, rtol=1e-7)
     np.testing.assert_allclose([reverse[name][0] for name in parameters], expected, rtol=1e-7)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("restitution", [0.9, 0.5])
-def test_a_dropped_ball_rebounds_with_the_restitution(restitution):
-    """From 2 m on a stiff floor: v = sqrt(2 g h), then e v, e^2 v, with the flights between, in
-    `simulate` and in `simulate_nonsmooth`."""
-    height, end = 2.0, 3.0
-    scene, state = dropped(height, cj.laws.ExactRestitution(restitution, 1e14))
-    impacts = cj.simulate(scene, state, end, save=cj.Saving(impacts=True), progress=False).impacts
-    speed, fall = math.sqrt(2.0 * G * height), math.sqrt(2.0 * height / G)
-    # The weight works during contacts, which shows more in slow impacts.
-    count = 3
-    powers = restitution ** np.arange(count)
-    np.testing.assert_allclose(impacts.entry_speed[:count], speed * powers, rtol=1e-4)
-    exits = restitution * speed * powers
-    np.testing.assert_allclose(impacts.exit_speed[:count], exits, rtol=1e-4)
-    onsets = fall + 2.0 * restitution * fall * np.r_[0.0, np.cumsum(powers[1:] / restitution)]
-    np.testing.assert_allclose(impacts.onset[:count], onsets, atol=1e-4)
-    rigid = cj.simulate_nonsmooth(scene, state, end, step=1e-4)
-    flexible = cj.simulate(scene, state, end, progress=False)
-    speeds = [run.final.bodies["ball"].velocity[2] for run in (rigid, flexible)]
-    assert speeds[0] == pytest.approx(speeds[1], abs=5e-3)
 
 
 def test_two_balls_exchange_their_speeds():
@@ -383,70 +358,3 @@ def test_painleves_rod_slides_or_jams(friction):
     # At 0.5 the end rattles along the plane; in the paradox one hard impact throws the rod off.
     hard = solution.impacts.peak_force.max() > 20.0 * mass * G
     assert hard == (friction > 4.0 / 3.0) == (len(solution.impacts.onset) == 1)
-
-
-def tumbling() -> tuple[cj.Scene, cj.State]:
-    """A rod thrown on a plate that hangs on a spring, and a ball that strikes the rod's round end
-    and the floor."""
-    surfaces = {"law": cj.laws.ExactRestitution(0.6, 1e8), "friction": ROUGH}
-    bodies = {
-        "plate": cj.Body(3.0, (0.02, 0.03, 0.025)),
-        "rod": cj.Body(0.5, (1e-4, 2e-3, 2e-3)),
-        "ball": cj.Body(0.4, (1e-4,) * 3),
-    }
-    near, far = (-0.1, 0.0, 0.01), (0.12, 0.01, 0.0)
-    plane = {"point": (0.01, 0.0, 0.02), "normal": (0.1, -0.2, 1.0), "radius": 0.01}
-    floor = {"point": (0, 0, -0.1), "normal": (0, 0.1, 1), "radius": 0.03}
-    joints = {
-        "plate": stop("plate", "rod", **plane, point_second=near, end_point_second=far, **surfaces),
-        "balls": balls(
-            "rod", "ball", radius_first=0.02, radius_second=0.03, point_first=far, **surfaces
-        ),
-        "floor": stop("ground", "ball", **floor, **surfaces),
-    }
-    spring = cj.SpringDamper("ground", "plate", (0.1, 0.2, 0.5), (0.02, 0.05, 0.0), 300.0)
-    scene = cj.Scene(bodies, joints, {"spring": spring}, gravity=(0.5, 0.0, -G))
-    tilted = cj.rotation((0.0, 1.0, 0.2), 0.15)
-    states = {
-        "plate": cj.body_state((0.0, 0.0, 0.0), spin=(0.3, 0.2, -0.1)),
-        "rod": cj.body_state((0.02, 0.03, 0.06), tilted, (0.3, -0.2, -1.0), (2.0, -1.0, 3.0)),
-        "ball": cj.body_state((0.2, 0.05, 0.06), velocity=(-1.0, 0.0, -1.0)),
-    }
-    return scene, cj.State(states)
-
-
-@pytest.mark.slow
-def test_derivatives_of_a_tumble_agree_with_differences():
-    """By numbers of every kind, after impacts and slip, in forward and in reverse mode."""
-    scene, state = tumbling()
-    settings = cj.Settings(rtol=1e-11, atol=1e-14, landing_tolerance=1e-13)
-    paths: dict[str, Callable[[cj.Scene], Any]] = {
-        "plane": lambda s: s.joints["plate"].point[2],
-        "normal": lambda s: s.joints["plate"].normal[0],
-        "end": lambda s: s.joints["plate"].end_point_second[2],
-        "radius": lambda s: s.joints["plate"].radius,
-        "ball": lambda s: s.joints["balls"].radius_second,
-        "friction": lambda s: s.joints["plate"].friction.coefficient,
-    }
-    outputs = {x: cj.quantities.Position("ball", x) for x in "xyz"}
-    outputs |= {f"rod {x}": cj.quantities.Position("rod", x) for x in "xyz"}
-    end = 0.08
-    parameters = {name: cj.Parameter(path) for name, path in paths.items()}
-    given = scene, state, end, parameters, outputs, [end], settings
-    exact = cj.sensitivities(*given, progress=False).derivatives
-    predict = cj.predictor(*given)
-    reverse = jax.jacrev(predict)(predict.values)
-
-    def ended(scene: cj.Scene) -> np.ndarray:
-        bodies = cj.simulate(scene, state, end, settings, progress=False).final.bodies
-        return np.r_[bodies["ball"].position, bodies["rod"].position]
-
-    for k, (name, path) in enumerate(paths.items()):
-        step = 1e-6 * max(abs(float(path(scene))), 1.0)
-        numeric = by_differences(ended, scene, path, step)
-        forward = np.array([exact[output][-1, k] for output in outputs])
-        backward = np.array([float(reverse[output][name][-1]) for output in outputs])
-        size = np.abs(numeric).max()
-        assert size > 1e-4, name
-        np.testing.assert_allclose(forward, numeric, rtol=0.0, atol=1e-4 * size, err_msg=name)
-        np.testing.assert_allclose(backward, forward, rtol=0.0, atol=1e-6 * size, err_msg=name)
