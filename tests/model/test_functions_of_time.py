@@ -99,21 +99,6 @@ def switched(at, how=jnp.greater) -> cj.Scene:
     return cj.Scene({"rod": cj.Body(1.0, (0.1, 0.1, 0.1))}, forces={"switch": Switch(at, how)})
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("at", [np.inf, -np.inf])
-def test_runs_with_infinite_breakpoints(at):
-    scene, state = switched(at), cj.State({"rod": cj.body_state(ORIGIN)})
-    way = 0.0 if at > 0.0 else 0.5
-    found = cj.simulate(scene, state, 1.0)
-    np.testing.assert_allclose(found.final.bodies["rod"].position[0], way, rtol=1e-9)
-    stepped = cj.simulate_nonsmooth(scene, state, 1.0, step=1e-3)
-    np.testing.assert_allclose(stepped.final.bodies["rod"].position[0], way, rtol=1e-2)
-    outputs = {"x": cj.quantities.Position("rod", "x")}
-    mass = {"mass": cj.Parameter(lambda s: s.bodies["rod"].mass)}
-    result = cj.sensitivities(scene, state, 1.0, mass, outputs, [1.0])
-    np.testing.assert_allclose(result.derivatives["x"], [[-way]], rtol=1e-9)
-
-
 @pytest.mark.parametrize("how", [jnp.greater, jnp.greater_equal])
 def test_a_load_that_is_switched_at_time_zero(how):
     state = cj.State({"rod": cj.body_state(ORIGIN)})

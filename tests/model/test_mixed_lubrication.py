@@ -83,26 +83,6 @@ def test_friction_over_speed_is_stribecks_curve():
 
 
 @pytest.mark.slow
-def test_forces_are_in_equilibrium_where_both_carry():
-    """The film's load is that of the short bearing in closed form."""
-    speed = 0.5
-    carried = cj.carried_journal(JOINT, (0.0, -LOAD), speed)
-    offset = np.asarray(carried.offset)
-    ratio = np.linalg.norm(offset) / CLEARANCE
-    scale = VISCOSITY * speed * RADIUS * LENGTH**3 / (4.0 * CLEARANCE**2)
-    radial = scale * 4.0 * ratio**2 / (1.0 - ratio**2) ** 2
-    tangential = scale * math.pi * ratio / (1.0 - ratio**2) ** 1.5
-    depth = float(ROUGH.reach) - CLEARANCE * (1.0 - ratio)
-    asperities = float(ROUGH.force(depth, RADIUS, CLEARANCE, LENGTH))
-    assert 0.1 * LOAD < asperities < 0.9 * LOAD
-    normal = offset / np.linalg.norm(offset)
-    along = np.array([-normal[1], normal[0]])
-    film = -radial * normal + tangential * along
-    dry = -asperities * normal - MU * asperities * along
-    np.testing.assert_allclose(film + dry, [0.0, LOAD], rtol=0.0, atol=1e-3 * LOAD)
-
-
-@pytest.mark.slow
 def test_an_equilibrium_at_a_wall_with_a_profile_is_refused():
     """A run computes the contact with the profile. A film is that of circles in both."""
     oval = cj.profiles.Harmonics([0.0, 1e-6])

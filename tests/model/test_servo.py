@@ -446,19 +446,6 @@ def test_reductions_take_the_torque_before_and_after_its_jump():
     assert found["late_0.5"] == pytest.approx(np.median(held), abs=0.1)
 
 
-@pytest.mark.slow
-def test_the_energy_ledger_counts_its_work():
-    servo = cj.Servo(*ON_SHAFT, 2.0, 200.0, 18.0, 0.25, delay=0.0031)
-    settings = cj.Settings(rtol=1e-10, ledger=True)
-    outputs = {"supplied": lambda now: now.work["supplied"]}
-    times = np.linspace(0.0, 0.3, 40)
-    saving = cj.Saving(times)
-    scene = one_inertia(servo, damping=0.03)
-    solution = cj.simulate(scene, turned(), 0.3, settings, saving, outputs=outputs, **QUIET)
-    residual = cj.observe(scene, solution).ledger_residual()
-    assert np.abs(residual).max() < 1e-8 < np.abs(solution.outputs["supplied"]).max()
-
-
 class SampledDamper(cj.extend.AbstractSampledForce):
     """A user's element: a force against the speed that it read last."""
 

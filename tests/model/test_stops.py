@@ -3,7 +3,6 @@
 import math
 from typing import Any
 
-import jax
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -108,61 +107,22 @@ def test_friction_acts_midway_between_the_surfaces(radius):
     np.testing.assert_allclose(on_both, [(0.3, 0.2, -0.5 * depth)] * 2, rtol=0.0, atol=1e-15)
 
 
-def dropped(height: float, law: Any, radius: float = 0.02) -> tuple[cj.Scene, cj.State]:
-    """A ball of 1 kg at a height, m, above a floor."""
-    ball = cj.Body(1.0, (1.6e-4,) * 3)
-    floor = stop("ground", "ball", radius=radius, law=law)
-    state = cj.State({"ball": cj.body_state((0.0, 0.0, radius + height))})
-    return cj.Scene({"ball": ball}, {"floor": floor}, gravity=(0, 0, -G)), state
-
-
-def flight_and_contact(height: Any, stiffness: Any) -> tuple[Any, Any]:
-    """Duration of the fall, and of a contact with a linear spring without damping under 1 kg, which
-    the ball leaves as fast as it came."""
-    fall = (2.0 * height / G) ** 0.5
-    frequency = stiffness**0.5
-    return fall, 2.0 / frequency * (math.pi - jax.numpy.arctan2(fall * frequency, 1.0))
-
-
 def test_a_dropped_ball_bounces_as_in_closed_form():
-    """From 2 m on a linear spring."""
-    height, stiffness = 2.0, 1e6
-    scene, state = dropped(height, cj.laws.Hertz(stiffness, exponent=1.0))
+    """From 2 m on a linear spring without damping, under 1 kg, which it leaves as it came."""
+    height, radius, frequency = 2.0, 0.02, 1e3
+    law = cj.laws.Hertz(frequency**2, exponent=1.0)
+    floor = stop("ground", "ball", radius=radius, law=law)
+    ball = cj.Body(1.0, (1.6e-4,) * 3)
+    scene = cj.Scene({"ball": ball}, {"floor": floor}, gravity=(0, 0, -G))
+    state = cj.State({"ball": cj.body_state((0.0, 0.0, radius + height))})
     save = cj.Saving(impacts=True)
     impacts = cj.simulate(scene, state, 3.0, TIGHT, save, progress=False).impacts
-    fall, contact = (float(time) for time in flight_and_contact(height, stiffness))
+    fall = math.sqrt(2.0 * height / G)
+    contact = 2.0 / frequency * (math.pi - math.atan(fall * frequency))
     onsets = fall + (2.0 * fall + contact) * np.arange(2)
     np.testing.assert_allclose(impacts.onset, onsets, rtol=1e-9)
     np.testing.assert_allclose(impacts.separation - impacts.onset, contact, rtol=1e-7)
     np.testing.assert_allclose(impacts.entry_speed, G * fall, rtol=1e-9)
-
-
-@pytest.mark.slow
-def test_derivatives_of_two_bounces_are_those_of_the_closed_form():
-    height, stiffness, end = 2.0, 1e6, 2.2
-    scene, state = dropped(height, cj.laws.Hertz(stiffness, exponent=1.0))
-    parameters = {
-        "height": cj.Parameter.initial(lambda s: s.bodies["ball"].position[2]),
-        "stiffness": cj.Parameter(lambda s: s.joints["floor"].law.stiffness.stiffness),
-        "radius": cj.Parameter(lambda s: s.joints["floor"].radius),
-    }
-    outputs = {"z": cj.quantities.Position("ball", "z")}
-    settings = cj.Settings(rtol=1e-12, atol=1e-13, landing_tolerance=1e-13)
-    given = scene, state, end, parameters, outputs, [end], settings
-
-    def after_two(start: Any, stiffness: Any, radius: Any) -> Any:
-        fall, contact = flight_and_contact(start - radius, stiffness)
-        flown = end - 3.0 * fall - 2.0 * contact
-        return radius + G * fall * flown - 0.5 * G * flown**2
-
-    numbers = height + 0.02, stiffness, 0.02
-    expected = np.array(jax.grad(after_two, (0, 1, 2))(*numbers))
-    forward = cj.sensitivities(*given, progress=False)
-    predict = cj.predictor(*given)
-    reverse = jax.jacrev(predict)(predict.values)["z"]
-    assert forward.outputs["z"][0] == pytest.approx(float(after_two(*numbers)), abs=1e-9)
-    np.testing.assert_allclose(forward.derivatives["z"][0], expected, rtol=1e-7)
-    np.testing.assert_allclose([reverse[name][0] for name in parameters], expected, rtol=1e-7)
 
 
 def test_two_balls_exchange_their_speeds():
