@@ -276,3 +276,38 @@ def test_mechanisms_without_a_speed_start_at_rest(mechanism):
         np.testing.assert_array_equal([body.velocity, body.spin], np.zeros((2, 3)))
     motors = [joint for name, joint in scene.joints.items() if name.startswith("motor")]
     assert [float(motor.speed) for motor in motors] == [0.0] * len(motors)
+
+
+def first_contact(shaft: float, play: float, sense: float) -> float:
+    """Angle of the output from the disc, rad, at which one of six pins reaches the wall of its
+    hole: the distance of their centres is the eccentricity plus the play."""
+    eccentricity, radius, disc = 1e-3, 25e-3, -shaft / 10
+    found = []
+    for around in disc + 2.0 * np.pi * np.arange(6) / 6:
+
+        def distance(turn: float, around=around) -> float:
+            pin = radius * np.exp(1j * (around + turn))
+            hole = radius * np.exp(1j * around) + eccentricity * np.exp(1j * shaft)
+            return abs(pin - hole) - eccentricity - play
+
+        if distance(sense * 0.01) > 0.0:
+            found.append(brentq(distance, 0.0, sense * 0.01, xtol=1e-16))
+    return min(found, key=abs)
+
+
+@pytest.mark.slow
+def test_a_cycloid_stage_transmits_with_the_ratio_of_its_lobes():
+    """The torque keeps the output ahead of the disc by the backlash, at every angle of the
+    shaft, and the disc rotates backwards by a tenth of it."""
+    play, speed = 0.02e-3, 20.0
+    scene, state = cj.mechanisms.cycloid_stage(play, speed=speed, torque=0.1)
+    times = np.linspace(0.04, 0.1, 31)
+    bodies = cj.simulate(
+        scene, state, 0.1, cj.Settings(rtol=1e-10, atol=1e-12), cj.Saving(times), progress=False
+    ).states.bodies
+    disc = angle_about(bodies["disc"])
+    np.testing.assert_allclose(disc, -speed * times / 10, rtol=0.0, atol=1e-9)
+    ahead = angle_about(bodies["output"]) - disc
+    expected = [first_contact(speed * t, play, 1.0) for t in times]
+    np.testing.assert_allclose(ahead, expected, rtol=1e-2)
+    assert np.ptp(expected) > 0.1 * np.mean(expected)

@@ -3,7 +3,6 @@
 import math
 from types import SimpleNamespace
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -314,45 +313,6 @@ EVERY = {
     "elbow moment": q.ReactionMoment("elbow", "arm 3", "y", "body"),
     "bearing load": q.Reaction("shoulder", "ground"),
 }
-
-
-@pytest.mark.slow
-def test_derivatives_are_those_of_differences():
-    """In a random direction of the variables and of the scene's numbers at once.
-
-    Without the hinge's axes, by the sign of whose z joint coordinates choose where angles start.
-    """
-    scene, state = swinging(cj.frictions.RegularisedCoulomb(0.3, 1e-3))
-    variables = JOINT.coordinates.encode(unpack(scene), unpack(state.bodies))
-    random = np.random.default_rng(8)
-    point = (scene, variables)
-    direction = jax.tree.map(
-        lambda leaf: random.normal(size=np.shape(leaf)) * (np.abs(leaf) + 1e-4), point
-    )
-
-    def values(point):
-        scene, variables = point
-        now = Instant(System(unpack(scene), JOINT), 0.0, variables, {}, {})
-        return {name: jnp.asarray(quantity(now)) for name, quantity in EVERY.items()}
-
-    direction = eqx.tree_at(
-        lambda d: (d[0].joints["elbow"].axis_first, d[0].joints["elbow"].axis_second),
-        direction,
-        (np.zeros(3), np.zeros(3)),
-    )
-    point, direction = jax.tree.map(jnp.asarray, (point, direction))
-
-    @eqx.filter_jit
-    def shifted(step):
-        there = jax.tree.map(lambda a, b: a + step * b, point, direction)
-        return jax.jvp(values, (there,), (direction,))
-
-    step = 1e-6
-    (_, exact), (ahead, _), (behind, _) = map(shifted, jnp.array([0.0, step, -step]))
-    for name, slope in exact.items():
-        difference = float(ahead[name] - behind[name]) / (2.0 * step)
-        assert slope == pytest.approx(difference, rel=1e-6), name
-        assert slope != 0.0, name
 
 
 @pytest.mark.parametrize(
