@@ -237,35 +237,6 @@ def test_shoulders_stop_the_journal_after_half_the_play(shift):
     )
 
 
-HALF_TURN = (0.0, 1.0, 0.0, 0.0)
-"""Euler parameters of a turn by 180 degrees about X."""
-
-
-@pytest.mark.parametrize("shift", [-0.3, 0.2])
-@pytest.mark.parametrize(
-    ("options", "orientation"),
-    [
-        ({"journal_axis": (0.0, 0.0, -1.0)}, (1.0, 0.0, 0.0, 0.0)),
-        ({"bearing_axis": (0.0, 0.0, -1.0)}, (1.0, 0.0, 0.0, 0.0)),
-        ({}, HALF_TURN),
-        ({"bearing_axis": (0.0, 0.0, -1.0), "journal_axis": (0.0, 0.0, -1.0)}, HALF_TURN),
-    ],
-    ids=["journal's axis", "bearing's axis", "body", "body with both"],
-)
-def test_antiparallel_axes_meet_the_same_shoulders(options, orientation, shift):
-    """The base that lies at an end of the bearing meets the shoulder there, moving outwards."""
-    scene = pin_scene(cj.laws.Hertz(100.0), axial=cj.EndPlay(PLAY, cj.laws.Hertz(100.0)), **options)
-    body = cj.body_state((0.0, 0.0, shift), orientation, velocity=(0.0, 0.0, 0.7))
-    accelerations, forces = rates_of(scene, body, 0.5e-3)
-    up = -1.0 if "bearing_axis" in options else 1.0
-    for name, side in SIDES.items():
-        gap = forces["pin"][f"{name} shoulder"].contact.gap
-        assert float(gap.depth) == pytest.approx(side * up * shift - 0.05)
-        assert float(gap.rate) == pytest.approx(side * up * 0.7)
-    push = -np.sign(shift) * 100.0 * (abs(shift) - 0.05) ** 1.5
-    assert 2.0 * float(accelerations["journal"].linear.z) == pytest.approx(push)
-
-
 @pytest.mark.parametrize("make", [cj.ClearanceJoint, cj.MasslessLink])
 def test_antiparallel_axes_swap_the_bases_and_nothing_else(make):
     """Eccentricities and penetrations at the walls, axial constraints, rows of a link and angle."""

@@ -8,14 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from studies.robots.sampled_servo import SampledPid
 from tests.support.differences import by_differences
 from tests.support.shaft import INERTIA, ON_SHAFT, ORIGIN, Z, shaft, turned
 from tests.support.slow import slow_but
-from tests.support.symmetry_transformations import euler
 
 TIGHT = cj.Settings(rtol=1e-10)
 QUIET = {"progress": False}
@@ -233,49 +231,6 @@ def test_any_rate_and_delay():
             np.testing.assert_allclose(found, rows[:, 0], rtol=0.0, atol=1e-9)
             late = motion(scene, turned(0.1, 0.7), 3000.2, 3000.0 + times, start_time=3000.0)
             np.testing.assert_allclose(late.outputs["angle"], rows[:, 0], rtol=0.0, atol=1e-7)
-
-
-def test_between_two_free_bodies_in_any_orientation_and_order():
-    """With equal moments of inertia about all axes, the relative angle is that of 1/(1/J1 + 1/J2).
-
-    The encoder reads the same angle from the other side: about the reversed axis of the second.
-    """
-    times = np.linspace(0.02, 0.2, 7)
-    for seed in range(3):
-        rng = np.random.default_rng(seed)
-        one, other = rng.permutation(["b", "a c"]).tolist()
-        axis = rng.normal(size=3)
-        unit, start = axis / np.linalg.norm(axis), 0.3
-        zero, place = Rotation.random(2, rng)
-        turn = place * Rotation.from_rotvec(start * unit) * zero
-        pair = euler(zero.as_matrix()), euler(zero.inv().as_matrix())
-        servo = cj.Servo(
-            *(one, other, axis, 0.8, 200.0, 6.0, 0.1),
-            delay=0.0025,
-            encoder=cj.Encoder(other, one, -zero.inv().apply(axis), orientation=pair[1]),
-            orientation=pair[0],
-        )
-        hinge = cj.RevoluteJoint(one, other, ORIGIN, ORIGIN, axis, zero.inv().apply(axis))
-        bodies = {one: cj.Body(2.0, (0.03,) * 3), other: cj.Body(1.0, (0.01,) * 3)}
-        velocity = rng.normal(size=3)
-        states = {
-            one: cj.body_state(ORIGIN, euler(place.as_matrix()), velocity),
-            other: cj.body_state(ORIGIN, euler(turn.as_matrix()), velocity),
-        }
-        order = rng.permutation([one, other]).tolist()
-        scene = cj.Scene({name: bodies[name] for name in order}, {"hinge": hinge}, {"servo": servo})
-        state = cj.State({name: states[name] for name in order})
-        solution = cj.simulate(scene, state, 0.2, TIGHT, cj.Saving(times), **QUIET)
-        law = SampledPid(200.0, 6.0, 0.1, delay=0.0025, goal=lambda t: 0.8)
-        rows, _ = law.run(
-            lambda t, y, u: [y[1], u * (1 / 0.03 + 1 / 0.01)], [start, 0.0], 0.2, lambda y: y, times
-        )
-        ends = [
-            Rotation.from_quat(solution.states.bodies[name].orientation, scalar_first=True)
-            for name in (one, other)
-        ]
-        relative = (ends[0].inv() * ends[1] * zero.inv()).as_rotvec() @ unit
-        np.testing.assert_allclose(relative, rows[:, 0], rtol=0.0, atol=1e-8)
 
 
 @pytest.mark.parametrize(
