@@ -9,7 +9,6 @@ from scipy.integrate import quad
 
 import clearjoint as cj
 from clearjoint.extend import Gap
-from clearjoint.testing import check_law
 from studies.catalogue.films import CLEARANCE, RADIUS, ROUGH, mixed
 
 LENGTH, MU, VISCOSITY = 20e-3, 0.1, 0.005
@@ -46,9 +45,7 @@ def test_the_force_is_the_integral_of_the_pressure_around_the_journal(distance):
     assert force == pytest.approx(integral, rel=2.5e-2)
 
 
-@pytest.mark.slow
-def test_the_law_keeps_what_laws_promise():
-    check_law(LAW)
+def test_the_force_begins_where_the_asperities_reach():
     gap = Gap(-float(ROUGH.reach), 0.0, RADIUS, CLEARANCE)
     assert float(LAW.elastic_force(gap)) == 0.0
 
