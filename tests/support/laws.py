@@ -45,7 +45,7 @@ def contact_laws(lossless: bool = False) -> list[cj.extend.AbstractContactLaw]:
         laws.BordbarHyppanen(STIFFNESS, 1e4 * damped),
         laws.Ristow(STIFFNESS, 20.0 * damped),
         laws.ElastoGap(1e5, 50.0 * damped),
-        laws.ImpactFunction(STIFFNESS, 50.0 * damped, 1e-5),
+        laws.ImpactFunction(STIFFNESS, 50.0 * damped, 1.5e-5),
         laws.FloresKelvinVoigt(restitution, 1e5),
         *(laws.Hertz(kind(1e8, 0.3, length=20e-3)) for kind in CYLINDERS.values()),
         laws.Hertz(laws.RavnStiffness(1e8, 0.3)),
