@@ -9,7 +9,7 @@ import pytest
 import clearjoint as cj
 from tests.scene_files.test_random_robots import random_motion, random_robot
 from tests.support.many_states import system_of
-from tests.support.one_body import ORIGIN, X, Z, hinge
+from tests.support.one_body import ORIGIN, X, hinge
 
 FEW, MANY = range(2), range(100, 130)
 SEEDS = [*FEW, *(pytest.param(seed, marks=pytest.mark.slow) for seed in MANY)]
@@ -119,28 +119,6 @@ def test_a_rigid_impact_accelerates_the_rotor_too(sliding):
     bar = solution.final.bodies["bar"]
     speed = bar.velocity[0] if sliding else 0.4 * bar.spin[2]
     assert speed == pytest.approx(impulse / mass, rel=1e-4)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("coordinates", [cj.JointCoordinates(), cj.AbsoluteCoordinates()])
-def test_energy_is_balanced_and_derivatives_are_those_of_the_closed_form(coordinates):
-    """A bar turned by a constant torque: w = T t/(J + a)."""
-    scene, state = driven(0.5, False)
-    motor = {"motor": cj.DriveTorque("ground", "bar", Z, 0.7)}
-    scene = cj.Scene({"bar": scene.bodies["bar"]}, {"joint": scene.joints["joint"]}, motor)
-    state = cj.State({"bar": state.bodies["bar"]})
-    settings = cj.Settings(coordinates=coordinates, ledger=True)
-    save = cj.Saving(np.linspace(0.0, 0.5, 6))
-    solution = cj.simulate(scene, state, 0.5, settings, save, progress=False)
-    observed = cj.observe(scene, solution)
-    expected = 0.5 * 0.6 * (0.7 * save.times / 0.6) ** 2
-    np.testing.assert_allclose(observed.energies["kinetic"], expected, rtol=0.0, atol=1e-9)
-    assert np.abs(observed.ledger_residual()).max() < 1e-9
-    armature = cj.Parameter(lambda scene: scene.joints["joint"].armature)
-    spin = cj.quantities.AngularVelocity("bar", "z")
-    parameters, outputs = {"armature": armature}, {"spin": spin}
-    found = cj.sensitivities(scene, state, 0.5, parameters, outputs, [0.5], settings)
-    assert found.derivatives["spin"][0, 0] == pytest.approx(-0.7 * 0.5 / 0.6**2, rel=1e-7)
 
 
 def test_an_armature_must_be_positive():

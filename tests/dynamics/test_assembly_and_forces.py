@@ -74,30 +74,6 @@ def test_load_and_torque_accelerate_a_free_body():
     assert angle == pytest.approx(0.5 * 0.4 / 0.25 * 4.0, abs=1e-6)
 
 
-def _axial_offset(observed: cj.results.Observation) -> np.ndarray:
-    points = [observed.contacts["shoulder"][base].point_on_journal[:, 2] for base in "VW"]
-    return 0.5 * (points[0] + points[1])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("axial", "least", "most"),
-    [
-        (cj.FreeAxially(), 1e-3, 1.0),
-        (cj.FixedAxially(), 0.0, 1e-9),
-        (cj.EndPlay(2e-4, cj.laws.LankaraniNikravesh(0.5, 1e9)), 0.99e-4, 1.2e-4),
-    ],
-    ids=["free", "fixed", "end play"],
-)
-def test_axial_policies_hold_the_journal_as_declared(axial, least, most):
-    """If it is free, arm 2 slides a millimetre along the journal in 0.12 s."""
-    scene, state = cj.mechanisms.double_pendulum(axial=axial)
-    save = cj.Saving(np.linspace(0, 0.13, 200))
-    solution = cj.simulate(scene, state, 0.13, cj.Settings(rtol=1e-8), save)
-    slide = np.abs(_axial_offset(cj.observe(scene, solution))).max()
-    assert least <= slide <= most
-
-
 @pytest.mark.parametrize(
     ("shift", "clearance", "violated"),
     [

@@ -102,3 +102,15 @@ def test_a_door_on_two_hinges_swings_as_on_one(apart):
     angle = solve_ivp(rates, (0.0, 0.5), [0.0, 0.0], rtol=1e-11, atol=1e-12).y[0, -1]
     expected = 0.5 * np.array([np.cos(angle), np.sin(angle), 0.0])
     np.testing.assert_allclose(final.position, expected, rtol=0.0, atol=1e-7)
+
+
+def test_reactions_of_redundant_constraints_have_least_norm():
+    """The weight of a door on two hinges is shared equally along the common axis."""
+    joints = {f"hinge {z}": hinge("ground", "door", (0, 0, z), (0, 0, z)) for z in (-0.5, 0.5)}
+    scene, state = one_body("door", joints, mass=2.0, gravity=(0.0, 0.0, -9.81))
+    solution = cj.simulate(scene, state, 1e-3, save=cj.Saving([1e-3]))
+    observed = cj.observe(scene, solution)
+    assert len(solution.redundant_constraints) == 5 and not observed.reactions_unique
+    for name in joints:
+        force = observed.reactions[name]["door"].force[0]
+        np.testing.assert_allclose(force, (0.0, 0.0, 9.81), rtol=1e-6, atol=1e-9)

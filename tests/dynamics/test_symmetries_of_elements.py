@@ -325,9 +325,7 @@ def element_of(scene: cj.Scene) -> Any:
     return {**scene.joints, **scene.forces}["element"]
 
 
-@pytest.mark.parametrize(
-    "choice", [*(pytest.param(choice, marks=pytest.mark.slow) for choice in (1, 2)), 3]
-)
+@pytest.mark.parametrize("choice", [1, 2, 3])
 def test_axes_reversed(choice):
     """Exchanges the bases of a journal, the corners of a slider, the walls of a slot and the flanks
     of a backlash."""

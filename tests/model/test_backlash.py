@@ -56,24 +56,6 @@ def depths(joint: AbstractContactJoint, motions: dict[str, Motion]) -> np.ndarra
     return np.array([float(contact.gap.depth) for contact in contacts.values()])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "joint",
-    [backlash(middle=0.4), backlash(axis_first=(1, 2, 0.5), axis_second=(0.3, 1, -1))],
-    ids=["along z", "along others"],
-)
-def test_joints_conform_in_motion(joint):
-    check_contact_joint(joint, MOTIONS)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("wider", [0.0, 2e-4])
-@pytest.mark.parametrize("teeth_second", [41, -57])
-def test_gears_conform(teeth_second, wider):
-    joint = gears(18, teeth_second, phase=0.3)
-    check_contact_joint(joint, meshing(joint, wider), together=False)
-
-
 def test_a_contact_whose_force_does_other_work_than_its_gap_is_refused():
     class Doubled(cj.Backlash):
         def contacts(self, motions):

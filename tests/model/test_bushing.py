@@ -1,31 +1,17 @@
-"""The bushing: rotation vectors, balance of forces and energies, and closed forms."""
+"""The bushing: forces and moments in closed form, and errors."""
 
-import math
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from clearjoint.extend import unpack
-from clearjoint.testing import check_force
-from tests.support.motions import NEAR_EACH_OTHER
-from tests.support.shaft import ORIGIN, angle_about
-
-LINER = cj.Bushing(
-    *("a", "b", (0.1, 0.2, 0.3), (0.3, -0.1, 0.2)),
-    stiffness=(2e4, 3e4, 4e4),
-    damping=(20.0, 30.0, 50.0),
-    rotational_stiffness=(30.0, 50.0, 70.0),
-    rotational_damping=(0.1, 0.2, 0.4),
-    orientation_first=cj.rotation((0.1, -0.3, 0.5), 1.3),
-    orientation_second=(0.6, 0.0, 0.8, 0.0),
-)
-
-
-def test_forces_balance_and_do_the_work_of_springs_and_dampers():
-    check_force(LINER, NEAR_EACH_OTHER, tolerance=1e-9)
-    assert unpack(LINER).supplied_power(NEAR_EACH_OTHER, 0.0) < 0.0
+from clearjoint.testing import moving
+from tests.support.motions import AT_REST
+from tests.support.shaft import ORIGIN
+from tests.support.symmetry_transformations import euler
 
 
 @pytest.mark.parametrize(
@@ -42,41 +28,26 @@ def test_invalid_bushings_are_refused(change, complaint):
         cj.Bushing("a", "b", (0, 0, 0), (0, 0, 0), **(given | change))
 
 
-@pytest.mark.slow
-def test_each_axis_swings_as_a_damped_oscillator():
-    """exp(-d t/2m) cos, along an axis and, by more than a right angle, about it; what the ledger
-    says of the dissipated energy closes."""
-    mass, inertia, stiffness, damping, torsion, drag = 2.0, 0.05, 800.0, 3.0, 5.0, 0.04
+def test_each_axis_is_a_spring_and_a_damper():
+    """Along an axis and, by more than a right angle, about it; the axes have any orientation."""
+    shift, speed, angle, spin = 0.01, -0.3, 2.5, 4.0
+    turn, axes = Rotation.from_rotvec([0.3, -1.2, 0.8]), Rotation.from_rotvec([0.5, 0.2, -0.4])
     liner = cj.Bushing(
         *("ground", "b", ORIGIN, ORIGIN),
-        stiffness=(500.0, stiffness, 500.0),
-        damping=(0.0, damping, 0.0),
-        rotational_stiffness=(1.0, torsion, 2.0),
-        rotational_damping=(0.0, drag, 0.0),
-        orientation_first=(math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0),
-        orientation_second=(math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0),
+        stiffness=(500.0, 600.0, 700.0),
+        damping=(3.0, 4.0, 5.0),
+        rotational_stiffness=(1.0, 2.0, 3.0),
+        rotational_damping=(0.1, 0.2, 0.3),
+        orientation_first=euler(axes.as_matrix()),
+        orientation_second=euler((turn.inv() * axes).as_matrix()),
     )
-    scene = cj.Scene({"b": cj.Body(mass, (inertia,) * 3)}, forces={"liner": liner})
-    shift, turn = 0.01, 2.5
-    start = cj.body_state((0.0, 0.0, shift), cj.rotation((0, 0, 1), turn))
-    times = np.linspace(0.1, 1.5, 8)
-    settings = cj.Settings(rtol=1e-11, atol=1e-13, ledger=True)
-    solution = cj.simulate(scene, cj.State({"b": start}), 1.5, settings, save=cj.Saving(times))
-
-    def swinging(start: float, mass: float, stiffness: float, damping: float) -> np.ndarray:
-        decay = damping / (2 * mass)
-        own = math.sqrt(stiffness / mass - decay**2)
-        swing = np.cos(own * times) + decay / own * np.sin(own * times)
-        return start * np.exp(-decay * times) * swing
-
-    body = solution.states.bodies["b"]
-    height = swinging(shift, mass, stiffness, damping)
-    np.testing.assert_allclose(body.position[:, 2], height, rtol=0.0, atol=1e-10)
-    np.testing.assert_allclose(
-        angle_about(body), swinging(turn, inertia, torsion, drag), rtol=0.0, atol=1e-8
-    )
-    final = solution.final
-    begun = 0.5 * (stiffness * shift**2 + torsion * turn**2)
-    left = cj.observe(scene, solution).energies["mechanical"][-1]
-    assert begun + float(final.work["supplied"]) == pytest.approx(left, rel=1e-8)
-    assert float(final.work["supplied"]) < -0.5 * begun
+    for k, axis in enumerate(axes.as_matrix().T):
+        second = Rotation.from_rotvec(angle * axis) * turn
+        turning = second.inv().apply(spin * axis)
+        body = moving(shift * axis, euler(second.as_matrix()), speed * axis, turning)
+        wrench = unpack(liner).wrenches({"ground": AT_REST, "b": body}, 0.0)["b"]
+        force = -(500.0 + 100.0 * k) * shift - (3.0 + k) * speed
+        moment = -(1.0 + k) * angle - 0.1 * (1.0 + k) * spin
+        np.testing.assert_allclose([*wrench.force], force * axis, rtol=0.0, atol=1e-12)
+        found = second.apply([*wrench.moment])
+        np.testing.assert_allclose(found, moment * axis, rtol=0.0, atol=1e-12)

@@ -1,7 +1,5 @@
 """The clearance joint: geometry of the paper, balance of its forces, and its axial policies."""
 
-import functools
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -10,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
-from clearjoint.extend import EulerParameters, Formulation, System, Vector, pack, unpack
+from clearjoint.extend import Formulation, System, Vector, pack, unpack
 from clearjoint.testing import moving
 from tests.support.many_states import in_scalars
 from tests.support.motions import AT_REST
@@ -160,78 +158,6 @@ def test_journal_offset_is_in_the_frame_of_the_bearing():
         scene.joints["pin"].journal_offset(motions, "U")
 
 
-def test_slip_is_the_tangential_velocity_of_the_contact_points():
-    scene = random_scene(friction=FRICTION)
-    motions = COORDINATES.motions(scene, random_states())
-    for contact in scene.joints["pin"].contacts(motions).values():
-        points = [pack(point) for point in contact_points(scene, motions, contact)]
-        relative = velocity(1, points[1]) - velocity(0, points[0])
-        normal = pack(contact.normal)
-        expected = relative - normal * dot(relative, normal)[:, None]
-        np.testing.assert_allclose(pack(contact.slip), expected, rtol=1e-11, atol=1e-12)
-
-
-def test_penetration_rate_is_the_derivative_of_the_penetration():
-    """At bases and shoulders, both bodies moving, for all orientations of the axes."""
-    scene = random_scene(axial=cj.EndPlay(PLAY, cj.laws.Hertz(30.0)))
-    states = random_states()
-    rates = COORDINATES.mechanics(scene, states).variable_rates([0.0] * 12)
-    rates = jax.tree.map(lambda rate, like: rate + 0.0 * like, rates, states)
-
-    def depths(states):
-        contacts = scene.joints["pin"].contacts(COORDINATES.motions(scene, states))
-        return {label: jnp.asarray(contact.gap.depth) for label, contact in contacts.items()}
-
-    moving = jax.jvp(depths, (states,), (rates,))[1]
-    contacts = scene.joints["pin"].contacts(COORDINATES.motions(scene, states))
-    assert set(contacts) == {"V", "W", "lower shoulder", "upper shoulder"}
-    for label, contact in contacts.items():
-        np.testing.assert_allclose(contact.gap.rate, moving[label], rtol=1e-10, atol=1e-11)
-
-
-def loads(found):
-    """Force (global) and moment about the centre of mass (global) on each body, from its motion."""
-    result = []
-    for k, name in enumerate("ab"):
-        part = found.accelerations[name]
-        angular = pack(part.angular) @ INERTIAS[name] + np.cross(SPIN[k], SPIN[k] @ INERTIAS[name])
-        result.append((MASSES[name] * pack(part.linear), turned(k, angular)))
-    return result
-
-
-@pytest.mark.parametrize(
-    "options",
-    [{}, {"friction": FRICTION}, {"axial": cj.EndPlay(PLAY, cj.laws.Hertz(30.0))}],
-    ids=["bases", "friction", "end play"],
-)
-def test_power_on_the_bodies_is_force_times_rate(options):
-    """Minus normal force times penetration rate, and friction times slip."""
-    found = dynamics(**options)
-    power = sum(
-        dot(force, VELOCITY[k]) + dot(moment, turned(k, SPIN[k]))
-        for k, (force, moment) in enumerate(loads(found))
-    )
-    expected = 0.0
-    for part in found.contact_forces["pin"].values():
-        expected = expected - part.normal_force * part.contact.gap.rate
-        if part.friction is not None:
-            expected = expected + part.friction.dot(part.contact.slip)
-    np.testing.assert_allclose(power, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
-
-
-def test_bearing_on_the_ground_is_a_bearing_on_a_body_at_rest():
-    """Pruning what the ground makes zero changes nothing for the journal's body."""
-    options = {"friction": FRICTION, "axial": cj.EndPlay(PLAY, cj.laws.Hertz(30.0))}
-    zero = vector(np.zeros((N, 3)))
-    still = cj.BodyState(zero, EulerParameters(np.ones(N), *zero), zero, zero)
-    on_body, on_ground = (
-        dynamics({"a": still}, **options),
-        dynamics(bearing_body="ground", **options),
-    )
-    close = functools.partial(np.testing.assert_allclose, rtol=1e-11, atol=1e-11)
-    jax.tree.map(close, on_ground.contact_forces, on_body.contact_forces)
-
-
 PIN = {"bearing_radius": 10e-3, "clearance": 0.5e-3, "journal_length": 20e-3}
 MODE = cj.results.MotionMode
 
@@ -309,35 +235,6 @@ def test_shoulders_stop_the_journal_after_half_the_play(shift):
     np.testing.assert_allclose(
         2.0 * pack(accelerations["journal"].linear), push * axis, rtol=1e-11, atol=1e-13
     )
-
-
-HALF_TURN = (0.0, 1.0, 0.0, 0.0)
-"""Euler parameters of a turn by 180 degrees about X."""
-
-
-@pytest.mark.parametrize("shift", [-0.3, 0.2])
-@pytest.mark.parametrize(
-    ("options", "orientation"),
-    [
-        ({"journal_axis": (0.0, 0.0, -1.0)}, (1.0, 0.0, 0.0, 0.0)),
-        ({"bearing_axis": (0.0, 0.0, -1.0)}, (1.0, 0.0, 0.0, 0.0)),
-        ({}, HALF_TURN),
-        ({"bearing_axis": (0.0, 0.0, -1.0), "journal_axis": (0.0, 0.0, -1.0)}, HALF_TURN),
-    ],
-    ids=["journal's axis", "bearing's axis", "body", "body with both"],
-)
-def test_antiparallel_axes_meet_the_same_shoulders(options, orientation, shift):
-    """The base that lies at an end of the bearing meets the shoulder there, moving outwards."""
-    scene = pin_scene(cj.laws.Hertz(100.0), axial=cj.EndPlay(PLAY, cj.laws.Hertz(100.0)), **options)
-    body = cj.body_state((0.0, 0.0, shift), orientation, velocity=(0.0, 0.0, 0.7))
-    accelerations, forces = rates_of(scene, body, 0.5e-3)
-    up = -1.0 if "bearing_axis" in options else 1.0
-    for name, side in SIDES.items():
-        gap = forces["pin"][f"{name} shoulder"].contact.gap
-        assert float(gap.depth) == pytest.approx(side * up * shift - 0.05)
-        assert float(gap.rate) == pytest.approx(side * up * 0.7)
-    push = -np.sign(shift) * 100.0 * (abs(shift) - 0.05) ** 1.5
-    assert 2.0 * float(accelerations["journal"].linear.z) == pytest.approx(push)
 
 
 @pytest.mark.parametrize("make", [cj.ClearanceJoint, cj.MasslessLink])

@@ -60,22 +60,6 @@ def test_short_bearing_in_steady_rotation():
     assert force[1] == pytest.approx(2.41840, abs=5e-6)
 
 
-def test_a_spinning_whirling_journal_is_that_of_the_papers_formula():
-    """In fixed axes, with the sum of the spins: the printed formula with its signs."""
-    x, y, dx, dy, spin = 0.3, -0.5, 20.0, -35.0, 90.0
-    a, b = spin * x - 2 * dy, spin * y + 2 * dx
-    r, rho = math.hypot(a, b), 1 - x * x - y * y
-    c, s = -a / r, -b / r
-    d, q = y * c - x * s, x * c + y * s
-    g = 2 / math.sqrt(rho) * (math.pi / 2 + math.atan(d / math.sqrt(rho)))
-    v, q = (2 + d * g) / rho, q / (1 - q * q)
-    components = 3 * x * v - s * g - 2 * c * q, 3 * y * v + c * g - 2 * s * q
-    expected = -SHORT / 4 * r / rho * np.array(components)
-    rate = [dx + 0.5 * spin * y, dy - 0.5 * spin * x]
-    force = forces(cj.films.CaponeFilm(VISCOSITY), [[x, y]], [rate])[0]
-    np.testing.assert_allclose(force, expected, rtol=1e-13)
-
-
 @pytest.mark.parametrize("width", SOMMERFELD_NUMBERS)
 def test_finite_width_against_the_table(width):
     film, length = cj.films.ButenschoenFilm(VISCOSITY), 2.0 * RADIUS * width

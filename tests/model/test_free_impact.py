@@ -1,4 +1,4 @@
-"""The exact restitution relation, Hertz's closed forms and the smoothing bias, by free impacts."""
+"""Hertz's closed forms, by free impacts."""
 
 import numpy as np
 import pytest
@@ -8,32 +8,9 @@ from clearjoint import free_impact
 
 MASS, SPEED, STIFFNESS = 2.0, 0.1, 6.6e10
 
-LAWS = {
-    "Hertz": (cj.laws.Hertz(STIFFNESS), 0.0),
-    "Hunt-Crossley": (cj.laws.HuntCrossley(0.5, STIFFNESS), 0.75),
-    "Lankarani-Nikravesh": (cj.laws.LankaraniNikravesh(0.9, STIFFNESS), 0.1425),
-    "Lankarani-Nikravesh plastic": (cj.laws.LankaraniNikravesh(0.0, STIFFNESS), 0.75),
-    "memoryless": (cj.laws.MemorylessHuntCrossley(0.5, STIFFNESS, SPEED), 0.75),
-    "memoryless, at half its speed": (
-        cj.laws.MemorylessHuntCrossley(0.5, STIFFNESS, 2.0 * SPEED),
-        0.375,
-    ),
-    "Flores": (cj.laws.Flores2011(0.3, STIFFNESS), 1.6 * 0.7 / 0.3),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", LAWS)
-def test_restitution_satisfies_the_exact_relation(name):
-    law, chi = LAWS[name]
-    e = free_impact(law, MASS, SPEED).restitution
-    assert chi * (1 + e) == pytest.approx(np.log((1 + chi) / (1 - chi * e)), rel=1e-6, abs=1e-9)
-    if law.uses_entry_speed or law.damping_factor() == chi:
-        assert e == pytest.approx(float(law.delivered_restitution()), abs=1e-6)
-
 
 def test_hertz_impact_matches_closed_forms():
-    found = free_impact(LAWS["Hertz"][0], MASS, SPEED)
+    found = free_impact(cj.laws.Hertz(STIFFNESS), MASS, SPEED)
     scale = (MASS * SPEED**2 / STIFFNESS) ** 0.4
     assert found.restitution == pytest.approx(1.0, abs=1e-8)
     assert found.largest_penetration == pytest.approx(1.25**0.4 * scale, rel=1e-7)
@@ -72,15 +49,3 @@ def test_radii_that_a_stiffness_needs_are_checked(radii, message):
     law = cj.laws.Hertz(cj.laws.RavnStiffness(207e9, 0.3))
     with pytest.raises(ValueError, match=message):
         free_impact(law, MASS, SPEED, *radii)
-
-
-@pytest.mark.slow
-def test_smoothing_changes_less_the_narrower_it_is():
-    wide, narrow, exact = (
-        free_impact(cj.laws.LankaraniNikravesh(0.9, STIFFNESS, smoothing=width), MASS, SPEED)
-        for width in (4e-7, 1e-7, None)
-    )
-    for name in ("restitution", "peak_force", "duration"):
-        off = [abs(getattr(one, name) - getattr(exact, name)) for one in (narrow, wide)]
-        assert 0.0 < off[0] < 0.5 * off[1]
-    assert narrow.peak_force == pytest.approx(exact.peak_force, rel=1e-2)

@@ -60,13 +60,6 @@ def test_force_opposes_the_slip_within_the_limit(name):
 
 
 @every_law
-def test_force_is_proportional_to_the_normal_force(name):
-    law, slip = PRINTED[name][0], Vector(0.01, -0.02, 0.0)
-    double = 2 * pack(law.force(LOAD, slip))
-    np.testing.assert_allclose(pack(law.force(2 * LOAD, slip)), double, rtol=1e-14)
-
-
-@every_law
 def test_force_and_its_derivative_at_rest_are_those_of_the_law(name):
     """The force falls with the slip in its direction by the slope of the ratio times the load."""
     law, steepest = PRINTED[name][0], max(SLOPES[name], FAST / 9e-4)
@@ -77,24 +70,6 @@ def test_force_and_its_derivative_at_rest_are_those_of_the_law(name):
     for slip in (np.array([1e-120, 0.0, 0.0]), np.array([1e-9, 0.0, -1e-9])):
         jacobian = jax.jacfwd(lambda slip: force(law, slip))(slip)
         assert np.abs(jacobian).max() <= LOAD * steepest * (1 + 1e-9)
-
-
-@pytest.mark.parametrize("name", FALLING)
-def test_falls_from_breakaway_to_kinetic_friction(name):
-    """It starts at zero, has its peak at the breakaway coefficient, but for the rounding of the
-    corner, and falls from there to the kinetic one."""
-    ratios = np.asarray(PRINTED[name][0].ratio(np.linspace(0.0, 0.2, 20_001)))
-    peak = int(np.argmax(ratios))
-    assert ratios[0] == 0.0 and float(PRINTED[name][0].ratio(1e3)) == pytest.approx(FAST, rel=1e-6)
-    assert SLOW * 0.998 < ratios[peak] <= SLOW * 1.002
-    assert (np.diff(ratios[: peak + 1]) > 0.0).all()
-    assert (np.diff(ratios[peak:]) <= 0.0).all()
-
-
-def test_brown_and_mcphees_peak_is_at_the_transition_speed():
-    slope = jax.grad(PRINTED["BrownMcPhee"][0].ratio)(2e-3)
-    coulomb = FAST * 4.0 / 2e-3 / np.cosh(4.0) ** 2
-    assert float(slope) == pytest.approx(coulomb, rel=1e-10)
 
 
 def test_slip_is_the_tangential_part_of_the_velocity():

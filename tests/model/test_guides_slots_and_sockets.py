@@ -4,18 +4,12 @@ import math
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
-from scipy.linalg import eigh
-from scipy.special import beta
 
 import clearjoint as cj
 from clearjoint.extend import IDENTITY, unpack
-from clearjoint.testing import check_constraint, check_contact_joint
-from tests.support.differences import by_differences
-from tests.support.motions import AT_REST, NEAR_EACH_OTHER
+from tests.support.motions import AT_REST
 
-TIGHT = cj.Settings(rtol=1e-10, atol=1e-13)
 LAW = cj.laws.ExactRestitution(0.8, 1e9)
 STEEL = cj.laws.RavnStiffness(207e9, 0.3)
 G = 9.81
@@ -34,37 +28,6 @@ def guide(first: str = "a", second: str = "b", **options: Any) -> cj.SliderInGui
 def slot(first: str = "a", second: str = "b", **options: Any) -> cj.PinInSlot:
     given = {"play": 1e-3, "pin_radius": 5e-3, "law": LAW}
     return cj.PinInSlot(first, second, **(given | options))
-
-
-ROUGH, BRISTLES = cj.frictions.RegularisedCoulomb(0.1), cj.frictions.Dahl(0.1)
-TILTED = {"slot_axis": (1.0, 2.0, 0.5), "slot_normal": (2.0, -0.5, -2.0)}
-AT_POINTS = {"slot_point": (0.01, 0.02, 0.03), "pin_point": (-0.01, 0.0, 0.02)}
-PLAYS = {
-    "ball": socket(law=cj.laws.LankaraniNikravesh(0.9, STEEL), ball_point=(0.01, 0.02, -0.01)),
-    "rough ball": socket(socket_point=(0.01, -0.02, 0.03), friction=ROUGH),
-    "ball with bristles": socket(friction=BRISTLES),
-    "slider": guide(slider_axis=(1.0, 0.2, 0.1), slider_normal=(-0.2, 1.0, 0.0)),
-    "rough slider": guide(guide_normal=(0.1, 1.0, 0.3), guide_point=(0, 0.01, 0), friction=ROUGH),
-    "slider with bristles": guide(slider_point=(0.01, 0.0, 0.0), friction=BRISTLES),
-    "pin": slot(**TILTED, **AT_POINTS),
-    "rough pin between ends": slot(**TILTED, **AT_POINTS, travel=0.05, friction=ROUGH),
-    "pin with bristles": slot(friction=BRISTLES),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", PLAYS)
-def test_joints_conform_in_motion(name):
-    check_contact_joint(PLAYS[name], NEAR_EACH_OTHER)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("kind", "axes"),
-    [(cj.PointInPlaneJoint, [(1, 2, 3)]), (cj.LineInPlaneJoint, [(1, 2, 3), (0, -1, 1)])],
-)
-def test_ideal_joints_in_planes_conform(kind, axes):
-    check_constraint(kind("a", "b", (0.1, 0.2, 0.3), (0.3, -0.1, 0.2), *axes), NEAR_EACH_OTHER)
 
 
 @pytest.mark.parametrize(
@@ -104,101 +67,6 @@ def test_the_law_of_the_ball_receives_both_radii():
     assert force == pytest.approx(6.610198e10 * float(gap.depth) ** 1.5, rel=1e-7)
 
 
-def a_ball(mass: float = 2.0, gravity: Any = None, **options: Any) -> tuple[cj.Scene, cj.State]:
-    """A body in a socket of the ground, its centre of mass that of the ball."""
-    bodies = {"b": cj.Body(mass, (1e-3, 1e-3, 1e-3))}
-    joint = socket("ground", "b", **options)
-    state = cj.State({"b": cj.body_state((0.0, 0.0, 0.0))})
-    return cj.Scene(bodies, {"joint": joint}, gravity=gravity), state
-
-
-@pytest.mark.slow
-def test_a_dropped_ball_meets_its_socket_as_falling_bodies_do():
-    """v = sqrt(2 g c) after sqrt(2 c / g), along any direction; it leaves with the restitution but
-    for the weight's work during the contact, which a stiff contact keeps small."""
-    direction = np.array([2.0, -1.0, 2.0]) / 3.0
-    law = cj.laws.ExactRestitution(0.7, 1e16)
-    scene, state = a_ball(gravity=G * direction, law=law)
-    impacts = cj.simulate(scene, state, 0.02, save=cj.Saving(impacts=True)).impacts
-    speed = math.sqrt(2 * G * 0.2e-3)
-    assert impacts.onset[0] == pytest.approx(math.sqrt(2 * 0.2e-3 / G), rel=1e-8)
-    assert impacts.entry_speed[0] == pytest.approx(speed, rel=1e-8)
-    assert impacts.exit_speed[0] == pytest.approx(0.7 * speed, rel=1e-3)
-    assert impacts.entry_speed[1] == pytest.approx(impacts.exit_speed[0], rel=1e-8)
-    again = impacts.separation[0] + 2 * impacts.exit_speed[0] / G
-    assert impacts.onset[1] == pytest.approx(again, rel=1e-8)
-
-
-@pytest.mark.slow
-def test_a_resting_ball_swings_as_a_pendulum_on_a_short_link():
-    """Without friction the ball's centre swings about the socket's as on a massless link of the
-    clearance and the static penetration, the body below as the second of a double pendulum: slow
-    mode and frequency from the linear equations."""
-    mass, inertia, height, clearance, g = 2.0, 5e-3, 0.1, 0.5e-3, G
-    stiffness = 1e10
-    depth = (mass * g / stiffness) ** (2 / 3)
-    link = clearance + depth
-    law, top = cj.laws.Hertz(stiffness), (0.0, height, 0.0)
-    joint = socket("ground", "b", clearance=clearance, law=law, ball_point=top)
-    masses = mass * np.array([[link**2, link * height], [link * height, height**2]])
-    masses[1, 1] += inertia
-    squares, modes = eigh(np.diag([mass * g * link, mass * g * height]), masses)
-    tilt = 1e-4 * modes[:, 0] / modes[1, 0]
-
-    def ball(angles: np.ndarray) -> cj.State:
-        x, y = np.array([link, height]) @ np.transpose([np.sin(angles), -np.cos(angles)])
-        return cj.State({"b": cj.body_state((x, y, 0.0), cj.rotation((0, 0, 1), angles[1]))})
-
-    body = cj.Body(mass, (inertia, inertia, inertia))
-    scene = cj.Scene({"b": body}, {"joint": joint}, gravity=(0, -g, 0))
-    period = 2.0 * math.pi / math.sqrt(squares[0])
-    times = period * np.array([0.25, 0.5, 1.0])
-    settings = cj.Settings(rtol=1e-10, atol=1e-14)
-    states = cj.simulate(scene, ball(tilt), period, settings, save=cj.Saving(times)).states
-    x = np.asarray(states.bodies["b"].position)[:, 0]
-    start = float(ball(tilt).bodies["b"].position[0])
-    np.testing.assert_allclose(x / start, [0.0, -1.0, 1.0], atol=1e-5)
-    stiff = 2.0 * math.pi * math.sqrt((inertia + mass * height**2) / (mass * g * height))
-    assert abs(period / stiff - 1.0) > 1e-3, "the clearance is seen in the period"
-
-
-def a_pin(**options: Any) -> tuple[cj.Scene, cj.State]:
-    """A pin that flies across a slot of the ground, and along it, without weight."""
-    bodies = {"b": cj.Body(0.5, (1e-4, 1e-4, 1e-4))}
-    state = cj.State({"b": cj.body_state((0.0, 0.0, 0.0), velocity=(0.3, 0.4, 0.0))})
-    return cj.Scene(bodies, {"joint": slot("ground", "b", **options)}), state
-
-
-@pytest.mark.slow
-def test_a_pin_rebounds_between_the_walls():
-    """Elastically every play/v + T, T = 2 B(2/5, 1/2)/(n + 1) times the deepest penetration over v
-    (H. Hertz); with the exact restitution e, at v, e v, e^2 v... At the slot's ends likewise."""
-    speed, mass, stiffness, play = 0.4, 0.5, 1e9, 1e-3
-    scene, state = a_pin(law=cj.laws.Hertz(stiffness))
-    save, settings = cj.Saving(impacts=True), cj.Settings(rtol=1e-9)
-    impacts = cj.simulate(scene, state, 0.012, settings, save=save).impacts
-    deepest = (1.25 * mass * speed**2 / stiffness) ** 0.4
-    lasts = 2.0 * deepest / speed * beta(0.4, 0.5) / 2.5
-    np.testing.assert_allclose(np.diff(impacts.onset), play / speed + lasts, rtol=1e-7)
-    np.testing.assert_allclose(impacts.largest_penetration, deepest, rtol=1e-6)
-    assert list(impacts.contact[:3]) == ["upper wall", "lower wall", "upper wall"]
-    scene, state = a_pin(travel=1.2e-3)
-    impacts = cj.simulate(scene, state, 0.02, settings, save=save).impacts
-    walls = np.isin(impacts.contact, ["lower wall", "upper wall"])
-    for chosen, begun in ((walls, 0.4), (~walls, 0.3)):
-        assert chosen.sum() >= 3
-        expected = begun * 0.8 ** np.arange(chosen.sum())
-        np.testing.assert_allclose(impacts.entry_speed[chosen], expected, rtol=1e-6)
-
-
-def a_slider(**options: Any) -> tuple[cj.Scene, cj.State]:
-    """A tilted slider thrown through a guide of the ground, held in the plane by nothing else."""
-    bodies = {"b": cj.Body(0.076, (2e-5, 2e-5, 2.7e-5))}
-    tilt = cj.rotation((0, 0, 1), 0.01)
-    state = cj.State({"b": cj.body_state((0.0, 0.0, 0.0), tilt, (1.0, 0.2, 0.0))})
-    return cj.Scene(bodies, {"joint": guide("ground", "b", **options)}), state
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("joint", "label", "play", "contacts"),
@@ -233,59 +101,6 @@ def test_a_pin_deep_in_the_end_of_its_slot_is_not_assembled():
             cj.assemble(scene, state, resting=resting)
         state = cj.State({"b": cj.body_state((0.05 + 2e-6, 0.0, 0.0))})
         assert cj.assemble(scene, state, resting=resting).bodies["b"].position[0] > 0.05
-
-
-@pytest.mark.slow
-def test_two_pins_in_slots_move_as_alone():
-    """Two pins in slots of the ground with different plays and speeds, against separate runs."""
-    plays, speeds = {"b": 1e-3, "c": 0.7e-3}, {"b": 0.4, "c": 0.3}
-
-    def final(names: str) -> dict[str, cj.BodyState]:
-        bodies = {name: cj.Body(0.5, (1e-4, 1e-4, 1e-4)) for name in names}
-        joints = {
-            f"slot of {name}": slot("ground", name, play=plays[name], friction=ROUGH)
-            for name in names
-        }
-        states = {
-            name: cj.body_state((0.0, 0.0, 0.0), velocity=(0.3, speeds[name], 0.0))
-            for name in names
-        }
-        return cj.simulate(cj.Scene(bodies, joints), cj.State(states), 5e-3, TIGHT).final.bodies
-
-    both = final("bc")
-    for name in "bc":
-        alone = final(name)[name].position
-        np.testing.assert_allclose(both[name].position, alone, rtol=0.0, atol=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("make", "options", "end", "length"),
-    [
-        (a_ball, {"gravity": (3.0, -G, 0.0)}, 0.02, "clearance"),
-        (a_slider, {}, 0.012, "clearance"),
-        (a_pin, {}, 0.006, "play"),
-    ],
-    ids=["ball", "slider", "pin"],
-)
-def test_sensitivities_to_the_backlash_agree_with_differences(make, options, end, length):
-    scene, state = make(friction=ROUGH, **options)
-
-    def place(scene: cj.Scene) -> Any:
-        return getattr(scene.joints["joint"], length)
-
-    outputs = {x: cj.quantities.PointPosition("b", (0.01, 0.02, 0.0), x) for x in "xy"}
-    given = {"play": cj.Parameter(place)}
-    found = cj.sensitivities(scene, state, end, given, outputs, [end], TIGHT)
-
-    def final(scene: cj.Scene) -> list[float]:
-        run = cj.sensitivities(scene, state, end, given, outputs, [end], TIGHT)
-        return [run.outputs[x][-1] for x in "xy"]
-
-    numeric = by_differences(final, scene, place, 1e-4 * float(place(scene)))
-    exact = np.array([found.derivatives[x][-1, 0] for x in "xy"])
-    assert np.abs(numeric).max() > 0.1
-    np.testing.assert_allclose(exact, numeric, rtol=1e-5, atol=1e-5 * np.abs(numeric).max())
 
 
 def test_a_slider_is_drawn_with_its_sizes():

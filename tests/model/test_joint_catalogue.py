@@ -2,21 +2,16 @@
 machines beside each other, their motions, reactions and work."""
 
 import math
-from dataclasses import replace
 from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
-from clearjoint import quantities as Q  # noqa: N812
 from clearjoint.extend import unpack
-from studies.catalogue import joints as study
 from studies.catalogue import machines as of
 from studies.catalogue.machines import ORIGIN, X, Y, Z
 from tests.support.shaft import angle_about
@@ -200,164 +195,3 @@ def test_a_motor_clips_its_torque():
     assert at_limit == pytest.approx(1.0 - 0.02 / 4.0)
     assert float(motor.torque_at(math.pi + 0.4, 3.0, 0.0)) == pytest.approx(-1.0)
     assert float(motor.torque_at(2 * math.pi + 0.4, 3.0, 0.0)) == pytest.approx(0.2)
-
-
-TABLE = np.array([[0.0, 0.7, 2.0, 4.5, 6.0, 9.0], [2.0, 2.2, 1.0, -1.0, 0.5, 1.5]])
-"""Times, s, and angles, rad, of the motor's target."""
-
-
-@pytest.fixture(scope="module", params=[cj.AbsoluteCoordinates, cj.JointCoordinates])
-def run(request):
-    scene, state = of.machines(cj.Spline.through(*TABLE))
-    settings = replace(study.SETTINGS, coordinates=request.param(), ledger=True)
-    solution = cj.simulate(scene, state, study.END, settings, save=cj.Saving(study.TIMES))
-    return solution.states.bodies, cj.observe(scene, solution)
-
-
-def close(found, expected, tolerance):
-    """Assert that the largest difference is small, and report it."""
-    error = np.abs(np.asarray(found) - expected).max()
-    print(f"largest difference {error:.1e}, of {np.abs(expected).max():.1e}")
-    assert error < tolerance
-
-
-MOTIONS = {
-    study.cardan: 1e-6,
-    study.nut: 1e-8,
-    study.gears: 1e-7,
-    study.plate: 1e-8,
-    study.cart: 1e-9,
-    study.rod: 1e-8,
-    study.cushioned: 1e-8,
-}
-"""Largest differences from the closed forms."""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("motion", MOTIONS, ids=lambda motion: motion.__name__)
-def test_motions_of_the_closed_form(run, motion):
-    """Among them the IFToMM benchmark A01, of a ball on a rod."""
-    bodies, _ = run
-    close(*motion(bodies), MOTIONS[motion])
-
-
-@pytest.mark.slow
-def test_gears_share_the_torque(run):
-    _, observed = run
-    acceleration = of.TORQUE / (of.PINION + of.WHEEL / 9.0)
-    loads = observed.reactions["gears"]
-    close(loads["wheel"].moment[:, 2], -of.WHEEL * acceleration / 3.0, 1e-10)
-    close(loads["pinion"].moment[:, 2], -of.WHEEL * acceleration / 9.0, 1e-10)
-
-
-@pytest.mark.slow
-def test_plate_keeps_its_spin(run):
-    bodies, _ = run
-    close(bodies["plate"].spin, (0.0, 0.0, 3.0), 1e-10)
-
-
-@pytest.mark.slow
-def test_pusher_gives_its_force(run):
-    _, observed = run
-    force = -of.CART * of.STROKE * of.PACE**2 * np.cos(of.PACE * study.TIMES)
-    close(observed.reactions["pusher"]["cart"].force[:, 0], force, 1e-8)
-
-
-@pytest.mark.slow
-def test_torsional_spring_swings_and_dies_away(run):
-    bodies, _ = run
-    found, expected = study.sprung(bodies)
-    close(np.sin(0.5 * (found - expected)), 0.0, 1e-8)
-
-
-def motor_path(limit, times):
-    """Angle and speed under the motor by SciPy: its spline, and a bend into the limit."""
-    spline, width, last = CubicSpline(*TABLE, bc_type="natural"), 0.02 * limit, TABLE[0, -1]
-
-    def target(t, order):
-        beyond = max(t - last, 0.0) * spline(last, 1) if order == 0 else 0.0
-        return spline(min(t, last), order) + beyond
-
-    def clipped(wanted):
-        over = abs(wanted) - limit
-        bend = 0.0 if over < -width else over if over > width else (over + width) ** 2 / 4 / width
-        return math.copysign(abs(wanted) - bend, wanted)
-
-    def rates(t, y):
-        wanted = of.GAIN * (target(t, 0) - y[0]) + of.DAMPER * (target(t, 1) - y[1])
-        return y[1], clipped(wanted) / of.ROTOR
-
-    fine = {"rtol": 1e-12, "atol": 1e-13, "max_step": 0.01}
-    return solve_ivp(rates, (0.0, times[-1]), (0.0, 0.0), "DOP853", times, **fine).y
-
-
-@pytest.mark.slow
-def test_motor_follows_a_table_within_its_limit(run):
-    bodies, _ = run
-    angle, speed = motor_path(of.LIMIT, study.TIMES)
-    assert speed.max() > 2.0
-    close(bodies["driven"].spin[:, 2], speed, 1e-6)
-    close(np.sin(0.5 * (angle_about(bodies["driven"]) - angle)), 0.0, 1e-6)
-
-
-@pytest.mark.slow
-def test_the_ledger_of_all_machines_closes(run):
-    _, observed = run
-    close(observed.ledger_residual() / observed.energies["kinetic"].max(), 0.0, 1e-9)
-
-
-def slope(function, value):
-    """Derivative by central differences of fourth order."""
-    step = 1e-4 * value
-    at = [function(value + k * step) for k in (-2, -1, 1, 2)]
-    return (at[0] - 8 * at[1] + 8 * at[2] - at[3]) / (12 * step)
-
-
-@pytest.mark.slow
-def test_sensitivities_are_those_of_the_closed_forms():
-    """Of the screw to its lead, of the gears to their teeth, of the spring to its stiffness, and
-    of the motor, which is at its limit for a part of the time, to that."""
-    end = 0.3
-    scene, state = of.machines(cj.Spline.through(*TABLE))
-    kept = ("nut", "pinion", "wheel", "sprung", "driven")
-    joints, forces = (
-        {name: one for name, one in family.items() if set(one.body_names()) <= {"ground", *kept}}
-        for family in (scene.joints, scene.forces)
-    )
-    bodies = {name: scene.bodies[name] for name in kept}
-    scene = cj.Scene(bodies, joints, forces, scene.gravity)
-    state = cj.State({name: state.bodies[name] for name in kept})
-    parameters = {
-        "lead": cj.Parameter(lambda s: s.joints["screw"].lead),
-        "teeth": cj.Parameter(lambda s: s.joints["gears"].teeth_second),
-        "stiffness": cj.Parameter(lambda s: s.forces["spring"].stiffness),
-        "limit": cj.Parameter(lambda s: s.forces["motor"].torque_limit),
-    }
-    outputs = {
-        "nut": Q.Velocity("nut", "y"),
-        "pinion": Q.Angle("pinion", (0.0, 0.0, 1.0)),
-        "sprung": Q.Angle("sprung", (0.0, 0.0, 1.0)),
-        "driven": Q.Angle("driven", (0.0, 0.0, 1.0)),
-    }
-    settings = cj.Settings(rtol=1e-10, atol=1e-10)
-    found = cj.sensitivities(scene, state, end, parameters, outputs, [end], settings)
-    derivatives = np.array([found.derivatives[name][0] for name in outputs])
-
-    def nut(lead):
-        return -of.GRAVITY * end / (1.0 + of.NUT_INERTIA * (2.0 * math.pi / lead) ** 2 / of.NUT)
-
-    def pinion(teeth):
-        return 0.5 * of.TORQUE * end**2 / (of.PINION + of.WHEEL * (17.0 / teeth) ** 2)
-
-    def sprung(stiffness):
-        decay = 0.5 * of.DAMPING / of.ROTOR
-        pace = math.sqrt(stiffness / of.ROTOR - decay**2)
-        swing = math.cos(pace * end) + decay / pace * math.sin(pace * end)
-        return of.REST + of.RELEASED * math.exp(-decay * end) * swing
-
-    def driven(limit):
-        return motor_path(limit, [end])[0, -1]
-
-    pairs = ((nut, of.LEAD), (pinion, 51.0), (sprung, of.STIFFNESS), (driven, of.LIMIT))
-    expected = np.diag([slope(function, value) for function, value in pairs])
-    np.testing.assert_allclose(derivatives, expected, rtol=1e-6, atol=1e-7)

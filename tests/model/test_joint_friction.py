@@ -87,15 +87,6 @@ def test_a_ball_keeps_its_axis_and_loses_speed_evenly():
     np.testing.assert_allclose(rotor.spin, spin * left / 7.0, rtol=1e-6)
 
 
-@pytest.mark.slow
-def test_the_derivative_by_the_load_is_that_of_the_closed_form():
-    scene, state = hinged(COULOMB, spin=5.0)
-    load = cj.Parameter(lambda scene: scene.joints["friction"].load)
-    spin = cj.quantities.AngularVelocity("shaft", "z")
-    derivatives = cj.sensitivities(scene, state, 0.1, {"load": load}, {"spin": spin}, [0.1])
-    assert derivatives.derivatives["spin"][0, 0] == pytest.approx(-0.1 / INERTIA, rel=1e-6)
-
-
 def test_joint_friction_refuses_what_it_cannot_be():
     scene, state = hinged(COULOMB)
     with pytest.raises(ValueError, match="`axis` must be given for a slider"):

@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.testing import check_law
 from studies.catalogue.laws import REQUESTED as FIVE
 from studies.catalogue.laws import TABLES
-from tests.support.laws import CYLINDERS, WITH_RESTITUTION
 
 K, MASS, SPEED = 6.6e10, 2.0, 0.1
-STEEL = cj.laws.RavnStiffness(207e9, 0.3)
 UNUSABLE = cj.laws.PantWijeyewickrema
 CYLINDER = cj.laws.JohnsonCylinder(207e9, 0.3, length=20e-3)
 REQUESTED = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 1.0)
@@ -74,21 +71,6 @@ def test_an_unusable_law_warns():
     with pytest.warns(cj.LawRangeWarning, match="PantWijeyewickrema.*restitution of 0.5"):
         law = UNUSABLE(0.5, 1e8)
     assert float(law.damping_factor()) == pytest.approx(1.5 * (1 - 0.5**2) / 0.5**2, rel=1e-14)
-
-
-@pytest.mark.slow
-def test_small_losses_by_the_slope_of_the_factor():
-    """e = 1 - 2 chi/3: the exact slope of chi is -3/2; Lee and Wang have half of it."""
-    slopes = {
-        law: float(jax.grad(lambda c, law=law: law(c, K).damping_factor())(1.0))
-        for law in (
-            cj.laws.ExactRestitution,
-            cj.laws.HuntCrossley,
-            cj.laws.LeeWang,
-            cj.laws.SafaeifarFarshidianfar,
-        )
-    }
-    assert list(slopes.values()) == pytest.approx([-1.5, -1.5, -0.75, -1.25], rel=1e-12)
 
 
 FACTORS = jax.jit(jax.vmap(cj.laws.exact_damping_factor))
@@ -158,63 +140,10 @@ def test_integrated_impacts(law, expected, within):
 
 
 @pytest.mark.slow
-def test_a_force_that_is_largest_at_the_onset_is_found():
-    law, log = cj.laws.KelvinVoigt(0.02, 1e9, MASS), np.log(0.02)
-    damping = -2.0 * log / np.hypot(np.pi, log) * np.sqrt(1e9 * MASS)
-    found = cj.free_impact(law, MASS, SPEED).peak_force
-    assert found == pytest.approx(damping * SPEED, rel=1e-9)
-
-
-@pytest.mark.slow
 def test_viscous_spheres_lose_more_at_speed():
     law = cj.laws.KuwabaraKono(K, 1e6)
     slow, fast = (cj.free_impact(law, MASS, speed).restitution for speed in (0.01, 1.0))
     assert 1.0 > slow > fast > 0.0
-
-
-LAWS = [
-    *(law(0.6, STEEL) for law in WITH_RESTITUTION.values() if law is not UNUSABLE),
-    *(law(0.6, STEEL, MASS) for law in (cj.laws.Tsuji, cj.laws.Jankowski)),
-    *(law(STEEL, 1e6) for law in (cj.laws.KuwabaraKono, cj.laws.BordbarHyppanen)),
-    *(cj.laws.ExactRestitution(c, STEEL) for c in (0.01, 1.0)),
-    cj.laws.ElastoGap(1e8, 50.0),
-    cj.laws.FloresKelvinVoigt(0.6, 1e8),
-    cj.laws.ImpactFunction(STEEL, 50.0, 1e-5),
-    *(
-        cj.laws.LankaraniNikravesh(0.9, kind(207e9, 0.3, length=20e-3))
-        for kind in CYLINDERS.values()
-    ),
-]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "law", LAWS, ids=lambda law: f"{type(law).__name__} {type(law.stiffness).__name__}"
-)
-@pytest.mark.filterwarnings("error")
-def test_laws_conform(law):
-    check_law(law)
-
-
-@pytest.mark.slow
-def test_an_unusable_law_conforms():
-    with pytest.warns(cj.LawRangeWarning):
-        law = UNUSABLE(0.6, 1e8)
-    check_law(law)
-
-
-JUMPING = [cj.laws.KelvinVoigt(0.6, 1e8, 2.0), cj.laws.Ristow(STEEL, 50.0)]
-
-
-def test_laws_that_jump_say_so():
-    assert all(law.force_jumps for law in JUMPING)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("law", JUMPING)
-def test_their_jump_is_noticed(law):
-    with pytest.warns(UserWarning, match="where contact begins or ends"):
-        check_law(law)
 
 
 def test_kelvin_voigt_is_the_closed_form():

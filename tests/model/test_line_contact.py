@@ -1,6 +1,5 @@
 """Contact along the length of a tilted journal, against integrals along its axis by SciPy."""
 
-from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -16,8 +15,6 @@ from clearjoint.plot.report_page import joint_rows
 from clearjoint.results import MotionMode
 from clearjoint.testing import check_law
 from tests.support import many_states
-from tests.support.differences import by_differences
-from tests.support.dropped_rod import dropped_rod
 from tests.support.observations import observed
 
 RADIUS, CLEARANCE, LENGTH, STIFFNESS = 10e-3, 0.2e-3, 30e-3, 1e8
@@ -165,21 +162,6 @@ def test_parallel_journal_has_the_force_of_the_law_and_of_two_bases_with_half_of
     np.testing.assert_allclose(loads(pin(points), poses)[:, :3] @ ACROSS, -push, rtol=1e-12)
 
 
-@pytest.mark.slow
-def test_motion_in_the_plane_is_that_with_bases():
-    """Over seven impacts, with half the stiffness at each of two bases."""
-    scene, state = dropped_rod()
-
-    def final(points, stiffness):
-        law = cj.laws.LankaraniNikravesh(0.9, stiffness)
-        joint = replace(scene.joints["pin"], law=law, line_points=points)
-        changed = replace(scene, joints={"pin": joint})
-        rod = cj.simulate(changed, state, 0.1, cj.presets.accurate).final.bodies["rod"]
-        return np.concatenate([rod.position, rod.velocity, rod.spin])
-
-    np.testing.assert_allclose(final(3, 1.2e11), final(None, 6e10), rtol=1e-10, atol=1e-12)
-
-
 NEAR = 1e-6
 """Distance from a border, in clearances."""
 BORDERS = {
@@ -279,30 +261,3 @@ def test_reports_name_the_law_of_the_whole_length():
     for one in (scene, lubricated):
         (row,) = joint_rows(one, 1)
         assert row[4] == "LankaraniNikravesh, c 0.7"
-
-
-@pytest.mark.slow
-def test_derivative_by_the_clearance_is_that_of_differences():
-    """By Richardson's extrapolation, over an impact along the whole length, whose points separate
-    one after the other, and three impacts of ends."""
-
-    def path(scene):
-        return scene.joints["pin"].clearance
-
-    # The slope of this law's force jumps at the onset, and its force depends on the entry speed.
-    law = cj.laws.LankaraniNikravesh(0.7, 1e7, exponent=1.0)
-    scene, end = overhung(3, law), 0.018
-    outputs = {axis: cj.quantities.Position("shaft", axis) for axis in "xy"}
-    parameters = {"clearance": cj.Parameter(path)}
-    found = cj.sensitivities(scene, START, end, parameters, outputs, [end])
-    settings = cj.Settings(rtol=1e-12)
-
-    def position(scene):
-        return cj.simulate(scene, START, end, settings).final.bodies["shaft"].position
-
-    whole, half = (
-        by_differences(position, scene, path, step * CLEARANCE) for step in (1e-4, 0.5e-4)
-    )
-    exact = (4.0 * half - whole) / 3.0
-    derivatives = [found.derivatives[axis][0, 0] for axis in "xy"]
-    np.testing.assert_allclose(derivatives, exact[:2], rtol=1e-6)

@@ -4,24 +4,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.testing import check_constraint
-from tests.support.motions import NEAR_EACH_OTHER
 
 LENGTH, GRAVITY, START = 0.02, 9.81, 2.0
-
-
-def test_rows_conform():
-    link = cj.MasslessLink(
-        *("a", "b"),
-        clearance=0.3,
-        journal_length=0.5,
-        bearing_point=(0.1, -0.2, 0.3),
-        bearing_axis=(0.2, 0.1, 1.0),
-        journal_point=(-0.3, 0.1, 0.2),
-        journal_axis=(0.0, 0.3, 1.0),
-        axial=cj.FixedAxially(),
-    )
-    check_constraint(link, NEAR_EACH_OTHER)
 
 
 def period(angle: float) -> float:

@@ -36,15 +36,6 @@ def test_pairs_of_teeth_are_those_of_the_contact_ratio(ratio, part):
     assert teeth.factor(0.7 - CYCLE) == pytest.approx(teeth.factor(0.7 + CYCLE), rel=1e-12)
 
 
-@pytest.mark.slow
-def test_a_table_and_harmonics_of_the_same_values_agree():
-    waves, angles = KINDS["harmonics"], np.arange(64) * (math.tau / 64)
-    table = cj.profiles.StiffnessSpline.through(waves.factor(angles))
-    expected = 1.0 + 0.2 * np.cos(CYCLE) + 0.1 * np.sin(CYCLE) - 0.05 * np.sin(2.0 * CYCLE)
-    assert waves.factor(CYCLE) == pytest.approx(expected, rel=1e-14)
-    assert table.factor(CYCLE) == pytest.approx(expected, rel=1e-6)
-
-
 @pytest.mark.parametrize(
     "kind",
     ["teeth", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("harmonics", "spline"))],

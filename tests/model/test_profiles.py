@@ -14,7 +14,6 @@ from clearjoint.frictions import RegularisedCoulomb
 from clearjoint.laws import Hertz
 from clearjoint.profiles import Harmonics, PeriodicSpline
 from clearjoint.testing import check_contact_joint, moving
-from tests.support.differences import by_differences
 from tests.support.motions import AT_REST
 
 RADIUS, CLEARANCE, STIFFNESS = 10e-3, 0.5e-3, 1e9
@@ -209,30 +208,6 @@ def test_harmonics_are_sums_of_waves():
     np.testing.assert_allclose(
         found.bend, -(cosines @ (k * k * wave)) - sines @ (k * k * other), rtol=0.0, atol=1e-17
     )
-
-
-def dropped(profile):
-    """A pin in a bearing, thrown against the wall beside the lobe."""
-    plane = cj.PlanarJoint(GROUND, "arm", (0, 0, 0), (0, 0, 0), (0, 0, 1), (0, 0, 1))
-    body = cj.Body(1.0, (1e-4, 1e-4, 1e-4))
-    scene = cj.Scene({"arm": body}, {"pin": pin(profile), "plane": plane})
-    return scene, cj.State({"arm": cj.body_state((0.0, 0.0, 0.0), velocity=(0.15, 0.1, 0.0))})
-
-
-@pytest.mark.slow
-def test_derivatives_by_the_coefficients_agree_with_differences():
-    scene, state = dropped(Harmonics([0.0, 20e-6, 5e-6]))
-
-    def ended(scene):
-        return cj.simulate(scene, state, 8e-3).final.bodies["arm"].position[:2]
-
-    paths = [lambda s, k=k: s.joints["pin"].bearing_profile.cosines[k] for k in (1, 2)]
-    named = {f"wave {k}": cj.Parameter(path) for k, path in enumerate(paths)}
-    outputs = {x: cj.quantities.Position("arm", x) for x in "xy"}
-    found = cj.sensitivities(scene, state, 8e-3, named, outputs, [8e-3], progress=False)
-    for k, path in enumerate(paths):
-        slopes = [found.derivatives[x][0, k] for x in "xy"]
-        np.testing.assert_allclose(slopes, by_differences(ended, scene, path, 1e-9), rtol=1e-4)
 
 
 @pytest.mark.parametrize(

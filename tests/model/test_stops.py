@@ -1,10 +1,8 @@
 """A stop and two balls: geometry, conformance, closed forms, and independent integrations."""
 
 import math
-from collections.abc import Callable, Sequence
 from typing import Any
 
-import jax
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -13,16 +11,14 @@ from scipy.special import beta
 
 import clearjoint as cj
 from clearjoint.extend import IDENTITY, unpack
-from clearjoint.testing import check_contact_joint
-from tests.support.differences import by_differences
-from tests.support.motions import AT_REST, NEAR_EACH_OTHER
+from tests.support.motions import AT_REST
 
 G, Z = 9.81, (0.0, 0.0, 1.0)
 TIGHT = cj.Settings(rtol=1e-11, atol=1e-14)
 LAW = cj.laws.ExactRestitution(0.8, 1e9)
 STEEL = cj.laws.RavnStiffness(207e9, 0.3)
 HERTZ = cj.laws.Hertz(STEEL)
-ROUGH, BRISTLES = cj.frictions.RegularisedCoulomb(0.1), cj.frictions.Dahl(0.1)
+ROUGH = cj.frictions.RegularisedCoulomb(0.1)
 
 
 def stop(first: str = "a", second: str = "b", **options: Any) -> cj.Stop:
@@ -32,24 +28,6 @@ def stop(first: str = "a", second: str = "b", **options: Any) -> cj.Stop:
 def balls(first: str = "a", second: str = "b", **options: Any) -> cj.BallOnBall:
     given = {"radius_first": 0.01, "radius_second": 0.02, "law": LAW}
     return cj.BallOnBall(first, second, **(given | options))
-
-
-TILTED = {"point": (0.01, -0.02, 0.03), "normal": (1, 2, -0.5), "point_second": (0.02, -0.01, 0)}
-CENTRES = {"point_first": (0.01, 0.0, 0.01), "point_second": (0.0, -0.01, 0.01)}
-JOINTS = {
-    "point": stop(**TILTED),
-    "rough edge": stop(**TILTED, friction=ROUGH, end_point_second=(0.1, 0.1, 0.0)),
-    "sphere with bristles": stop(**TILTED, law=HERTZ, radius=0.02, friction=BRISTLES),
-    "balls": balls(law=cj.laws.LankaraniNikravesh(0.9, STEEL)),
-    "rough balls": balls(**CENTRES, friction=ROUGH),
-    "balls with bristles": balls(**CENTRES, friction=BRISTLES),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", JOINTS)
-def test_joints_conform_in_motion(name):
-    check_contact_joint(JOINTS[name], NEAR_EACH_OTHER, together=False)
 
 
 CYLINDER = cj.laws.Hertz(cj.laws.LiuCylinder(207e9, 0.3, length=0.01))
@@ -129,84 +107,22 @@ def test_friction_acts_midway_between_the_surfaces(radius):
     np.testing.assert_allclose(on_both, [(0.3, 0.2, -0.5 * depth)] * 2, rtol=0.0, atol=1e-15)
 
 
-def dropped(height: float, law: Any, radius: float = 0.02) -> tuple[cj.Scene, cj.State]:
-    """A ball of 1 kg at a height, m, above a floor."""
-    ball = cj.Body(1.0, (1.6e-4,) * 3)
-    floor = stop("ground", "ball", radius=radius, law=law)
-    state = cj.State({"ball": cj.body_state((0.0, 0.0, radius + height))})
-    return cj.Scene({"ball": ball}, {"floor": floor}, gravity=(0, 0, -G)), state
-
-
-def flight_and_contact(height: Any, stiffness: Any) -> tuple[Any, Any]:
-    """Duration of the fall, and of a contact with a linear spring without damping under 1 kg, which
-    the ball leaves as fast as it came."""
-    fall = (2.0 * height / G) ** 0.5
-    frequency = stiffness**0.5
-    return fall, 2.0 / frequency * (math.pi - jax.numpy.arctan2(fall * frequency, 1.0))
-
-
 def test_a_dropped_ball_bounces_as_in_closed_form():
-    """From 2 m on a linear spring."""
-    height, stiffness = 2.0, 1e6
-    scene, state = dropped(height, cj.laws.Hertz(stiffness, exponent=1.0))
+    """From 2 m on a linear spring without damping, under 1 kg, which it leaves as it came."""
+    height, radius, frequency = 2.0, 0.02, 1e3
+    law = cj.laws.Hertz(frequency**2, exponent=1.0)
+    floor = stop("ground", "ball", radius=radius, law=law)
+    ball = cj.Body(1.0, (1.6e-4,) * 3)
+    scene = cj.Scene({"ball": ball}, {"floor": floor}, gravity=(0, 0, -G))
+    state = cj.State({"ball": cj.body_state((0.0, 0.0, radius + height))})
     save = cj.Saving(impacts=True)
     impacts = cj.simulate(scene, state, 3.0, TIGHT, save, progress=False).impacts
-    fall, contact = (float(time) for time in flight_and_contact(height, stiffness))
+    fall = math.sqrt(2.0 * height / G)
+    contact = 2.0 / frequency * (math.pi - math.atan(fall * frequency))
     onsets = fall + (2.0 * fall + contact) * np.arange(2)
     np.testing.assert_allclose(impacts.onset, onsets, rtol=1e-9)
     np.testing.assert_allclose(impacts.separation - impacts.onset, contact, rtol=1e-7)
     np.testing.assert_allclose(impacts.entry_speed, G * fall, rtol=1e-9)
-
-
-@pytest.mark.slow
-def test_derivatives_of_two_bounces_are_those_of_the_closed_form():
-    height, stiffness, end = 2.0, 1e6, 2.2
-    scene, state = dropped(height, cj.laws.Hertz(stiffness, exponent=1.0))
-    parameters = {
-        "height": cj.Parameter.initial(lambda s: s.bodies["ball"].position[2]),
-        "stiffness": cj.Parameter(lambda s: s.joints["floor"].law.stiffness.stiffness),
-        "radius": cj.Parameter(lambda s: s.joints["floor"].radius),
-    }
-    outputs = {"z": cj.quantities.Position("ball", "z")}
-    settings = cj.Settings(rtol=1e-12, atol=1e-13, landing_tolerance=1e-13)
-    given = scene, state, end, parameters, outputs, [end], settings
-
-    def after_two(start: Any, stiffness: Any, radius: Any) -> Any:
-        fall, contact = flight_and_contact(start - radius, stiffness)
-        flown = end - 3.0 * fall - 2.0 * contact
-        return radius + G * fall * flown - 0.5 * G * flown**2
-
-    numbers = height + 0.02, stiffness, 0.02
-    expected = np.array(jax.grad(after_two, (0, 1, 2))(*numbers))
-    forward = cj.sensitivities(*given, progress=False)
-    predict = cj.predictor(*given)
-    reverse = jax.jacrev(predict)(predict.values)["z"]
-    assert forward.outputs["z"][0] == pytest.approx(float(after_two(*numbers)), abs=1e-9)
-    np.testing.assert_allclose(forward.derivatives["z"][0], expected, rtol=1e-7)
-    np.testing.assert_allclose([reverse[name][0] for name in parameters], expected, rtol=1e-7)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("restitution", [0.9, 0.5])
-def test_a_dropped_ball_rebounds_with_the_restitution(restitution):
-    """From 2 m on a stiff floor: v = sqrt(2 g h), then e v, e^2 v, with the flights between, in
-    `simulate` and in `simulate_nonsmooth`."""
-    height, end = 2.0, 3.0
-    scene, state = dropped(height, cj.laws.ExactRestitution(restitution, 1e14))
-    impacts = cj.simulate(scene, state, end, save=cj.Saving(impacts=True), progress=False).impacts
-    speed, fall = math.sqrt(2.0 * G * height), math.sqrt(2.0 * height / G)
-    # The weight works during contacts, which shows more in slow impacts.
-    count = 3
-    powers = restitution ** np.arange(count)
-    np.testing.assert_allclose(impacts.entry_speed[:count], speed * powers, rtol=1e-4)
-    exits = restitution * speed * powers
-    np.testing.assert_allclose(impacts.exit_speed[:count], exits, rtol=1e-4)
-    onsets = fall + 2.0 * restitution * fall * np.r_[0.0, np.cumsum(powers[1:] / restitution)]
-    np.testing.assert_allclose(impacts.onset[:count], onsets, atol=1e-4)
-    rigid = cj.simulate_nonsmooth(scene, state, end, step=1e-4)
-    flexible = cj.simulate(scene, state, end, progress=False)
-    speeds = [run.final.bodies["ball"].velocity[2] for run in (rigid, flexible)]
-    assert speeds[0] == pytest.approx(speeds[1], abs=5e-3)
 
 
 def test_two_balls_exchange_their_speeds():
@@ -261,33 +177,6 @@ def test_fast_balls_do_not_pass_through_each_other(seed):
     onsets = cj.simulate(scene, state, end, save=save, progress=False).impacts.onset
     along = math.sqrt(reach**2 - beside**2)
     np.testing.assert_allclose(onsets, [(far - along) / speed], rtol=1e-9)
-
-
-@pytest.mark.slow
-def test_rigid_balls_part_as_newton_says():
-    """Unequal balls without friction, struck aside: along the line of centres the momentum is kept
-    and the balls part with e times the speed of approach, across it nothing changes; in
-    `simulate_nonsmooth` and, on a stiff law, in `simulate`."""
-    restitution, masses, radii = 0.5, np.array([0.3, 0.7]), np.array([0.02, 0.03])
-    law = cj.laws.ExactRestitution(restitution, 1e12)
-    joint = balls(radius_first=radii[0], radius_second=radii[1], law=law)
-    bodies = {name: cj.Body(m, (1e-4,) * 3) for name, m in zip("ab", masses, strict=True)}
-    scene = cj.Scene(bodies, {"balls": joint})
-    centres = np.array([0.03, 0.04, 0.0])  # from the first to the second, when they touch
-    velocity = np.array([2.0, 0.5, 0.3])
-    time = 0.01
-    state = cj.State(
-        {"a": cj.body_state(-time * velocity, velocity=velocity), "b": cj.body_state(centres)}
-    )
-    normal = centres / radii.sum()
-    exchanged = (1.0 + restitution) * (velocity @ normal) / (1.0 / masses).sum()
-    expected = [velocity - exchanged / masses[0] * normal, exchanged / masses[1] * normal]
-    rigid = cj.simulate_nonsmooth(scene, state, 0.02, step=1e-6).final
-    flexible = cj.simulate(scene, state, 0.02, progress=False).final
-    # The line of centres turns by 6e-4 rad during the flexible contact.
-    for final, close in ((rigid, 2e-4), (flexible, 1e-3)):
-        found = [final.bodies[name].velocity for name in "ab"]
-        np.testing.assert_allclose(found, expected, rtol=0.0, atol=close)
 
 
 @pytest.mark.slow
@@ -359,105 +248,8 @@ def test_a_ball_slides_then_rolls_down_an_incline(tilt, bristles):
         assert rigid.bodies["ball"].velocity[0] == pytest.approx(5.0 / 7.0 * speed, rel=1e-3)
 
 
-def cradle(count: int, exponent: float, hung: bool) -> tuple[cj.Scene, cj.State]:
-    """Newton's cradle of balls that just touch, the first of which comes with 1 m/s; on pendulums
-    or free."""
-    radius, mass, length, gap = 0.02, 0.1, 0.2, 1e-7
-    law = cj.laws.MemorylessHuntCrossley(0.9, CRADLE, design_speed=1.0, exponent=exponent)
-    bodies, joints, states = {}, {}, {}
-    for k in range(count):
-        name, place = f"ball {k}", np.array([k * (2.0 * radius + gap), 0.0, 0.0])
-        bodies[name] = cj.Body(mass, (1e-6,) * 3)
-        spin = 0.0
-        if hung:
-            hook = place + [0.0, length, 0.0]
-            own = (0.0, length, 0.0)
-            joints[f"hook {k}"] = cj.RevoluteJoint("ground", name, hook, own, Z, Z)
-            spin = 1.0 / length if k == 0 else 0.0
-        velocity = (1.0 if k == 0 else 0.0, 0.0, 0.0)
-        states[name] = cj.body_state(place, velocity=velocity, spin=(0.0, 0.0, spin))
-        if k:
-            joints[f"contact {k}"] = balls(
-                f"ball {k - 1}", name, radius_first=radius, radius_second=radius, law=law
-            )
-    return cj.Scene(bodies, joints), cj.State(states)
-
-
-CRADLE = 1e8
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("exponent", [1.0, 1.5])
-@pytest.mark.parametrize("count", [3, 4, 5])
-@pytest.mark.parametrize("hung", [False, True])
-def test_a_cradle_moves_as_a_chain_of_springs(count, exponent, hung):
-    """The speeds after all impacts, against the chain of masses and springs. On pendulums, whose
-    balls barely leave the line in 2 ms, the mass is that of the pendulum at its ball."""
-    end, mass, gap = 2e-3, 0.1, 1e-7
-    effective = mass + (1e-6 / 0.2**2 if hung else 0.0)
-    scene, state = cradle(count, exponent, hung)
-    final = cj.simulate(scene, state, end, TIGHT, progress=False).final.bodies
-
-    def rates(t: float, y: np.ndarray) -> np.ndarray:
-        x, v = y[:count], y[count:]
-        depth, rate = -np.diff(x) - gap, -np.diff(v)
-        force = CRADLE * np.maximum(depth, 0.0) ** exponent * np.maximum(1.0 + 0.15 * rate, 0.0)
-        return np.r_[v, (np.r_[0.0, force] - np.r_[force, 0.0]) / effective]
-
-    start = np.zeros(2 * count)
-    start[count] = 1.0
-    options = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-15, "max_step": 1e-6}
-    expected = solve_ivp(rates, (0.0, end), start, **options).y[count:, -1]
-    balls = [final[f"ball {k}"] for k in range(count)]
-    speeds = [0.2 * ball.spin[2] if hung else ball.velocity[0] for ball in balls]
-    np.testing.assert_allclose(speeds, expected, rtol=0.0, atol=2e-6 if hung else 1e-8)
-
-
 DAMPING = 6.0
 """Of normal forces, s/m."""
-
-
-class Planar:
-    """A body in the plane z = 0 of an independent model: position, angle, and their rates."""
-
-    def __init__(self, place: Any, angle: float, velocity: Any, spin: float):
-        self.place, self.velocity, self.spin = np.asarray(place), np.asarray(velocity), spin
-        self.turn = Rotation.from_euler("z", angle).as_matrix()[:2, :2]
-
-    def stopped(
-        self, local: Sequence[float], origin: Any, normal: Any, friction: float
-    ) -> tuple[np.ndarray, float]:
-        """Force and moment on the body, whose point `local` a plane of the ground stops.
-
-        Normally it is 1e6 N/m (1 + `DAMPING` rate) times the depth, across it is friction that is
-        regularised over 0.01 m/s; they act midway between the surfaces.
-        """
-        origin, normal = np.asarray(origin), np.asarray(normal)
-        arm = self.turn @ local
-        depth = (origin - self.place - arm) @ normal
-        if depth <= 0.0:
-            return np.zeros(2), 0.0
-        arm = arm + 0.5 * depth * normal
-        sliding = self.velocity + self.spin * np.array([-arm[1], arm[0]])
-        along = np.array([normal[1], -normal[0]])
-        force = 1e6 * depth * max(1.0 - DAMPING * (sliding @ normal), 0.0)
-        rubbing = -friction * math.tanh(sliding @ along / 0.01)
-        push = force * (normal + rubbing * along)
-        return push, arm[0] * push[1] - arm[1] * push[0]
-
-
-def stopping(first: str, second: str, friction: float, **options: Any) -> cj.Stop:
-    """The stop of `Planar.stopped`."""
-    law = cj.laws.MemorylessHuntCrossley(0.0, 1e6, design_speed=1.5 / DAMPING, exponent=1.0)
-    rub = cj.frictions.RegularisedCoulomb(friction, 0.01)
-    return cj.Stop(first, second, law=law, friction=rub, **options)
-
-
-def integrated(
-    rates: Callable[[float, np.ndarray], np.ndarray], start: Sequence[float], times: np.ndarray
-) -> np.ndarray:
-    options = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-15, "max_step": 1e-4}
-    return solve_ivp(rates, (0.0, times[-1]), start, t_eval=times, **options).y
 
 
 @pytest.mark.slow
@@ -470,181 +262,32 @@ def test_painleves_rod_slides_or_jams(friction):
     place = np.array([half * math.cos(angle), half * math.sin(angle) + 1e-5])
     times = np.linspace(0.0, 0.1, 11)
     rod = cj.Body(mass, (1e-6, inertia, inertia))
-    end = (-half, 0.0, 0.0)
-    floor = stopping("ground", "rod", friction, normal=(0, 1, 0), point_second=end)
+    law = cj.laws.MemorylessHuntCrossley(0.0, 1e6, design_speed=1.5 / DAMPING, exponent=1.0)
+    rub, end = cj.frictions.RegularisedCoulomb(friction, 0.01), (-half, 0.0, 0.0)
+    floor = stop("ground", "rod", normal=(0, 1, 0), point_second=end, law=law, friction=rub)
     scene = cj.Scene({"rod": rod}, {"floor": floor}, gravity=(0.0, -G, 0.0))
     start = cj.body_state((*place, 0.0), cj.rotation(Z, angle), (speed, 0.0, 0.0))
-    state = cj.State({"rod": start})
     save = cj.Saving(times, impacts=True)
-    solution = cj.simulate(scene, state, times[-1], TIGHT, save, progress=False)
+    solution = cj.simulate(scene, cj.State({"rod": start}), 0.1, TIGHT, save, progress=False)
 
     def rates(t: float, y: np.ndarray) -> np.ndarray:
-        body = Planar(y[:2], y[2], y[3:5], y[5])
-        push, moment = body.stopped((-half, 0.0), (0.0, 0.0), (0.0, 1.0), friction)
+        """Of place, angle, velocity and spin; forces act midway between end and floor."""
+        arm = -half * np.array([math.cos(y[2]), math.sin(y[2])])
+        depth, push = -(y[1] + arm[1]), np.zeros(2)
+        arm[1] += 0.5 * max(depth, 0.0)
+        slip, leaving = y[3] - y[5] * arm[1], y[4] + y[5] * arm[0]
+        if depth > 0.0:
+            force = 1e6 * depth * max(1.0 - DAMPING * leaving, 0.0)
+            push = force * np.array([-friction * math.tanh(slip / 0.01), 1.0])
+        moment = arm[0] * push[1] - arm[1] * push[0]
         return np.r_[y[3:], push / mass - [0.0, G], moment / inertia]
 
-    expected = integrated(rates, [*place, angle, speed, 0.0, 0.0], times)
+    fine = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-15, "max_step": 1e-4}
+    begun = [*place, angle, speed, 0.0, 0.0]
+    expected = solve_ivp(rates, (0.0, 0.1), begun, t_eval=times, **fine).y
     found = solution.states.bodies["rod"]
     np.testing.assert_allclose(found.position[:, :2].T, expected[:2], rtol=0.0, atol=1e-7)
     np.testing.assert_allclose(found.spin[:, 2], expected[5], atol=1e-5)
     # At 0.5 the end rattles along the plane; in the paradox one hard impact throws the rod off.
     hard = solution.impacts.peak_force.max() > 20.0 * mass * G
     assert hard == (friction > 4.0 / 3.0) == (len(solution.impacts.onset) == 1)
-
-
-SLEEVE, BIRD = {"mass": 0.3e-3, "inertia": 5e-9}, {"mass": 4.5e-3, "inertia": 7e-7}
-POLE, HOLE, HALF_HEIGHT, HINGE, ARM = 2.5e-3, 3.1e-3, 5.8e-3, 10e-3, 15e-3
-BEAK, LEAF, PECK = (-20.1e-3, 20e-3), 0.0056, 0.3
-"""The woodpecker toy of R. Leine, C. Glocker and D. van Campen (2003), but with a sleeve that may
-move across the pole."""
-
-
-STARTS = {
-    "falls and sticks": [0.0, 0.0, -0.1, -0.27, 0.0, -0.34, 0.0, -7.4],
-    "pecks": [0.0, 0.0, 0.1, 0.09, 0.0, -0.05, 0.0, 6.0],
-}
-"""Position of the sleeve, both angles, and their rates, in two phases of the toy's motion."""
-
-
-def woodpecker(start: Sequence[float]) -> tuple[cj.Scene, cj.State]:
-    _, _, tilt, lean, _, fall, _, turning = start
-    joints: dict[str, Any] = {
-        "hinge": cj.RevoluteJoint("sleeve", "bird", (HINGE, 0, 0), (-ARM, 0, 0), Z, Z),
-        "beak": stopping(
-            *("ground", "bird"), PECK, point=(POLE, 0, 0), normal=(1, 0, 0), point_second=(*BEAK, 0)
-        ),
-    }
-    for side in (1.0, -1.0):
-        joints[f"edge {side}"] = stopping(
-            *("ground", "sleeve"),
-            PECK,
-            point=(side * POLE, 0, 0),
-            normal=(side, 0, 0),
-            point_second=(side * HOLE, -HALF_HEIGHT, 0),
-            end_point_second=(side * HOLE, HALF_HEIGHT, 0),
-        )
-    bodies = {
-        name: cj.Body(part["mass"], (part["inertia"],) * 3)
-        for name, part in (("sleeve", SLEEVE), ("bird", BIRD))
-    }
-    leaf = cj.TorsionalSpring("sleeve", "bird", Z, LEAF)
-    scene = cj.Scene(bodies, joints, {"leaf": leaf}, gravity=(0, -G, 0))
-    reach, arm = along(HINGE, tilt), along(ARM, lean)
-    place, velocity = (*(arm + reach), 0.0), (-turning * arm[1], fall + turning * arm[0], 0.0)
-    states = {
-        "sleeve": cj.body_state((0, 0, 0), cj.rotation(Z, tilt), (0, fall, 0)),
-        "bird": cj.body_state(place, cj.rotation(Z, lean), velocity, (0, 0, turning)),
-    }
-    return scene, cj.State(states)
-
-
-def along(length: float, angle: float) -> np.ndarray:
-    return length * np.array([math.cos(angle), math.sin(angle)])
-
-
-def woodpecker_rates(t: float, y: np.ndarray) -> np.ndarray:
-    """In the sleeve's position and both angles."""
-    (x, tall, tilt, lean), speeds = y[:4], y[4:]
-    reach, arm = along(HINGE, tilt), along(ARM, lean)
-    jacobian = np.array([[1.0, 0.0, -reach[1], -arm[1]], [0.0, 1.0, reach[0], arm[0]]])
-    sleeve = Planar((x, tall), tilt, speeds[:2], speeds[2])
-    bird = Planar(sleeve.place + reach + arm, lean, jacobian @ speeds, speeds[3])
-    weight = np.array([0.0, -G])
-    bias = -(speeds[2] ** 2) * reach - speeds[3] ** 2 * arm
-    twist = LEAF * (lean - tilt)
-    force = np.r_[SLEEVE["mass"] * weight, twist, -twist]
-    force = force + jacobian.T @ (BIRD["mass"] * (weight - bias))
-    push, moment = bird.stopped(BEAK, (POLE, 0.0), (1.0, 0.0), PECK)
-    force += jacobian.T @ push + [0.0, 0.0, 0.0, moment]
-    for side in (1.0, -1.0):
-        for level in (-HALF_HEIGHT, HALF_HEIGHT):
-            push, moment = sleeve.stopped(
-                (side * HOLE, level), (side * POLE, 0.0), (side, 0.0), PECK
-            )
-            force += np.r_[push, moment, 0.0]
-    masses = np.diag([SLEEVE["mass"]] * 2 + [SLEEVE["inertia"], BIRD["inertia"]])
-    masses = masses + BIRD["mass"] * jacobian.T @ jacobian
-    return np.r_[speeds, np.linalg.solve(masses, force)]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("phase", STARTS)
-def test_a_woodpecker_pecks_down_its_pole(phase):
-    """The sleeve rattles down the pole and sticks on two edges; the beak pecks at the pole."""
-    scene, state = woodpecker(STARTS[phase])
-    times = np.linspace(0.0, 0.02, 6)
-    save = cj.Saving(times, impacts=True)
-    solution = cj.simulate(scene, state, times[-1], TIGHT, save, progress=False)
-    expected = integrated(woodpecker_rates, STARTS[phase], times)
-    found = solution.states.bodies
-    np.testing.assert_allclose(found["sleeve"].position[:, :2].T, expected[:2], rtol=0.0, atol=2e-9)
-    np.testing.assert_allclose(found["bird"].spin[:, 2], expected[7], atol=1e-5)
-    expected = {"beak", "edge -1.0"} if phase == "pecks" else {"edge 1.0", "edge -1.0"}
-    assert set(solution.impacts.joint) == expected
-
-
-def tumbling() -> tuple[cj.Scene, cj.State]:
-    """A rod thrown on a plate that hangs on a spring, and a ball that strikes the rod's round end
-    and the floor."""
-    surfaces = {"law": cj.laws.ExactRestitution(0.6, 1e8), "friction": ROUGH}
-    bodies = {
-        "plate": cj.Body(3.0, (0.02, 0.03, 0.025)),
-        "rod": cj.Body(0.5, (1e-4, 2e-3, 2e-3)),
-        "ball": cj.Body(0.4, (1e-4,) * 3),
-    }
-    near, far = (-0.1, 0.0, 0.01), (0.12, 0.01, 0.0)
-    plane = {"point": (0.01, 0.0, 0.02), "normal": (0.1, -0.2, 1.0), "radius": 0.01}
-    floor = {"point": (0, 0, -0.1), "normal": (0, 0.1, 1), "radius": 0.03}
-    joints = {
-        "plate": stop("plate", "rod", **plane, point_second=near, end_point_second=far, **surfaces),
-        "balls": balls(
-            "rod", "ball", radius_first=0.02, radius_second=0.03, point_first=far, **surfaces
-        ),
-        "floor": stop("ground", "ball", **floor, **surfaces),
-    }
-    spring = cj.SpringDamper("ground", "plate", (0.1, 0.2, 0.5), (0.02, 0.05, 0.0), 300.0)
-    scene = cj.Scene(bodies, joints, {"spring": spring}, gravity=(0.5, 0.0, -G))
-    tilted = cj.rotation((0.0, 1.0, 0.2), 0.15)
-    states = {
-        "plate": cj.body_state((0.0, 0.0, 0.0), spin=(0.3, 0.2, -0.1)),
-        "rod": cj.body_state((0.02, 0.03, 0.06), tilted, (0.3, -0.2, -1.0), (2.0, -1.0, 3.0)),
-        "ball": cj.body_state((0.2, 0.05, 0.06), velocity=(-1.0, 0.0, -1.0)),
-    }
-    return scene, cj.State(states)
-
-
-@pytest.mark.slow
-def test_derivatives_of_a_tumble_agree_with_differences():
-    """By numbers of every kind, after impacts and slip, in forward and in reverse mode."""
-    scene, state = tumbling()
-    settings = cj.Settings(rtol=1e-11, atol=1e-14, landing_tolerance=1e-13)
-    paths: dict[str, Callable[[cj.Scene], Any]] = {
-        "plane": lambda s: s.joints["plate"].point[2],
-        "normal": lambda s: s.joints["plate"].normal[0],
-        "end": lambda s: s.joints["plate"].end_point_second[2],
-        "radius": lambda s: s.joints["plate"].radius,
-        "ball": lambda s: s.joints["balls"].radius_second,
-        "friction": lambda s: s.joints["plate"].friction.coefficient,
-    }
-    outputs = {x: cj.quantities.Position("ball", x) for x in "xyz"}
-    outputs |= {f"rod {x}": cj.quantities.Position("rod", x) for x in "xyz"}
-    end = 0.08
-    parameters = {name: cj.Parameter(path) for name, path in paths.items()}
-    given = scene, state, end, parameters, outputs, [end], settings
-    exact = cj.sensitivities(*given, progress=False).derivatives
-    predict = cj.predictor(*given)
-    reverse = jax.jacrev(predict)(predict.values)
-
-    def ended(scene: cj.Scene) -> np.ndarray:
-        bodies = cj.simulate(scene, state, end, settings, progress=False).final.bodies
-        return np.r_[bodies["ball"].position, bodies["rod"].position]
-
-    for k, (name, path) in enumerate(paths.items()):
-        step = 1e-6 * max(abs(float(path(scene))), 1.0)
-        numeric = by_differences(ended, scene, path, step)
-        forward = np.array([exact[output][-1, k] for output in outputs])
-        backward = np.array([float(reverse[output][name][-1]) for output in outputs])
-        size = np.abs(numeric).max()
-        assert size > 1e-4, name
-        np.testing.assert_allclose(forward, numeric, rtol=0.0, atol=1e-4 * size, err_msg=name)
-        np.testing.assert_allclose(backward, forward, rtol=0.0, atol=1e-6 * size, err_msg=name)

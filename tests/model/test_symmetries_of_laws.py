@@ -16,41 +16,12 @@ import clearjoint as cj
 from studies.catalogue import frictions
 from tests.simulation.test_symmetries import directions, few, mirror
 from tests.support import symmetry_transformations as symmetries
-from tests.support.laws import CYLINDERS, WITH_RESTITUTION
+from tests.support.laws import contact_laws
 from tests.support.public_names import concrete_classes
 
-STIFFNESS = 1e7
-"""Stiffness of contacts, N/m^1.5."""
 pytestmark = pytest.mark.filterwarnings("ignore::UserWarning")
 powers = st.floats(-3.0, 3.0).map(lambda x: 10.0 ** round(x, 2))
 scales = st.tuples(powers, powers, powers)
-
-
-def contact_laws(lossless: bool = False) -> list[cj.extend.AbstractContactLaw]:
-    """Every contact law, and Hertz's with every stiffness; without losses at a restitution of one.
-
-    A new law that is made of other arguments than those of tests/support/laws.py is entered here,
-    with a damping of zero if it is to be lossless.
-    """
-    laws, restitution, damped = cj.laws, 1.0 if lossless else 0.75, 0.0 if lossless else 1.0
-    return [
-        *(kind(restitution, STIFFNESS) for kind in WITH_RESTITUTION.values()),
-        laws.Hertz(STIFFNESS),
-        laws.MemorylessHuntCrossley(restitution, STIFFNESS, 0.2),
-        laws.KelvinVoigt(restitution, 1e5, 0.7),
-        laws.SpringDashpot(1e5, 50.0 * damped),
-        laws.Tsuji(restitution, STIFFNESS, 0.7),
-        laws.Jankowski(restitution, STIFFNESS, 0.7),
-        laws.KuwabaraKono(STIFFNESS, 1e4 * damped),
-        laws.BordbarHyppanen(STIFFNESS, 1e4 * damped),
-        laws.Ristow(STIFFNESS, 20.0 * damped),
-        laws.ElastoGap(1e5, 50.0 * damped),
-        laws.ImpactFunction(STIFFNESS, 50.0 * damped, 1e-5),
-        laws.FloresKelvinVoigt(restitution, 1e5),
-        *(laws.Hertz(kind(1e8, 0.3, length=20e-3)) for kind in CYLINDERS.values()),
-        laws.Hertz(laws.RavnStiffness(1e8, 0.3)),
-        laws.RoughCylinders(laws.GreenwoodTripp(1e-6, 1e8, 0.1, 0.1), 20e-3, laws.Hertz(STIFFNESS)),
-    ]
 
 
 def friction_laws() -> dict[str, Any]:
@@ -70,7 +41,7 @@ def test_every_law_is_tested():
     )
     missing = concrete_classes(*bases) - tested
     assert not missing, (
-        f"no symmetry of {sorted(missing)} is tested: enter them in `contact_laws` or, for "
+        f"no symmetry of {sorted(missing)} is tested: enter them in tests/support/laws.py or, for "
         "friction, in `LAWS` or `BRISTLES` of `studies/catalogue/frictions.py`"
     )
 

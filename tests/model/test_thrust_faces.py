@@ -55,23 +55,6 @@ def test_friction_opposes_sliding_and_rotation_at_the_mean_radius(side, speed, s
     np.testing.assert_allclose(found[3:], turning, rtol=1e-9, atol=1e-12)
 
 
-@pytest.mark.slow
-def test_a_shaft_on_a_face_runs_down_at_a_constant_rate():
-    """By mu m g r/I, until its slip is too slow; the ledger has the lost energy as friction."""
-    scene, spin = shaft_on_face(np.array([0.0, 0.0, 1.0])), 60.0
-    height = -0.5 * PLAY - (MASS * GRAVITY / STIFFNESS) ** (2 / 3)
-    state = cj.State({"shaft": cj.body_state((0.0, 0.0, height), spin=(0.0, 0.0, spin))})
-    times = np.linspace(0.0, 0.5, 11)
-    run = cj.simulate(scene, state, 0.5, cj.Settings(ledger=True), save=cj.Saving(times))
-    rate = COEFFICIENT * MASS * GRAVITY * RADIUS / INERTIA
-    expected = spin - rate * times
-    assert RADIUS * expected[-1] > FULL_SPEED
-    np.testing.assert_allclose(run.states.bodies["shaft"].spin[:, 2], expected, rtol=1e-6)
-    energies = cj.observe(scene, run).energies
-    lost = 0.5 * INERTIA * (spin**2 - expected**2)
-    np.testing.assert_allclose(energies["friction"], lost, rtol=1e-6, atol=1e-9)
-
-
 @pytest.mark.parametrize(
     ("given", "message"),
     [

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from clearjoint import plot
-from tests.support.drawn_axes import labels, legend
 from tests.support.tumbling_bearing import AXIS, CLEARANCE, COUNT, TIMES
 
 WINDOW = (0.01, 0.03)
@@ -39,19 +38,6 @@ def test_only_bases_of_journals_have_an_eccentricity(turning):
     flat = eqx.tree_at(lambda seen: seen.contacts["pin"]["V"], turning[0], flat)
     with pytest.raises(ValueError, match='`base` must be a base of a journal, but is .*pass "V"'):
         plot.eccentricity_vectors(flat, "pin", "V")
-
-
-def test_contact_forces_over_time(turning):
-    seen, _, _ = turning
-    axes = plot.contact_forces(seen, "pin", window=WINDOW)
-    assert labels(axes) == ("time, ms", "normal force, N")
-    assert legend(axes) == ["bases V and W"]
-    np.testing.assert_allclose(axes.get_xlim(), (10.0, 30.0))
-    for line, base in zip([*axes.get_lines()] * 2, "VW", strict=True):
-        np.testing.assert_allclose(line.get_xdata(), 1e3 * TIMES[AROUND])
-        expected = seen.contacts["pin"][base].normal_force[AROUND]
-        np.testing.assert_allclose(line.get_ydata(), expected)
-        assert expected.max() > 1.0
 
 
 def test_curves_on_the_same_axes_have_different_looks():

@@ -13,7 +13,6 @@ import clearjoint as cj
 from clearjoint import plot
 from clearjoint.plot.report_page import joint_rows
 from tests.support.drawn_axes import labels, legend
-from tests.support.dropped_rod import dropped_rod
 from tests.support.observations import observation_of
 from tests.support.recorded_journal import ContactObservation
 from tests.support.tumbling_bearing import CLEARANCE, TIMES, solution_of
@@ -345,27 +344,3 @@ def test_a_report_lists_play_and_friction_of_lubricated_joints_and_of_shoulders(
     cells = {name: (play, text) for name, _, _, play, _, text in joint_rows(scene, 9)}
     assert cells.pop("bare") == ("50 µm", "none")
     assert set(cells.values()) == {("50 µm", "RegularisedCoulomb, µ 0.2")}
-
-
-@pytest.mark.slow
-def test_pictures_of_a_run_agree_with_its_ledger_and_its_states(tmp_path):
-    """All loops together enclose what normal damping dissipates, as far as steps resolve them;
-    rates are those of the states."""
-    scene, state = dropped_rod()
-    save = cj.Saving(np.linspace(0.0, 0.03, 601), steps=True, impacts=True)
-    settings = cj.Settings(rtol=1e-9, ledger=True)
-    solution = cj.simulate(scene, state, 0.03, settings, save, progress=False)
-    seen, impacts = cj.observe(scene, solution, solution.steps), solution.impacts
-    lost = sum(plot.enclosed_energy(seen, impacts, k) for k in range(len(impacts)))
-    assert len(impacts) > 2
-    assert lost == pytest.approx(seen.energies["normal damping"][-1], rel=1e-2)
-    rate = plot.rate_series(scene, solution, cj.quantities.Position("rod", "y"))
-    fall = plot.series(scene, solution, cj.quantities.Velocity("rod", "y"))
-    np.testing.assert_allclose(rate, fall, rtol=0.0, atol=1e-12)
-    assert (rate.attrs["units"], rate.name) == ("m/s", "rate of position of rod y")
-    depth = plot.rate_series(scene, solution, cj.quantities.Penetration("pin", "V"))
-    saved = cj.observe(scene, solution).contacts["pin"]["V"].penetration_rate
-    np.testing.assert_allclose(depth, saved, rtol=0.0, atol=1e-9)
-    force = cj.quantities.ContactForce("pin")
-    plot.report(scene, solution, tmp_path / "page.pdf", quantity=force)
-    assert (tmp_path / "page.pdf").read_bytes().startswith(b"%PDF")

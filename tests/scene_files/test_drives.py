@@ -1,6 +1,5 @@
 """Drive trains of robots against MuJoCo, SciPy and closed forms."""
 
-import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -188,24 +187,6 @@ def test_a_drive_acts_where_it_says(read):
     assert [*driven] == ["elbow", "slide"]
     assert driven["elbow"] - plain["elbow"] == pytest.approx(0.1 * qdd[0], abs=1e-8)
     assert driven["slide"] - plain["slide"] == pytest.approx(0.02 * qdd[1], abs=1e-8)
-
-
-def test_a_robot_with_drives_is_saved_and_assembled(read, tmp_path):
-    drive = cj.Drive(1e-5, 100.0, "0.5 deg", 900.0, friction=0.3, loss=0.1)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        robot = read().with_drive("elbow", drive).with_drive("slide", cj.Drive(0.1, stiffness=9.0))
-        state = robot.state([0.3, 0.1], [2.0, 0.0])
-        cj.save(robot.scene, state, tmp_path / "robot.toml")
-        scene, again = cj.load(tmp_path / "robot.toml")
-    assert jax.tree.structure(scene) == jax.tree.structure(robot.scene)
-    for own, other in zip(
-        jax.tree.leaves((scene, again)), jax.tree.leaves((robot.scene, state)), strict=True
-    ):
-        assert own == pytest.approx(other, rel=1e-15)
-    found, expected = robot.angles(cj.assemble(robot.scene, state)), robot.angles(state)
-    assert [*found] == [*expected]
-    assert np.array([*found.values()]) == pytest.approx(np.array([*expected.values()]), abs=1e-12)
 
 
 @pytest.mark.parametrize(

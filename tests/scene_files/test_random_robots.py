@@ -1,5 +1,5 @@
-"""Robots at random, read from URDF: their angles are those of the file, merged links move as
-unmerged ones, and MuJoCo computes the same accelerations.
+"""Robots at random, read from URDF: their angles are those of the file, and Pinocchio computes the
+same accelerations, with fixed links merged or not.
 
 NumPy evaluates the equations of motion, so that nothing is compiled.
 """
@@ -146,31 +146,6 @@ def test_links_are_where_the_definitions_of_urdf_put_them(seed, merge_fixed, rea
         np.testing.assert_allclose(pose @ place, expected, rtol=0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_merged_links_move_as_fixed_ones(seed, read_robot):
-    robot = random_robot(seed)
-    motion = random_motion(robot, seed)
-    merged, unmerged = (read_robot(robot, merge_fixed=merge) for merge in (True, False))
-    assert len(merged.scene.bodies) <= len(unmerged.scene.bodies)
-    assert not any(isinstance(joint, cj.FixedJoint) for joint in merged.scene.joints.values())
-    require_close(joint_rates(merged, motion), joint_rates(unmerged, motion), 1e-11)
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_mujoco_computes_the_same_accelerations(seed, read_robot):
-    mujoco = pytest.importorskip("mujoco")
-    robot = random_robot(seed)
-    motion = random_motion(robot, seed)
-    model = mujoco.MjModel.from_xml_string(robot)
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-    data = mujoco.MjData(model)
-    for name, position in motion.positions.items():
-        data.joint(name).qpos, data.joint(name).qvel = position, motion.speeds[name]
-    mujoco.mj_forward(model, data)
-    expected = {name: float(data.joint(name).qacc[0]) for name in motion.positions}
-    require_close(joint_rates(read_robot(robot), motion), expected, 1e-9)
-
-
 def angles(robot: cj.results.Robot, scene: cj.Scene, motion: Motion) -> dict[str, float]:
     """Angles of all elements that have one (`quantities.JointAngle`), by name."""
     system, variables = moved(robot, motion, scene)
@@ -261,12 +236,16 @@ def pinocchio_of(robot: str, motion: Motion, rates: Mapping[str, float]) -> Refe
     )
 
 
+@pytest.mark.parametrize("merge_fixed", [True, False])
 @pytest.mark.parametrize("seed", SEEDS)
-def test_pinocchio_computes_the_same_accelerations_and_torques(seed, read_robot):
+def test_pinocchio_computes_the_same_accelerations_and_torques(seed, merge_fixed, read_robot):
     robot = random_robot(seed)
     motion = random_motion(robot, seed)
     rates = random_motion(robot, seed + 50).positions
-    expected, loaded = pinocchio_of(robot, motion, rates), read_robot(robot)
+    expected = pinocchio_of(robot, motion, rates)
+    loaded = read_robot(robot, merge_fixed=merge_fixed)
+    fixed = [name for name, j in loaded.scene.joints.items() if isinstance(j, cj.FixedJoint)]
+    assert not (merge_fixed and fixed)
     require_close(joint_rates(loaded, motion), expected.accelerations, 1e-9)
     torques = loaded.torques(motion.positions, motion.speeds, rates)
     require_close({name: float(torque) for name, torque in torques.items()}, expected.torques, 1e-9)

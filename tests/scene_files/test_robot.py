@@ -68,29 +68,6 @@ def test_resistances_are_those_of_the_file(read):
     assert not any("stop" in name for name in scene.joints)
 
 
-@pytest.mark.slow  # compiles
-def test_limits_stop_and_friction_holds(read):
-    loaded = read(stops=STOPS)
-    save = cj.Saving(np.linspace(0, 2, 401), impacts=True)
-    state = loaded.state({"wrist": 0.2}, {"left finger": 2.0})
-    solution = cj.simulate(loaded.scene, state, 2.0, save=save, progress=False)
-    assert solution.result == cj.RESULTS.successful
-    angles = loaded.angles(solution)
-    assert 0.9 < angles["wrist"].max() < 0.92
-    assert 0.2 < angles["left finger"].max() < 0.21
-    assert angles["right finger"] == pytest.approx(0.01 - angles["left finger"], abs=1e-9)
-    assert {*solution.impacts.joint} == {"wrist stop", "left finger stop"}
-    # 0.3 N m against the dry friction of 0.5 N m: only bristles yield, by 0.6e-4 rad.
-    loaded = read(gravity=None)
-    wrist = loaded.scene.joints["wrist"]
-    ramp = cj.PiecewiseLinear([0.0, 1.0, 2.0], [0.0, 0.3, 0.3])
-    motor = cj.DriveTorque(wrist.first, wrist.second, wrist.axis_first, ramp)
-    scene = cj.Scene(loaded.scene.bodies, loaded.scene.joints, {"motor": motor})
-    solution = cj.simulate(scene, loaded.state(), 2.0, save=cj.Saving([1.5, 2.0]), progress=False)
-    held = loaded.angles(solution)["wrist"]
-    assert np.abs(held - 0.6e-4).max() < 1e-6
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_angles_of_a_motion_continue_over_revolutions(seed, read):
     loaded = read('type="revolute"', 'type="continuous"')

@@ -83,13 +83,6 @@ def test_joints_frames_and_limits_are_those_of_the_file(read):
     assert loaded.limits == {"elbow": cj.results.JointLimits(-1.0, 1.0, 10.0, 2.0)}
 
 
-def test_fixed_links_can_be_bodies(read):
-    loaded, _ = read(merge_fixed=False)
-    assert list(loaded.scene.bodies) == [*MERGED, "tool"]
-    assert isinstance(loaded.scene.joints["flange"], cj.FixedJoint)
-    assert drift(loaded) < 1e-14
-
-
 def test_a_link_may_be_named_ground(read):
     loaded, _ = read('"base"', '"ground"')
     assert list(loaded.scene.bodies) == MERGED

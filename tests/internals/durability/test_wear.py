@@ -14,8 +14,6 @@ from clearjoint._durability import wear as wear_module
 from clearjoint._durability.wear_depths import (
     SIGNALS,
     depths_from_signals,
-    quadrature_times,
-    wear_depths,
 )
 from clearjoint._durability.wear_derivatives import MovingSpline
 from tests.durability.test_wear import (
@@ -80,21 +78,6 @@ def test_a_parameter_moves_a_worn_profile():
     assert still.at(angle).value == cj.profiles.PeriodicSpline(coefficients).at(angle).value
     along = cj.profiles.PeriodicSpline(directions[8:]).at(angle).value
     assert moved.at(angle).value - still.at(angle).value == pytest.approx(2e-7 * along)
-
-
-@pytest.mark.slow
-def test_the_worn_volume_is_that_of_the_reduction():
-    scene, state = whirling()
-    outputs = {"wear": cj.ArchardWear("pin", coefficient=RATE, hardness=1.0)}
-    save = cj.Saving(steps=True)
-    solution = cj.simulate(scene, state, CYCLE, save=save, outputs=outputs, progress=False)
-    times = quadrature_times(solution, 0.0, CYCLE, CYCLE)
-    depths, _, _ = wear_depths(scene, solution, "pin", (RATE, 2.0 * RATE), times, 24)
-    volumes = depths.sum(axis=1) * 2.0 * np.pi / 24 * LENGTH * [RADIUS, RADIUS - CLEARANCE]
-    np.testing.assert_allclose(volumes, solution.outputs["wear"] * np.array([1, 2]), rtol=1e-6)
-    # The contact stays at one point of the journal.
-    assert np.argmax(depths[1]) == 0
-    assert np.count_nonzero(depths[1] > 1e-3 * depths[1].max()) < 6
 
 
 @pytest.mark.slow

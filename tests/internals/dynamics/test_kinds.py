@@ -6,7 +6,6 @@ with few elements.
 
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -201,22 +200,6 @@ def test_few_elements_are_written_out(monkeypatch):
 def test_an_error_of_an_element_names_its_body():
     with pytest.raises(KeyError, match="z"):
         wrenches_of(Push, "xyzx")
-
-
-@pytest.mark.slow
-def test_lanes_have_the_bits_of_single_runs():
-    """A chain whose hinges and backlash are evaluated by functions of kinds."""
-    scene, state = chain(5)
-    plays = [0.008, 0.01, 0.012]
-    axes = {"play": cj.Axis(lambda s: s.joints["play 3"].play, plays)}
-    sweep = cj.sweep(scene, state, 0.2 * SPAN, axes=axes, progress=False)
-    for k, play in enumerate(plays):
-        one = eqx.tree_at(lambda s: s.joints["play 3"].play, scene, np.asarray(play))
-        final = cj.simulate(one, state, 0.2 * SPAN, progress=False).final
-        for name, body in final.bodies.items():
-            for field in ("position", "orientation", "velocity", "spin"):
-                swept = sweep[f"final_{field}"].isel(play=k).sel(body=name)
-                np.testing.assert_array_equal(swept, getattr(body, field))
 
 
 def impacts_of(joints: int) -> cj.results.Solution:

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._views.meshes import CLEAR
 from tests.support import recorded_journal as recorded
 from tests.support.browser import FOUND, MISSING, OPTIONS, Browser
 
@@ -33,12 +32,6 @@ def share_of(picture: np.ndarray, colour: str) -> float:
     hues = seen / np.linalg.norm(seen, axis=1, keepdims=True)
     near = np.linalg.norm(hues - wanted / np.linalg.norm(wanted), axis=1) < TOLERANCE
     return float(near.sum()) / len(canvas)
-
-
-def seen_through(colour: str) -> str:
-    """A transparent colour in front of white."""
-    parts = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
-    return "#" + "".join(f"{round(CLEAR * part + (1.0 - CLEAR) * 255.0):02x}" for part in parts)
 
 
 def at_frame(browser: Browser, frame: int) -> np.ndarray:
@@ -93,24 +86,3 @@ def test_a_notebook_shows_it_in_a_frame(browser, tmp_path):
     browser.wait("document.querySelector('iframe').contentDocument.body.dataset.frame == '0'")
     assert share_of(browser.picture(), BLUE) > 1e-3
     assert browser.errors == []
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "name",
-    [
-        *("double_pendulum", "slider_crank", "four_bar", "robot_arm", "gear_pair"),
-        *("rotor_in_bearing", "andrews_squeezer", "spatial_four_bar", "quick_return"),
-    ],
-)
-def test_mechanisms_are_visible_in_one_state(name, browser, tmp_path):
-    scene, state = getattr(cj.mechanisms, name)()[:2]
-    view = cj.view(scene, state, title=name)
-    browser.open(view.save(tmp_path / "page.html").as_uri())
-    browser.wait("!document.getElementById('time')")
-    picture = browser.picture()
-    assert browser.errors == []
-    shown = [colour for colour, name in view.legend.entries if name in scene.bodies]
-    shares = np.array([share_of(picture, c) + share_of(picture, seen_through(c)) for c in shown])
-    assert shares.max() > 1e-3
-    assert np.count_nonzero(shares) >= 0.5 * len(shares)
