@@ -49,6 +49,12 @@ def log_of(table, side="elbow"):
     return cj.RobotLog.read(table, time="t", **options)
 
 
+def held(found):
+    """Which intervals hold the true values."""
+    limits = found.fit.intervals
+    return {name: limits[name][0] <= value <= limits[name][1] for name, value in TRUTH.items()}
+
+
 def test_play_friction_and_inertia_of_a_log(robot):
     table = log_table(JOINT, *swinging(0, 1.5))
     found = cj.fit_robot(robot, log_of(table), FIND, {"elbow": "torque"}, grow=(), **QUIET)
@@ -131,6 +137,38 @@ def test_random_joints_are_found_from_the_same_starts(seed, robot):
         assert values[f"elbow {kind}"] == pytest.approx(value, rel=0.02, abs=3e-3), kind
     assert values["elbow inertia"] == pytest.approx(inertia, rel=0.02)
     assert found.intervals["elbow play"][0] <= play + 3e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+def test_a_log_without_play_does_not_show_one(robot, seed):
+    log = log_of(log_table(replace(JOINT, play=1e-7), *swinging(seed, 1.5), seed=seed))
+    found = cj.fit_robot(robot, log, FIND, {"elbow": "torque"}, **QUIET)
+    low, high = found.intervals["elbow play"]
+    assert low < 1e-5 and high < np.radians(1.0)  # below the start
+    assert found.fit.chi_squared <= chi_squared_of_truth(found, {"elbow play": 1e-7})
+
+
+def chi_squared_of_truth(found, others=()):
+    """Chi squared of one run with the true values, from rest at zero in the middle of the play."""
+    fit = found.fit
+    known = {**TRUTH, **dict(others)}
+    true = {name: known.get(name, 0.0) for name in fit.parameters}
+    once = {"guess": true, "max_iterations": 1, "check_runs": 0, **QUIET}
+    return cj.identify(fit.scene, fit.state, fit.measurements, fit.parameters, **once).chi_squared
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("side", ["elbow", "elbow motor"])
+def test_intervals_hold_the_truth_in_27_of_30_draws(side, robot):
+    counts = dict.fromkeys(TRUTH, 0)
+    for seed in range(30):
+        log = log_of(log_table(JOINT, *swinging(seed, 6.0), side=side, seed=seed), side)
+        found = cj.fit_robot(robot, log, FIND, {"elbow": "torque"}, **QUIET)
+        counts = {name: counts[name] + inside for name, inside in held(found).items()}
+        # In the lowest minimum, the likelihood is at least that of the truth.
+        assert found.fit.chi_squared <= chi_squared_of_truth(found), seed
+    assert min(counts.values()) >= 27, counts
 
 
 @dataclass(frozen=True)
