@@ -12,13 +12,11 @@ from studies.catalogue.plays import INERTIAS, PLAY, RADIUS, SPEED, TIGHT
 from tests.support.difference_quotients import (
     Places,
     by_differences,
-    central,
     parameters_at,
 )
 from tests.support.one_body import ORIGIN, Z
 
 pytestmark = pytest.mark.slow
-VERY_TIGHT = cj.Settings(rtol=1e-12, atol=1e-14)
 IMPACTS = cj.Saving(impacts=True)
 
 
@@ -134,39 +132,6 @@ def test_gears_tend_to_the_ideal_ratio_as_their_backlash_vanishes():
 WHEEL = {"angle": cj.quantities.JointAngle("wheel bearing")}
 
 
-def test_sensitivities_to_the_backlash_and_its_law_are_those_of_differences():
-    scene, state = cj.mechanisms.gear_pair()
-    places: Places = {
-        "backlash": (lambda s: s.joints["mesh"].backlash, 1e-8),
-        "restitution": (lambda s: s.joints["mesh"].law.restitution, 1e-4),
-        "pressure angle": (lambda s: s.joints["mesh"].pressure_angle, 1e-5),
-        "eccentricity": (lambda s: s.joints["mesh"].point_first[0], 1e-8),
-    }
-    end = 3e-3
-    found = cj.sensitivities(scene, state, end, parameters_at(places), WHEEL, [end])
-
-    def angle(scene: cj.Scene) -> float:
-        return turned(cj.simulate(scene, state, end, VERY_TIGHT).final, "wheel")
-
-    expected = by_differences(scene, places, angle)
-    np.testing.assert_allclose(found.derivatives["angle"][0], expected, rtol=1e-4)
-
-
-def test_sensitivities_to_a_play_about_an_axis_are_those_of_differences():
-    law = cj.laws.HuntCrossley(0.7, 1e8)
-    scene, state = shafts(law)
-    parameters = {"play": cj.Parameter(lambda s: s.joints["play"].play, cj.Log())}
-    channel = {"angle": cj.quantities.JointAngle("b")}
-    end, tight = 4e-3, replace(cj.presets.derivatives, rtol=1e-11)
-    found = cj.sensitivities(scene, state, end, parameters, channel, [end], settings=tight)
-
-    def angle(change: float) -> float:
-        moved, _ = shafts(law, PLAY * math.exp(change))
-        return turned(cj.simulate(moved, state, end, VERY_TIGHT).final, "b")
-
-    assert found.derivatives["angle"].item() == pytest.approx(central(angle, 1e-4), rel=1e-5)
-
-
 @pytest.mark.parametrize(
     "law", [cj.laws.ExactRestitution(0.8, 4e8, exponent=1.0), cj.laws.FloresKelvinVoigt(0.8, 4e8)]
 )
@@ -190,24 +155,6 @@ def test_sensitivities_under_a_spring_hold_at_every_tolerance(law):
         found = cj.sensitivities(scene, state, end, parameters_at(places), WHEEL, [end], settings)
         derivatives = found.derivatives["angle"][0]
         np.testing.assert_allclose(derivatives * sizes, expected * sizes, rtol=1e-5, atol=1e-9)
-
-
-def test_a_sweep_over_the_backlash_has_the_lanes_of_single_runs():
-    """Times in flight, and so counts, go with the play; each lane keeps its own entry speed."""
-    scene, state = cj.mechanisms.gear_pair()
-    plays = np.array([2e-5, 5e-5, 2e-4])
-    axes = {"play": cj.Axis(lambda s: s.joints["mesh"].backlash, plays)}
-    outputs = {"hits": cj.ImpactTable(20), "peak": cj.Peak(cj.quantities.ContactForce("mesh"), "N")}
-    found = cj.sweep(scene, state, 5e-3, axes, outputs, TIGHT, progress=False)
-    entries = 10.0 * _base_radii()[0] * 0.8 ** np.arange(40)
-    for k, play in enumerate(plays):
-        moved, _ = cj.mechanisms.gear_pair(backlash=play)
-        single = cj.simulate(moved, state, 5e-3, TIGHT, IMPACTS).impacts
-        speeds = found["hits_entry_speed"].values[k].ravel()
-        speeds = np.sort(speeds[np.isfinite(speeds) & (speeds > 0.0)])[::-1]
-        assert len(speeds) == len(single) > 2
-        np.testing.assert_allclose(speeds, entries[: len(speeds)], rtol=1e-7)
-    np.testing.assert_allclose(found["peak"], found["peak"][0], rtol=1e-5)
 
 
 def test_impacts_without_duration_are_those_of_time_stepping():

@@ -1,9 +1,8 @@
 """Gears whose stiffness and transmission error vary over the mesh cycle, against Lagrange's
-equations integrated by SciPy, and derivatives against differences."""
+equations integrated by SciPy."""
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -13,8 +12,6 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
-from tests.support.catalogue_scenes import meshing_gears
-from tests.support.difference_quotients import Places, by_differences, parameters_at
 from tests.support.one_body import ORIGIN, Z, hinge
 from tests.support.symmetry_transformations import (
     new_start,
@@ -175,26 +172,25 @@ class Pair:
         damped = max(1.0 + self.damping * sense * moving, 0.0)
         return self.factor(x) * spring * damped, 0.5 * spring * depth
 
-    def rates(self, t: float, y: np.ndarray, moment: float) -> list[float]:
-        """Lagrange's equations, or the classical ones, which lack the `moment` on the first
-        gear."""
+    def rates(self, t: float, y: np.ndarray) -> list[float]:
+        """Lagrange's equations."""
         first, second = self.torques
         x, step = self.teeth[0] * (y[0] - self.phase), 1e-5
         slope = (self.factor(x + step) - self.factor(x - step)) / (2.0 * step)
         for sense in SENSES:
             force, energy = self.flank(y, sense)
             of_cycle = sense * force * self._error(x)[1] - slope * energy
-            first -= sense * force * self.radii[0] - moment * self.teeth[0] * of_cycle
+            first -= sense * force * self.radii[0] - self.teeth[0] * of_cycle
             second -= sense * force * self.radii[1]
         return [y[2], y[3], first / self.inertias[0], second / self.inertias[1]]
 
-    def integrated(self, moment: float = 1.0) -> list[Any]:
+    def integrated(self) -> list[Any]:
         """The motion piece by piece, from one change of a contact to the next."""
         t, y, pieces = 0.0, self.start, []
         closed = {sense: self.depth(y, sense) > 0.0 for sense in SENSES}
         while t < END:
 
-            def changes(t: float, y: np.ndarray, *_: Any, sense: float) -> float:
+            def changes(t: float, y: np.ndarray, sense: float) -> float:
                 return self.depth(y, sense)
 
             events = [partial(changes, sense=sense) for sense in closed]
@@ -210,7 +206,6 @@ class Pair:
                 first_step=min(1e-8, END - t),
                 dense_output=True,
                 events=events,
-                args=(moment,),
             )
             pieces.append(run.sol)
             fired = zip(closed.items(), run.t_events, strict=True)
@@ -263,57 +258,3 @@ def test_gears_move_as_lagranges_equations_say(seed, oriented):
     if oriented:
         mesh, bearing = (np.stack([run.outputs[f"{name} {x}"] for x in "xyz"]) for name in joints)
         np.testing.assert_allclose(bearing, -mesh, rtol=0.0, atol=1e-9 * np.abs(mesh).max())
-
-
-@pytest.mark.slow
-def test_the_classical_equations_lack_the_moment_of_the_mesh_cycle():
-    """Without the moment on the first gear, which holds the energy, the speeds are others."""
-    pair = Pair(0, False)
-    with_moment, without = (at(pair.integrated(moment), TIMES)[:, 2] for moment in (1.0, 0.0))
-    assert np.abs(without - with_moment).max() > 1e-3 * np.abs(with_moment).max()
-
-
-PLACES: Places = {
-    "contact ratio": (lambda s: s.joints["mesh"].stiffness.contact_ratio, 1e-5),
-    "transition": (lambda s: s.joints["mesh"].stiffness.transition, 1e-5),
-    "middle": (lambda s: s.joints["mesh"].stiffness.middle, 1e-4),
-    "restitution": (lambda s: s.joints["mesh"].law.restitution, 1e-5),
-    "error": (lambda s: s.joints["mesh"].transmission_error.cosines[0], 1e-10),
-    "backlash": (lambda s: s.joints["mesh"].backlash, 2e-9),
-    "phase": (lambda s: s.joints["mesh"].phase, 1e-7),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("exponent", [1.0, 1.5])
-def test_sensitivities_of_a_mesh_that_varies_are_those_of_differences(exponent):
-    law = cj.laws.HuntCrossley(0.7, 4e8 if exponent == 1.0 else 1.8e11, exponent=exponent)
-    scene, state = meshing_gears(law)
-    end, fine = 3e-3, replace(cj.presets.derivatives, rtol=1e-12)
-    speeds = {name: cj.quantities.AngularVelocity(name, "z", axes="body") for name in NAMES}
-    settings = cj.presets.derivatives
-    found = cj.sensitivities(
-        scene, state, end, parameters_at(PLACES), speeds, [end], settings, progress=False
-    )
-    slopes = np.stack([found.derivatives[name][0] for name in NAMES])
-
-    def ends(scene: cj.Scene) -> np.ndarray:
-        final = cj.simulate(scene, state, end, fine, progress=False).final
-        return np.array([float(final.bodies[name].spin[2]) for name in NAMES])
-
-    expected = by_differences(scene, PLACES, ends)
-    within = np.abs(slopes - expected) < 1e-4 * np.abs(expected).max(axis=0)
-    assert within.all(), dict(zip(PLACES, within.T, strict=True))
-
-
-@pytest.mark.slow
-def test_rigid_impacts_of_gears_with_a_transmission_error_are_those_of_a_stiff_mesh():
-    law = cj.laws.ExactRestitution(0.6, 1e11, exponent=1.0)
-    scene, state = meshing_gears(law)
-    end = 2.5e-3
-    exact = cj.simulate(scene, state, end, FINE, cj.Saving(impacts=True), progress=False)
-    stepped = cj.simulate_nonsmooth(scene, state, end, step=1e-7, restitution=0.6)
-    assert exact.impacts is not None and len(exact.impacts) > 0
-    for name in NAMES:
-        spin, other = (float(run.final.bodies[name].spin[2]) for run in (exact, stepped))
-        assert other == pytest.approx(spin, rel=1e-4), name

@@ -236,17 +236,6 @@ def test_derivatives_along_the_times_of_switched_forces():
     assert result.accepted < 12
 
 
-@pytest.mark.slow
-def test_forward_derivatives_of_a_run_contain_the_switch_too():
-    scene, state = pushed(Push("ball", 4.0, 0.3), Push("ball", 1.0, 0.3))
-
-    def ended(start):
-        varied = cj.set_value(scene, lambda s: s.forces["push 0"].start, start)
-        return cj.simulate(varied, state, 1.0).final.bodies["ball"].position[0]
-
-    np.testing.assert_allclose(jax.jit(jax.jacfwd(ended))(0.3), -1.4, rtol=1e-9)
-
-
 def test_integrals_of_quantities_that_jump_at_an_onset():
     """The time in contact at the end T is T - sqrt(2 drop/g), and an acceleration's integral is the
     change of the speed, also in their derivatives."""

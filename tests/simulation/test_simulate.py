@@ -138,32 +138,6 @@ def test_vmapped_lanes_equal_single_runs(rod):
         np.testing.assert_allclose(positions[lane], expected, rtol=0, atol=1e-9)
 
 
-@pytest.mark.slow
-def test_forward_derivative_through_impacts():
-    """Three impacts: the derivative by the clearance, against the extended-precision table."""
-    scene, state = cj.mechanisms.double_pendulum()
-
-    def height(log_clearance):
-        swept = eqx.tree_at(lambda s: s.joints["shoulder"].clearance, scene, jnp.exp(log_clearance))
-        save = cj.Saving(jnp.asarray([0.012, 0.06]))
-        solution = cj.simulate(swept, state, 0.06, cj.Settings(rtol=1e-9), save)
-        return solution.states.bodies["arm 2"].position[:, 1]
-
-    slope = jax.jit(lambda x: jax.jvp(height, (x,), (1.0,))[1])(jnp.log(5e-4))
-    expected = [2.861031385e-4, -5.195528888e-4]
-    np.testing.assert_allclose(slope, expected, rtol=2e-2)
-
-
-@pytest.mark.slow
-def test_a_free_body_keeps_its_velocity_and_its_energy():
-    motion = {"velocity": (1, 2, 3), "spin": (0.1, 2.0, 0.3)}
-    scene, state = one_body("rock", mass=2.0, inertia=(0.1, 0.2, 0.25), **motion)
-    solution = cj.simulate(scene, state, 1.0, cj.Settings(ledger=True), save=cj.Saving([0.0, 1.0]))
-    np.testing.assert_allclose(solution.final.bodies["rock"].position, (1, 2, 3), rtol=1e-12)
-    observed = cj.observe(scene, solution)
-    assert np.abs(np.diff(observed.energies["kinetic"])) < 1e-6
-
-
 OTHER_CONTACTS = [{"pin": {"V": 0.0}}, {"pin": {"X": 1.0}, "hip": {}}]
 """Entry speeds of a state of another law, or of a nonsmooth run: some are lacking, or too many."""
 
