@@ -47,32 +47,6 @@ def test_dahls_force_over_displacement_is_exponential_and_is_booked():
     np.testing.assert_allclose(observed.energies["friction"], taken - stored, rtol=1e-4, atol=1e-9)
 
 
-@pytest.mark.slow
-def test_energy_stored_in_bristles_is_returned_and_not_dissipated():
-    """A block oscillates on bristles that dissipate little.
-
-    A run that continues without a ledger starts it at their stored energy.
-    """
-    scene, state = block(cj.frictions.Dahl(0.3, 1e3), velocity=(2e-3, 0.0, 0.0))
-    times, settings = np.linspace(0.0, 0.05, 26), cj.Settings(rtol=1e-9, ledger=True)
-    solution = cj.simulate(scene, state, 0.05, settings, save=cj.Saving(times))
-    observed, whole = cj.observe(scene, solution), 0.5 * MASS * 2e-3**2
-    assert np.abs(observed.ledger_residual()).max() < 1e-6 * whole
-    assert observed.energies["bristles"].max() > 0.9 * whole
-    assert (np.diff(observed.energies["friction"]) > -1e-9 * whole).all()
-    assert observed.energies["friction"][-1] < 0.2 * whole
-    stopped = cj.simulate(scene, state, 0.016, settings).final
-    stored = observed.energies["bristles"][8]
-    assert stored > 0.5 * whole
-    bare = eqx.tree_at(lambda s: s.work, stopped, {}, is_leaf=lambda node: node is stopped.work)
-    on = cj.simulate(scene, bare, 0.05, settings, start_time=0.016, save=cj.Saving([0.016, 0.05]))
-    after = cj.observe(scene, on).energies
-    assert abs(after["friction"][0]) < 1e-9 * whole
-    assert after["bristles"][0] == pytest.approx(stored)
-    lost = observed.energies["friction"][-1] - observed.energies["friction"][8]
-    assert after["friction"][1] == pytest.approx(lost, rel=1e-3)
-
-
 def on_a_spring():
     spring = cj.SpringDamper(
         "ground", "block", (-1.0, 0.0, -DEPTH), (0.0,) * 3, stiffness=SPRING, free_length=1.0

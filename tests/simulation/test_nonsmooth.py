@@ -3,7 +3,6 @@
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -69,22 +68,6 @@ def test_a_ball_rests_after_infinitely_many_impacts(drop):
     assert contact.penetration <= contact.fastest * STEP / 10
 
 
-@pytest.mark.slow
-def test_a_run_ends_at_its_end_time_without_rounding():
-    for end_time in (0.1, 0.1 + 1e-3 / 3, 0.123):
-        assert cj.simulate_nonsmooth(*ball(), end_time, step=1e-3, start_time=0.01).time == end_time
-
-
-@pytest.mark.slow
-def test_an_elastic_ball_keeps_its_energy():
-    scene, state = ball()
-    solution = cj.simulate_nonsmooth(scene, state, 20.0, step=STEP, restitution=1.0)
-    final = solution.final.bodies["ball"]
-    energy = GRAVITY * final.position[2] + 0.5 * final.velocity[2] ** 2
-    np.testing.assert_allclose(energy, GRAVITY * HEIGHT, rtol=1e-8)
-    assert solution.contacts["floor"]["point 0"].impacts == 40
-
-
 MU = 0.3
 SIDE = 0.1
 
@@ -102,15 +85,6 @@ def block(speed: float, slope: float) -> tuple[cj.Scene, cj.State]:
 
 def slid(speed: float, slope: float, time: float) -> cj.BodyState:
     return cj.simulate_nonsmooth(*block(speed, slope), time, step=STEP).final.bodies["block"]
-
-
-@pytest.mark.slow
-def test_a_sliding_block_stops_and_stays():
-    speed = 1.0
-    final = slid(speed, 0.0, speed / (MU * GRAVITY) + 0.5)
-    np.testing.assert_allclose(final.position[0], speed**2 / (2 * MU * GRAVITY), rtol=1e-4)
-    assert np.abs(final.velocity).max() < 1e-6 and np.abs(final.spin).max() < 1e-6
-    np.testing.assert_allclose(final.position[2], SIDE, rtol=1e-6)
 
 
 def test_a_block_on_a_slope_sticks_below_the_angle_of_friction_and_slides_above():
@@ -240,21 +214,6 @@ def test_the_ledger_closes(pendulum):
     booked = sum(base.dissipated for base in found.history["shoulder"].values())
     np.testing.assert_allclose(booked - booked[0], lost, atol=2e-4)
     assert booked[-1] > 3e-3
-
-
-@pytest.mark.slow
-def test_lanes_of_a_batch_are_single_runs(pendulum):
-    scene, state = pendulum
-    clearances = np.array([4e-4, 5e-4])
-
-    def end(clearance: Any) -> Any:
-        other = eqx.tree_at(lambda s: s.joints["shoulder"].clearance, scene, clearance)
-        return swung(other, state).saved.states.bodies["arm 2"].position
-
-    lanes = jax.jit(jax.vmap(end))(jnp.asarray(clearances))
-    single = swung(scene, state).saved.states.bodies["arm 2"].position
-    np.testing.assert_allclose(lanes[1][:5], single[:5], rtol=0, atol=1e-9)
-    assert np.abs(lanes[0][5:] - lanes[1][5:]).max() > 1e-6
 
 
 @pytest.mark.slow

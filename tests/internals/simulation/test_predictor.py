@@ -339,26 +339,6 @@ def test_a_run_that_fails_in_a_batch_is_nan():
 
 
 @pytest.mark.slow
-def test_a_batch_across_impacts_has_the_bits_of_its_elements():
-    scene, state = cj.mechanisms.double_pendulum(0.5e-3, 0.9)
-    paths = {
-        "clearance": lambda scene: scene.joints["shoulder"].clearance,
-        "mass": lambda scene: scene.bodies["arm 3"].mass,
-    }
-    outputs = {
-        "x": cj.quantities.Position("arm 3", "x"),
-        "peak": cj.Peak(cj.quantities.ContactForce("shoulder"), "N"),
-    }
-    made = cj.predictor(scene, state, 0.1, paths, outputs, [0.02, 0.06, 0.1], SETTINGS)
-    loss = lambda values: jnp.sum(made(values)["x"]) + made(values)["peak"]  # noqa: E731
-    batch = {"clearance": jnp.linspace(0.2e-3, 0.6e-3, 10), "mass": jnp.linspace(0.9, 1.1, 10)}
-    together = jax.vmap(jax.value_and_grad(loss))(batch)
-    for k in range(10):
-        alone = jax.value_and_grad(loss)({name: of[k] for name, of in batch.items()})
-        assert floats(together, k) == floats(alone)
-
-
-@pytest.mark.slow
 def test_segments_across_impacts_give_the_same_bits(monkeypatch):
     scene, state = cj.mechanisms.double_pendulum(0.5e-3, 0.9)
     outputs = {"x": cj.quantities.Position("arm 3", "x")}
@@ -413,26 +393,6 @@ def test_numbers_of_a_network_are_its_arrays():
     before, after = map(network_of, (scene, changed))
     np.testing.assert_array_equal(after.layers[0].weight, 2.0 * before.layers[0].weight)
     assert after.activation is before.activation
-
-
-@pytest.mark.slow
-def test_weights_of_a_network_are_parameters():
-    scene, state = with_network(0)
-    paths = {"network": network_of}
-    predict = cj.predictor(scene, state, 0.3, paths, POSITION, TIMES, SETTINGS)
-    gradient = eqx.filter_grad(lambda network: jnp.sum(predict({"network": network})["x"]))
-    weights = gradient(network_of(scene)).layers[0].weight
-    assert weights.shape == (4, 2)
-    # Against forward mode by single weights.
-    places = (0, 0), (2, 1), (3, 0)
-    chosen = {
-        str(at): cj.Parameter(lambda s, at=at: network_of(s).layers[0].weight[at]) for at in places
-    }
-    forward = cj.sensitivities(
-        scene, state, 0.3, chosen, POSITION, TIMES, SETTINGS, progress=False
-    ).derivatives["x"]
-    reverse = [weights[at] for at in places]
-    np.testing.assert_allclose(reverse, forward.sum(axis=0), rtol=1e-6, atol=1e-10)
 
 
 @pytest.mark.parametrize(

@@ -169,14 +169,3 @@ def test_a_contact_touches_beyond_the_onset_of_its_force_or_with_an_entry_speed(
             assert bool(instant.touches(law)) == (speed > 0.0)
     at_the_wall = ContactInstant(cj.extend.Gap(0.0, 0.1), jnp.zeros(()), None)
     assert not bool(at_the_wall.touches(cj.laws.Hertz(1e9)))
-
-
-@pytest.mark.slow
-def test_states_saved_at_the_end_of_a_step_are_those_of_the_step():
-    scene, state = cj.mechanisms.double_pendulum()
-    steps = cj.simulate(scene, state, 0.1, save=cj.Saving(steps=True), progress=False).steps
-    times = np.asarray(steps.times)[1:-1]
-    saved = cj.simulate(scene, state, 0.1, save=cj.Saving(times), progress=False).saved
-    of_steps = jax.tree.map(lambda leaf: np.asarray(leaf)[1:-1], steps.states)
-    assert max(leaf.max() for leaf in jax.tree.leaves(of_steps.entry_speeds)) > 0.0
-    jax.tree.map(np.testing.assert_array_equal, saved.states, of_steps)
