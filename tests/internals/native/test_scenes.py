@@ -2,7 +2,6 @@
 
 import re
 import warnings
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -41,15 +40,6 @@ def both(monkeypatch, call):
 
 def assert_close(one, other, tolerance):
     np.testing.assert_allclose(one, other, rtol=0.0, atol=tolerance)
-
-
-@pytest.mark.slow
-def test_a_spring_moves_as_with_xla(monkeypatch):
-    save = cj.Saving(np.linspace(0.0, 1.0, 80), steps=True)
-    native, xla = both(monkeypatch, lambda: cj.simulate(*SPRUNG, 1.0, save=save, progress=False))
-    assert native.attempts == xla.attempts
-    close = partial(assert_close, tolerance=1e-10)
-    jax.tree.map(close, (native.saved, native.steps), (xla.saved, xla.steps))
 
 
 def runs(*settings: cj.Settings, save: cj.Saving | None = None, outputs: Any = None):

@@ -122,25 +122,11 @@ def test_settings_make_another_program(usual, others):
     assert of(*pendulum(), settings=replace(USUAL, **others)) != usual
 
 
-@pytest.mark.slow
-def test_a_stabilisation_makes_another_program():
-    held = pendulum(axial=cj.FixedAxially())
-    other = replace(USUAL, stabilisation=cj.Baumgarte(5.0, 6.0))
-    assert of(*held) != of(*held, settings=other)
-
-
 def test_a_worker_that_would_run_other_code_refuses():
     common = SimpleNamespace(programs=((RUN, "this"),))
     work: Any = SimpleNamespace(common=common)
     with pytest.raises(RuntimeError, match="other code than the process that made the sweep"):
         Chunks(work, {0: [0]}, lambda: {RUN: "other"})(0)
-
-
-@pytest.mark.slow
-def test_numbers_of_scene_and_state_are_none_of_the_program(usual):
-    scene, state = pendulum()
-    scene = cj.set_value(scene, lambda s: s.joints["pin"].clearance, 1e-4)
-    assert of(scene, cj.set_value(state, lambda s: s.bodies["arm"].position[0], 1e-5)) == usual
 
 
 NOTHING = {
