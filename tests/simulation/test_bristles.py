@@ -149,18 +149,6 @@ def test_derivatives_are_right_across_an_onset():
 
 
 @pytest.mark.slow
-def test_deflections_are_zero_in_flight_and_at_each_onset():
-    scene, state = falling()
-    times = np.linspace(5e-5, 6e-3, 60)
-    solution = cj.simulate(scene, state, 6e-3, FALLING, save=cj.Saving(times))
-    heights, _ = along(solution, 2)
-    sizes = np.linalg.norm(deflections(solution), axis=1)
-    assert (sizes[heights > 1e-9] == 0.0).all() and (heights > 1e-9).any()
-    assert (sizes[heights < -1e-9] > 0.0).all() and (heights < -1e-9).any()
-    assert np.abs(deflections(solution)[:, 2]).max() == 0.0
-
-
-@pytest.mark.slow
 def test_rigid_contacts_take_the_friction_of_long_slip():
     """The block slows down at mu_C g, as it slides far above the Stribeck speed; observations of
     rigid runs have bristles at rest."""

@@ -1,5 +1,5 @@
 """The same motion, looked at otherwise: turned, mirrored, reordered, renamed, in other units,
-backwards, split in time, in other coordinates.
+backwards, at another time, split in time, in other coordinates.
 
 All but names and coordinates, which are slow for that, share one program."""
 
@@ -215,6 +215,14 @@ def test_split_in_time(seed, share):
     middle = in_contact(made) if share is None else share * made.end_time
     half = ended(made, end=middle)
     assert apart(ended(made._replace(state=half), begin=middle), ended(made)) < CLOSE
+
+
+@pytest.mark.parametrize("begin", [-3.5, 2.0**20])
+def test_later_or_earlier(begin):
+    """At 2^20 s times are rounded to 1e-10 s, in which an impacting journal moves a hundred landing
+    tolerances."""
+    made = hinged(1)
+    assert apart(ended(made, begin=begin, end=begin + made.end_time), ended(made)) < CLOSE
 
 
 def in_contact(made: Hinged) -> float:

@@ -203,28 +203,6 @@ def test_the_truth_is_a_point_like_others_where_chi_squared_is_rough():
     assert 0.88 < inside.mean() < 0.99
 
 
-@pytest.mark.slow
-def test_few_points_keep_the_ends_of_a_thin_curved_region():
-    # The second and the third coordinate are standard normal; the first follows a parabola.
-    def residuals(points):
-        first, second, third = points.T
-        bent = 2.3 * (second**2 - 1.0) + 2.3 * second * third
-        return np.stack([first / 0.02 + bent, second, third], axis=1)
-
-    def curves(points, count):
-        squares = (residuals(points) ** 2).sum(axis=1)
-        return np.multiply.outer(squares, np.linspace(0.0, 1.0, 41)[: count + 1] ** 3)
-
-    ends = np.array([20.0, 100.0, 100.0])
-    target = Target(curves, 40, -ends, ends, lambda points: np.zeros(len(points)))
-    held = []
-    for seed in range(8):
-        points = draw(target, 200, np.random.default_rng(seed)).points[:, 1:]
-        low, high = norm.cdf(np.quantile(points, (0.025, 0.975), axis=0, method="weibull"))
-        held.append(high - low)
-    assert 0.935 < np.mean(held) < 0.965 and np.min(held) > 0.85
-
-
 def test_steps_along_the_record():
     curves = np.array([[0.0, 1.0, 4.0], [0.0, 3.0, np.inf]])
     assert chi_squared_over(curves, 0.5).tolist() == [0.5, 1.5]
