@@ -1,6 +1,8 @@
 """Reverse mode across impacts: gradients of `predictor` against forward mode and closed forms."""
 
+import contextlib
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import ClassVar
 
 import equinox as eqx
@@ -11,6 +13,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint._identification import minimise
+from clearjoint._native import NativeFallbackWarning, UnsupportedPrimitiveError
 from clearjoint._parametrisation.parts import parts_of
 from clearjoint._result_codes import RESULTS
 from clearjoint._simulation.run import adjoint, recorded_runs
@@ -286,6 +289,41 @@ def test_a_batch_has_the_bits_of_its_elements(predict, monkeypatch, kept):
     together = jax.jit(jax.vmap(jax.vmap(both, (0, None)), (None, 0)))(springs, starts)
     for index in np.ndindex(2, 6):
         assert floats(together, index) == floats(both(springs[index[1]], starts[index[0]]))
+
+
+@pytest.mark.parametrize(
+    ("kept", "has_lanes", "expected"),
+    [
+        ([True, True], True, "in lanes"),
+        ([True], True, "alone"),
+        ([True, False], True, "alone"),
+        ([True, True], False, "alone"),
+        ([True, True], None, "alone"),  # refused by the native compiler
+    ],
+)
+def test_gradients_are_computed_side_by_side_if_all_steps_of_several_runs_are_kept(
+    kept, has_lanes, expected, monkeypatch
+):
+    def in_lanes(recorder, runs, seeds_of):
+        if has_lanes is None:
+            raise UnsupportedPrimitiveError("a function of the test")
+        return ["in lanes"] * len(runs)
+
+    monkeypatch.setattr(recorded_runs, "_gradients_in_lanes", in_lanes)
+    recorder = object.__new__(recorded_runs.Recorder)
+    recorder.has_lanes = has_lanes is not False
+    runs = [
+        SimpleNamespace(
+            is_kept=lambda all_kept=all_kept: all_kept,
+            pulled_outputs=lambda seeds: seeds,
+            gradient=lambda seeds: seeds["x"],
+        )
+        for all_kept in kept
+    ]
+    with contextlib.nullcontext() if has_lanes is not None else pytest.warns(NativeFallbackWarning):
+        found = recorder.gradients(runs, [{"x": np.asarray("alone")} for _ in runs])
+    assert [str(gradient) for gradient in found] == [expected] * len(runs)
+    assert recorder.has_lanes is bool(has_lanes)
 
 
 def test_a_run_that_fails_in_a_batch_is_nan():
