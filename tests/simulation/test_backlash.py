@@ -14,7 +14,7 @@ from tests.support.difference_quotients import (
     by_differences,
     parameters_at,
 )
-from tests.support.one_body import ORIGIN, Z
+from tests.support.one_body import ORIGIN
 
 pytestmark = pytest.mark.slow
 IMPACTS = cj.Saving(impacts=True)
@@ -80,53 +80,6 @@ def test_many_turns_meet_the_same_play():
     runs = [cj.simulate(scene, start, 0.02, TIGHT, IMPACTS).impacts for start in (state, fast)]
     assert len(runs[0]) == len(runs[1]) >= 15
     np.testing.assert_allclose(runs[1].onset, runs[0].onset, rtol=1e-6)
-
-
-def test_gears_cross_their_backlash_as_restitution_says():
-    """Rates r1 w1 + r2 w2 fall by the restitution; what each gear gives the mesh it takes there."""
-    scene, state = cj.mechanisms.gear_pair(backlash=1e-4, restitution=0.8)
-    solution = cj.simulate(scene, state, 0.02, TIGHT, IMPACTS)
-    hits, (first, second) = solution.impacts, _base_radii()
-    entries = 10.0 * first * 0.8 ** np.arange(len(hits))
-    assert len(hits) == 12
-    np.testing.assert_allclose(hits.entry_speed, entries, rtol=1e-7)
-    flights = hits.onset[1:] - hits.separation[:-1]
-    np.testing.assert_allclose(flights, 1e-4 * math.cos(math.radians(20)) / entries[1:], rtol=1e-6)
-    pinion, wheel = spins(solution.final, "pinion", "wheel")
-    inertias = [float(body.inertia[2]) for body in scene.bodies.values()]
-    invariant = inertias[0] * (pinion - 10.0) / first - inertias[1] * wheel / second
-    assert invariant == pytest.approx(0.0, abs=1e-10)
-    assert first * pinion + second * wheel == pytest.approx(entries[-1] * 0.8, rel=1e-6)
-
-
-def _base_radii() -> tuple[float, float]:
-    half = 0.5 * 3e-3 * math.cos(math.radians(20.0))
-    return 20 * half, 50 * half
-
-
-def test_gears_tend_to_the_ideal_ratio_as_their_backlash_vanishes():
-    """A torque on the pinion speeds it up as if I1 + I2 (z1/z2)^2 were its inertia; it leads by
-    half of the play, and by what the force that speeds up the wheel bends the teeth."""
-    torque, end = 5.0, 0.05
-
-    def angles(backlash: float) -> tuple[float, float]:
-        law = cj.laws.ExactRestitution(0.05, 4e8, exponent=1.0)
-        scene, state = cj.mechanisms.gear_pair(backlash, speeds=(0.0, 0.0), law=law)
-        drive = cj.DriveTorque("ground", "pinion", Z, torque)
-        scene = cj.Scene(scene.bodies, scene.joints, {"drive": drive})
-        final = cj.simulate(scene, state, end, TIGHT).final
-        return turned(final, "pinion"), turned(final, "wheel")
-
-    scene, _ = cj.mechanisms.gear_pair()
-    inertias = [float(body.inertia[2]) for body in scene.bodies.values()]
-    reduced = inertias[0] + inertias[1] * 0.4**2
-    ideal = 0.5 * torque / reduced * end**2
-    radii = _base_radii()
-    stiff = inertias[1] * 0.4 * torque / reduced / radii[1] / 4e8 / radii[0]
-    for backlash in (1e-4, 1e-6):
-        pinion, wheel = angles(backlash)
-        assert pinion + 2.5 * wheel == pytest.approx(0.5 * backlash / 0.03 + stiff, rel=1e-3)
-        assert abs(pinion - ideal) < 20.0 * backlash + 2e-5
 
 
 WHEEL = {"angle": cj.quantities.JointAngle("wheel bearing")}

@@ -13,8 +13,6 @@ from tests.support.oscillator import on_spring
 
 COMPILED = "/jax/core/compile/backend_compile_duration"
 END = 0.3
-PROGRAMS_OF_A_RUN = 3
-"""The start, the segments, and what empties the record between them or reads the end."""
 PROGRAMS_OF_A_SWEEP = 4
 """The start, the slices, what comes of them, and new lanes in the places of old ones."""
 
@@ -97,24 +95,6 @@ def test_what_a_run_keeps_and_its_coordinates_compile_no_other_observation(dampe
     assert compiled() == before
     assert set(seen[0].energies) == set(first.energies) | {"supplied"}
     np.testing.assert_allclose(seen[1].energies["kinetic"], first.energies["kinetic"], rtol=1e-4)
-
-
-@pytest.mark.slow
-def test_an_option_compiles_the_programs_of_a_run_and_going_back_none(damped, compiled):
-    """Other things are integrated or kept in them."""
-    plain, save = cj.Settings(), cj.Saving([0.1, 0.2])
-    options = {
-        "ledger": (cj.Settings(ledger=True), save),
-        "steps": (plain, replace(save, steps=True)),
-        "projection": (cj.Settings(stabilisation=cj.Projection()), save),
-    }
-    cj.simulate(*damped, END, plain, save)
-    calls = {name: partial(cj.simulate, *damped, END, *of) for name, of in options.items()}
-    assert max(compiling(compiled, calls).values(), default=0) <= PROGRAMS_OF_A_RUN
-    before = compiled()
-    for settings, saving in ((plain, save), *options.values()):
-        cj.simulate(*damped, END, replace(settings, rtol=1e-7), saving)
-    assert compiled() == before
 
 
 def test_a_sweep_of_more_lanes_compiles_nothing_and_another_axis_its_programs_once(

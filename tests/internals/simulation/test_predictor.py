@@ -492,29 +492,6 @@ def test_a_short_first_step_does_not_shorten_those_after_it():
 
 
 @pytest.mark.slow
-def test_minimise_by_integrals_in_reverse_mode():
-    """The cost of a swing from the centre, v^2 / w^2 times the integral of sin(w t)^2, plus a price
-    of slow starts."""
-    speed = cj.Parameter.initial(lambda state: state.bodies["ball"].velocity[0])
-    cost = {"cost": cj.Integral(lambda now: POSITION["x"](now) ** 2, "m^2 s")}
-    scene, state = on_spring()
-    state = cj.set_value(state, lambda s: s.bodies["ball"].position[0], 0.0)
-    state = cj.set_value(state, lambda s: s.bodies["ball"].velocity[0], 1.0)
-    a = (0.15 - np.sin(6.0) / 40.0) / 100.0
-
-    found = cj.minimise(
-        *(scene, state, lambda outputs: outputs["cost"] / a, {"v": speed}, cost),
-        settings=SETTINGS,
-        end_time=0.3,
-        iterations=3,
-    )
-    assert found.history[0] == pytest.approx(1.0, rel=1e-6)
-    # The objective is v^2, whose minimum a line search along its gradient finds at once.
-    assert found.history[-1] < 1e-3
-    assert found.estimates["v"] == pytest.approx(np.sqrt(found.objective), abs=0.03)
-
-
-@pytest.mark.slow
 def test_minimise_trains_a_network():
     scene, state = with_network(0)
     paths = {"network": network_of}
@@ -527,29 +504,3 @@ def test_minimise_trains_a_network():
 def test_a_run_that_fails_is_nan_for_line_searches(short):
     outputs = jax.jit(short.or_nan)(short.values)
     assert all(bool(jnp.isnan(row).all()) for row in outputs.values())
-
-
-@pytest.mark.slow
-def test_the_integral_of_a_quantity_of_a_switched_drive():
-    """The integral of a motor's speed is the angle by which it has turned, also in derivatives."""
-    scene, state, end = switched_torque()
-    turned = {"turned": cj.Integral(cj.quantities.JointAngularVelocity("motor"), "rad")}
-    angle = {"angle": cj.quantities.JointAngle("motor")}
-    path = {"mass": lambda scene: scene.bodies["slider"].mass}
-    integral = cj.predictor(scene, state, end, path, turned, settings=SETTINGS)
-    plain = cj.predictor(scene, state, end, path, angle, [0.0, end], SETTINGS)
-    change = lambda values: jnp.diff(plain(values)["angle"])[0]  # noqa: E731
-    values = integral.values
-    np.testing.assert_allclose(integral(values)["turned"], change(values), rtol=1e-8)
-    by_mass = [
-        jax.grad(function)(values)["mass"]
-        for function in (lambda values: integral(values)["turned"], change)
-    ]
-    assert by_mass[1] != 0.0
-    np.testing.assert_allclose(by_mass[0], by_mass[1], rtol=1e-6)
-
-
-def switched_torque() -> tuple[cj.Scene, cj.State, float]:
-    torque = cj.PiecewiseLinear([0.0, 0.01, 0.02], [0.0, 20.0, 5.0])
-    motor = cj.DriveTorque("ground", "crank", (0.0, 0.0, 1.0), torque)
-    return *cj.mechanisms.slider_crank(speed=50.0, motor=motor), 0.015

@@ -2,7 +2,6 @@
 
 from dataclasses import fields
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -140,23 +139,6 @@ def test_onset_and_peak_of_a_contact_that_begins_inside_a_step_are_those_in_the_
     assert float(row.peak_force) == pytest.approx(1.0, rel=1e-5)
     assert float(row.peak_time) == pytest.approx(0.2e-3, rel=1e-2)
     assert float(row.largest_penetration) == pytest.approx(1e-6, rel=1e-9)
-
-
-@pytest.mark.slow
-def test_impacts_of_steps_across_onsets_are_those_of_steps_that_end_there():
-    scene, state = dropped_rod()
-    scene = eqx.tree_at(lambda scene: scene.joints["pin"].law, scene, cj.laws.Hertz(1e9))
-
-    def impacts(settings: cj.Settings) -> cj.results.Impacts:
-        run = cj.simulate(scene, state, 0.1, settings, cj.Saving(impacts=True), progress=False)
-        assert run.impacts is not None
-        return run.impacts
-
-    here = impacts(cj.Settings(rtol=1e-5, landing_tolerance=None))
-    there = impacts(cj.Settings())
-    assert len(here) == len(there) >= 8
-    for name in ("onset", "entry_speed", "exit_speed", "peak_force", "peak_time"):
-        np.testing.assert_allclose(getattr(here, name), getattr(there, name), rtol=0.01)
 
 
 def test_a_contact_touches_beyond_the_onset_of_its_force_or_with_an_entry_speed():

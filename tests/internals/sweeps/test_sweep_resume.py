@@ -6,7 +6,6 @@ import shutil
 import signal
 import time
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -21,17 +20,13 @@ from clearjoint._sweeps import sweep as sweeping
 from clearjoint._sweeps.computing import lane_progress
 from clearjoint._sweeps.store.store import SweepStore
 from clearjoint._sweeps.work import Work
-from clearjoint.extend import Wrench
 from tests.internals.support.fake_sweep import layout
 from tests.support.dask_workers import dask_client
 from tests.support.processes import started
 from tests.support.rotor import (
     END,
-    INERTIA,
     OUTPUTS,
     SAMPLED,
-    SPEED,
-    TorsionSpring,
     angle,
     rotor,
     spin,
@@ -141,41 +136,6 @@ def test_results_go_into_netcdf(few, path):
     alike = layout(notes={"a'b": "1", "a_b": "2", "a/b": "3"})
     assert alike.notes == {"a_b": "1", "a_b (2)": "2", "a_b (3)": "3"}
     assert layout(notes=alike.notes).notes == alike.notes
-
-
-GAIN = 1.0
-
-
-class Geared(TorsionSpring):
-    """A spring whose stiffness is that of the scene and a global's."""
-
-    def wrenches(self, motions, t):
-        found = super().wrenches(motions, t)[self.body]
-        return {self.body: Wrench(found.force, found.moment * GAIN)}
-
-
-def geared(path):
-    """Final spins, and those by the closed form."""
-    scene, state = rotor()
-    scene = replace(scene, forces={"spring": Geared("rotor", 10.0)})
-    stiffness = np.array([5.0, 10.0])
-    axes = {"stiffness": stiffness_axis(stiffness)}
-    found = cj.sweep(
-        scene, state, END, axes, settings=cj.Settings(rtol=1e-9), path=path, progress=False
-    )
-    expected = SPEED * np.cos(np.sqrt(GAIN * stiffness / INERTIA) * END)
-    return found.final_spin.sel(body="rotor", component="z").values, expected
-
-
-@pytest.mark.slow
-def test_changed_code_is_compiled_anew_and_no_store_of_the_old_is_taken(tmp_path, monkeypatch):
-    np.testing.assert_allclose(*geared(tmp_path / "one.zarr"), atol=1e-6)
-    monkeypatch.setitem(globals(), "GAIN", 2.0)
-    with pytest.raises(ValueError, match="program of a step: the code that JAX traces"):
-        geared(tmp_path / "one.zarr")
-    np.testing.assert_allclose(*geared(tmp_path / "two.zarr"), atol=1e-6)
-    monkeypatch.setitem(globals(), "GAIN", 1.0)
-    np.testing.assert_allclose(*geared(tmp_path / "one.zarr"), atol=1e-6)
 
 
 def test_a_sweep_that_is_interrupted_stores_the_lanes_that_have_ended(path, few, monkeypatch):
