@@ -1,4 +1,4 @@
-"""Runs with backlash against closed forms, published numbers and differences."""
+"""Runs with backlash against closed forms and published numbers."""
 
 import math
 from dataclasses import replace
@@ -9,11 +9,6 @@ import pytest
 import clearjoint as cj
 from studies.catalogue import plays
 from studies.catalogue.plays import INERTIAS, PLAY, RADIUS, SPEED, TIGHT
-from tests.support.difference_quotients import (
-    Places,
-    by_differences,
-    parameters_at,
-)
 from tests.support.one_body import ORIGIN
 
 pytestmark = pytest.mark.slow
@@ -80,34 +75,6 @@ def test_many_turns_meet_the_same_play():
     runs = [cj.simulate(scene, start, 0.02, TIGHT, IMPACTS).impacts for start in (state, fast)]
     assert len(runs[0]) == len(runs[1]) >= 15
     np.testing.assert_allclose(runs[1].onset, runs[0].onset, rtol=1e-6)
-
-
-WHEEL = {"angle": cj.quantities.JointAngle("wheel bearing")}
-
-
-@pytest.mark.parametrize(
-    "law", [cj.laws.ExactRestitution(0.8, 4e8, exponent=1.0), cj.laws.FloresKelvinVoigt(0.8, 4e8)]
-)
-def test_sensitivities_under_a_spring_hold_at_every_tolerance(law):
-    """The slope of the force jumps where the flanks touch and part."""
-    scene, state = cj.mechanisms.gear_pair(1e-4, law=law)
-    places: Places = {
-        "restitution": (lambda s: s.joints["mesh"].law.restitution, 1e-5),
-        "stiffness": (lambda s: s.joints["mesh"].law.stiffness.stiffness, 4e4),
-        "backlash": (lambda s: s.joints["mesh"].backlash, 1e-9),
-    }
-    end, exact = 4e-3, replace(cj.presets.derivatives, rtol=1e-12)
-
-    def angle(scene: cj.Scene) -> float:
-        return turned(cj.simulate(scene, state, end, exact).final, "wheel")
-
-    sizes = np.array([float(place(scene)) for place, _ in places.values()])
-    expected = by_differences(scene, places, angle)
-    for rtol in (1e-9, 1e-10, 1e-11):
-        settings = replace(cj.presets.derivatives, rtol=rtol)
-        found = cj.sensitivities(scene, state, end, parameters_at(places), WHEEL, [end], settings)
-        derivatives = found.derivatives["angle"][0]
-        np.testing.assert_allclose(derivatives * sizes, expected * sizes, rtol=1e-5, atol=1e-9)
 
 
 def test_impacts_without_duration_are_those_of_time_stepping():
