@@ -12,12 +12,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.extend import ZERO, Vector, Wrench, quantity
-from tests.support.difference_quotients import (
-    Places,
-    by_differences,
-    fourth_order,
-    parameters_at,
-)
+from tests.support.difference_quotients import fourth_order
 from tests.support.one_body import ORIGIN, X, bearing, one_body
 from tests.support.planes import Plane
 from tests.support.push import Push
@@ -134,6 +129,19 @@ def test_sensitivities_do_not_depend_on_how_far_past_an_onset_steps_end():
     assert result.derivatives["x"][0, 0] == pytest.approx(exact, rel=1e-8)
 
 
+def parameters_at(places):
+    """Of numbers of a scene: their places, and steps of differences, by name."""
+    return {name: cj.Parameter(place) for name, (place, _) in places.items()}
+
+
+def by_differences(scene, places, measured):
+    """The derivatives along each number of what is measured of a scene."""
+    return [
+        fourth_order(lambda by, at=at: measured(cj.set_value(scene, at, at(scene) + by)), step)
+        for at, step in places.values()
+    ]
+
+
 @pytest.mark.slow
 def test_the_friction_moment_of_a_thrust_face_jumps_with_the_force():
     """The friction of a shoulder slows a turning shaft from the instant at which they meet."""
@@ -146,11 +154,11 @@ def test_the_friction_moment_of_a_thrust_face_jumps_with_the_force():
     def spin(scene):
         return cj.simulate(scene, state, end, SETTINGS).final.bodies["shaft"].spin[2]
 
-    places: Places = {"play": (lambda s: s.joints["pin"].axial.play, 1e-7)}
+    places = {"play": (lambda s: s.joints["pin"].axial.play, 1e-7)}
     outputs = {"spin": Q.AngularVelocity("shaft", "z")}
     result = cj.sensitivities(scene, state, end, parameters_at(places), outputs, [end], SETTINGS)
     assert float(result.outputs["spin"][0]) < 59.9
-    slopes = by_differences(scene, places, spin, fourth_order)
+    slopes = by_differences(scene, places, spin)
     np.testing.assert_allclose(result.derivatives["spin"][0], slopes, rtol=1e-5)
 
 
@@ -179,7 +187,7 @@ def test_two_contacts_of_a_spring_that_begin_almost_together(rtol, landing):
     """
     law = cj.laws.ExactRestitution(0.8, 4e8, exponent=1.0)
     scene, state = cj.mechanisms.double_pendulum(law=law)
-    places: Places = {
+    places = {
         "e": (lambda s: s.joints["shoulder"].law.restitution, 3e-4),
         "K": (lambda s: s.joints["shoulder"].law.stiffness.stiffness, 4e4),
         "c": (lambda s: s.joints["shoulder"].clearance, 5e-8),
@@ -192,7 +200,7 @@ def test_two_contacts_of_a_spring_that_begin_almost_together(rtol, landing):
     settings = replace(cj.presets.derivatives, rtol=rtol, landing_tolerance=landing)
     outputs = {"y": Q.Position("arm 2", "y")}
     result = cj.sensitivities(scene, state, end, parameters_at(places), outputs, [end], settings)
-    differences = by_differences(scene, places, height, fourth_order)
+    differences = by_differences(scene, places, height)
     np.testing.assert_allclose(result.derivatives["y"][0], differences, rtol=1e-6)
 
 

@@ -22,16 +22,26 @@ from clearjoint._simulation.run.impact_recorder import (
 )
 from clearjoint._simulation.run.recorders import RowBuffer
 from tests.support.dropped_rod import dropped_rod
-from tests.support.recorded_rod import EIGHTHS, END, deepest, everything, recorded_rod
+
+END = 2.0**-5
 
 
 @pytest.mark.slow
 def test_states_and_impacts_recorded_with_derivatives_are_those_of_a_run():
-    found = recorded_rod()
-    options = {"save": everything(), "outputs": deepest()}
-    run = cj.simulate(*dropped_rod(), END, cj.presets.derivatives, **options)
+    eighths = END * np.arange(9) / 8
+    height = cj.quantities.Position("rod", "y")
+    turns = cj.Section(
+        lambda now: -now.contact_gaps["pin"]["V"].rate, {"height": (height, "m")}, 2, after=0.02
+    )
+    clearance = {"clearance": cj.Parameter(lambda s: s.joints["pin"].clearance, cj.Log())}
+    outputs, save = {"deepest": turns}, cj.Saving(eighths, impacts=True)
+    with_height = outputs | {"height": height}
+    found = cj.sensitivities(
+        *dropped_rod(), END, clearance, with_height, eighths[::4], save=save, progress=False
+    )
+    run = cj.simulate(*dropped_rod(), END, cj.presets.derivatives, save, outputs=outputs)
     assert found.saved is not None and found.impacts is not None and run.saved is not None
-    np.testing.assert_array_equal(found.saved.times, EIGHTHS)
+    np.testing.assert_array_equal(found.saved.times, eighths)
     np.testing.assert_array_equal(
         found.saved.states.bodies["rod"].position[::4, 1], found.outputs["height"]
     )
