@@ -86,8 +86,7 @@ def test_error_falls_at_the_order_of_the_solver_across_impacts(
 
 
 @pytest.mark.parametrize(
-    ("preset", "error"),
-    [("preview", 2e-7), ("accurate", 8e-12), ("reference", 1e-13)],
+    ("preset", "error"), [("preview", 2e-7), ("accurate", 8e-12), ("reference", 1e-13)]
 )
 def test_presets_are_as_exact_as_they_say(preset, error, reference_folder):
     """Eleven contacts lie before 0.1 s. What `clearjoint.presets` says, with room of two."""

@@ -59,10 +59,7 @@ def test_surfaces_slide_by_their_relative_motion(slower):
         return cj.body_state((x, 0.0, 0.0), velocity=(0.0, 300.0 * x, 0.0), spin=(0.0, 0.0, rate))
 
     state = cj.State(
-        {
-            "housing": turning(0.1, 300.0),
-            "shaft": turning(0.1 + CLEARANCE + DEPTH, 300.0 - slower),
-        }
+        {"housing": turning(0.1, 300.0), "shaft": turning(0.1 + CLEARANCE + DEPTH, 300.0 - slower)}
     )
     system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
     now = Instant(system, 0.0, system.encode(unpack(state.bodies)), {}, {})

@@ -242,10 +242,7 @@ def catalogue_scenes() -> dict[str, CatalogueScene]:
         "quick_return": (ready.quick_return, 0.04),
         "quick_return without play": (partial(ready.quick_return, None, angle=0.3), 0.1),
         "spatial_four_bar": (partial(ready.spatial_four_bar, speed=40.0), 0.01),
-        "spatial_four_bar without play": (
-            partial(ready.spatial_four_bar, None, speed=40.0),
-            0.05,
-        ),
+        "spatial_four_bar without play": (partial(ready.spatial_four_bar, None, speed=40.0), 0.05),
         "robot_arm without play": (partial(ready.robot_arm, None, speeds=(2.0, -1.0, 3.0)), 0.05),
         # In contact, what gravity asks of the links turns flanges of 1 g: roundings of so large
         # accelerations make the steps short.

@@ -206,9 +206,7 @@ def random_program(seed):
 
 
 @pytest.mark.parametrize(
-    "seeds",
-    [range(8), pytest.param(range(100, 400), marks=pytest.mark.slow)],
-    ids=["few", "many"],
+    "seeds", [range(8), pytest.param(range(100, 400), marks=pytest.mark.slow)], ids=["few", "many"]
 )
 def test_random_programs_have_the_bits_of_single_calls(seeds, in_memory, monkeypatch):
     given = list(np.random.default_rng(0).normal(size=6))

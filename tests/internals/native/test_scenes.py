@@ -78,10 +78,7 @@ CALLS = {
     "`simulate` with states, steps, impacts and outputs saved": runs(
         cj.Settings(),
         save=cj.Saving([0.0, 0.005], steps=True, impacts=True),
-        outputs={
-            "speed": SPEED,
-            "zero": cj.Section(SPEED, {"speed": (SPEED, "m/s")}, count=2),
-        },
+        outputs={"speed": SPEED, "zero": cj.Section(SPEED, {"speed": (SPEED, "m/s")}, count=2)},
     ),
     "`simulate` with an explicit solver, or a controller of diffrax": runs(
         *(cj.Settings(solver=solver) for solver in EXPLICIT),

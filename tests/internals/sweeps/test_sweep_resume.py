@@ -24,15 +24,7 @@ from clearjoint._sweeps.work import Work
 from tests.internals.support.fake_sweep import layout
 from tests.support.dask_workers import dask_client
 from tests.support.processes import started
-from tests.support.rotor import (
-    END,
-    OUTPUTS,
-    SAMPLED,
-    rotor,
-    spin,
-    stiffness_axis,
-    swept,
-)
+from tests.support.rotor import END, OUTPUTS, SAMPLED, rotor, spin, stiffness_axis, swept
 
 STIFFNESS = np.linspace(1.0, 100.0, 20)
 CHUNK = 3
