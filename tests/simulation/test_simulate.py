@@ -55,16 +55,6 @@ def test_saved_states_lie_on_the_trajectory(rod):
     np.testing.assert_allclose(found, steps.states.bodies["rod"].position, rtol=0.0, atol=1e-13)
 
 
-def test_a_run_can_be_continued(rod):
-    """The final state with its memory goes on, in the middle of a contact too."""
-    scene, state = rod
-    half = cj.simulate(scene, state, 0.0102, cj.Settings(rtol=1e-9))
-    assert half.final.entry_speeds["pin"]["V"] > 0.0
-    rest = cj.simulate(scene, half.final, END, cj.Settings(rtol=1e-9), start_time=0.0102)
-    whole = cj.simulate(scene, state, END, cj.Settings(rtol=1e-9))
-    assert _height(rest) == pytest.approx(_height(whole), abs=1e-9)
-
-
 def test_step_limit_returns_what_was_reached():
     rod = dropped_rod(clearance=1e-4)
     settings, save = cj.Settings(max_steps=100), cj.Saving([0.005, END])

@@ -83,21 +83,6 @@ def test_ideal_mechanism_follows_newton_and_euler(ideal_run):
     assert np.ptp(work) > 50.0
 
 
-@pytest.mark.parametrize("clearance", [pytest.param(None, marks=pytest.mark.slow), 0.5e-3])
-@pytest.mark.parametrize("angle", [0.0, 2.0, -1.0, 100.0])
-def test_state_and_constraints_fit_at_every_angle(clearance, angle):
-    """No row is redundant, and the start satisfies all of them to rounding."""
-    scene, state = cj.mechanisms.slider_crank(clearance, angle=angle, speed=-300.0)
-    report = cj.constraint_report(scene, state)
-    assert report.redundant == ()
-    assert report.degrees_of_freedom() == (0 if clearance is None else 2)
-    assert np.abs(report.values).max() < 1e-15
-    assert np.abs(report.rates).max() < 1e-13
-    ideal = Ideal(np.array([angle]), -300.0)
-    assert state.bodies["slider"].position[0] == pytest.approx(ideal.position[0], abs=1e-15)
-    assert state.bodies["slider"].velocity[0] == pytest.approx(ideal.velocity[0], abs=1e-13)
-
-
 @pytest.fixture(scope="module")
 def clearance_runs() -> dict[float, Any]:
     """One revolution with 0.5, 0.05 and 0.005 mm; they share a compiled program."""
