@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
-from tests.simulation.test_symmetries import directions, few, vectors
+from tests.simulation.test_symmetries import directions, few, mirror, vectors
 from tests.support import symmetry_transformations as symmetries
 from tests.support.elements import AXIS, FIRST, ON_FIRST, SECOND, Case, elements
 from tests.support.many_states import COUNT, FEEDBACK, TIME, columns, in_scalars, states, system_of
@@ -222,11 +222,6 @@ def test_turned_moved_and_mirrored(turn, own, moved, drift, normal):
         return apart(found, expected)
 
     assert_none(difference, samples())
-
-
-def mirror(normal: np.ndarray) -> np.ndarray:
-    across = normal / np.linalg.norm(normal)
-    return np.eye(3) - 2.0 * np.outer(across, across)
 
 
 def maps_of(scene: cj.Scene, turn: np.ndarray, own: np.ndarray, mirrored: np.ndarray | None):

@@ -29,6 +29,13 @@ seeds = st.integers(0, 10_000)
 coordinate = st.floats(-1.0, 1.0).map(lambda x: round(x, 3))
 vectors = st.tuples(coordinate, coordinate, coordinate).map(np.array)
 directions = vectors.filter(lambda vector: np.linalg.norm(vector) > 0.1)
+
+
+def mirror(normal: np.ndarray) -> np.ndarray:
+    across = normal / np.linalg.norm(normal)
+    return np.eye(3) - 2.0 * np.outer(across, across)
+
+
 factors = st.floats(0.2, 5.0).map(lambda x: round(x, 3))
 ABSOLUTE, JOINT = cj.AbsoluteCoordinates(), cj.JointCoordinates()
 
