@@ -4,7 +4,6 @@ All tests share one compiled run: two probes, three parameters, up to 64 times.
 """
 
 from dataclasses import replace
-from functools import partial
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +11,6 @@ import pytest
 from scipy.optimize import least_squares
 
 import clearjoint as cj
-from tests.support.oscillator import on_spring
 
 END, NOISE = 0.03, 1e-6
 TIMES = np.linspace(0.0, END, 61)[1:]
@@ -170,26 +168,6 @@ def test_minimum_of_an_objective(clean):
         minimised(lambda found: -jnp.sqrt(-objective(found)))
     with pytest.raises(ValueError, match="`times` must be a rising one-dimensional array"):
         minimised(objective, [])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("factor", [0.3, 4.0])
-def test_growing_windows_lead_back_a_guess_from_which_a_single_run_goes_astray(factor):
-    """An oscillator whose phase is wrong by more than a turn in the end, and little in the first
-    window; data by the closed form x0 cos(sqrt(k/m) t)."""
-    times = np.linspace(0.05, 3.0, 60)
-    scene, state = on_spring("mass", 50.0 * factor, 2.0, 0.3)
-    moved = 0.3 * np.cos(5.0 * times)
-    series = cj.Series(cj.quantities.Position("mass", "x"), times, moved, noise=1e-3)
-    data = cj.Measurements({"x": series.with_noise(np.random.default_rng(5))})
-    parameters = {"stiffness": cj.Parameter(lambda s: s.forces["spring"].stiffness, cj.Log())}
-    run = partial(cj.identify, scene, state, data, parameters, check_runs=0, progress=False)
-    with pytest.warns(cj.PoorFitWarning):
-        astray = run()
-    grown = run(grow=(0.7, 1.4, 2.2))
-    error = grown.standard_errors["stiffness"]
-    assert abs(astray.estimates["stiffness"] - 50.0) > 100.0 * error
-    assert abs(grown.estimates["stiffness"] - 50.0) < 4.0 * error
 
 
 @pytest.mark.parametrize(

@@ -13,8 +13,6 @@ from tests.support.oscillator import on_spring
 
 COMPILED = "/jax/core/compile/backend_compile_duration"
 END = 0.3
-PROGRAMS_OF_A_RUN = 3
-"""The start, the segments, and what empties the record between them or reads the end."""
 PROGRAMS_OF_A_SWEEP = 4
 """The start, the slices, what comes of them, and new lanes in the places of old ones."""
 
@@ -73,26 +71,18 @@ def _saved(scene_and_state, count, settings=None, throw=True):
     return cj.simulate(*scene_and_state, END, settings, save, throw=throw)
 
 
-def _steps(scene_and_state, end):
-    return cj.simulate(*scene_and_state, end, save=cj.Saving(steps=True))
-
-
-def test_another_number_of_times_to_save_at_compiles_nothing(damped, compiled):
-    _saved(damped, 5)
-    before = compiled()
-    assert [len(_saved(damped, count).times) for count in (2, 64, 700)] == [2, 64, 700]
-    assert compiled() == before
-
-
-def test_another_number_of_instants_to_observe_compiles_nothing(damped, compiled):
+def test_other_numbers_of_instants_and_steps_compile_nothing(damped, compiled):
     scene, _ = damped
-    solutions = [_saved(damped, count) for count in (7, 3, 700)]
-    cj.observe(scene, solutions[0])
-    before = compiled()
-    for solution in solutions[1:]:
-        seen = cj.observe(scene, solution)
-        assert seen.energies["mechanical"].shape == (len(solution.times),)
-    assert compiled() == before
+
+    def seen(count):
+        return cj.observe(scene, _saved(damped, count)).energies["mechanical"]
+
+    def steps(end):
+        return cj.simulate(*damped, end, save=cj.Saving(steps=True)).steps
+
+    assert len(seen(7)) == 7 and len(steps(0.01)) > 1
+    calls = {str(count): partial(seen, count) for count in (3, 64, 700)}
+    assert compiling(compiled, calls | {"longer": partial(steps, END)}) == {}
 
 
 def test_what_a_run_keeps_and_its_coordinates_compile_no_other_observation(damped, compiled):
@@ -105,24 +95,6 @@ def test_what_a_run_keeps_and_its_coordinates_compile_no_other_observation(dampe
     assert compiled() == before
     assert set(seen[0].energies) == set(first.energies) | {"supplied"}
     np.testing.assert_allclose(seen[1].energies["kinetic"], first.energies["kinetic"], rtol=1e-4)
-
-
-@pytest.mark.slow
-def test_an_option_compiles_the_programs_of_a_run_and_going_back_none(damped, compiled):
-    """Other things are integrated or kept in them."""
-    plain, save = cj.Settings(), cj.Saving([0.1, 0.2])
-    options = {
-        "ledger": (cj.Settings(ledger=True), save),
-        "steps": (plain, replace(save, steps=True)),
-        "projection": (cj.Settings(stabilisation=cj.Projection()), save),
-    }
-    cj.simulate(*damped, END, plain, save)
-    calls = {name: partial(cj.simulate, *damped, END, *of) for name, of in options.items()}
-    assert max(compiling(compiled, calls).values(), default=0) <= PROGRAMS_OF_A_RUN
-    before = compiled()
-    for settings, saving in ((plain, save), *options.values()):
-        cj.simulate(*damped, END, replace(settings, rtol=1e-7), saving)
-    assert compiled() == before
 
 
 def test_a_sweep_of_more_lanes_compiles_nothing_and_another_axis_its_programs_once(
@@ -205,13 +177,6 @@ def test_nothing_saved_is_nothing_observed(damped):
     failed = _saved(damped, 5, cj.Settings(max_steps=1), throw=False)
     none = cj.observe(scene, failed, jax.tree.map(lambda leaf: leaf[:0], failed.saved))
     assert none.times.shape == none.energies["kinetic"].shape == (0,)
-
-
-def test_longer_records_of_steps_compile_nothing(damped, compiled):
-    _steps(damped, 0.01)
-    before = compiled()
-    assert len(_steps(damped, END).steps) > len(_steps(damped, 0.02).steps)
-    assert compiled() == before
 
 
 @pytest.mark.slow

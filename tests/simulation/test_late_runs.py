@@ -5,7 +5,6 @@ import pytest
 
 import clearjoint as cj
 from tests.support.one_body import one_body
-from tests.support.oscillator import on_spring
 from tests.support.push import Push
 
 
@@ -35,11 +34,3 @@ def test_forces_that_depend_on_time_use_the_time_of_the_scene(start):
     np.testing.assert_allclose(result.derivatives["x"][:, 0], [0.0, to_since], rtol=1e-8)
     crossed = result.outputs["reached"].times - start
     assert crossed == pytest.approx([0.75], abs=0.01)  # roughly, in a step that long
-
-
-def test_a_run_may_be_before_time_zero():
-    scene, state = on_spring()
-    before = cj.simulate(scene, state, -1.0, start_time=-2.5, progress=False)
-    later = cj.simulate(scene, state, 1.5, progress=False)
-    position, expected = (run.final.bodies["ball"].position for run in (before, later))
-    np.testing.assert_allclose(position, expected, rtol=0.0, atol=1e-12)

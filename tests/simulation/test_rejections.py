@@ -1,6 +1,5 @@
 """Rejected steps of runs whose reasons are known."""
 
-import diffrax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -94,15 +93,6 @@ def test_a_first_step_of_periods_has_too_large_an_error():
     table, _ = rejections_of(*on_spring(), 10.0, long, start_time=2.0)
     assert (table.start[0], table.length[0], table.reason[0]) == (2.0, 6.0, "error estimate")
     assert set(table.reason) == {"error estimate"}
-
-
-@pytest.mark.slow
-def test_no_fixed_step_is_rejected():
-    scene, state = on_spring()
-    fixed = cj.Settings(controller=diffrax.ConstantStepSize(), first_step=0.01)
-    table, _ = rejections_of(scene, state, 0.1, fixed)
-    assert len(table) == 0 and str(table) == "rejected steps: none"
-    assert table.to_xarray().sizes["rejection"] == 0
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -55,16 +55,6 @@ def test_saved_states_lie_on_the_trajectory(rod):
     np.testing.assert_allclose(found, steps.states.bodies["rod"].position, rtol=0.0, atol=1e-13)
 
 
-def test_a_run_can_be_continued(rod):
-    """The final state with its memory goes on, in the middle of a contact too."""
-    scene, state = rod
-    half = cj.simulate(scene, state, 0.0102, cj.Settings(rtol=1e-9))
-    assert half.final.entry_speeds["pin"]["V"] > 0.0
-    rest = cj.simulate(scene, half.final, END, cj.Settings(rtol=1e-9), start_time=0.0102)
-    whole = cj.simulate(scene, state, END, cj.Settings(rtol=1e-9))
-    assert _height(rest) == pytest.approx(_height(whole), abs=1e-9)
-
-
 def test_step_limit_returns_what_was_reached():
     rod = dropped_rod(clearance=1e-4)
     settings, save = cj.Settings(max_steps=100), cj.Saving([0.005, END])
@@ -136,32 +126,6 @@ def test_vmapped_lanes_equal_single_runs(rod):
         single = cj.simulate(swept, state, END, FEW_STAGES, cj.Saving([0.02, END]))
         expected = single.states.bodies["rod"].position
         np.testing.assert_allclose(positions[lane], expected, rtol=0, atol=1e-9)
-
-
-@pytest.mark.slow
-def test_forward_derivative_through_impacts():
-    """Three impacts: the derivative by the clearance, against the extended-precision table."""
-    scene, state = cj.mechanisms.double_pendulum()
-
-    def height(log_clearance):
-        swept = eqx.tree_at(lambda s: s.joints["shoulder"].clearance, scene, jnp.exp(log_clearance))
-        save = cj.Saving(jnp.asarray([0.012, 0.06]))
-        solution = cj.simulate(swept, state, 0.06, cj.Settings(rtol=1e-9), save)
-        return solution.states.bodies["arm 2"].position[:, 1]
-
-    slope = jax.jit(lambda x: jax.jvp(height, (x,), (1.0,))[1])(jnp.log(5e-4))
-    expected = [2.861031385e-4, -5.195528888e-4]
-    np.testing.assert_allclose(slope, expected, rtol=2e-2)
-
-
-@pytest.mark.slow
-def test_a_free_body_keeps_its_velocity_and_its_energy():
-    motion = {"velocity": (1, 2, 3), "spin": (0.1, 2.0, 0.3)}
-    scene, state = one_body("rock", mass=2.0, inertia=(0.1, 0.2, 0.25), **motion)
-    solution = cj.simulate(scene, state, 1.0, cj.Settings(ledger=True), save=cj.Saving([0.0, 1.0]))
-    np.testing.assert_allclose(solution.final.bodies["rock"].position, (1, 2, 3), rtol=1e-12)
-    observed = cj.observe(scene, solution)
-    assert np.abs(np.diff(observed.energies["kinetic"])) < 1e-6
 
 
 OTHER_CONTACTS = [{"pin": {"V": 0.0}}, {"pin": {"X": 1.0}, "hip": {}}]

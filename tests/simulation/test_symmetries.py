@@ -1,6 +1,5 @@
 """The same motion, looked at otherwise: turned, mirrored, reordered, renamed, in other units,
-backwards, split in time, in other coordinates. Each symmetry is also seen to fail where something
-is forgotten.
+backwards, at another time, split in time, in other coordinates.
 
 All but names and coordinates, which are slow for that, share one program."""
 
@@ -19,9 +18,8 @@ from tests.support.hinged import Hinged, hinged
 
 CLOSE = 1e-7
 """Largest difference of a part of two states, over its size. Right runs are within 1e-9."""
-FAR = 1e4 * CLOSE
 few = settings(
-    max_examples=4,
+    max_examples=5,
     deadline=None,
     derandomize=True,
     database=None,
@@ -31,6 +29,13 @@ seeds = st.integers(0, 10_000)
 coordinate = st.floats(-1.0, 1.0).map(lambda x: round(x, 3))
 vectors = st.tuples(coordinate, coordinate, coordinate).map(np.array)
 directions = vectors.filter(lambda vector: np.linalg.norm(vector) > 0.1)
+
+
+def mirror(normal: np.ndarray) -> np.ndarray:
+    across = normal / np.linalg.norm(normal)
+    return np.eye(3) - 2.0 * np.outer(across, across)
+
+
 factors = st.floats(0.2, 5.0).map(lambda x: round(x, 3))
 ABSOLUTE, JOINT = cj.AbsoluteCoordinates(), cj.JointCoordinates()
 
@@ -89,72 +94,18 @@ def by_name(maps: Maps) -> dict[str, np.ndarray]:
     return dict(zip(("ground", "link", "arm"), (*maps, maps[1]), strict=True))
 
 
-def placed(turn) -> Maps:
-    """How a scene is turned."""
-    return Rotation.from_rotvec(2.0 * turn).as_matrix(), np.eye(3)
-
-
-def framed(turn) -> Maps:
-    """How the bodies' own axes are turned."""
-    return np.eye(3), Rotation.from_rotvec(2.0 * turn).as_matrix()
-
-
-def mirrored(normal) -> Maps:
-    return mirror(normal), mirror(normal)
-
-
-def mirror(normal):
-    across = normal / np.linalg.norm(normal)
-    return np.eye(3) - 2.0 * np.outer(across, across)
-
-
-def mapping_error(seed: int, maps: Maps, moved=0.0) -> float:
+def mapping_error(seed: int, maps: Maps, moved) -> float:
     """How far a mapped scene ends from where the scene does."""
     made = hinged(seed)
     return apart(ended(mapped(made, maps, moved)), mapped_state(ended(made), maps, moved))
 
 
-@pytest.mark.slow
 @few
-@given(seed=seeds, turn=directions, moved=vectors)
-def test_turned_and_moved(seed, turn, moved):
-    assert mapping_error(seed, placed(turn), moved) < CLOSE
-
-
-@few
-@given(seed=seeds, turn=directions)
-def test_bodies_with_frames_turned(seed, turn):
-    assert mapping_error(seed, framed(turn)) < CLOSE
-
-
-@few
-@given(seed=seeds, normal=directions)
-def test_mirrored(seed, normal):
-    assert mapping_error(seed, mirrored(normal)) < CLOSE
-
-
-DIRECTION = np.array([0.3, -0.5, 0.8])
-
-
-@pytest.mark.parametrize(
-    ("maps", "part"),
-    [(placed(DIRECTION), "gravity"), (framed(0.5 * DIRECTION), "bodies")],
-    ids=["turned without gravity", "frames turned without inertia"],
-)
-def test_mapped_without_a_part_differs(maps, part):
-    made = hinged(1)
-    right = mapped(made, maps, 0.0)
-    wrong = right._replace(scene=replace(right.scene, **{part: getattr(made.scene, part)}))
-    assert apart(ended(wrong), mapped_state(ended(made), maps, 0.0)) > FAR
-
-
-def test_mirrored_with_the_arm_spinning_on_differs():
-    made, maps = hinged(1), mirrored(DIRECTION)
-    right = mapped(made, maps, 0.0)
-    spin = -right.state.bodies["arm"].spin
-    wrong = cj.set_value(right.state, lambda state: state.bodies["arm"].spin, spin)
-    found = ended(right._replace(state=wrong))
-    assert apart(found, mapped_state(ended(made), maps, 0.0)) > FAR
+@given(seed=seeds, turn=directions, frame=directions, sign=st.sampled_from((1, -1)), moved=vectors)
+def test_turned_or_mirrored_and_moved_with_other_frames_of_bodies(seed, turn, frame, sign, moved):
+    """Mirrored in a point, if the sign is negative."""
+    maps = [sign * Rotation.from_rotvec(2.0 * by).as_matrix() for by in (turn, frame)]
+    assert mapping_error(seed, (maps[0], maps[1]), moved) < CLOSE
 
 
 @few
@@ -184,13 +135,6 @@ def changed(made: Hinged, place, value) -> Hinged:
     return made._replace(scene=cj.set_value(made.scene, place, value))
 
 
-def test_a_mass_off_by_a_rounding_has_other_bits():
-    made = hinged(1)
-    mass = np.nextafter(made.scene.bodies["arm"].mass, 9.0)
-    wrong = changed(made, lambda scene: scene.bodies["arm"].mass, mass)
-    assert bits(ended(reordered(wrong))) != bits(ended(made))
-
-
 OTHERS = {"link": "zz", "arm": "b c", "hinge": "z", "pin": "a"}
 """Names that sort the other way."""
 
@@ -214,14 +158,6 @@ def test_renamed(seed):
     assert apart(before, ended(made)) < CLOSE
 
 
-@pytest.mark.slow
-def test_names_that_are_exchanged_differ():
-    made = hinged(1)
-    found = ended(renamed(made)).bodies
-    exchanged = cj.State({"link": found[OTHERS["arm"]], "arm": found[OTHERS["link"]]})
-    assert apart(exchanged, ended(made)) > FAR
-
-
 def scaled(made: Hinged, scale: symmetries.Scale) -> Hinged:
     """In units that are so many times smaller."""
     metre, _, second = scale
@@ -238,16 +174,6 @@ def scaled_state(state: cj.State, scale: symmetries.Scale) -> cj.State:
 def test_in_other_units(seed, scale):
     made = hinged(seed)
     assert apart(ended(scaled(made, scale)), scaled_state(ended(made), scale)) < CLOSE
-
-
-def test_a_stiffness_left_in_old_units_differs():
-    made, scale = hinged(1), (2.0, 3.0, 0.7)
-
-    def stiffness(scene):
-        return scene.joints["pin"].law.stiffness.stiffness
-
-    wrong = changed(scaled(made, scale), stiffness, stiffness(made.scene))
-    assert apart(ended(wrong), scaled_state(ended(made), scale)) > FAR
 
 
 @pytest.mark.parametrize("powers", [(20, 0, 0), (-20, 8, 0), (0, -8, -20), (-12, 0, -12)])
@@ -288,10 +214,6 @@ def test_backwards_at_restitution_one(seed):
     assert returned(seed, 1.0) < 10.0 * CLOSE
 
 
-def test_backwards_with_losses_differs():
-    assert returned(1, 0.99) > FAR
-
-
 @few
 @given(seed=seeds, share=st.floats(0.05, 0.95))
 @example(seed=1, share=None)
@@ -302,17 +224,18 @@ def test_split_in_time(seed, share):
     assert apart(ended(made._replace(state=half), begin=middle), ended(made)) < CLOSE
 
 
+@pytest.mark.parametrize("begin", [-3.5, 2.0**20])
+def test_later_or_earlier(begin):
+    """At 2^20 s times are rounded to 1e-10 s, in which an impacting journal moves a hundred landing
+    tolerances."""
+    made = hinged(1)
+    assert apart(ended(made, begin=begin, end=begin + made.end_time), ended(made)) < CLOSE
+
+
 def in_contact(made: Hinged) -> float:
     """A time in the middle of the first contact, s."""
     impacts = run(made).impacts
     return 0.5 * float(impacts.onset[0] + impacts.separation[0])
-
-
-def test_split_in_contact_without_its_memory_differs():
-    made = hinged(1)
-    middle = in_contact(made)
-    half = cj.State(ended(made, end=middle).bodies, made.state.entry_speeds)
-    assert apart(ended(made._replace(state=half), begin=middle), ended(made)) > FAR
 
 
 @pytest.mark.slow
@@ -321,20 +244,3 @@ def test_split_in_contact_without_its_memory_differs():
 def test_in_other_coordinates(seed):
     made = hinged(seed)
     assert apart(ended(made, coordinates=ABSOLUTE), ended(made)) < CLOSE
-
-
-@pytest.mark.slow
-def test_other_coordinates_of_another_mass_differ():
-    made = hinged(1)
-    mass = 1.01 * made.scene.bodies["arm"].mass
-    wrong = changed(made, lambda scene: scene.bodies["arm"].mass, mass)
-    assert apart(ended(wrong, coordinates=ABSOLUTE), ended(made)) > FAR
-
-
-@pytest.mark.parametrize("part", ["position", "orientation", "velocity", "spin"])
-def test_every_part_is_compared(part):
-    there = hinged(1).state
-    value = np.asarray(getattr(there.bodies["arm"], part))
-    wrong = replace(there.bodies["arm"], **{part: value + 0.02 * np.abs(value).max()})
-    assert apart(cj.State({**there.bodies, "arm": wrong}), there) > FAR
-    assert apart(there, there) == 0.0

@@ -59,10 +59,7 @@ def test_surfaces_slide_by_their_relative_motion(slower):
         return cj.body_state((x, 0.0, 0.0), velocity=(0.0, 300.0 * x, 0.0), spin=(0.0, 0.0, rate))
 
     state = cj.State(
-        {
-            "housing": turning(0.1, 300.0),
-            "shaft": turning(0.1 + CLEARANCE + DEPTH, 300.0 - slower),
-        }
+        {"housing": turning(0.1, 300.0), "shaft": turning(0.1 + CLEARANCE + DEPTH, 300.0 - slower)}
     )
     system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
     now = Instant(system, 0.0, system.encode(unpack(state.bodies)), {}, {})
@@ -101,23 +98,3 @@ def test_the_part_of_a_step_in_a_window_wears_by_simpsons_rule():
 def test_wrong_arguments_are_refused(arguments, message):
     with pytest.raises(ValueError, match=message):
         cj.ArchardWear(*arguments).check(resting()[0])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("angle", "slides"), [(-np.pi / 2, True), (0.3, False)])
-def test_steady_sliding_and_bounces_in_a_sweep(angle, slides):
-    """V = k F s/H for a journal on the wall; sectors add up, also if it bounces."""
-    end, speeds = 0.02, np.array([100.0, 200.0])
-    axis = cj.Axis(lambda scene: scene.joints["motor"].speed, speeds)
-    spin = cj.Axis.initial(lambda state: state.bodies["rotor"].spin[2], speeds)
-    axes, options = {"speed": axis, "spin": spin}, {"zipped": True, "progress": False}
-    result = cj.sweep(resting()[0], resting(angle)[1], end, axes, {"wear": WEAR}, **options)
-    total = result["wear"].values
-    sectors = [result[f"wear_{base} {k}"].values for base in "VW" for k in range(1, 7)]
-    np.testing.assert_allclose(sum(sectors), total, rtol=1e-13)
-    assert (total > 0.0).all()
-    if slides:
-        np.testing.assert_allclose(total, RATE * end * speeds / SPEED, rtol=1e-5)
-        np.testing.assert_allclose(result["wear_V 5"].values, 0.5 * total, rtol=1e-6)
-    else:
-        assert sum((worn > 0.0).all() for worn in sectors) > 2

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from tests.support.dropped_rod import dropped_rod
 from tests.support.oscillator import on_spring
 from tests.support.programs import primitives
 
@@ -239,45 +238,3 @@ def test_a_window_may_follow_the_values_of_a_lane():
     np.testing.assert_allclose(found.top, expected, rtol=1e-6)
     alone = cj.simulate(scene, state, 1.6, settings, outputs=outputs)
     np.testing.assert_array_equal(alone.outputs["x_mean"], found.x_mean[1])
-
-
-@pytest.mark.slow
-def test_windows_of_a_sweep_are_those_of_the_run():
-    """Two impacts; adjacent windows together equal the whole run."""
-    scene, start = dropped_rod()
-    end, cut, q = 0.03, 0.0213, cj.quantities
-    settings = cj.Settings(ledger=True)
-    solution = cj.simulate(scene, start, end, settings, save=cj.Saving(impacts=True))
-    table = solution.impacts
-    assert ((table.onset < cut).any()) and ((table.onset > cut).any())
-    force = q.ContactForce("pin", "V")
-    edges = [0.0, *np.geomspace(1.0, 1e5, 100)]
-    made = {
-        "peak": partial(cj.Peak, force, "N"),
-        "count": partial(cj.ImpactCount, "pin"),
-        "lost": cj.DissipatedEnergy,
-        "worn": partial(cj.ArchardWear, "pin", 1e-5, 2e9, 4),
-        "hits": partial(cj.ImpactTable, 20),
-        "force": partial(cj.Quantiles, force, "N", edges, (0.99,)),
-    }
-    early, late = {"until": cut}, {"after": cut}
-    summed = ("lost", "worn", "count")
-    outputs = {f"whole {name}": make() for name, make in made.items() if name in summed}
-    outputs |= {f"early {name}": made[name](**early) for name in summed}
-    outputs |= {f"late {name}": make(**late) for name, make in made.items()}
-    outputs["by scene"] = cj.ImpactTable(20, after=lambda s: cut * s.bodies["rod"].mass / 7.02)
-    masses = {"mass": cj.Axis(lambda s: s.bodies["rod"].mass, [7.02])}
-    found = cj.sweep(scene, start, end, masses, outputs, settings, progress=False).isel(mass=0)
-    impacts = table.within(after=cut)
-    strongest = np.argmax(impacts.peak_force)
-    assert float(found["late peak"]) == pytest.approx(impacts.peak_force[strongest], rel=1e-6)
-    moment = float(found["late peak_time"])
-    assert moment == pytest.approx(impacts.peak_time[strongest], abs=1e-6)
-    assert int(found["late hits_count"].sum()) == int(found["late count"]) == len(impacts)
-    np.testing.assert_array_equal(found["by scene_onset"], found["late hits_onset"])
-    onsets = np.sort(found["late hits_onset"].values.ravel())[: len(impacts)]
-    np.testing.assert_allclose(onsets, impacts.onset, rtol=0.0, atol=1e-9)
-    assert 0.0 < float(found["late force_0.99"]) <= float(found["late peak"]) * 1.13
-    for name in ("lost", "worn", "worn_V 1", "count"):
-        parts = float(found[f"early {name}"]) + float(found[f"late {name}"])
-        assert parts == pytest.approx(float(found[f"whole {name}"]), rel=1e-6), name

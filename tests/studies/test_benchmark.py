@@ -7,18 +7,8 @@ from math import isfinite
 import numpy as np
 import pytest
 
-import clearjoint as cj
 from studies.benchmark import __main__ as benchmark
-from studies.benchmark import (
-    backlash_chain,
-    derivatives,
-    first_calls,
-    runs,
-    sweeps,
-    table,
-    yardstick,
-)
-from studies.benchmark.chain import chain
+from studies.benchmark import backlash_chain, derivatives, sweeps, table, yardstick
 from studies.benchmark.table import BEGIN, END, Plan, Row, row
 
 
@@ -34,11 +24,6 @@ def plan(tmp_path_factory):
     if program is None:
         pytest.skip("the system has no C++ compiler")
     return Plan(True, 1, program)
-
-
-def ratios(rows):
-    assert all(one.seconds > 0.0 and one.ratio is not None and isfinite(one.ratio) for one in rows)
-    return [one.ratio or 0.0 for one in rows]
 
 
 @pytest.mark.slow
@@ -69,20 +54,6 @@ def test_run_has_its_impact_where_free_fall_ends(plan):
     assert found.speeds[0] == pytest.approx(9.81 * fall, rel=1e-9)
 
 
-@pytest.mark.slow
-def test_rows_of_runs(plan):
-    whole, step, call = runs.rows(plan)
-    # The time of a step is a difference, which noise may make negative in a single short round.
-    assert ratios([whole])[0] > 1.0 and isfinite(step.ratio)
-    assert call.seconds > 0.0 and call.ratio is None and call.aim == 1e-3
-
-
-@pytest.mark.slow
-def test_rows_without_a_compiler_have_no_ratio():
-    whole, step, _ = runs.rows(Plan(True, 1, None))
-    assert whole.seconds > 0.0 and whole.ratio is None and step.ratio is None
-
-
 def test_no_compiler_is_said(tmp_path, monkeypatch, capsys):
     monkeypatch.delenv("CXX", raising=False)
     monkeypatch.setattr(yardstick.shutil, "which", lambda name: None)
@@ -94,20 +65,13 @@ def test_no_compiler_is_said(tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.slow
-def test_rows_of_sweeps(plan):
-    rows = sweeps.rows(plan)
-    ratios(rows)
-    beside = [one.yardstick for one in rows[:2]]
-    assert beside == list(yardstick.WIDTHS)
-    on_two = [one for one in rows if "two threads" in one.label]
-    assert len(on_two) == (0 if len(table.cores()) == 1 else 3)
-
-
-@pytest.mark.slow
-def test_rows_of_derivatives(plan):
-    rows = derivatives.rows(plan)
-    assert [one.aim for one in rows] == [3.2, 4.0, 3.5, None]
-    assert rows[-1].seconds > 0.0
+@pytest.mark.parametrize("group", benchmark.GROUPS)
+def test_every_group_has_rows_with_times_and_ratios(group, plan):
+    """The time of a step is a difference, which noise may make negative in one short round."""
+    rows = benchmark.GROUPS[group](plan)
+    assert rows and all(isfinite(one.seconds) for one in rows)
+    if group != "first-calls" and (group != "backlash" or find_spec("mujoco")):
+        assert any(one.ratio is not None and isfinite(one.ratio) for one in rows)
 
 
 @pytest.mark.slow
@@ -116,14 +80,6 @@ def test_derivatives_by_all_parameters_begin_with_those_that_are_known():
     found = derivatives.derivatives(3, derivatives.TOLERANCES[0], derivatives.SPAN)
     known = derivatives.REFERENCE[derivatives.SPAN]
     np.testing.assert_allclose(found.derivatives["height"][0], known, rtol=1e-5)
-
-
-@pytest.mark.slow
-def test_rows_of_other_programs(plan):
-    rows = runs.others(plan)
-    assert len(ratios(rows)) == 1 + bool(find_spec("exudyn"))
-    (one,) = backlash_chain.rows(plan)
-    assert one.seconds > 0.0 and (one.ratio is not None) == bool(find_spec("mujoco"))
 
 
 @pytest.mark.slow
@@ -139,28 +95,6 @@ def test_chains_of_both_programs_are_alike():
         there, _ = backlash_chain.MujocoChain(3).run(1e-6)
         angles, _ = backlash_chain.ClearjointChain(3).run(1e-9)
         np.testing.assert_allclose(there, angles, atol=2e-5)
-
-
-@pytest.mark.slow
-def test_rows_of_first_calls(plan):
-    imported, nothing, kept = first_calls.rows(plan)
-    assert 0.0 < kept.seconds < nothing.seconds and imported.seconds > 0.0
-    assert (nothing.aim, kept.aim) == (2.0, 0.5)
-
-
-@pytest.mark.parametrize("mechanism", first_calls.MECHANISMS.values(), ids=first_calls.MECHANISMS)
-def test_joint_and_body_of_first_calls_are_the_mechanisms(mechanism):
-    scene, state = mechanism.make()
-    assert mechanism.joint in scene.joints and mechanism.body in scene.bodies
-    assert set(state.bodies) == set(scene.bodies)
-
-
-@pytest.mark.slow
-def test_chain_falls_freely_until_it_touches():
-    scene, state = chain(1)
-    end = cj.simulate(scene, state, 5e-3, progress=False).final
-    fallen = [float(end.bodies[name].position[1]) for name in scene.bodies]
-    np.testing.assert_allclose(fallen, -0.5 * 9.81 * 5e-3**2, rtol=1e-9)
 
 
 def test_calls_take_turns_after_a_first_one_each():
@@ -197,16 +131,6 @@ def test_table_stands_between_the_markers_of_a_file(tmp_path):
 def test_readme_has_the_markers():
     text = (benchmark.HERE / "README.md").read_text(encoding="utf-8")
     assert text.index(BEGIN) < text.index(END)
-
-
-def test_figure_has_a_line_for_each_row_with_a_ratio_or_an_aim():
-    rows = [
-        Row("a", 1.0, "b", 2.0, 0.5, (0.4, 0.6), 0.45),
-        Row("c", 1.0, aim=2.0),
-        Row("neither", 1.0),
-    ]
-    labels = [label.get_text() for label in table.figure(rows).axes[0].get_yticklabels()]
-    assert labels == ["a / b", "c / aim"]
 
 
 def test_command_writes_table_records_and_picture(tmp_path, monkeypatch, capsys):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from studies.fits import baselines, coverage, draws
-from studies.fits.__main__ import PARTS, main, parse
+from studies.fits import baselines, draws
+from studies.fits.__main__ import main
 from studies.fits.draws import Recovery, Trial
 from studies.fits.problem import PARAMETERS, STARTS, TRUTH, WINDOWS, coordinates, ideal
 from studies.fits.scipy_fit import fit, probes
@@ -39,22 +39,6 @@ def test_statistics_of_fits_leave_out_those_that_went_astray():
     assert len(cells) == len(draws.HEAD)
 
 
-def test_lower_minima_are_counted_draw_by_draw():
-    near = tuple(attempt(0.0, 0.1, [], 9.0) for _ in range(4))
-    found = tuple(attempt(0.0, 0.1, [], value) for value in (9.0, 8.0, 5.5))
-    assert Recovery("", found, np.zeros((3, 3)), near).lower == 2
-    assert Recovery("", near, np.zeros((4, 3)), near).lower == 0
-    assert Recovery("", near, np.zeros((4, 3))).lower is None
-
-
-def test_starts_cover_the_stated_ranges():
-    for sign, limits in ((-1.0, (41.4e9, 0.6, 0.5e-3 / 1.2)), (1.0, (1035e9, 27 / 28, 0.6e-3))):
-        corner = coordinates(TRUTH) + sign * baselines.SPREAD
-        pairs = zip(PARAMETERS.values(), corner, strict=True)
-        found = [float(parameter.scale.value(u)) for parameter, u in pairs]
-        assert found == pytest.approx(limits, rel=0.02)
-
-
 def test_scipy_with_differences_finds_what_made_the_data():
     times, truth = np.arange(1, 151) * 1e-4, coordinates(TRUTH)
     values, scales = probes(list(TRUTH.values()), times), baselines.SCALES
@@ -76,34 +60,11 @@ def test_scipy_with_differences_ends_where_identify_does():
     assert derivatives.runs < differences.runs
 
 
-def test_coverage_counts_minima_intervals_and_misses():
-    found = [
-        coverage.Draw((True, True), (True, True), (0.0, 0.0), False, (1.0, 2.0)),
-        coverage.Draw((False, True), (True, True), (160.0, -0.1), True, (3.0, 4.0)),
-        coverage.Draw((False, False), (False, True), (9.0, 5.0), True, (5.0, 6.0)),
-        coverage.Draw((False, True), (False, True), (0.0, 0.0), False, (5.0, 6.0)),
-    ]
-    cells = coverage.Row("pin", found).cells()
-    assert cells == ("pin", "4", "2; 1", "25, 75", "50, 100", "2", "2, 1", "4; 5")
-    assert len(cells) == len(coverage.HEAD)
-
-
-@pytest.mark.slow
-def test_quick_coverage_fits_two_draws():
-    (found,) = coverage.cover(coverage.pins("rocker foot", 1.1, 0.03), 2).draws[:1]
-    assert found.seconds[0] > 0.0 and len(found.by_check) == 3
-
-
 @pytest.mark.slow
 def test_draws_fitted_from_the_truth_do_not_go_astray():
     (found,) = draws.recoveries("probes", [Trial("probes", "truth", "at once", 2)], 0.03)
     assert found.label == "probes, truth, at once" and len(found.attempts) == 2
     assert not found.astray.any()
-
-
-@pytest.mark.parametrize("part", PARTS)
-def test_every_part_has_a_quick_setting(part):
-    assert parse([part, "--quick"]).quick
 
 
 @pytest.mark.slow

@@ -15,33 +15,6 @@ def test_gradients_by_few_numbers_are_as_accurate_as_forward_mode():
     assert len(accuracy.table(rows)) == 3
 
 
-class Linear:
-    """A linear problem of fewer residuals than weights."""
-
-    def __init__(self, size: int):
-        random = np.random.default_rng(2)
-        self.slopes = random.standard_normal((40, size))
-        self.measured = 10.0 * random.standard_normal(40)
-
-    def residuals(self, weights):
-        return self.slopes @ weights - self.measured
-
-    def jacobian(self, weights):
-        return self.slopes
-
-
-def test_the_search_for_a_law_solves_a_linear_problem_with_its_prior():
-    first = np.asarray(friction.flattened()[0])
-    problem = Linear(len(first))
-    found = friction.fitted(problem, first, 20)[-1].weights
-    normal = problem.slopes.T @ problem.slopes + np.eye(len(first)) / friction.WEIGHT**2
-    misses = problem.slopes @ first - problem.measured
-    expected = first - np.linalg.solve(normal, problem.slopes.T @ misses)
-    # The search ends when little is left to gain.
-    gained = np.sum((expected - first) ** 2)
-    assert np.sum((found - expected) ** 2) < 1e-3 * gained
-
-
 @pytest.mark.slow
 def test_quick_friction_law(tmp_path):
     fit = friction.measure(quick=True)

@@ -3,18 +3,8 @@
 import numpy as np
 import pytest
 
-import clearjoint as cj
 from studies.gradients import torque, wall
 from studies.gradients.searches import search_table
-
-
-def test_the_worn_wall_leaves_one_point_of_contact():
-    angles = np.linspace(0.0, 2.0 * np.pi, 65)[:-1]
-    values = wall.worn(angles)
-    assert values.max() == pytest.approx(30e-6, rel=0.02) and values.min() < 1e-7
-    # `Scene` warns of two points of contact if the clearance is smaller than the curvature allows.
-    spline = cj.profiles.PeriodicSpline.through(values).at(np.linspace(0.0, 6.28, 400))
-    assert wall.CLEARANCE + np.min(spline.value + spline.bend) > 0.0
 
 
 @pytest.mark.slow

@@ -16,14 +16,6 @@ def test_angles_lose_double_turns_and_nothing_else():
         assert float(within_two_turns(angle)) == pytest.approx(0.75, abs=1e-12)
 
 
-@pytest.mark.slow
-def test_a_top_that_tumbles_for_long_keeps_its_norm():
-    """Without the correction the norm would be 3.6 at the end."""
-    outcome = long_runs.run(long_runs.Case("top", long_runs.top, 1e-3), 1e4, 1_000_000)
-    assert outcome.time == 1e4
-    assert outcome.norm < 1e-2
-
-
 def spinning_pendulum():
     scene, _ = long_runs.pendulum()
     body = cj.body_state((0.5, 0.0, 0.0), velocity=(0.0, 50.0, 0.0), spin=(0.0, 0.0, 100.0))

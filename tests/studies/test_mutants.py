@@ -75,15 +75,6 @@ def test_each_operator_of_functions_is_changed(tmp_path):
         assert changed == SOURCE[: mutant.start] + mutant.new + SOURCE[mutant.end :]
 
 
-def test_mutants_of_the_kernels_are_python(in_order):
-    assert len(in_order) > 5000
-    assert len({mutant.identity for mutant in in_order}) == len(in_order)
-    for mutant in in_order[:200]:
-        content = (ROOT / mutant.file).read_bytes()
-        assert content[mutant.start : mutant.end].decode() == mutant.old
-        compile(mutant.applied(content.decode()), mutant.file, "exec")
-
-
 def test_the_order_does_not_depend_on_other_functions(tmp_path):
     file = source_file(tmp_path, SOURCE)
     before = in_random_order(tmp_path, ["model"], 1)
@@ -104,26 +95,6 @@ def test_tests_that_execute_the_statement_come_first_and_the_cheapest_before_oth
     assert recording.tests_for(mutant, 8.0) == [cheap, dear, of_file, room]
     assert recording.tests_for(mutant, 3.0) == [cheap, of_file]
     assert recording.total([dear, room]) == 5.0 and recording.cheapest() == "v.py::x"
-
-
-def test_recordings_are_joined():
-    first = Recording({"a": 1.0, "b": 2.0}, {"f": {"1": ["a"], "2": ["b"]}})
-    second = Recording({"a": 3.0, "c": 1.0}, {"f": {"1": ["c"]}, "g": {"1": ["c"]}})
-    both = first.joined(second)
-    assert both.seconds == {"a": 3.0, "b": 2.0, "c": 1.0}
-    assert both.lines == {"f": {"1": ["a", "c"], "2": ["b"]}, "g": {"1": ["c"]}}
-
-
-def test_the_table_counts_mutants_by_room(in_order, monkeypatch):
-    mutants = in_order[:40]
-    outcomes = {m.identity: {"caught": True} for m in mutants[:30]}
-    survived = [m for m in mutants[:30] if m.room == "model"][:3]
-    outcomes.update({m.identity: {"caught": False} for m in survived})
-    monkeypatch.setattr(study, "is_equivalent", lambda mutant: mutant is survived[0])
-    head, *rows, whole = study.table(mutants, outcomes)
-    assert [row[0] for row in rows] == study.ROOMS
-    assert whole == ["all", "30", "27", "1", "2", "93 %"]
-    assert [sum(int(row[k]) for row in rows) for k in range(1, 5)] == [30, 27, 1, 2]
 
 
 @pytest.mark.parametrize(("part", "expected"), [("test", {2, 3}), ("again", {1})])

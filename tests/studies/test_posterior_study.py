@@ -8,7 +8,7 @@ import pytest
 
 from studies.posterior.__main__ import main, parse
 from studies.posterior.draws import HEAD, Draw, cells, cover
-from studies.posterior.exact import drawn_around, posteriors
+from studies.posterior.exact import posteriors
 
 
 def draw(seed, a, b):
@@ -55,15 +55,6 @@ def test_exact_posteriors_of_a_linear_problem_cover_the_truth_as_often_as_stated
     assert abs((shares > 0.975).mean() - 0.025) < 0.015
     # The integral of a weight exp(-x^2 / 2), squared, over that of its square is 2 sqrt(pi).
     np.testing.assert_allclose(np.median(effective), 2.0 * np.sqrt(np.pi) / 0.02, rtol=0.02)
-
-
-def test_runs_of_the_exact_posterior_are_spread_around_points_with_the_stated_density():
-    points = np.random.default_rng(0).standard_normal((200, 2))
-    drawn, log_density = drawn_around(points, 20_000)
-    # The mean of 1/density over the points is the area in which they are, here a square of side 4.
-    inside = (np.abs(drawn) < 2.0).all(axis=1)
-    area = np.where(inside, np.exp(-log_density), 0.0).mean()
-    np.testing.assert_allclose(area, 16.0, rtol=0.05)
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from scipy.io import savemat
 from studies.real_pendulum import swing_fits
 from studies.real_pendulum.__main__ import main
 from studies.real_pendulum.fits import ALL, prepared, study
-from studies.real_pendulum.pendulum import Pendulum, predicted
+from studies.real_pendulum.pendulum import Pendulum
 from studies.real_pendulum.swing_files import Swing, read_swings
 from studies.real_pendulum.swing_fits import fit_frictions, identified, roughly
 
@@ -52,23 +52,6 @@ def pieces(recorded, tmp_path_factory):
     path = tmp_path_factory.mktemp("swing") / "pieces.mat"
     savemat(path, cells)
     return path
-
-
-@pytest.mark.slow
-def test_model_and_derivatives_agree_with_scipy():
-    """Angles to 1e-7 rad; derivatives as those of SciPy's angles by central differences."""
-    times = np.linspace(0.0, 2.0, 401)
-    angles, slopes = predicted(TRUTH, times)
-    np.testing.assert_allclose(angles, swing(TRUTH, times), rtol=0.0, atol=1e-7)
-    steps = {"length": 1e-5, "coulomb": 1e-5, "vertical": 1e-4, "angle": 1e-4, "speed": 1e-3}
-    for name, h in steps.items():
-        up, down = (
-            swing(Pendulum(**{**vars(TRUTH), name: getattr(TRUTH, name) + s * h}), times)
-            for s in (1, -1)
-        )
-        expected = (up - down) / (2 * h)
-        scale = np.abs(expected).max()
-        np.testing.assert_allclose(slopes[name], expected, rtol=0.0, atol=2e-4 * scale)
 
 
 @pytest.mark.slow
@@ -154,11 +137,8 @@ def test_less_than_a_period_is_refused():
     ("name", "text", "said"),
     [
         ("a.txt", "time angle\n0 1\n", "neither|begins with 'time angle'"),
-        ("a.txt", "% o1 o2 w1 w2\n0 0 1 2 3 4\n", "begins with"),
         ("a.txt", "%o v\n0 0 1 2\n0 1 1\n", "Row 3 .* has 3 numbers"),
-        ("a.txt", "%o v\n0 0 one 2\n", "Row 2 .* must be numbers"),
         ("a.txt", "%o v\n" + "0 1 0.5 0\n" * 20, "not later than the one before"),
-        ("a.txt", "%o v\n0 0 1 2\n0 1 1 1\n", "ten at least"),
         ("a.txt", "%o v\n" + "".join(f"0 {k} 0.5 0\n" for k in range(20)), "it is no swing"),
         ("a.txt", "%o v\n" + "".join(f"0 {k} nan 0\n" for k in range(20)), "Sample 1 .* finite"),
         ("a.mat", "text", "not a MATLAB file"),
@@ -168,11 +148,3 @@ def test_files_without_a_swing_are_refused(tmp_path, name, text, said):
     (tmp_path / name).write_text(text)
     with pytest.raises(ValueError, match=said):
         read_swings(tmp_path / name)
-
-
-def test_matlab_files_of_other_content_and_missing_ones_are_refused(tmp_path):
-    savemat(tmp_path / "other.mat", {"x": np.ones(3)})
-    with pytest.raises(ValueError, match=r"\['x'\], neither"):
-        read_swings(tmp_path / "other.mat")
-    with pytest.raises(ValueError, match="is not there"):
-        read_swings(tmp_path / "nothing.mat")

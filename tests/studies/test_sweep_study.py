@@ -1,4 +1,4 @@
-"""The study of the clearance in its quick settings, compared with closed forms."""
+"""The study of the clearance in its quick settings."""
 
 import numpy as np
 import pytest
@@ -11,8 +11,6 @@ from studies.clearance_sweep.__main__ import main
 from studies.common.output import Output
 
 pytestmark = pytest.mark.slow
-
-GRAVITY = 9.81
 
 
 @pytest.fixture(scope="module")
@@ -34,41 +32,6 @@ def test_sweep_draws_and_stores_what_does_not_fail(output, swept):
     assert pictures(output, "summary", "impacts", "orbits")
     assert (swept["result"] == 0).all()
     assert swept.sizes["clearance"] == 16
-
-
-def test_journal_falls_freely_at_first(swept):
-    """The offset is g t^2 / 2 up to the wall, which is met at sqrt(2 g c) after sqrt(2 c / g)."""
-    clearance = swept["clearance"].values
-    assert swept["impact_entry_speed"][:, 0].values == pytest.approx(
-        np.sqrt(2 * GRAVITY * clearance)
-    )
-    assert swept["impact_time"][:, 0].values == pytest.approx(np.sqrt(2 * clearance / GRAVITY))
-    falling = swept["saved_time"] < 0.99 * swept["impact_time"][:, 0]
-    for offset, expected in (("x", 0.0), ("y", 0.5 * GRAVITY * swept["saved_time"] ** 2)):
-        error = (swept[offset] - expected).where(falling)
-        assert float(np.abs(error).max()) < 1e-12
-
-
-def test_restitution_is_the_delivered_one(swept):
-    """It is that of impacts 1 and 2; the extended-precision reference has 0.9115 at 0.5 mm."""
-    half = swept["impact_entry_speed"].sel(clearance=0.5e-3, method="nearest").values
-    assert half[1] / half[0] == pytest.approx(0.9115, abs=3e-4)
-
-
-def test_journal_stays_in_its_bearing(swept):
-    eccentricity = np.hypot(swept["x"], swept["y"])
-    assert float((eccentricity - swept["clearance"]).max()) < 20e-6
-
-
-def test_a_finished_sweep_is_read_and_not_computed(output, swept, capsys):
-    def written():
-        return {path: path.stat().st_mtime_ns for path in (output.folder / "sweep.zarr").rglob("*")}
-
-    before = written()
-    findings = clearance_sweep.sweep(output)
-    assert written() == before
-    assert "has 16 of 16 lanes" in capsys.readouterr().out
-    assert "0 of 16 lanes failed" in findings
 
 
 def test_map_of_clearance_and_restitution(output):

@@ -11,6 +11,7 @@ import numpy as np
 import clearjoint as cj
 from studies.catalogue import cylinders, films, frictions, laws, plays
 from studies.catalogue.machines import machines
+from tests.support.one_body import bearing, one_body
 
 REST = (0.0, 0.0, 0.0)
 IN_THE_WALL = (0.0, -1.02)
@@ -95,6 +96,17 @@ def tilted() -> tuple[cj.Scene, cj.State]:
         spin=(0.0, 20.0 * np.sin(tilt), 20.0 * np.cos(tilt)),
     )
     return with_joint(scene, "bearing", pin), cj.State({"rotor": turned})
+
+
+def between_shoulders() -> tuple[cj.Scene, cj.State]:
+    """A rotor that strikes the wall of its bearing, and faces with friction at both ends."""
+    law = cj.laws.LankaraniNikravesh(restitution=0.6, stiffness=1e9)
+    friction = cj.frictions.RegularisedCoulomb(0.1, 1e-2)
+    face = cj.EndPlay(2e-4, law, friction, 12e-3)
+    pin = bearing(law, "rotor", clearance=1e-4, friction=friction, axial=face)
+    thrown = {"velocity": (0.02, 0.0, 0.1), "spin": (0.0, 0.0, 20.0)}
+    body = {"inertia": (1e-3,) * 3, "gravity": (0.0, -9.81, 1.0)}
+    return one_body("rotor", {"pin": pin}, **body, **thrown)
 
 
 def with_film_and_asperities() -> tuple[cj.Scene, cj.State]:
@@ -202,6 +214,7 @@ def catalogue_scenes() -> dict[str, CatalogueScene]:
     found["rotor with film and friction"] = CatalogueScene(with_film_and_friction, 2e-3)
     found["rotor with profiles"] = CatalogueScene(with_profiles, 3e-3)
     found["rotor, tilted, in line contact"] = CatalogueScene(tilted, 2e-3)
+    found["rotor between shoulders"] = CatalogueScene(between_shoulders, 0.03)
     found["rotor with film and asperities"] = CatalogueScene(with_film_and_asperities, 2e-3)
     for name, target in TARGETS.items():
         found[f"joints, {name}"] = CatalogueScene(partial(machines, target), 0.03, "driven")
@@ -229,10 +242,7 @@ def catalogue_scenes() -> dict[str, CatalogueScene]:
         "quick_return": (ready.quick_return, 0.04),
         "quick_return without play": (partial(ready.quick_return, None, angle=0.3), 0.1),
         "spatial_four_bar": (partial(ready.spatial_four_bar, speed=40.0), 0.01),
-        "spatial_four_bar without play": (
-            partial(ready.spatial_four_bar, None, speed=40.0),
-            0.05,
-        ),
+        "spatial_four_bar without play": (partial(ready.spatial_four_bar, None, speed=40.0), 0.05),
         "robot_arm without play": (partial(ready.robot_arm, None, speeds=(2.0, -1.0, 3.0)), 0.05),
         # In contact, what gravity asks of the links turns flanges of 1 g: roundings of so large
         # accelerations make the steps short.

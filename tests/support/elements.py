@@ -313,13 +313,7 @@ def contacts(lossless: bool) -> dict[str, Case]:
 def elements(lossless: bool = False) -> dict[str, Case]:
     """All cases by name; if `lossless`, without the damping and the friction of contacts, and
     without the cases of films and bristles, which always dissipate."""
-    return {
-        **ideal_joints(),
-        **gears(lossless),
-        **drives(),
-        **forces(),
-        **contacts(lossless),
-    }
+    return {**ideal_joints(), **gears(lossless), **drives(), **forces(), **contacts(lossless)}
 
 
 def together(cases: Mapping[str, Case]) -> cj.Scene:

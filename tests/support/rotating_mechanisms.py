@@ -131,8 +131,5 @@ def rotating(kind: str, seed: int) -> Rotating:
         joints[seal] = sealed(first, arm, turned(offset, 0.0), off)
         relative = speed * g.uniform(-2.0, 2.0)
         angle = g.uniform(0.0, 6.0) if first == "ground" else 0.0
-        states = {
-            rotor: at(rate=speed, angle=angle),
-            arm: at(rate=speed + relative, angle=far),
-        }
+        states = {rotor: at(rate=speed, angle=angle), arm: at(rate=speed + relative, angle=far)}
     return Rotating(cj.Scene(bodies, joints, forces=forces), cj.State(states), end_time)

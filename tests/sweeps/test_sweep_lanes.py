@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from tests.support.datasets import assert_near, assert_same_bits
+from tests.support.datasets import assert_same_bits
 from tests.support.rotor import AFTER, END, INERTIA, SPEED, TIMES, swept
 
 STIFFNESS = np.geomspace(1.0, 1000.0, 9)
@@ -102,19 +102,3 @@ def test_end_and_saved_times_follow_the_scene():
     np.testing.assert_array_equal(found.time_reached, ends)
     np.testing.assert_allclose(found.saved_time, ends[:, None] * TIMES, rtol=1e-15)
     np.testing.assert_allclose(found.swing_angle[:, -1], SPEED / FREQUENCY, rtol=1e-6)
-
-
-@pytest.mark.slow
-def test_lanes_by_xla_save_states_of_a_scene_with_contacts(monkeypatch):
-    """For a loop that XLA cannot compile as one function."""
-    scene, state = cj.mechanisms.double_pendulum()
-    [joint] = scene.contact_joints()
-    axes = {"clearance": cj.Axis(lambda s: s.joints[joint].clearance, [4e-4, 5e-4])}
-    saving = cj.Saving(np.linspace(0.0, 0.02, 21))
-
-    def found():
-        return cj.sweep(scene, state, 0.02, axes, save=saving, progress=False)
-
-    native = found()
-    monkeypatch.setenv("CLEARJOINT_NATIVE", "0")
-    assert_near(found(), native, rtol=1e-7, atol=1e-9)

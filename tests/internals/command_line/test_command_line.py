@@ -4,6 +4,7 @@ import json
 import math
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -285,42 +286,31 @@ def test_axes_take_units_and_ranges(folder):
     np.testing.assert_array_equal(axes["gravity"].values, [9.0, 10.0])
 
 
-REFUSED = {
-    "no file": (["check", "rd.toml"], "'rd.toml' does not exist"),
-    "a folder": (["check", "."], "'.' is a directory"),
-    "no results": (["report", "."], "expected a folder of results"),
-    "no end": (["run", "rod.toml"], r"`run`.*expected an `end`.*--end 1"),
-    "a wrong key": (["check", "rod.toml", "--set", "joints.pn.x=1"], "did you mean 'pin'"),
-    "a wrong table": (["check", "rod.toml", "--set", "run.setings.rtol=1"], "mean 'settings'"),
-    "no value": (["check", "rod.toml", "--set", "gravity"], "a path and a value"),
-    "a wrong unit": (
-        ["check", "rod.toml", "--set", "joints.pin.clearance=2kg"],
-        "rod.toml with --set joints.pin.clearance=2kg, `joints.pin.clearance`: found.*of this dim",
-    ),
-    "a wrong preset": (["run", "study.toml", "--preset", "acurate"], "did you mean 'accurate'"),
-    "no sweep": (["sweep", "rod.toml", "--end", "1"], r"add a section \[sweep\]"),
-    "no fit": (["fit", "rod.toml"], r"expected a section \[fit\]"),
-    "no wear": (["wear", "rod.toml"], r"`wear`.*expected a section \[wear\]"),
-    "no data": (["fit", "study.toml"], r"`fit\.measurements`.*expected a CSV file"),
-    "no table": (
-        ["check", "study.toml", "--set", "run.outputs=3"],
-        "`run.outputs`: found 3, expected a table of entries by name",
-    ),
-    "rare states": (
-        ["check", "study.toml", "--set", "run.save_every='1 h'"],
-        "at most the duration",
-    ),
-    "a body off": (
-        ["check", "rod.toml", "--set", "joints.pin.bearing_point=[0.1, 0, 0]"],
-        "assemble",
-    ),
-}
+WRONG_UNIT, OFF = "joints.pin.clearance=2kg", "'joints.pin.bearing_point=[0.1, 0, 0]'"
+REFUSED = [
+    ("check rd.toml", "'rd.toml' does not exist"),
+    ("check .", "'.' is a directory"),
+    ("report .", "expected a folder of results"),
+    ("run rod.toml", r"`run`.*expected an `end`.*--end 1"),
+    ("check rod.toml --set joints.pn.x=1", "did you mean 'pin'"),
+    ("check rod.toml --set run.setings.rtol=1", "mean 'settings'"),
+    ("check rod.toml --set gravity", "a path and a value"),
+    (f"check rod.toml --set {WRONG_UNIT}", rf"rod.toml with --set {WRONG_UNIT}, `joints.pin.clear"),
+    (f"check rod.toml --set {WRONG_UNIT}", "`joints.pin.clearance`: found.*of this dim"),
+    ("run study.toml --preset acurate", "did you mean 'accurate'"),
+    ("sweep rod.toml --end 1", r"add a section \[sweep\]"),
+    ("fit rod.toml", r"expected a section \[fit\]"),
+    ("wear rod.toml", r"`wear`.*expected a section \[wear\]"),
+    ("fit study.toml", r"`fit\.measurements`.*expected a CSV file"),
+    ("check study.toml --set run.outputs=3", "`run.outputs`: found 3, expected a table of entries"),
+    ("check study.toml --set run.save_every='1h'", "at most the duration"),
+    (f"check rod.toml --set {OFF}", "assemble"),
+]
 
 
-@pytest.mark.parametrize("case", REFUSED)
-def test_bad_input_is_a_sentence_with_a_remedy(case, folder):
-    arguments, message = REFUSED[case]
-    is_refused(message, *arguments)
+@pytest.mark.parametrize(("words", "message"), REFUSED)
+def test_bad_input_is_a_sentence_with_a_remedy(words, message, folder):
+    is_refused(message, *shlex.split(words))
 
 
 WRONG = {

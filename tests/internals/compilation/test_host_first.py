@@ -36,10 +36,7 @@ def test_numpy_does_not_warn_of_numbers_that_are_not_finite(recwarn):
 
 @pytest.mark.parametrize(
     "function",
-    [
-        lambda x: jax.jvp(jnp.sin, (x,), (jnp.ones_like(x),))[1],
-        lambda x: x.at[()].set(jnp.cos(x)),
-    ],
+    [lambda x: jax.jvp(jnp.sin, (x,), (jnp.ones_like(x),))[1], lambda x: x.at[()].set(jnp.cos(x))],
     ids=["a derivative", "a method of JAX's arrays"],
 )
 def test_functions_that_need_jax_are_compiled_once(function):

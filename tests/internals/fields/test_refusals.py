@@ -51,138 +51,70 @@ def horizon():
     cj.fit_horizon(SCENE, STATE, PARAMETERS, lost_series(), uncertainty={"clearance": 0.1})
 
 
-BODY = cj.Body(1.0, (1, 1, 1))
+BODY, FREE = cj.Body(1.0, (1, 1, 1)), cj.body_state((0, 0, 0))
+LOG = cj.Parameter(CLEARANCE.variation, cj.Log())
 
-WRONG = {
-    "a joint of a peak": (lambda: sweep({"peak": cj.Peak(LOST, "N")}), f"Output 'peak': .*{KNOWN}"),
-    "a joint of impacts": (lambda: sweep({"hits": cj.ImpactCount("sholder")}), KNOWN),
-    "a joint saved": (
-        lambda: sweep({"force": LOST}, save=cj.Saving([1e-3])),
-        f"Output 'force': .*{KNOWN}",
-    ),
-    "a joint of a section": (lambda: sweep({"hit": Section(LOST, {"y": (HEIGHT, "m")}, 3)}), KNOWN),
-    "a joint differentiated": (
-        lambda: sensitivities(outputs={"F": LOST}),
-        f"Output 'F': .*{KNOWN}",
-    ),
-    "a joint minimised": (lambda: minimise({"force": LOST}), f"Output 'force': .*{KNOWN}"),
-    "a joint measured": (lambda: identify(lost_series()), f"Series 'force': .*{KNOWN}"),
-    "a joint planned": (horizon, f"Sensor 'force': .*{KNOWN}"),
-    "joints in a list": (
-        lambda: cj.Scene({"a": BODY}, []),
-        "`joints` must be a dictionary by name",
-    ),
-    "bodies in a list": (
-        lambda: cj.Scene([BODY]),
-        "`bodies` must be a dictionary by name, but is 'l",
-    ),
-    "names of two kinds": (
-        lambda: cj.Scene({1: BODY, "a": BODY}),
-        "`bodies` must be named by non-em",
-    ),
-    "states in a list": (
-        lambda: cj.simulate(SCENE, cj.State([cj.body_state((0, 0, 0))]), 1.0),
-        "`bodies` must be a dictionary by name",
-    ),
-    "states of two kinds": (
-        lambda: cj.simulate(SCENE, cj.State({**STATE.bodies, 1: cj.body_state((0, 0, 0))}), 1.0),
-        "`bodies` must be named by non-empty strings, but is 1",
-    ),
-    "outputs in a list": (lambda: sweep([cj.ImpactCount("shoulder")]), "`outputs` must be a dict"),
-    "axes in a list": (lambda: sweep(axes=[PLACE]), "`axes` must be a dictionary by name"),
-    "values for an axis": (
-        lambda: sweep(axes={"a": [1.0]}),
-        r"`axes\['a'\]` must be an Axis, but is '",
-    ),
-    "parameters in a list": (
-        lambda: sensitivities([CLEARANCE]),
-        "`parameters` must be a dictionary",
-    ),
-    "a function as parameter": (
-        lambda: identify(parameters={"c": lambda scene: scene.gravity}),
-        r"`parameters\['c'\]` must be a Parameter, but is 'function'",
-    ),
-    "outputs of two kinds": (
-        lambda: sensitivities(outputs={1: HEIGHT, "a": HEIGHT}),
-        "`outputs` must",
-    ),
-    "no parameters": (lambda: sensitivities({}), "`parameters` must be at least one Parameter"),
-    "no parameters of sensors": (
+BY_NAME, NAMED = "must be a dictionary by name", "must be named by non-empty strings, but is"
+SLASH, WHOLE = "must be named without a slash.*: rename it", "must be a whole number, positive, but"
+OF_TWO_KINDS = {1: HEIGHT, "a": HEIGHT}
+VALUE = "Parameter 'clearance': Argument `value` must be"
+WRONG = [
+    (lambda: sweep({"peak": cj.Peak(LOST, "N")}), f"Output 'peak': .*{KNOWN}"),
+    (lambda: sweep({"hits": cj.ImpactCount("sholder")}), f"Output 'hits': .*{KNOWN}"),
+    (lambda: sweep({"F": LOST}, save=cj.Saving([1e-3])), f"Output 'F': .*{KNOWN}"),
+    (lambda: sweep({"hit": Section(LOST, {"y": (HEIGHT, "m")}, 3)}), f"Output 'hit': .*{KNOWN}"),
+    (lambda: sensitivities(outputs={"G": LOST}), f"Output 'G': .*{KNOWN}"),
+    (lambda: minimise({"H": LOST}), f"Output 'H': .*{KNOWN}"),
+    (lambda: identify(lost_series()), f"Series 'force': .*{KNOWN}"),
+    (horizon, f"Sensor 'force': .*{KNOWN}"),
+    (lambda: cj.Scene({"a": BODY}, []), f"`joints` {BY_NAME}"),
+    (lambda: cj.Scene([BODY]), f"`bodies` {BY_NAME}, but is 'l"),
+    (lambda: cj.Scene({1: BODY, "a": BODY}), f"`bodies` {NAMED} 1"),
+    (lambda: cj.simulate(SCENE, cj.State([FREE]), 1.0), f"`bodies` {BY_NAME}"),
+    (lambda: cj.simulate(SCENE, cj.State({**STATE.bodies, 2: FREE}), 1.0), f"`bodies` {NAMED} 2"),
+    (lambda: sweep([cj.ImpactCount("shoulder")]), f"`outputs` {BY_NAME}"),
+    (lambda: sweep(axes=[PLACE]), f"`axes` {BY_NAME}"),
+    (lambda: sweep(axes={"a": [1.0]}), r"`axes\['a'\]` must be an Axis, but is '"),
+    (lambda: sensitivities([CLEARANCE]), f"`parameters` {BY_NAME}"),
+    (lambda: identify(parameters={"c": horizon}), r"`parameters\['c'\]` must be a Parameter, but"),
+    (lambda: sensitivities(outputs=OF_TWO_KINDS), f"`outputs` {NAMED} 1"),
+    (lambda: sensitivities({}), "`parameters` must be at least one Parameter"),
+    (
         lambda: cj.identifiability(SCENE, STATE, {}, DATA.series),
-        "`parameters` must be at least one Parameter",
+        "`parameters` must be at least one",
     ),
-    "no outputs": (lambda: sensitivities(outputs={}), "`outputs` must be not empty"),
-    "series of two kinds": (
-        lambda: cj.Measurements({**DATA.series, 1: DATA["height"]}),
-        "`series` mu",
-    ),
-    "a section without a function": (
-        lambda: cj.Section("height", {"x": (HEIGHT, "m")}, 1),
-        "`crossing` must be a",
-    ),
-    "channels in a list": (
-        lambda: Section(HEIGHT, [HEIGHT], 1),
-        "`channels` must be a dictionary by name",
-    ),
-    "an output with a slash": (
-        lambda: sweep({"a/b": cj.ImpactCount("shoulder")}),
-        r"`outputs\['a/b'\]` must be named without a slash.*: rename it",
-    ),
-    "a channel with a slash": (
-        lambda: Section(HEIGHT, {"m/s": (HEIGHT, "m")}, 1),
-        r"`channels\['m/s'\]` must be named without a slash",
-    ),
-    "an axis with a slash": (lambda: sweep(axes={"a/b": PLACE}), r"`axes\['a/b'\]` must be named"),
-    "a result with a slash": (
-        lambda: Layout((), 1, {"a/b": Variable()}),
-        r"`variables\['a/b'\]` must be named without a slash",
-    ),
-    "a hidden output": (lambda: sweep({".a": cj.ImpactCount("shoulder")}), "neither"),
-    "an output without a name": (
-        lambda: sweep({"": cj.ImpactCount("shoulder")}),
-        "`outputs` must be named by non-empty strings, but is ''",
-    ),
-    "half a lane": (
-        lambda: sweep(chunk=2.5),
-        "`chunk` must be a whole number, positive, but is 2.5",
-    ),
-    "lanes as a text": (
-        lambda: sweep(chunk="4"),
-        "`chunk` must be a whole number, positive, but is '4'",
-    ),
-    "half a round": (lambda: cj.Screening(rounds=1.5), "`rounds` must be a whole number"),
-    "half a crossing": (
-        lambda: Section(HEIGHT, {"y": (HEIGHT, "m")}, 1.5),
-        "`count` must be a whole number",
-    ),
-    "a start after the samples": (
+    (lambda: sensitivities(outputs={}), "`outputs` must be not empty"),
+    (lambda: cj.Measurements({**DATA.series, 1: DATA["height"]}), f"`series` {NAMED} 1"),
+    (lambda: Section("height", {"x": (HEIGHT, "m")}, 1), "`crossing` must be a"),
+    (lambda: Section(HEIGHT, [HEIGHT], 1), f"`channels` {BY_NAME}"),
+    (lambda: sweep({"a/b": cj.ImpactCount("shoulder")}), rf"`outputs\['a/b'\]` {SLASH}"),
+    (lambda: Section(HEIGHT, {"m/s": (HEIGHT, "m")}, 1), rf"`channels\['m/s'\]` {SLASH}"),
+    (lambda: sweep(axes={"a/b": PLACE}), rf"`axes\['a/b'\]` {SLASH}"),
+    (lambda: Layout((), 1, {"a/b": Variable()}), rf"`variables\['a/b'\]` {SLASH}"),
+    (lambda: sweep({".a": cj.ImpactCount("shoulder")}), "neither"),
+    (lambda: sweep({"": cj.ImpactCount("shoulder")}), f"`outputs` {NAMED} ''"),
+    (lambda: sweep(chunk=2.5), f"`chunk` {WHOLE} is 2.5"),
+    (lambda: sweep(chunk="4"), f"`chunk` {WHOLE} is '4'"),
+    (lambda: cj.Screening(rounds=1.5), f"`rounds` {WHOLE}"),
+    (lambda: Section(HEIGHT, {"y": (HEIGHT, "m")}, 1.5), f"`count` {WHOLE}"),
+    (
         lambda: identify(start_time=1.5e-3),
-        r"`start_time` must be no later than the first sample, at 0.001 s, but is 0.0015: start",
+        "no later than the first sample, at 0.001 s, but is 0.0015",
     ),
-    "a guess that is no number": (
-        lambda: identify(guess={"clearance": math.nan}),
-        "Parameter 'clearance': Argument `value` must be finite, but is nan",
+    (lambda: identify(guess={"clearance": math.nan}), f"{VALUE} finite, but is nan"),
+    (
+        lambda: identify(parameters={"clearance": LOG}, guess={"clearance": math.inf}),
+        f"{VALUE} finite, but is inf",
     ),
-    "a guess that is infinite": (
-        lambda: identify(
-            parameters={"clearance": cj.Parameter(CLEARANCE.variation, cj.Log())},
-            guess={"clearance": math.inf},
-        ),
-        "Parameter 'clearance': Argument `value` must be finite, but is inf",
-    ),
-    "guesses for one": (
-        lambda: identify(guess={"clearance": [1e-4, 2e-4]}),
-        "Parameter 'clearance': Argument `value` must be an array of shape",
-    ),
-    "a guess without a name": (lambda: identify(guess=math.nan), "`guess` must be values by name"),
-    "an infinite bound": (lambda: cj.Bounded(0.0, math.inf), "`high` must be finite, but is inf"),
-    "a unit of nothing": (lambda: cj.Linear(0.0), "`unit` must be positive, but is 0.0"),
-}
+    (lambda: identify(guess={"clearance": [1e-4, 2e-4]}), f"{VALUE} an array of shape"),
+    (lambda: identify(guess=math.nan), "`guess` must be values by name"),
+    (lambda: cj.Bounded(0.0, math.inf), "`high` must be finite, but is inf"),
+    (lambda: cj.Linear(0.0), "`unit` must be positive, but is 0.0"),
+]
 
 
-@pytest.mark.parametrize("case", WRONG)
-def test_the_error_names_the_argument(case):
-    call, message = WRONG[case]
+@pytest.mark.parametrize(("call", "message"), WRONG, ids=[message for _, message in WRONG])
+def test_the_error_names_the_argument(call, message):
     with pytest.raises(ValueError, match=message):
         call()
 

@@ -215,19 +215,6 @@ def test_intervals_come_from_a_posterior_where_chi_squared_is_not_quadratic(roug
     assert again.intervals == fit.intervals and again.posterior.runs == fit.posterior.runs
 
 
-@pytest.mark.slow
-def test_sets_of_one_call_have_the_bits_of_calls_of_their_own(rough):
-    """They share the batch of lanes, by which explorations and posteriors run."""
-    again = cj.Measurements({"x": rough["x"].with_noise(np.random.default_rng(7))})
-    options = {"progress": False, "check_runs": 50}
-    with pytest.warns(cj.PoorFitWarning):
-        fits = cj.identify_many(SCENE, STATE, [rough, again], PARAMETERS, **options)
-        alone = [fitted(one, **options) for one in (rough, again)]
-    for fit, own in zip(fits, alone, strict=True):
-        assert fit.intervals == own.intervals and fit.chi_squared == own.chi_squared
-        assert fit.check.runs == own.check.runs > 50
-
-
 def raising(error):
     def fail(*_):
         raise error

@@ -118,21 +118,6 @@ def test_functions_that_use_memory_are_called_one_by_one(monkeypatch):
     assert_equal(together(given), alone(given))
 
 
-def test_calls_in_a_row_stay_in_their_order(monkeypatch):
-    call = shared(force)
-
-    def chained(x, v, k):
-        now = x[0]
-        for j in range(6):
-            now = call(now, v[j], k[j])[0]
-        return now
-
-    given = arguments(6, 1)
-    together, alone = programs(chained, given, monkeypatch)
-    assert calls_at_once(together) == 0
-    assert_equal(together(given), alone(given))
-
-
 def test_parameters_are_read_together_from_memory(in_memory, monkeypatch):
     """As those of a scene's elements, which a function for all stages of a step reads there."""
     n, call = 11, shared(force)
@@ -153,27 +138,6 @@ def test_parameters_are_read_together_from_memory(in_memory, monkeypatch):
     together, alone = programs(run, given, monkeypatch)
     # Of x, v and k, and of v k, which is computed outside of the function.
     assert together.code.text.count("load <8 x double>") == 4
-    assert_equal(together(given), alone(given))
-
-
-def test_results_that_a_later_call_overwrites_are_kept(in_memory, monkeypatch):
-    """The calls of `rates` leave their results in the same cells."""
-    n, call = 8, shared(force)
-
-    @jax.jit
-    def rates(x):
-        return tuple(jnp.sin(x[j]) for j in range(n))
-
-    def run(x, v, k):
-        first = rates(x)
-        second = rates(2.0 * x)
-        third = rates(3.0 * x)
-        pulls = [call(first[j], v[j], k[j])[0] for j in range(n)]
-        return jnp.stack(pulls), jnp.stack(second) + jnp.stack(third)
-
-    given = arguments(n, 4)
-    together, alone = programs(run, given, monkeypatch)
-    assert "call void @f" in together.code.text and calls_at_once(together) > 0
     assert_equal(together(given), alone(given))
 
 
@@ -242,9 +206,7 @@ def random_program(seed):
 
 
 @pytest.mark.parametrize(
-    "seeds",
-    [range(8), pytest.param(range(100, 400), marks=pytest.mark.slow)],
-    ids=["few", "many"],
+    "seeds", [range(8), pytest.param(range(100, 400), marks=pytest.mark.slow)], ids=["few", "many"]
 )
 def test_random_programs_have_the_bits_of_single_calls(seeds, in_memory, monkeypatch):
     given = list(np.random.default_rng(0).normal(size=6))

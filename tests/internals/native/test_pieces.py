@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax import lax
 
 from clearjoint._compilation.xla import elementwise
 from clearjoint._math.stacked import FEWEST, Stacked, stacked, unstacked
@@ -169,26 +168,3 @@ def test_other_trees_are_not_stacked():
     numbers = [1.0] * 60
     assert stacked(numbers) is numbers
     assert unstacked(numbers) is numbers
-
-
-def test_loops_read_what_pieces_compute(short_pieces):
-    def function(x):
-        y, z = jnp.sin(x), jnp.exp(-x)
-        total = lax.fori_loop(0, 5, lambda k, s: s * y + z * jnp.cos(s + y) - z, x)
-        return lax.cond(total > 0.0, lambda: total * y - z, lambda: total + y * z), y + z
-
-    assert_as_xla(function, 0.3)
-
-
-def test_pieces_keep_what_was_read_before_cells_are_overwritten(short_pieces):
-    def function(x):
-        first, second = x[0], x[1]
-        x = lax.dynamic_update_index_in_dim(x, jnp.sin(first), 0, 0)
-        x = lax.fori_loop(0, 4, lambda k, x: x.at[k].set(2.0 * x[k + 1]), x)
-        total = first
-        for k in range(8):
-            total = jnp.cos(total * second) + (k + 1.0) * first
-        return total, x
-
-    x = jnp.linspace(1.0, 2.0, 60)
-    assert_as_xla(function, x)

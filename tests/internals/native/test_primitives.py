@@ -318,9 +318,7 @@ def control(x, n, rows):
         k, total, table = carry
         row = jnp.stack([total, total * 0.5])
         table = lax.cond(
-            total > 3.0,
-            lambda: lax.dynamic_update_index_in_dim(table, row, k, 0),
-            lambda: table,
+            total > 3.0, lambda: lax.dynamic_update_index_in_dim(table, row, k, 0), lambda: table
         )
         return k + 1, total * 1.1 + x, table
 

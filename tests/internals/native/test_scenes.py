@@ -2,7 +2,6 @@
 
 import re
 import warnings
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from clearjoint import _native as native
 from clearjoint import extend
 from clearjoint._compilation.xla import Compiled
 from clearjoint._native import NativeFallbackWarning
-from clearjoint._native.compiled import SWITCH, _reported
+from clearjoint._native.compiled import _reported
 from tests.support.one_body import one_body
 from tests.support.oscillator import on_spring
 
@@ -28,28 +27,6 @@ X = {"x": cj.quantities.Position("mass", "x")}
 
 def stiffness(scene: cj.Scene) -> Any:
     return scene.forces["spring"].stiffness
-
-
-def both(monkeypatch, call):
-    """Return results in native code, without fallback, and by XLA."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", NativeFallbackWarning)
-        native = call()
-    monkeypatch.setenv(SWITCH, "0")
-    return native, call()
-
-
-def assert_close(one, other, tolerance):
-    np.testing.assert_allclose(one, other, rtol=0.0, atol=tolerance)
-
-
-@pytest.mark.slow
-def test_a_spring_moves_as_with_xla(monkeypatch):
-    save = cj.Saving(np.linspace(0.0, 1.0, 80), steps=True)
-    native, xla = both(monkeypatch, lambda: cj.simulate(*SPRUNG, 1.0, save=save, progress=False))
-    assert native.attempts == xla.attempts
-    close = partial(assert_close, tolerance=1e-10)
-    jax.tree.map(close, (native.saved, native.steps), (xla.saved, xla.steps))
 
 
 def runs(*settings: cj.Settings, save: cj.Saving | None = None, outputs: Any = None):
@@ -101,10 +78,7 @@ CALLS = {
     "`simulate` with states, steps, impacts and outputs saved": runs(
         cj.Settings(),
         save=cj.Saving([0.0, 0.005], steps=True, impacts=True),
-        outputs={
-            "speed": SPEED,
-            "zero": cj.Section(SPEED, {"speed": (SPEED, "m/s")}, count=2),
-        },
+        outputs={"speed": SPEED, "zero": cj.Section(SPEED, {"speed": (SPEED, "m/s")}, count=2)},
     ),
     "`simulate` with an explicit solver, or a controller of diffrax": runs(
         *(cj.Settings(solver=solver) for solver in EXPLICIT),
@@ -159,24 +133,6 @@ def test_the_table_is_correct(name, monkeypatch):
         warnings.simplefilter("ignore", NativeFallbackWarning)
         CALLS[name]()
     assert bool(by_xla) == (TABLE[name] == "XLA"), by_xla
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "settings",
-    [
-        cj.Settings(coordinates=cj.AbsoluteCoordinates()),
-        cj.Settings(solver=diffrax.Dopri8(), rtol=1e-9),
-        cj.Settings(solver=diffrax.Heun()),
-        cj.Settings(ledger=True),
-    ],
-    ids=["absolute", "Dopri8", "Heun", "ledger"],
-)
-def test_settings_give_the_same_motion_as_with_xla(settings, monkeypatch):
-    pendulum = cj.mechanisms.double_pendulum()
-    native, xla = both(monkeypatch, lambda: cj.simulate(*pendulum, 0.02, settings, progress=False))
-    for name, body in native.final.bodies.items():
-        assert_close(body.position, xla.final.bodies[name].position, 1e-9)
 
 
 class Eigenforce(cj.extend.AbstractForce):

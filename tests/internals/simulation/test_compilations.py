@@ -10,15 +10,13 @@ from clearjoint._fields.objects import on_device, with_arrays
 from clearjoint._simulation.run import run_checks
 from clearjoint._simulation.run.host_run import segment_compiled
 from clearjoint._simulation.run.run_checks import BY_NUMPY, flat_start, starts
-from clearjoint._simulation.run.sampling import sampled_compiled
 from clearjoint._simulation.run.simulate import begin_compiled
 from tests.simulation import test_compilations
-from tests.simulation.test_compilations import END, PLACE, SHORT, STIFFNESS, along, compiling
+from tests.simulation.test_compilations import SHORT
 from tests.support.oscillator import on_spring
 from tests.support.programs import made_by
 
 compiled = test_compilations.compiled
-damped = test_compilations.damped
 rod = test_compilations.rod
 
 
@@ -29,37 +27,6 @@ def test_numbers_of_the_host_come_to_the_device_without_a_program(value, compile
     assert compiled() == before
     assert array.dtype == float and not array.weak_type
     np.testing.assert_array_equal(array, value)
-
-
-@pytest.mark.slow
-def test_records_of_few_lengths_are_compiled_for_fits(damped, compiled):
-    scene, state = damped
-    channel = PLACE["x"]
-
-    def fit(count, end=END, **options):
-        times = np.linspace(0.0, end, count)
-        saved = cj.simulate(scene, state, end, save=cj.Saving(times)).saved
-        values = saved.states.bodies["mass"].position[:, 0]
-        data = cj.Measurements({"x": cj.Series(channel, times, values, 1e-4, "m")})
-        guess = {"k": 45.0}
-        return cj.identify(scene, state, data, STIFFNESS, guess=guess, progress=False, **options)
-
-    along(damped, 3)
-    along(damped, 70)
-    programs = made_by(sampled_compiled)
-    fit(5)
-    fit(70)
-    looked_at = {"x": cj.Sensor(channel, np.linspace(0.0, END, 70), 1e-4)}
-    cj.identifiability(scene, state, STIFFNESS, looked_at)
-    assert made_by(sampled_compiled) == programs
-    calls = {
-        "length": lambda: fit(63),
-        "longer": lambda: fit(100),
-        "end": lambda: fit(5, end=0.2),
-        "windows": lambda: fit(60, grow=(0.1, 0.2)),
-        "starts": lambda: fit(5, starts=cj.Starts(2)),
-    }
-    assert compiling(compiled, calls) == {}
 
 
 NUMBERS = (1.1e-3, np.float64(1.2e-3), np.float32(1.3e-3), np.asarray(1.4e-3), jnp.asarray(1.5e-3))

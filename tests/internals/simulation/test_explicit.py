@@ -9,7 +9,6 @@ import pytest
 
 from clearjoint._simulation.step.solvers import (
     UnrolledExplicit,
-    dense_weights,
     largest_component,
     ready_solver,
     unrolled,
@@ -78,13 +77,6 @@ def test_dense_output_is_arithmetic_without_loops(steps):
     dense = unrolled(method).interpolation_cls(t0=T0, t1=T1, **inside)
     program = str(jax.make_jaxpr(dense.evaluate)(0.4))
     assert not any(name in program for name in ("reduce", "concatenate", "dot_general", "while"))
-
-
-def test_dense_weights_begin_at_zero_and_end_with_the_step(steps):
-    method, *_ = steps
-    weights = dense_weights(method)
-    np.testing.assert_allclose(weights[:, 0], 0.0, atol=1e-13)
-    np.testing.assert_allclose(weights.sum(axis=1), method.tableau.b_sol, rtol=0.0, atol=1e-12)
 
 
 def test_other_methods_are_unchanged():

@@ -14,14 +14,7 @@ from clearjoint._simulation.step.method import Scheme
 from clearjoint._simulation.step.step_state import Variables
 from clearjoint._simulation.step.stepping import attempt, start
 from clearjoint._simulation.step.trial_step import term_of
-from clearjoint.extend import (
-    EulerParameters,
-    Formulation,
-    System,
-    pack,
-    rotation_matrix,
-    unpack,
-)
+from clearjoint.extend import EulerParameters, Formulation, System, pack, rotation_matrix, unpack
 from studies.cost import long_runs
 
 

@@ -339,26 +339,6 @@ def test_a_run_that_fails_in_a_batch_is_nan():
 
 
 @pytest.mark.slow
-def test_a_batch_across_impacts_has_the_bits_of_its_elements():
-    scene, state = cj.mechanisms.double_pendulum(0.5e-3, 0.9)
-    paths = {
-        "clearance": lambda scene: scene.joints["shoulder"].clearance,
-        "mass": lambda scene: scene.bodies["arm 3"].mass,
-    }
-    outputs = {
-        "x": cj.quantities.Position("arm 3", "x"),
-        "peak": cj.Peak(cj.quantities.ContactForce("shoulder"), "N"),
-    }
-    made = cj.predictor(scene, state, 0.1, paths, outputs, [0.02, 0.06, 0.1], SETTINGS)
-    loss = lambda values: jnp.sum(made(values)["x"]) + made(values)["peak"]  # noqa: E731
-    batch = {"clearance": jnp.linspace(0.2e-3, 0.6e-3, 10), "mass": jnp.linspace(0.9, 1.1, 10)}
-    together = jax.vmap(jax.value_and_grad(loss))(batch)
-    for k in range(10):
-        alone = jax.value_and_grad(loss)({name: of[k] for name, of in batch.items()})
-        assert floats(together, k) == floats(alone)
-
-
-@pytest.mark.slow
 def test_segments_across_impacts_give_the_same_bits(monkeypatch):
     scene, state = cj.mechanisms.double_pendulum(0.5e-3, 0.9)
     outputs = {"x": cj.quantities.Position("arm 3", "x")}
@@ -413,26 +393,6 @@ def test_numbers_of_a_network_are_its_arrays():
     before, after = map(network_of, (scene, changed))
     np.testing.assert_array_equal(after.layers[0].weight, 2.0 * before.layers[0].weight)
     assert after.activation is before.activation
-
-
-@pytest.mark.slow
-def test_weights_of_a_network_are_parameters():
-    scene, state = with_network(0)
-    paths = {"network": network_of}
-    predict = cj.predictor(scene, state, 0.3, paths, POSITION, TIMES, SETTINGS)
-    gradient = eqx.filter_grad(lambda network: jnp.sum(predict({"network": network})["x"]))
-    weights = gradient(network_of(scene)).layers[0].weight
-    assert weights.shape == (4, 2)
-    # Against forward mode by single weights.
-    places = (0, 0), (2, 1), (3, 0)
-    chosen = {
-        str(at): cj.Parameter(lambda s, at=at: network_of(s).layers[0].weight[at]) for at in places
-    }
-    forward = cj.sensitivities(
-        scene, state, 0.3, chosen, POSITION, TIMES, SETTINGS, progress=False
-    ).derivatives["x"]
-    reverse = [weights[at] for at in places]
-    np.testing.assert_allclose(reverse, forward.sum(axis=0), rtol=1e-6, atol=1e-10)
 
 
 @pytest.mark.parametrize(
@@ -532,29 +492,6 @@ def test_a_short_first_step_does_not_shorten_those_after_it():
 
 
 @pytest.mark.slow
-def test_minimise_by_integrals_in_reverse_mode():
-    """The cost of a swing from the centre, v^2 / w^2 times the integral of sin(w t)^2, plus a price
-    of slow starts."""
-    speed = cj.Parameter.initial(lambda state: state.bodies["ball"].velocity[0])
-    cost = {"cost": cj.Integral(lambda now: POSITION["x"](now) ** 2, "m^2 s")}
-    scene, state = on_spring()
-    state = cj.set_value(state, lambda s: s.bodies["ball"].position[0], 0.0)
-    state = cj.set_value(state, lambda s: s.bodies["ball"].velocity[0], 1.0)
-    a = (0.15 - np.sin(6.0) / 40.0) / 100.0
-
-    found = cj.minimise(
-        *(scene, state, lambda outputs: outputs["cost"] / a, {"v": speed}, cost),
-        settings=SETTINGS,
-        end_time=0.3,
-        iterations=3,
-    )
-    assert found.history[0] == pytest.approx(1.0, rel=1e-6)
-    # The objective is v^2, whose minimum a line search along its gradient finds at once.
-    assert found.history[-1] < 1e-3
-    assert found.estimates["v"] == pytest.approx(np.sqrt(found.objective), abs=0.03)
-
-
-@pytest.mark.slow
 def test_minimise_trains_a_network():
     scene, state = with_network(0)
     paths = {"network": network_of}
@@ -567,29 +504,3 @@ def test_minimise_trains_a_network():
 def test_a_run_that_fails_is_nan_for_line_searches(short):
     outputs = jax.jit(short.or_nan)(short.values)
     assert all(bool(jnp.isnan(row).all()) for row in outputs.values())
-
-
-@pytest.mark.slow
-def test_the_integral_of_a_quantity_of_a_switched_drive():
-    """The integral of a motor's speed is the angle by which it has turned, also in derivatives."""
-    scene, state, end = switched_torque()
-    turned = {"turned": cj.Integral(cj.quantities.JointAngularVelocity("motor"), "rad")}
-    angle = {"angle": cj.quantities.JointAngle("motor")}
-    path = {"mass": lambda scene: scene.bodies["slider"].mass}
-    integral = cj.predictor(scene, state, end, path, turned, settings=SETTINGS)
-    plain = cj.predictor(scene, state, end, path, angle, [0.0, end], SETTINGS)
-    change = lambda values: jnp.diff(plain(values)["angle"])[0]  # noqa: E731
-    values = integral.values
-    np.testing.assert_allclose(integral(values)["turned"], change(values), rtol=1e-8)
-    by_mass = [
-        jax.grad(function)(values)["mass"]
-        for function in (lambda values: integral(values)["turned"], change)
-    ]
-    assert by_mass[1] != 0.0
-    np.testing.assert_allclose(by_mass[0], by_mass[1], rtol=1e-6)
-
-
-def switched_torque() -> tuple[cj.Scene, cj.State, float]:
-    torque = cj.PiecewiseLinear([0.0, 0.01, 0.02], [0.0, 20.0, 5.0])
-    motor = cj.DriveTorque("ground", "crank", (0.0, 0.0, 1.0), torque)
-    return *cj.mechanisms.slider_crank(speed=50.0, motor=motor), 0.015

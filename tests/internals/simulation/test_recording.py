@@ -2,7 +2,6 @@
 
 from dataclasses import fields
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -23,16 +22,26 @@ from clearjoint._simulation.run.impact_recorder import (
 )
 from clearjoint._simulation.run.recorders import RowBuffer
 from tests.support.dropped_rod import dropped_rod
-from tests.support.recorded_rod import EIGHTHS, END, deepest, everything, recorded_rod
+
+END = 2.0**-5
 
 
 @pytest.mark.slow
 def test_states_and_impacts_recorded_with_derivatives_are_those_of_a_run():
-    found = recorded_rod()
-    options = {"save": everything(), "outputs": deepest()}
-    run = cj.simulate(*dropped_rod(), END, cj.presets.derivatives, **options)
+    eighths = END * np.arange(9) / 8
+    height = cj.quantities.Position("rod", "y")
+    turns = cj.Section(
+        lambda now: -now.contact_gaps["pin"]["V"].rate, {"height": (height, "m")}, 2, after=0.02
+    )
+    clearance = {"clearance": cj.Parameter(lambda s: s.joints["pin"].clearance, cj.Log())}
+    outputs, save = {"deepest": turns}, cj.Saving(eighths, impacts=True)
+    with_height = outputs | {"height": height}
+    found = cj.sensitivities(
+        *dropped_rod(), END, clearance, with_height, eighths[::4], save=save, progress=False
+    )
+    run = cj.simulate(*dropped_rod(), END, cj.presets.derivatives, save, outputs=outputs)
     assert found.saved is not None and found.impacts is not None and run.saved is not None
-    np.testing.assert_array_equal(found.saved.times, EIGHTHS)
+    np.testing.assert_array_equal(found.saved.times, eighths)
     np.testing.assert_array_equal(
         found.saved.states.bodies["rod"].position[::4, 1], found.outputs["height"]
     )
@@ -142,23 +151,6 @@ def test_onset_and_peak_of_a_contact_that_begins_inside_a_step_are_those_in_the_
     assert float(row.largest_penetration) == pytest.approx(1e-6, rel=1e-9)
 
 
-@pytest.mark.slow
-def test_impacts_of_steps_across_onsets_are_those_of_steps_that_end_there():
-    scene, state = dropped_rod()
-    scene = eqx.tree_at(lambda scene: scene.joints["pin"].law, scene, cj.laws.Hertz(1e9))
-
-    def impacts(settings: cj.Settings) -> cj.results.Impacts:
-        run = cj.simulate(scene, state, 0.1, settings, cj.Saving(impacts=True), progress=False)
-        assert run.impacts is not None
-        return run.impacts
-
-    here = impacts(cj.Settings(rtol=1e-5, landing_tolerance=None))
-    there = impacts(cj.Settings())
-    assert len(here) == len(there) >= 8
-    for name in ("onset", "entry_speed", "exit_speed", "peak_force", "peak_time"):
-        np.testing.assert_allclose(getattr(here, name), getattr(there, name), rtol=0.01)
-
-
 def test_a_contact_touches_beyond_the_onset_of_its_force_or_with_an_entry_speed():
     law = cj.laws.Hertz(1e9, exponent=1.0, smoothing=1e-6)
     for depth, touches in ((-0.5e-6, True), (-2e-6, False), (0.5e-6, True)):
@@ -169,14 +161,3 @@ def test_a_contact_touches_beyond_the_onset_of_its_force_or_with_an_entry_speed(
             assert bool(instant.touches(law)) == (speed > 0.0)
     at_the_wall = ContactInstant(cj.extend.Gap(0.0, 0.1), jnp.zeros(()), None)
     assert not bool(at_the_wall.touches(cj.laws.Hertz(1e9)))
-
-
-@pytest.mark.slow
-def test_states_saved_at_the_end_of_a_step_are_those_of_the_step():
-    scene, state = cj.mechanisms.double_pendulum()
-    steps = cj.simulate(scene, state, 0.1, save=cj.Saving(steps=True), progress=False).steps
-    times = np.asarray(steps.times)[1:-1]
-    saved = cj.simulate(scene, state, 0.1, save=cj.Saving(times), progress=False).saved
-    of_steps = jax.tree.map(lambda leaf: np.asarray(leaf)[1:-1], steps.states)
-    assert max(leaf.max() for leaf in jax.tree.leaves(of_steps.entry_speeds)) > 0.0
-    jax.tree.map(np.testing.assert_array_equal, saved.states, of_steps)

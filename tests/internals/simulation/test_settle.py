@@ -110,10 +110,7 @@ def test_crossings_at_half_a_revolution_are_equal():
 
 MISTAKEN = {
     "nothing to look at": ({}, "`period` must be given if and only if `section` is not"),
-    "a period that is none": (
-        {"period": 0.0},
-        "`period` must be positive, but is 0.0",
-    ),
+    "a period that is none": ({"period": 0.0}, "`period` must be positive, but is 0.0"),
     "a period in a text": ({"period": "1 s"}, "`period` must be a number"),
     "a span of no section": ({"period": 1.0, "span": 1.0}, "`span` must be None beside a period"),
     "a quantity for a section": (

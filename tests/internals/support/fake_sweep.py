@@ -17,7 +17,7 @@ RESULT = Variable(
 SETTINGS = {"rtol": "1e-06", "end_time": "0.5", "solver": "Tsit5", "impacts": "True"}
 
 
-def layout(times: int = 5, **changes) -> Layout:
+def layout(**changes) -> Layout:
     """Four clearances times three restitutions in chunks of five: 5, 5 and 2 lanes."""
     parts = {
         "axes": (
@@ -26,13 +26,13 @@ def layout(times: int = 5, **changes) -> Layout:
         ),
         "chunk": 5,
         "variables": {
-            "position": Variable(("time", "component"), (times, 3), unit="m", description="of arm"),
+            "position": Variable(("time", "component"), (5, 3), unit="m", description="of arm"),
             "steps": Variable(dtype="int64"),
             "touched": Variable(dtype="bool"),
             "result": RESULT,
         },
         "coordinates": (
-            Coordinate("time", np.linspace(0, 0.5, times), "s"),
+            Coordinate("time", np.linspace(0, 0.5, 5), "s"),
             Coordinate("component", COMPONENTS),
         ),
         "settings": SETTINGS,
@@ -97,20 +97,3 @@ def contents(path: Path, pattern: str = "**/*") -> dict[Path, bytes]:
 def written(path: Path, pattern: str = "**/*") -> dict[Path, int]:
     """When the files and folders in a folder were changed."""
     return {file: file.stat().st_mtime_ns for file in path.glob(pattern)}
-
-
-def large_layout() -> Layout:
-    """Forty chunks of 2.4 MB, which take some time to write."""
-    return layout(
-        times=50_000, axes=(Coordinate("clearance", np.linspace(0, 1, 79), "m"),), chunk=2
-    )
-
-
-def fill(path: Path, calls: Path) -> None:
-    """Compute what is missing in a store of `large_layout` and log every chunk that is begun."""
-    large = large_layout()
-    store = opened(path, large)
-    with calls.open("a") as log:
-        for chunk, lanes in store.missing().items():
-            print(chunk, file=log, flush=True)
-            store.write({chunk: (lanes, results(large, lanes))})

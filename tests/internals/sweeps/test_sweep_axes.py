@@ -6,7 +6,6 @@ from typing import Any
 import equinox as eqx
 import jax
 import numpy as np
-import pytest
 
 import clearjoint as cj
 from clearjoint._sweeps.axes import lanes_of
@@ -47,32 +46,6 @@ def test_tied_numbers_components_and_initial_states_reach_the_lanes():
     np.testing.assert_array_equal(state.bodies["arm 3"].position, [1.0, 0.0, 0.5])
     varied = [value for value in jax.tree.leaves(found.varied) if value]
     assert len(varied) == 3 and not found.bad
-
-
-def pendulum(length: float) -> tuple[cj.Scene, cj.State]:
-    """The dropped rod with another length, with which its mass and inertia go."""
-    mass = 10.0 * length
-    moment = mass * length**2 / 12
-    scene, _ = dropped_rod()
-    pin = replace(scene.joints["pin"], journal_point=(-length / 2, 0.0, 0.0))
-    body = cj.Body(mass, (moment / 100, moment, moment))
-    state = cj.State({"rod": cj.body_state((length / 2, 0.0, 0.0))})
-    return replace(scene, bodies={"rod": body}, joints={"pin": pin}), state
-
-
-@pytest.mark.slow
-def test_change_moves_points_inertia_and_start_together():
-    """Arms of other lengths, each until its first impact is over."""
-    lengths = [0.5, 1.0, 2.0]
-    axis = cj.Axis.change(lambda scene, state, length: pendulum(length), lengths, "m")
-    found = cj.sweep(*pendulum(1.0), 0.012, {"length": axis}, threads=1)
-    assert found.length.attrs["units"] == "m"
-    for length in lengths:
-        run = cj.simulate(*pendulum(length), 0.012)
-        here, there = found.sel(length=length), run.final.bodies["rod"]
-        assert int(here.attempts) == int(run.attempts) > 30
-        np.testing.assert_allclose(here.final_position[0], there.position, rtol=1e-12, atol=1e-18)
-        np.testing.assert_allclose(here.final_velocity[0], there.velocity, rtol=1e-11, atol=1e-18)
 
 
 class Tabled(cj.laws.Hertz):

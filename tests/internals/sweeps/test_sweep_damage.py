@@ -46,12 +46,7 @@ DAMAGES = {
     "empty": lambda file: file.write_bytes(b""),
     "garbage": lambda file: file.write_bytes(bytes(range(200))),
 }
-FILES = {
-    "position": "c/{}/0/0",
-    "steps": "c/{}",
-    "touched": "c/{}",
-    "result": "c/{}",
-}
+FILES = {"position": "c/{}/0/0", "steps": "c/{}", "touched": "c/{}", "result": "c/{}"}
 
 
 UNSEEN = [("result", "deleted")]

@@ -424,21 +424,6 @@ def test_an_executor_that_has_been_shut_down_is_named(store):
         run_chunks(results_of, store.missing(), executor, on_done)
 
 
-STARTED_OTHERWISE = """
-import jax
-from clearjoint._runtime import adopt, in_force
-jax.numpy.zeros(1)
-adopt(in_force() | {"jax_enable_x64": True, "CLEARJOINT_NATIVE": "0"})
-print(jax.numpy.zeros(1).dtype, in_force()["CLEARJOINT_NATIVE"])
-"""
-
-
-@pytest.mark.slow
-def test_worker_where_jax_has_started_takes_the_settings_over():
-    kept = {name: value for name, value in os.environ.items() if "JAX" not in name}
-    assert printed(STARTED_OTHERWISE, env=kept).split() == ["float64", "0"]
-
-
 @pytest.mark.slow
 def test_dask_repeats_a_chunk_that_failed(two_dask_workers, store, tmp_path):
     def task(chunk):

@@ -5,7 +5,6 @@ import fcntl
 import os
 import signal
 import time
-from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -15,7 +14,7 @@ import xarray as xr
 import zarr
 
 from clearjoint import open_sweep
-from clearjoint._sweeps.outputs import Coordinate, Layout
+from clearjoint._sweeps.outputs import Coordinate
 from clearjoint._sweeps.store import chunks, metadata
 from clearjoint._sweeps.store import store as store_module
 from clearjoint._sweeps.store.metadata import contents_of, create
@@ -27,9 +26,7 @@ from tests.internals.support.fake_sweep import (
     complete,
     compute,
     contents,
-    fill,
     identical,
-    large_layout,
     layout,
     opened,
     results,
@@ -285,13 +282,6 @@ def test_layout_that_does_not_fit_is_refused(part, changes):
         layout(**changes)
 
 
-FILL = """
-import sys
-from pathlib import Path
-from tests.internals.support.fake_sweep import fill
-print("ready", flush=True)
-fill(*map(Path, sys.argv[1:]))
-"""
 CREATE_AND_DIE = """
 import os, signal, sys, zarr
 from pathlib import Path
@@ -299,42 +289,6 @@ from tests.internals.support.fake_sweep import layout, opened
 zarr.consolidate_metadata = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
 opened(Path(sys.argv[1]), layout())
 """
-
-
-def done_chunks(path: Path, large: Layout, expected: xr.Dataset) -> set[int]:
-    """Chunks that are done; each is checked to have exactly its results."""
-    if not path.exists():
-        return set()
-    missing = opened(path, large).missing()
-    found = open_sweep(path)
-    done = found["result"].values >= 0
-    assert set(np.flatnonzero(~done) // large.chunk) == set(missing)
-    for name in expected.data_vars:
-        values = expected[name].values
-        assert found[name].values[done].tobytes() == values[done].tobytes()
-    return set(range(large.chunks)) - set(missing)
-
-
-@pytest.mark.slow
-def test_killed_at_any_moment_it_loses_at_most_the_chunk_in_flight(path, tmp_path):
-    calls, large = tmp_path / "calls", large_layout()
-    expected = complete(large)
-    rng = np.random.default_rng()
-    kept: set[int] = set()
-    kills = 6
-    for _ in range(kills):
-        with started(FILL, path, calls) as process:
-            assert process.stdout.readline() == "ready\n"
-            time.sleep(rng.uniform(0.02, 0.25))
-            process.kill()
-        done = done_chunks(path, large, expected)
-        assert kept <= done
-        kept = done
-    fill(path, calls)
-    identical(open_sweep(path), expected)
-    chunks_begun = Counter(map(int, calls.read_text().split()))
-    assert set(chunks_begun) == set(range(large.chunks))
-    assert chunks_begun.total() <= large.chunks + kills
 
 
 @pytest.mark.slow
