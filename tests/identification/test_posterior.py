@@ -135,6 +135,24 @@ def test_points_that_fill_the_box_evenly_are_reported(drawn, top, even):
     assert [text.startswith(filled) for text in warnings] == ([True] if even else [])
 
 
+@pytest.mark.slow
+def test_a_prior_much_narrower_than_the_box_is_drawn_from():
+    """The data hardly matter; formerly one point had all the weight."""
+    width = 2e-3
+    data = cj.Measurements({"x": cj.Series(CHANNEL, TIMES, SPEED * TIMES, noise=10.0)})
+
+    def log_prior(values):
+        return -0.5 * ((values["speed"] - SPEED) / width) ** 2
+
+    for seed in (2, 9):
+        result = found(data=data, log_prior=log_prior, draws=64, seed=seed)
+        assert result.means["speed"] == pytest.approx(SPEED, abs=0.5 * width)
+        assert result.standard_deviations["speed"] == pytest.approx(width, rel=0.3)
+        assert result.distinct > 50 and result.effective_sample_size > 64 and not result.warnings
+        constant = -len(TIMES) * math.log(10.0 * math.sqrt(2 * math.pi))
+        assert abs(result.log_evidence - constant) < 4.0 * result.log_evidence_error < 0.4
+
+
 def test_a_prior_that_is_zero_almost_everywhere_is_reported():
     def log_prior(values):
         return np.where(np.abs(values["speed"] - SPEED) < 1e-4, 0.0, -np.inf)

@@ -97,6 +97,18 @@ def test_advice_names_the_error_of_the_sensor(kind):
 
 
 @pytest.mark.slow
+def test_the_horizon_of_a_fit_knows_the_errors_of_sensors():
+    parameters = parameters_of(["bias", "drift", "gain"])
+    probe = {"probe": cj.Sensor(X, TIMES, NOISE)}
+    uncertainty = dict.fromkeys(parameters, 0.1)
+    limits = cj.fit_horizon(SCENE, STATE, parameters, probe, uncertainty=uncertainty)
+    rows = jacobian(["bias", "drift", "gain"], {"bias": 0.0, "drift": 0.0, "gain": 1.0})
+    expected = NOISE * np.sqrt(np.diag(np.linalg.inv(rows.T @ rows)))
+    np.testing.assert_allclose(limits.information.deviations, expected, rtol=1e-5)
+    assert limits.single_shot == np.inf
+
+
+@pytest.mark.slow
 def test_a_posterior_and_a_minimisation_know_the_errors_of_sensors():
     parameters = parameters_of(["bias", "drift"])
     data = probe_of({"bias": 0.02, "drift": -0.01}, 0)

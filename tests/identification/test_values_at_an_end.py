@@ -61,3 +61,14 @@ def test_without_effect_any_value_is_in_the_interval(scale, limits):
     fit = fitted(without_effect, scale, 0.0 * TIMES)
     assert fit.intervals["value"] == limits
     assert not any("at most" in warning or "at least" in warning for warning in fit.warnings)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("truth", [0.0, 0.5, 1.0, 3.0])
+def test_intervals_hold_small_values_in_36_of_40_draws(truth):
+    generator, inside = np.random.default_rng(1), 0
+    for _ in range(40):
+        positions = truth * ERROR * TIMES + NOISE * generator.standard_normal(len(TIMES))
+        low, high = fitted(with_speed, cj.Log(), positions).intervals["value"]
+        inside += low <= truth * ERROR <= high
+    assert inside >= 36

@@ -9,11 +9,28 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.extend import quantity
+from tests.support.differences import by_differences
 from tests.support.shaft import INERTIA, ON_SHAFT, ORIGIN, SHAFT, Z, angle_about, shaft, turned
 
 ACCURATE = cj.Settings(rtol=1e-8, ledger=True)
 FREE = {"stator": cj.Body(2.0, (0.1, 0.1, 0.05)), "rotor": SHAFT}
 BEARING = cj.RevoluteJoint("stator", "rotor", ORIGIN, ORIGIN, Z, Z)
+
+
+@pytest.mark.slow
+def test_prescribed_rotation_keeps_its_angle_over_a_hundred_revolutions():
+    """At 60 000 rpm: angle, violation and, since nothing accelerates, no moment."""
+    speed, start = 60_000 * np.pi / 30, 2.5
+    scene = shaft(motor=cj.PrescribedRotation("ground", "shaft", (0, 0, 2.0), speed, start))
+    times = np.linspace(0.0, 0.1, 501)
+    settings = cj.Settings(stabilisation=cj.Projection())
+    solution = cj.simulate(scene, turned(start, speed), 0.1, settings, save=cj.Saving(times))
+    error = angle_about(solution.states.bodies["shaft"]) - (start + speed * times)
+    assert np.abs(np.sin(0.5 * error)).max() < 1e-8
+    observed = cj.observe(scene, solution)
+    assert observed.drift["motor"].max() < 1e-8
+    assert observed.drift_rate["motor"].max() < 1e-8 * speed
+    assert np.abs(observed.reactions["motor"]["shaft"].moment[:, 2]).max() < 1e-6
 
 
 def test_a_start_at_another_angle_is_refused_and_can_be_assembled():
@@ -151,6 +168,28 @@ def test_a_driver_with_a_kink_is_followed_and_its_impulse_booked():
 
 
 @pytest.mark.slow
+def test_sensitivities_across_a_kink_are_those_of_the_motion():
+    """Against differences of runs; the impulse acts on the arm too."""
+    scene, state = crank_and_arm(RAMP)
+    places = {
+        "start": lambda s: s.joints["motor"].function.start,
+        "speed": lambda s: s.joints["motor"].function.speed,
+    }
+    parameters = {name: cj.Parameter(place) for name, place in places.items()}
+    outputs = {axis: cj.quantities.Position("arm", axis) for axis in "xy"}
+    found = cj.sensitivities(scene, state, 0.3, parameters, outputs, [0.3])
+
+    def ended(scene):
+        final = cj.simulate(scene, state, 0.3, cj.Settings(rtol=1e-11)).final
+        return final.bodies["arm"].position[:2]
+
+    for k, (name, step) in enumerate((("start", 1e-4), ("speed", 1e-2))):
+        slopes = [found.derivatives[axis][0, k] for axis in "xy"]
+        numeric = by_differences(ended, scene, places[name], step)
+        np.testing.assert_allclose(slopes, numeric, rtol=1e-5)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("points", [3, 6])
 def test_a_table_of_angles_is_followed_however_many_there_are(points):
     times = np.linspace(-0.1, 0.5, points)
@@ -177,6 +216,20 @@ def test_a_driver_that_is_not_followed_is_reported(angle, size):
         cj.simulate(scene, turned(), 1.0)
     assert raised.value.solution.result == cj.RESULTS.not_followed
     assert raised.value.solution.time == pytest.approx(0.1, abs=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("preset", ["preview", "default", "accurate"])
+@pytest.mark.parametrize("kink", [0.1, 0.2 - 1e-5])
+def test_undeclared_kinks_of_half_a_millimetre_are_not_passed_over(preset, kink):
+    """One of them is within a run's last step."""
+    line = cj.PiecewiseLinear([0.0, kink, 0.2], [0.0, 0.0, 5e-4])
+    rail = "ground", "shaft", ORIGIN, ORIGIN, (1.0, 0, 0)
+    drive = cj.PrescribedTranslation(*rail, undeclared(cj.extend.unpack(line)))
+    scene = cj.Scene({"shaft": SHAFT}, {"guide": cj.PrismaticJoint(*rail), "drive": drive})
+    solution = cj.simulate(scene, turned(), 0.2, getattr(cj.presets, preset), throw=False)
+    assert solution.result == cj.RESULTS.not_followed
+    assert solution.time == pytest.approx(kink, abs=1e-9)
 
 
 @pytest.mark.slow

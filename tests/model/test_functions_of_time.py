@@ -11,7 +11,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 import clearjoint as cj
 from clearjoint.extend import UNIT_X, ZERO, unpack
-from tests.support.shaft import ON_SHAFT, ORIGIN, Z, angle_about, shaft, turned
+from tests.support.shaft import INERTIA, ON_SHAFT, ORIGIN, Z, angle_about, shaft, turned
 
 TIMES, LEVELS = [0.0, 0.2, 0.3], [2.0, -1.0, 0.5]
 
@@ -99,6 +99,21 @@ def switched(at, how=jnp.greater) -> cj.Scene:
     return cj.Scene({"rod": cj.Body(1.0, (0.1, 0.1, 0.1))}, forces={"switch": Switch(at, how)})
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("at", [np.inf, -np.inf])
+def test_runs_with_infinite_breakpoints(at):
+    scene, state = switched(at), cj.State({"rod": cj.body_state(ORIGIN)})
+    way = 0.0 if at > 0.0 else 0.5
+    found = cj.simulate(scene, state, 1.0)
+    np.testing.assert_allclose(found.final.bodies["rod"].position[0], way, rtol=1e-9)
+    stepped = cj.simulate_nonsmooth(scene, state, 1.0, step=1e-3)
+    np.testing.assert_allclose(stepped.final.bodies["rod"].position[0], way, rtol=1e-2)
+    outputs = {"x": cj.quantities.Position("rod", "x")}
+    mass = {"mass": cj.Parameter(lambda s: s.bodies["rod"].mass)}
+    result = cj.sensitivities(scene, state, 1.0, mass, outputs, [1.0])
+    np.testing.assert_allclose(result.derivatives["x"], [[-way]], rtol=1e-9)
+
+
 @pytest.mark.parametrize("how", [jnp.greater, jnp.greater_equal])
 def test_a_load_that_is_switched_at_time_zero(how):
     state = cj.State({"rod": cj.body_state(ORIGIN)})
@@ -111,6 +126,20 @@ SWITCHED = shaft(motor=cj.DriveTorque(*ON_SHAFT, cj.PiecewiseConstant(TIMES, LEV
 
 
 @pytest.mark.slow
+def test_a_switched_torque_is_that_of_its_impulses_to_rounding():
+    """Steps end at the switches, so that what is integrated is constant in each."""
+    times = np.linspace(0.0, 0.5, 51)
+    save = cj.Saving(times)
+    solution = cj.simulate(SWITCHED, turned(), 0.5, cj.Settings(ledger=True), save=save)
+    edges = np.array([0.0, 0.2, 0.3, 0.5])
+    impulse = np.interp(times, edges, np.cumsum([0.0, *np.diff(edges) * LEVELS]))
+    spin = solution.states.bodies["shaft"].spin[:, 2]
+    np.testing.assert_allclose(spin, impulse / INERTIA, rtol=0.0, atol=1e-12)
+    supplied = cj.observe(SWITCHED, solution).energies["supplied"]
+    np.testing.assert_allclose(supplied, 0.5 * INERTIA * spin**2, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.slow
 def test_a_switch_is_a_parameter():
     """Of the times and of the levels: the speed changes by the torque's jump over the inertia."""
     parameters = {
@@ -120,3 +149,19 @@ def test_a_switch_is_a_parameter():
     outputs = {"speed": cj.quantities.AngularVelocity("shaft", "z")}
     found = cj.sensitivities(SWITCHED, turned(), 0.5, parameters, outputs, [0.5])
     np.testing.assert_allclose(found.derivatives["speed"][0], [150.0, 5.0], rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_a_rotating_load_drives_a_free_body_round():
+    """The unbalance of a rotor on a free body: x = F (1 - cos w t) / (m w^2)."""
+    force, w, mass = 40.0, 60.0, 2.0
+    load = cj.AppliedLoad("b", lambda t: (force * jnp.cos(w * t), force * jnp.sin(w * t), 0.0))
+    scene = cj.Scene({"b": cj.Body(mass, (0.1, 0.1, 0.1))}, forces={"unbalance": load})
+    times = np.linspace(0.0, 0.3, 31)
+    state = cj.State({"b": cj.body_state(ORIGIN)})
+    solution = cj.simulate(scene, state, 0.3, cj.Settings(rtol=1e-10), save=cj.Saving(times))
+    place, size = solution.states.bodies["b"].position, force / (mass * w**2)
+    np.testing.assert_allclose(place[:, 0], size * (1 - np.cos(w * times)), rtol=0.0, atol=1e-10)
+    np.testing.assert_allclose(
+        place[:, 1], size * (w * times - np.sin(w * times)), rtol=0.0, atol=1e-10
+    )

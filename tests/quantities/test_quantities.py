@@ -3,6 +3,7 @@
 import math
 from types import SimpleNamespace
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -293,6 +294,67 @@ def test_friction_is_zero_where_there_is_none():
     assert q.FrictionForce("shoulder", "V")(instant(*swinging(None))) == 0.0
 
 
+EVERY = {
+    "point": q.PointPosition("arm 3", (0.1, 0.2, 0.5), "y"),
+    "point speed": q.PointVelocity("arm 3", (0.1, 0.2, 0.5)),
+    "accelerometer": q.PointAcceleration("arm 3", (0.1, 0.2, 0.5), "x", "body", gravity=True),
+    "angle": q.Angle("arm 2", (0, 0, 1)),
+    "elbow angle": q.JointAngle("elbow"),
+    "journal angle": q.JointAngle("shoulder"),
+    "reaction": q.Reaction("elbow", "arm 3", "y"),
+    "probe": q.JournalOffset("shoulder", "x", "V"),
+    "friction": q.FrictionForce("shoulder", "V"),
+    "contact": q.ContactForce("shoulder"),
+    "gyroscope": q.AngularVelocity("arm 3", "y", "body"),
+    "angular acceleration": q.AngularAcceleration("arm 2", "z"),
+    "elbow speed": q.JointAngularVelocity("elbow"),
+    "shoulder acceleration": q.JointAngularAcceleration("shoulder"),
+    "distance": q.Distance("arm 3", (0.1, 0.2, 0.5), "ground", (0, 0, 0.1)),
+    "stroke": q.Distance("arm 3", (0.1, 0.2, 0.5), "arm 2", (0, 0, 0.1), along=(0, 3, 1)),
+    "elbow moment": q.ReactionMoment("elbow", "arm 3", "y", "body"),
+    "bearing load": q.Reaction("shoulder", "ground"),
+}
+
+
+@pytest.mark.slow
+def test_derivatives_are_those_of_differences():
+    """In a random direction of the variables and of the scene's numbers at once.
+
+    Without the hinge's axes, by the sign of whose z joint coordinates choose where angles start.
+    """
+    scene, state = swinging(cj.frictions.RegularisedCoulomb(0.3, 1e-3))
+    variables = JOINT.coordinates.encode(unpack(scene), unpack(state.bodies))
+    random = np.random.default_rng(8)
+    point = (scene, variables)
+    direction = jax.tree.map(
+        lambda leaf: random.normal(size=np.shape(leaf)) * (np.abs(leaf) + 1e-4), point
+    )
+
+    def values(point):
+        scene, variables = point
+        now = Instant(System(unpack(scene), JOINT), 0.0, variables, {}, {})
+        return {name: jnp.asarray(quantity(now)) for name, quantity in EVERY.items()}
+
+    direction = eqx.tree_at(
+        lambda d: (d[0].joints["elbow"].axis_first, d[0].joints["elbow"].axis_second),
+        direction,
+        (np.zeros(3), np.zeros(3)),
+    )
+    point, direction = jax.tree.map(jnp.asarray, (point, direction))
+
+    @eqx.filter_jit
+    def shifted(step):
+        there = jax.tree.map(lambda a, b: a + step * b, point, direction)
+        return jax.jvp(values, (there,), (direction,))
+
+    step = 1e-6
+    (_, exact), (ahead, _), (behind, _) = map(shifted, jnp.array([0.0, step, -step]))
+    for name, slope in exact.items():
+        difference = float(ahead[name] - behind[name]) / (2.0 * step)
+        assert slope == pytest.approx(difference, rel=1e-6), name
+        assert slope != 0.0, name
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -359,19 +421,8 @@ def test_a_row_without_a_multiplier_is_refused():
         q.Multiplier("pivot", "translation x")(now)
 
 
-@pytest.mark.parametrize(
-    ("quantity", "unit"),
-    [
-        (q.PointPosition("a", (0, 0, 0), "y"), "m"),
-        (q.PointVelocity("a", (0, 0, 0)), "m/s"),
-        (q.PointAcceleration("a", (0, 0, 0)), "m/s^2"),
-        (q.JointAngle("pin"), "rad"),
-        (q.JointAngularVelocity("pin"), "rad/s"),
-        (q.JointAngularAcceleration("pin"), "rad/s^2"),
-        (q.ContactForce("pin"), "N"),
-        (q.ReactionMoment("pin", "a"), "N m"),
-        (q.Multiplier("motor", "angle"), None),
-    ],
-)
-def test_units_are_si(quantity, unit):
-    assert quantity.unit == unit
+def test_units_are_si():
+    units = {name: quantity.unit for name, quantity in EVERY.items()}
+    known = {"m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2", "N", "N m"}
+    assert set(units.values()) == known
+    assert q.Multiplier("motor", "angle").unit is None

@@ -47,6 +47,32 @@ def test_dahls_force_over_displacement_is_exponential_and_is_booked():
     np.testing.assert_allclose(observed.energies["friction"], taken - stored, rtol=1e-4, atol=1e-9)
 
 
+@pytest.mark.slow
+def test_energy_stored_in_bristles_is_returned_and_not_dissipated():
+    """A block oscillates on bristles that dissipate little.
+
+    A run that continues without a ledger starts it at their stored energy.
+    """
+    scene, state = block(cj.frictions.Dahl(0.3, 1e3), velocity=(2e-3, 0.0, 0.0))
+    times, settings = np.linspace(0.0, 0.05, 26), cj.Settings(rtol=1e-9, ledger=True)
+    solution = cj.simulate(scene, state, 0.05, settings, save=cj.Saving(times))
+    observed, whole = cj.observe(scene, solution), 0.5 * MASS * 2e-3**2
+    assert np.abs(observed.ledger_residual()).max() < 1e-6 * whole
+    assert observed.energies["bristles"].max() > 0.9 * whole
+    assert (np.diff(observed.energies["friction"]) > -1e-9 * whole).all()
+    assert observed.energies["friction"][-1] < 0.2 * whole
+    stopped = cj.simulate(scene, state, 0.016, settings).final
+    stored = observed.energies["bristles"][8]
+    assert stored > 0.5 * whole
+    bare = eqx.tree_at(lambda s: s.work, stopped, {}, is_leaf=lambda node: node is stopped.work)
+    on = cj.simulate(scene, bare, 0.05, settings, start_time=0.016, save=cj.Saving([0.016, 0.05]))
+    after = cj.observe(scene, on).energies
+    assert abs(after["friction"][0]) < 1e-9 * whole
+    assert after["bristles"][0] == pytest.approx(stored)
+    lost = observed.energies["friction"][-1] - observed.energies["friction"][8]
+    assert after["friction"][1] == pytest.approx(lost, rel=1e-3)
+
+
 def on_a_spring():
     spring = cj.SpringDamper(
         "ground", "block", (-1.0, 0.0, -DEPTH), (0.0,) * 3, stiffness=SPRING, free_length=1.0
@@ -149,6 +175,18 @@ def test_derivatives_are_right_across_an_onset():
 
 
 @pytest.mark.slow
+def test_deflections_are_zero_in_flight_and_at_each_onset():
+    scene, state = falling()
+    times = np.linspace(5e-5, 6e-3, 60)
+    solution = cj.simulate(scene, state, 6e-3, FALLING, save=cj.Saving(times))
+    heights, _ = along(solution, 2)
+    sizes = np.linalg.norm(deflections(solution), axis=1)
+    assert (sizes[heights > 1e-9] == 0.0).all() and (heights > 1e-9).any()
+    assert (sizes[heights < -1e-9] > 0.0).all() and (heights < -1e-9).any()
+    assert np.abs(deflections(solution)[:, 2]).max() == 0.0
+
+
+@pytest.mark.slow
 def test_rigid_contacts_take_the_friction_of_long_slip():
     """The block slows down at mu_C g, as it slides far above the Stribeck speed; observations of
     rigid runs have bristles at rest."""
@@ -158,3 +196,22 @@ def test_rigid_contacts_take_the_friction_of_long_slip():
     run = cj.simulate_nonsmooth(scene, state, 0.21, save, step=1e-3, restitution=0.0)
     np.testing.assert_allclose(along(run)[1], 1.0 - 0.15 * 10.0 * times, rtol=1e-6)
     assert cj.observe(scene, run).contacts["floor"]["belt"].friction_force is not None
+
+
+@pytest.mark.slow
+def test_two_joints_equal_single_ones():
+    """Two blocks in one scene against single runs."""
+    one, start = falling()
+    floor = one.joints["floor"]
+    stiffer = eqx.tree_at(lambda j: j.friction.stiffness, floor, np.asarray(2e4))
+    bodies = dict.fromkeys(("block", "other"), one.bodies["block"])
+    scene = replace(
+        one, bodies=bodies, joints={"floor": floor, "second": replace(stiffer, body="other")}
+    )
+    state = cj.State(dict.fromkeys(bodies, start.bodies["block"]))
+    save = cj.Saving(np.array([3e-4, 1e-3]))
+    both = cj.simulate(scene, state, 1.1e-3, FALLING, save)
+    alone = cj.simulate(one, start, 1.1e-3, FALLING, save)
+    stored = np.asarray(both.saved.states.bristles["floor"]["belt"])
+    np.testing.assert_allclose(stored, deflections(alone), rtol=1e-7, atol=1e-15)
+    assert not np.allclose(both.saved.states.bristles["second"]["belt"], stored, rtol=0.1, atol=0.0)

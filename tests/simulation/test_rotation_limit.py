@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from tests.support.one_body import hinge, one_body
+from tests.support.one_body import Z, hinge, one_body
 from tests.support.rotating_mechanisms import KINDS, rotating
 
 X = cj.quantities.Position("rotor", "x")
@@ -36,11 +36,11 @@ def test_impacts_in_all_coordinates_and_in_short_steps(kind):
     assert total > 25
 
 
-def rotor(**motion) -> tuple[cj.Scene, cj.State]:
+def rotor(forces=None, joints=None, **motion) -> tuple[cj.Scene, cj.State]:
     """A body whose centre of mass is `RADIUS` away from its axle, on the x axis."""
     axle = hinge("ground", "rotor", point_second=(-RADIUS, 0, 0))
     body = {"mass": 5.0, "inertia": (0.02,) * 3, "position": (RADIUS, 0.0, 0.0)}
-    return one_body("rotor", {"axle": axle}, **body, **motion)
+    return one_body("rotor", {"axle": axle, **(joints or {})}, forces, **body, **motion)
 
 
 def free_rotor() -> tuple[cj.Scene, cj.State]:
@@ -94,6 +94,24 @@ def test_an_angle_that_jumps_by_a_revolution_does_not_cross_zero(sign):
     assert extremes == pytest.approx((-np.pi, np.pi), rel=1e-12)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize("driven", [False, True])
+def test_sections_of_a_rotor_that_starts_from_rest(sign, driven):
+    """A torque, or a drive, rotates it by a t^2 / 2."""
+    rate = sign * SPEED**2 / 20.0
+    forces, joints = {}, {}
+    if driven:
+        growth = cj.Polynomial((0.0, 0.0, 0.5 * rate))
+        joints["drive"] = cj.PrescribedAngle("ground", "rotor", Z, growth)
+    else:
+        torque = rate * (0.02 + 5.0 * RADIUS**2)
+        forces["drive"] = cj.DriveTorque("ground", "rotor", Z, torque)
+    times = cj.simulate(*rotor(forces, joints), DURATION, outputs=OUTPUTS).outputs["up"].times
+    exact = np.sqrt(2.0 * (np.arange(99) + 0.75) * 2.0 * np.pi / abs(rate))
+    assert times == pytest.approx(exact[exact < DURATION], abs=1e-8)
+
+
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_sections_of_a_flight_without_errors(seed, sign):
@@ -110,3 +128,15 @@ def test_sections_of_a_flight_without_errors(seed, sign):
     first, last = np.sort(np.roots([-0.5 * gravity, speed, height]).real)
     expected = first if sign > 0 else last
     assert found.times == pytest.approx([expected] if expected < end_time else [], abs=1e-12)
+
+
+@pytest.mark.slow
+def test_lanes_of_a_free_rotor():
+    """The first of two lanes is the single run."""
+    outputs = {name: OUTPUTS[name] for name in ("x", "up")}
+    masses = cj.Axis(lambda scene: scene.bodies["rotor"].mass, [5.0, 6.0])
+    sweep = cj.sweep(*free_rotor(), DURATION, {"mass": masses}, outputs, progress=False)
+    assert (sweep.up_count == TURNS).all()
+    first, single = sweep.isel(mass=0), free_run()
+    np.testing.assert_array_equal(first.up_time[:TURNS], single.outputs["up"].times)
+    np.testing.assert_array_equal(first.x_mean, single.outputs["x_mean"])

@@ -12,7 +12,12 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.extend import ZERO, Vector, Wrench, quantity
-from tests.support.difference_quotients import fourth_order
+from tests.support.difference_quotients import (
+    Places,
+    by_differences,
+    fourth_order,
+    parameters_at,
+)
 from tests.support.one_body import ORIGIN, X, bearing, one_body
 from tests.support.planes import Plane
 from tests.support.push import Push
@@ -27,17 +32,20 @@ class Buffer(cj.extend.AbstractContactLaw):
     """A spring, a parallel damper and a preload: max(K d + D d' + P, 0).
 
     The force jumps at the onset by the damper's force and the preload, and at the separation by the
-    preload.
+    preload. In restitution it is multiplied by `restitution`, so it jumps at the turning point if
+    that is not 1.
     """
 
     stiffness: Any = quantity("N/m")
     damping: Any = quantity("N s/m", default=0.0)
     preload: Any = quantity("N", default=0.0)
+    restitution: Any = quantity("1", default=1.0)
     uses_entry_speed = False
 
     def force(self, gap, entry_speed):
         pushed = self.elastic_force(gap) + self.damping * gap.rate
-        return jnp.where(gap.depth > 0.0, jnp.maximum(pushed, 0.0), 0.0)
+        share = jnp.where(gap.rate > 0.0, 1.0, self.restitution)
+        return jnp.where(gap.depth > 0.0, share * jnp.maximum(pushed, 0.0), 0.0)
 
     def elastic_force(self, gap):
         spring = self.stiffness * gap.depth + self.preload
@@ -129,19 +137,6 @@ def test_sensitivities_do_not_depend_on_how_far_past_an_onset_steps_end():
     assert result.derivatives["x"][0, 0] == pytest.approx(exact, rel=1e-8)
 
 
-def parameters_at(places):
-    """Of numbers of a scene: their places, and steps of differences, by name."""
-    return {name: cj.Parameter(place) for name, (place, _) in places.items()}
-
-
-def by_differences(scene, places, measured):
-    """The derivatives along each number of what is measured of a scene."""
-    return [
-        fourth_order(lambda by, at=at: measured(cj.set_value(scene, at, at(scene) + by)), step)
-        for at, step in places.values()
-    ]
-
-
 @pytest.mark.slow
 def test_the_friction_moment_of_a_thrust_face_jumps_with_the_force():
     """The friction of a shoulder slows a turning shaft from the instant at which they meet."""
@@ -154,11 +149,11 @@ def test_the_friction_moment_of_a_thrust_face_jumps_with_the_force():
     def spin(scene):
         return cj.simulate(scene, state, end, SETTINGS).final.bodies["shaft"].spin[2]
 
-    places = {"play": (lambda s: s.joints["pin"].axial.play, 1e-7)}
+    places: Places = {"play": (lambda s: s.joints["pin"].axial.play, 1e-7)}
     outputs = {"spin": Q.AngularVelocity("shaft", "z")}
     result = cj.sensitivities(scene, state, end, parameters_at(places), outputs, [end], SETTINGS)
     assert float(result.outputs["spin"][0]) < 59.9
-    slopes = by_differences(scene, places, spin)
+    slopes = by_differences(scene, places, spin, fourth_order)
     np.testing.assert_allclose(result.derivatives["spin"][0], slopes, rtol=1e-5)
 
 
@@ -187,7 +182,7 @@ def test_two_contacts_of_a_spring_that_begin_almost_together(rtol, landing):
     """
     law = cj.laws.ExactRestitution(0.8, 4e8, exponent=1.0)
     scene, state = cj.mechanisms.double_pendulum(law=law)
-    places = {
+    places: Places = {
         "e": (lambda s: s.joints["shoulder"].law.restitution, 3e-4),
         "K": (lambda s: s.joints["shoulder"].law.stiffness.stiffness, 4e4),
         "c": (lambda s: s.joints["shoulder"].clearance, 5e-8),
@@ -200,7 +195,7 @@ def test_two_contacts_of_a_spring_that_begin_almost_together(rtol, landing):
     settings = replace(cj.presets.derivatives, rtol=rtol, landing_tolerance=landing)
     outputs = {"y": Q.Position("arm 2", "y")}
     result = cj.sensitivities(scene, state, end, parameters_at(places), outputs, [end], settings)
-    differences = by_differences(scene, places, height)
+    differences = by_differences(scene, places, height, fourth_order)
     np.testing.assert_allclose(result.derivatives["y"][0], differences, rtol=1e-6)
 
 
@@ -217,6 +212,39 @@ def pushed(*pushes):
 
 def start_of(k):
     return cj.Parameter(lambda s: s.forces[f"push {k}"].start)
+
+
+@pytest.mark.slow
+def test_derivatives_along_the_times_of_switched_forces():
+    """x = sum F (t - t_s)^2/(2 m); two forces at one instant; both comparisons, < and <=."""
+    scene, state = pushed(Push("ball", 4.0, 0.3), Push("ball", 1.0, 0.3, jnp.greater))
+    parameters = {
+        "first": start_of(0),
+        "second": start_of(1),
+        "force": cj.Parameter(lambda s: s.forces["push 0"].force),
+    }
+    outputs = {"x": Q.Position("ball", "x"), "v": Q.Velocity("ball", "x")}
+    result = cj.sensitivities(scene, state, 1.0, parameters, outputs, [0.2, 0.3, 1.0])
+    np.testing.assert_allclose(
+        result.outputs["x"], [0.0, 0.0, 5.0 * 0.49 / 4], rtol=0.0, atol=1e-12
+    )
+    x, v = result.derivatives["x"], result.derivatives["v"]
+    np.testing.assert_allclose(
+        x, [[0, 0, 0], [0, 0, 0], [-1.4, -0.35, 0.1225]], rtol=0.0, atol=1e-9
+    )
+    np.testing.assert_allclose(v, [[0, 0, 0], [-2, -0.5, 0], [-2, -0.5, 0.35]], rtol=0.0, atol=1e-9)
+    assert result.accepted < 12
+
+
+@pytest.mark.slow
+def test_forward_derivatives_of_a_run_contain_the_switch_too():
+    scene, state = pushed(Push("ball", 4.0, 0.3), Push("ball", 1.0, 0.3))
+
+    def ended(start):
+        varied = cj.set_value(scene, lambda s: s.forces["push 0"].start, start)
+        return cj.simulate(varied, state, 1.0).final.bodies["ball"].position[0]
+
+    np.testing.assert_allclose(jax.jit(jax.jacfwd(ended))(0.3), -1.4, rtol=1e-9)
 
 
 def test_integrals_of_quantities_that_jump_at_an_onset():
@@ -264,7 +292,7 @@ def test_integrals_of_quantities_that_jump_at_onset_and_end(law):
 @pytest.mark.slow
 def test_the_integral_of_an_acceleration_across_switched_forces():
     """The change of the speed, sum F (t - t_s)/m, by the times t_s."""
-    scene, state = pushed(Push("ball", 4.0, 0.3), Push("ball", 1.0, 0.5))
+    scene, state = pushed(Push("ball", 4.0, 0.3), Push("ball", 1.0, 0.5, jnp.greater))
     parameters = {"first": start_of(0), "second": start_of(1)}
     outputs = {"gained": cj.Integral(Q.Acceleration("ball", "x"), "m/s")}
     predict = cj.predictor(scene, state, 1.0, parameters, outputs)
@@ -358,6 +386,15 @@ def test_derivatives_end_where_an_angle_jumps_by_a_revolution(force, jumps):
     assert result.result == (cj.RESULTS.force_jumped if jumps else cj.RESULTS.successful)
     if jumps:  # at about 5 rad/s
         assert result.time == pytest.approx(math.pi / 5.0, rel=0.1)
+
+
+@pytest.mark.slow
+def test_a_user_defined_law_that_jumps_inside_a_contact_ends_the_derivatives():
+    scene, state = dropped(Buffer(*LAWS["damper"], 0.5))
+    outputs = {"x": Q.Position("ball", "x")}
+    result = cj.sensitivities(scene, state, END, PARAMETERS, outputs, [END], throw=False)
+    assert result.result == cj.RESULTS.force_jumped
+    assert 0.0102 < result.time < 0.0125
 
 
 def test_a_user_defined_law_counts_as_discontinuous_unless_it_declares_otherwise():

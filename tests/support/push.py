@@ -10,11 +10,13 @@ from clearjoint.extend import ZERO, Vector, Wrench, quantity
 
 
 class Push(cj.extend.AbstractForce):
-    """A force along X on a body from a time on, growing from there by `slope`."""
+    """A force along X on a body from a time on, growing from there by `slope`; `how` compares the
+    times in several ways."""
 
     body: str = eqx.field(static=True)
     force: Any = quantity("N")
     start: Any = quantity("s")
+    how: Any = eqx.field(default=jnp.greater_equal, static=True)
     slope: Any = quantity("N/s", default=0.0)
 
     def body_names(self):
@@ -25,5 +27,5 @@ class Push(cj.extend.AbstractForce):
 
     def wrenches(self, motions, t):
         load = self.force + self.slope * (t - self.start)
-        force = jnp.where(t >= self.start, load, 0.0)
+        force = jnp.where(self.how(t, self.start), load, 0.0)
         return {self.body: Wrench(Vector(force, 0.0, 0.0), ZERO)}

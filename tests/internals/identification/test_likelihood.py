@@ -102,7 +102,13 @@ class Rough:
     def intervals(self, start, generator):
         found = self.descend(np.array([start]))
         explored = checking.explore(
-            self, found, [found.covariance, np.eye(1)], np.array([20.0]), 200, math.inf, generator
+            self,
+            found,
+            [found.covariance, np.eye(1)],
+            np.array([20.0]),
+            200,
+            math.inf,
+            generator,
         )
         return found, explored
 
@@ -118,3 +124,25 @@ def test_intervals_from_points_are_those_of_chi_squared_on_a_fine_grid():
         low, high = explored.intervals()
         width = held[-1] - held[0]
         assert (low[0], high[0]) == pytest.approx((held[0], held[-1]), abs=0.05 + 0.05 * width)
+
+
+@pytest.mark.slow
+def test_coverage_of_a_rough_likelihood():
+    """Errors of the one minimum that a search ends in hold the truth seldom (40 %); intervals from
+    points do as often as those on a grid (91 % of many draws: with several minima, a little less
+    than 95 %)."""
+    generator, draws = np.random.default_rng(11), 40
+    plain = explored = exact = 0
+    for _ in range(draws):
+        theta = generator.uniform(-0.5, 0.5)
+        problem = Rough(theta, generator)
+        found, points = problem.intervals(theta + generator.uniform(-1.0, 1.0), generator)
+        half = math.sqrt(RISE * found.covariance[0, 0])
+        plain += abs(found.coordinates[0] - theta) < half
+        low, high = points.intervals()
+        explored += low[0] < theta < high[0]
+        curve = problem.chi_squared(GRID[::16, None])
+        held = GRID[::16][curve <= curve.min() + RISE]
+        exact += held[0] < theta < held[-1]
+    assert plain < 0.6 * draws
+    assert explored >= 0.85 * draws and abs(explored - exact) <= 1

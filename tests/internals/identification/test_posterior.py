@@ -160,6 +160,19 @@ def test_intervals_and_evidence_of_narrow_priors_are_as_good_as_stated():
     assert min(one.effective for one in results) >= 200.0
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("parameters", [3, 6])
+def test_the_evidence_has_no_bias_and_the_stated_error(parameters):
+    design, values, _, _, evidence = linear(parameters)
+    target = target_of(lambda points: points @ design.T - values, parameters)
+    draws = [draw(target, 150, np.random.default_rng(seed)) for seed in range(12)]
+    errors = np.array([one.log_evidence - evidence for one in draws])
+    stated = np.array([one.error for one in draws])
+    assert abs(errors.mean()) < 3.0 * stated.mean() / math.sqrt(12.0)
+    assert 0.6 < (errors / stated).std() < 1.4 and stated.max() < 0.1
+    assert min(one.effective for one in draws) >= 150.0
+
+
 def test_the_evidence_of_a_posterior_that_the_box_cuts_off():
     low, high = np.zeros(1), np.full(1, 3.0)
     target = replace(target_of(lambda points: points, 1), low=low, high=high)
@@ -167,6 +180,14 @@ def test_the_evidence_of_a_posterior_that_the_box_cuts_off():
     evidence = math.log(math.sqrt(2.0 * math.pi) * (norm.cdf(3.0) - 0.5) / 3.0)
     assert abs(drawn.log_evidence - evidence) < 4.0 * drawn.error < 0.3
     assert drawn.points.min() > 0.0
+
+
+@pytest.mark.slow
+def test_few_points_in_many_dimensions_have_a_large_error_but_not_a_small_wrong_one():
+    design, values, _, _, evidence = linear(10)
+    target = target_of(lambda points: points @ design.T - values, 10)
+    drawn = draw(target, 64, np.random.default_rng(0))
+    assert abs(drawn.log_evidence - evidence) < 4.0 * drawn.error and drawn.effective < 32.0
 
 
 def rough(parameters, count=60, noise=0.1):
@@ -201,6 +222,28 @@ def test_the_truth_is_a_point_like_others_where_chi_squared_is_rough():
         assert kstest(row, "uniform").pvalue > 0.003
     inside = np.abs(np.array(ranks) - 0.5) < 0.475
     assert 0.88 < inside.mean() < 0.99
+
+
+@pytest.mark.slow
+def test_few_points_keep_the_ends_of_a_thin_curved_region():
+    # The second and the third coordinate are standard normal; the first follows a parabola.
+    def residuals(points):
+        first, second, third = points.T
+        bent = 2.3 * (second**2 - 1.0) + 2.3 * second * third
+        return np.stack([first / 0.02 + bent, second, third], axis=1)
+
+    def curves(points, count):
+        squares = (residuals(points) ** 2).sum(axis=1)
+        return np.multiply.outer(squares, np.linspace(0.0, 1.0, 41)[: count + 1] ** 3)
+
+    ends = np.array([20.0, 100.0, 100.0])
+    target = Target(curves, 40, -ends, ends, lambda points: np.zeros(len(points)))
+    held = []
+    for seed in range(8):
+        points = draw(target, 200, np.random.default_rng(seed)).points[:, 1:]
+        low, high = norm.cdf(np.quantile(points, (0.025, 0.975), axis=0, method="weibull"))
+        held.append(high - low)
+    assert 0.935 < np.mean(held) < 0.965 and np.min(held) > 0.85
 
 
 def test_steps_along_the_record():

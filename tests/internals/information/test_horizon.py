@@ -10,11 +10,11 @@ from scipy.spatial.transform import Rotation
 import clearjoint as cj
 from clearjoint._fields.checks import conditions_of
 from clearjoint._information import error_growth as growth
-from clearjoint._information.horizon import blocked_records, offsets
+from clearjoint._information.horizon import PATH_POINTS, blocked_records, offsets
 from clearjoint._math.smoothing import wrapped
 from clearjoint.quantities import Angle
 from tests.information import test_horizon
-from tests.information.test_horizon import LAST
+from tests.information.test_horizon import LAST, clearance
 from tests.support.dropped_rod import dropped_rod
 
 found = test_horizon.found
@@ -54,6 +54,32 @@ def test_growth_is_that_of_two_neighbouring_runs(found):
     late = found.times >= 0.0101
     slope = np.polyfit(found.times[late], np.log(measured[late]), 1)[0]
     assert found.rate == pytest.approx(slope, rel=0.01)
+
+
+@pytest.mark.slow
+def test_the_way_is_closed_where_the_misfit_grows_towards_the_truth(found):
+    """Against differences of the misfit itself, by runs of `simulate`."""
+    scene, state = dropped_rod()
+    journal = np.array([[-0.5, 0.0, -0.01]])
+
+    def seen(logarithm: float) -> np.ndarray:
+        other = cj.set_value(scene, clearance, 5e-4 * np.exp(logarithm))
+        how = cj.Settings(rtol=1e-11), cj.Saving(found.times)
+        run = cj.simulate(other, state, LAST, *how, progress=False)
+        return _points(run, journal)[:, 0, :2] / 5e-6
+
+    truth, step = seen(0.0), 1e-6
+    for guess in found.guesses:
+        closed = np.zeros(len(found.times), bool)
+        for share in np.linspace(0.0, 1.0, PATH_POINTS + 1)[1:]:
+            near = [
+                np.cumsum(((seen((share + s) * guess.offsets[0]) - truth) ** 2).sum(axis=1))
+                for s in (step, -step)
+            ]
+            closed |= (near[0] < near[1] * (1.0 - 1e-9)) & (near[0] > 1.0)
+        assert (closed == guess.blocked).mean() > 0.98
+        assert guess.since == (found.times[guess.blocked.argmax()] if closed.any() else np.inf)
+    assert 0.02 < np.mean([guess.blocked for guess in found.guesses]) < 0.98
 
 
 def test_ways_of_an_oscillation():

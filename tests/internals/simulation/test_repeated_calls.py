@@ -73,6 +73,23 @@ def test_repeated_calls_trace_nothing(monkeypatch):
         assert (len(traces) == before) == (k > 0), traces[before:]
 
 
+@pytest.mark.slow
+def test_a_repeated_call_grows_linearly_and_little():
+    """Some calls for each object of the scene; arrays are read and written together."""
+    counts = []
+    for joints in (1, 2, 4):
+        scene, state = chain(joints)
+
+        def call(scene=scene, state=state):
+            cj.simulate(scene, state, 1e-4, progress=False)
+
+        for _ in range(10):  # native code checks the last of these starts
+            call()
+        counts.append(frames(call))
+    assert_linear(counts)
+    assert counts[1] - counts[0] < 60, counts
+
+
 def test_flattening_and_folding_call_python_for_no_array():
     """JAX flattens the objects of the package by a function in Python for each; a joint has five
     objects here, and some ten arrays."""

@@ -17,7 +17,7 @@ from clearjoint._simulation.run.run_checks import derivative_scheme
 from clearjoint._simulation.run.sampling import TangentRun, _amplification, sampled
 from clearjoint._simulation.run.sensitivities import _growth_of_derivatives
 from tests.support.oscillator import on_spring
-from tests.support.programs import body_of
+from tests.support.programs import body_of, primitives
 from tests.support.reference import Case
 
 JOINT, Q = "shoulder", cj.quantities
@@ -103,6 +103,26 @@ def sampling_loop(scene, state, parameters, outputs, times):
         return sampled(TangentRun(scheme, family, outputs, times, *span, 1000)).derivatives
 
     return body_of(jax.make_jaxpr(program)(jnp.zeros(times), 0.0, 0.1, 1e-7), "scan")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [1, 2])
+def test_what_outputs_read_is_arithmetic_without_loops(count):
+    """XLA's emitter forgets at each loop what it has written before, and writes it again at every
+    use: a single one among the variables made an acceleration's program five times as large."""
+    scene, state = cj.mechanisms.double_pendulum()
+    parameters = dict(list(PARAMETERS.items())[:count])
+    outputs = {
+        "acceleration": Q.PointAcceleration("arm 2", (0.3, 0.0, 0.0), "y"),
+        "reaction": Q.Reaction("elbow", "arm 3"),
+        "contact": Q.ContactForce(JOINT),
+        **OUTPUTS,
+    }
+    sampling = sampling_loop(scene, state, parameters, outputs, 3)
+    found = primitives(sampling, beside=("while",))
+    assert found["mul"] > 1000
+    loops = ("reduce", "arg", "cum", "concatenate", "pad", "dot_general", "scatter", "sort")
+    assert [name for name in found if name.startswith(loops)] == []
 
 
 def test_closed_forms_of_an_oscillator():
@@ -216,6 +236,17 @@ def test_a_run_that_fails_by_the_growth_of_derivatives_says_so():
     assert "cj.statistics_derivatives" in _growth_of_derivatives(grown(18.5))
     assert _growth_of_derivatives(grown(5.0)) is None
     assert _growth_of_derivatives(grown(18.5, cj.RESULTS.solver_failed)) is None
+
+
+@pytest.mark.slow
+def test_derivatives_past_the_horizon_are_not_to_be_had_by_more_steps():
+    scene, state = cj.mechanisms.double_pendulum()
+    clearance = cj.Parameter(lambda s: s.joints["shoulder"].clearance, cj.Log())
+    x = {"x": cj.quantities.JournalOffset("shoulder", "x")}
+    few = replace(cj.presets.derivatives, max_steps=20000)
+    with pytest.raises(cj.SimulationError, match="derivatives have grown by a factor") as failed:
+        cj.sensitivities(scene, state, 1.0, {"c": clearance}, x, np.linspace(0.01, 1, 100), few)
+    assert "Raise `max_steps`" not in str(failed.value)
 
 
 @pytest.mark.parametrize(

@@ -11,13 +11,14 @@ import pytest
 import clearjoint as cj
 from clearjoint._math.vectors import fold_constants
 from clearjoint._simulation.lanes.lane import SAVED, Common
+from clearjoint._simulation.run import impact_recorder
 from clearjoint._simulation.run.impact_recorder import ImpactRecorder
 from clearjoint._simulation.run.outputs import requested_by
 from clearjoint._simulation.step.method import Scheme
 from clearjoint._sweeps.outputs import sampled_channels
 from clearjoint._sweeps.store.program import RUN, programs
 from clearjoint._sweeps.work import Chunks
-from tests.support.rotor import OUTPUTS, SAMPLED, Turnings, rotor
+from tests.support.rotor import OUTPUTS, SAMPLED, Turnings, angle, rotor, spin
 
 USUAL = cj.Settings(atol=1e-9)
 
@@ -121,11 +122,25 @@ def test_settings_make_another_program(usual, others):
     assert of(*pendulum(), settings=replace(USUAL, **others)) != usual
 
 
+@pytest.mark.slow
+def test_a_stabilisation_makes_another_program():
+    held = pendulum(axial=cj.FixedAxially())
+    other = replace(USUAL, stabilisation=cj.Baumgarte(5.0, 6.0))
+    assert of(*held) != of(*held, settings=other)
+
+
 def test_a_worker_that_would_run_other_code_refuses():
     common = SimpleNamespace(programs=((RUN, "this"),))
     work: Any = SimpleNamespace(common=common)
     with pytest.raises(RuntimeError, match="other code than the process that made the sweep"):
         Chunks(work, {0: [0]}, lambda: {RUN: "other"})(0)
+
+
+@pytest.mark.slow
+def test_numbers_of_scene_and_state_are_none_of_the_program(usual):
+    scene, state = pendulum()
+    scene = cj.set_value(scene, lambda s: s.joints["pin"].clearance, 1e-4)
+    assert of(scene, cj.set_value(state, lambda s: s.bodies["arm"].position[0], 1e-5)) == usual
 
 
 NOTHING = {
@@ -143,3 +158,34 @@ def test_code_of_an_output_concerns_its_variables(name, monkeypatch):
     after = of(*rotor(), OUTPUTS)
     changed_names = {key for key in before if before[key] != after[key]}
     assert {key.partition("_")[0] for key in changed_names} == {"turnings"}
+
+
+@pytest.mark.slow
+def test_how_impacts_are_found_concerns_their_table(usual, monkeypatch):
+    outputs = {"hits": cj.ImpactTable(2), "count": cj.ImpactCount("pin")}
+    before = of(*pendulum(), outputs)
+    assert before[RUN] == usual[RUN]
+    monkeypatch.setattr(impact_recorder, "end_in_step", lambda law, start, end, h: 0.5)
+    after = of(*pendulum(), outputs)
+    changed = {name for name in before if before[name] != after[name]}
+    assert changed == {f"hits_{name}" for name in (*impact_recorder.IMPACT_UNITS, "count")}
+
+
+@pytest.mark.slow
+def test_another_quantity_concerns_its_variables():
+    def found(quantity):
+        outputs = {
+            "swing_x": quantity,
+            "swing_spin": spin,
+            "zero": cj.Section(quantity, {"spin": (spin, "rad/s")}, 1),
+            "largest": cj.Peak(spin, "1"),
+            "late": cj.Statistics(lambda now: quantity(now), "1"),
+        }
+        return of(*rotor(), outputs)
+
+    one, other = found(angle), found(spin)
+    assert one == found(lambda here: angle(here))
+    assert {name for name in one if one[name] != other[name]} == {
+        *("swing_x", "zero_time", "zero_count", "zero_spin"),
+        *("late_mean", "late_rms", "late_smallest", "late_largest"),
+    }

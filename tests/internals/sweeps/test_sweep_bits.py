@@ -1,5 +1,8 @@
 """The bits of a lane depend on its own numbers alone."""
 
+import tempfile
+from pathlib import Path
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -7,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import clearjoint as cj
+from clearjoint._sweeps.store.store import SweepStore
 from tests.support.datasets import assert_same_bits
 from tests.support.rotor import LARGEST, SPEED, TIMES, swept
 
@@ -49,3 +53,34 @@ def test_the_lanes_are_as_different_as_they_are_meant_to_be(whole):
 @given(lanes=LANES, threads=THREADS)
 def test_neighbours_order_number_and_threads_change_no_bit(whole, lanes, threads):
     assert_same_bits(sweep_of(lanes, threads), whole.isel(lane=lanes))
+
+
+@pytest.mark.slow
+@settings(max_examples=1, deadline=None)
+@given(
+    lanes=st.lists(st.integers(0, len(STIFFNESS) - 1), min_size=1, max_size=26, unique=True),
+    threads=THREADS,
+    again=THREADS,
+    chunk=st.integers(1, 9),
+    writes=st.integers(0, 6),
+)
+def test_an_interruption_changes_no_bit(whole, lanes, threads, again, chunk, writes):
+    """A sweep whose process stops after some writes to its store, and the sweep that resumes it."""
+    left = [writes]
+
+    def write(store, *args, write=SweepStore.write):
+        if not left[0]:
+            raise KeyboardInterrupt
+        left[0] -= 1
+        write(store, *args)
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "sweep.zarr"
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(SweepStore, "write", write)
+            try:
+                sweep_of(lanes, threads, chunk=chunk, path=path)
+            except KeyboardInterrupt:
+                assert (cj.open_sweep(path).result.values < 0).any()
+        found = sweep_of(lanes, again, chunk=chunk, path=path)
+        assert_same_bits(found, whole.isel(lane=lanes))
