@@ -11,13 +11,17 @@ END, COUNT = 0.02, 3
 STEPS = (1e-4, 1e-5, 1e-6)
 """Steps of the differences, relative to the number: the best of them counts, since a step may be
 too large near a kink, or so small that rounding errors remain."""
-NO_NUMBERS = "teeth", "orientation"
-"""Fields of whole numbers, and of Euler parameters, which have unit norm."""
+NO_NUMBERS = "teeth", "orientation", "normal", "slot_axis", "slider_axis"
+"""Fields of whole numbers, of Euler parameters, which have unit norm, and of perpendicular axes."""
+AT_THE_WALL = "point on a plane", "edge on a plane", "sphere on a plane", "ball on ball"
+"""Contacts of which it depends on the number whether they begin at the start or were before."""
+KINKED = "ButenschoenFilm"
+"""From the centre, its journal moves along a kink of the film's force: the sum of spins is zero."""
 FREE = [
     name
     for name, case in elements().items()
     if "element" in case.scene.forces or "element" in case.scene.contact_joints()
-    if name not in ("bearing that holds its journal", "massless link")
+    if name not in ("bearing that holds its journal", "massless link", *AT_THE_WALL, KINKED)
 ]
 """Elements that do not constrain the initial state."""
 
