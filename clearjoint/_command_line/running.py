@@ -94,8 +94,8 @@ def run(study: Study, folder: Path) -> CommandResult:
         failure = f"error: the run ended at {reached}: {RESULTS[solution.result]}"
         say(failure if code == FAILED else f"interrupted at {reached}")
         say(
-            f"the results so far are in {folder}; {folders.REACHED} has the state to continue from "
-            f"with --set run.start={float(solution.time)!r}"
+            f"the results so far are in {folder}; to continue, name {folders.REACHED} as the scene "
+            f"of the study, and pass --set run.start={float(solution.time)!r}"
         )
     count = "" if solution.impacts is None else f", {len(solution.impacts)} finished impacts"
     largest = f", largest force of a contact {force:.4g} N ({contact})" if force else ""

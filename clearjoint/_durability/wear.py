@@ -71,8 +71,9 @@ FEWEST_SAMPLES = 8
 wide, covers half of the circumference."""
 EXTREMES = {"penetration": "m", "force": "N"}
 """Unit of each quantity, by name, of which a result contains the largest value in each stage."""
-LOST = 0.05
-"""Largest difference of a profile from the spline through it at the `samples`, over its range."""
+LARGEST_LOSS = 0.05
+"""Largest difference between a profile and the spline through it at the `samples`, divided by the
+profile's range."""
 STEPS_PER_SAMPLE = 16
 """Smallest number of quadrature steps in a cycle, divided by the number of angles. If a contact
 circles the wall once a cycle, so many steps resolve its motion from one angle to the next."""
@@ -139,7 +140,7 @@ def wear(
       at most twice the cycles of the stage before, and the depth changes by a fifth of the
       penetration in the first stage.
     - `samples`: number of angles around the wall and around the journal, at least 8, and enough to
-      resolve the profiles that wear: those of an earlier result have its number of angles.
+      resolve the profiles that wear, as a multiple of the number of knots of a spline always is.
     - `stages`: largest number of stages.
     - `depth`: m; the computation also ends when the deepest point of a part has lost this depth.
     - `path`: folder of a Zarr store of the result. Each stage is written; if the folder contains an
@@ -953,16 +954,9 @@ def _digest(scene: Scene, state: State, run: CycleRun) -> str:
     parts: list[str | bytes] = [ADDRESS.sub("", text) for text in texts]
     # Functions are recognised by the operations that JAX traces, as by the stores of sweeps.
     if parts != texts:
-        settings, start_time = (
-            settings_or(run.settings, presets.default),
-            np.asarray(run.start_time),
-        )
-        common = Common(
-            Scheme.of(settings, False),
-            fold_constants(scene),
-            start_time,
-            np.asarray(settings.max_steps),
-        )
+        settings = settings_or(run.settings, presets.default)
+        limits = np.asarray(run.start_time), np.asarray(settings.max_steps)
+        common = Common(Scheme.of(settings, False), fold_constants(scene), *limits)
         parts.append(programs(common, state)[RUN])
     leaves = jax.tree.leaves((scene, state, effects))
     parts += [np.asarray(leaf).tobytes() for leaf in leaves]
@@ -987,8 +981,8 @@ def _with_splines(
         values = np.asarray(profile.at(angles).value)
         lost = np.abs(np.asarray(resampled.at(angles).value) - values).max()
         expected = f"enough to resolve the {PROFILES[k]} of {name!r}"
-        remedy = f"give {profile.angles()}, or more"
-        resolved = bool(lost <= max(LOST * np.ptp(values), LEAST_PENETRATION))
+        remedy = f"give a multiple of {profile.angles()}, its number of angles"
+        resolved = bool(lost <= max(LARGEST_LOSS * np.ptp(values), LEAST_PENETRATION))
         require(resolved, "samples", samples, expected, remedy)
         return resampled
 

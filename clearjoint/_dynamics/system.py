@@ -166,8 +166,8 @@ class System(eqx.Module):
             - add(row.bias, mechanics.bias(row))
             for row in flattened(rows)
         ]
-        # The row of an armature is elastic (see `ConstraintEquations`): with this target, its
-        # multiplier is minus the armature times the second time derivative of the position.
+        # An armature's row yields, by its compliance (see `ConstraintEquations`), so that with this
+        # target its multiplier is minus armature times second time derivative of the position.
         targets += [-add(row.bias, mechanics.bias(row)) for row, _ in rotors]
         equations = self.constraint_equations(mechanics, flattened(rows), rotors)
         rates, multipliers = equations.corrected(targets, rates)

@@ -87,7 +87,8 @@ class _Plan:
         table: list[_Step] = []
         slots, first_inverse = self.slots, len(self.slots)
         for j, column in enumerate(self._below):
-            # The inverse of L in the diagonal block, by which the blocks below are multiplied.
+            # The inverse of the factor L in the diagonal block, by which the blocks below are
+            # multiplied. Each of its rows is found with the rows before it (see `_factor`).
             diagonal, inverse = self.rows(j, slots[j, j]), first_inverse + j
             for target, row in zip(self.rows(j, inverse), diagonal, strict=True):
                 table.append((_FACTORISE, target, row, inverse))

@@ -324,9 +324,9 @@ _DIGITS = (None, 0.0, 1.0)
 def _patterns(
     digits: bytes, vectors: tuple[int, ...], sizes: tuple[int, ...], leaves: int
 ) -> tuple[Pattern, ...]:
-    """Return the patterns of the leaves of a PyTree, `leaves` in number. `vectors` are the indices
-    of those that are vectors or matrices, `sizes` has the number of components of each of these,
-    and `digits` a digit for each component (see `_DIGITS`)."""
+    """Return a `Pattern` for each leaf of a PyTree. `leaves`: number of leaves; `vectors`: indices
+    of the vectors and matrices, the others get ``None``; `sizes`: number of components of each of
+    them; `digits`: for each component, the index in `_DIGITS` of 0, 1 or not structural."""
     patterns: list[Pattern] = [None] * leaves
     components = iter(digits)
     for k, size in zip(vectors, sizes, strict=True):

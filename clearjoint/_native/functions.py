@@ -125,7 +125,8 @@ class NativeProgram:
     def __call__(
         self, leaves: Sequence[ArrayLike], floats: np.ndarray | None = None
     ) -> list[np.ndarray]:
-        """Return the results of the jaxpr. `leaves`, `floats`: as for the method `memory`."""
+        """Return the results of the jaxpr for the arrays `leaves`, one for each argument. `floats`:
+        the numbers of the small arrays of floats among them, if already joined (see `memory`)."""
         # The results may be views of the memory, so each call has its own.
         memory = self.memory(leaves, floats)
         self.code.run(memory)

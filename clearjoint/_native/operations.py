@@ -101,6 +101,7 @@ class Loop:
 
 Entry = Operation | Branch | Loop
 Block = list[Entry]
+"""Entries in the order of their execution."""
 
 
 def walked(block: Block) -> Iterator[Entry]:
@@ -109,9 +110,6 @@ def walked(block: Block) -> Iterator[Entry]:
         yield entry
         for inner in entry.blocks:
             yield from walked(inner)
-
-
-"""Entries in the order of their execution."""
 
 
 def _divided(a: float, b: float) -> float:

@@ -305,6 +305,8 @@ def require_apart(argument: str, changes: Mapping[str, Change], scene: Scene, st
     names = list(changes)
     # For each array that is changed, the position in `names` of the change of each of its numbers.
     owners: dict[tuple[bool, int], np.ndarray] = {}
+    expected = "each of another number"
+    remedy = "leave one out, or let one function set both: Axis.change, Parameter.change"
     for k, change in enumerate(changes.values()):
         if not isinstance(change, AbstractLeafSetter):
             continue
@@ -314,6 +316,5 @@ def require_apart(argument: str, changes: Mapping[str, Change], scene: Scene, st
             owner = owners.setdefault(place, np.full(shape, -1))
             earlier = set(np.unique(owner[number.component]).tolist()) - {-1, k}
             both = [names[other] for other in earlier] + [names[k]]
-            remedy = "leave one out, or let a function combine them: Axis.change, Parameter.change"
-            require(not earlier, argument, both, "names of different numbers", remedy)
+            require(not earlier, argument, both, expected, remedy)
             owner[number.component] = k

@@ -253,7 +253,8 @@ class RobotFit(AbstractTabular):
                 np.interp(times, measured[n].times, by_name[n]) if n in by_name else as_logged
                 for n, as_logged in zip((position, torque), logged, strict=True)
             ]
-            if position in by_name:  # The predicted revolution is that of the logged sample.
+            # `logged` counts revolutions; the measured values may jump by 2 pi.
+            if position in by_name:
                 predicted[0] = predicted[0] + (logged[0] - np.asarray(measured[position].values))
             loops[joint] = Hysteresis(*logged, *predicted)
         return loops
@@ -335,10 +336,10 @@ def fit_robot(
       the log on are tried too. At last the fit is repeated from plays that are a fifth smaller and
       a quarter larger, and without each of them.
 
-    **Raises:** `ValueError` for names, units and modes that don't fit robot and log, for what
-    drives a joint but is logged for a part of the log only, for noise that is unknown, and for a
-    log that determines none of the parameters. `SimulationError` if the run with the starts fails.
-    Otherwise as `identify`.
+    **Raises:** `ValueError` for names, units and modes that don't fit robot and log, for a
+    torque or position that drives a joint and is missing in a part of the log, for noise that is
+    unknown, and for a log that determines none of the parameters. `SimulationError` if the run with
+    the starts fails. Otherwise as `identify`.
 
     **Warns:** as `identify`.
     """

@@ -324,7 +324,8 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
     }
     qd = {n: 0.0 if n in at_rest else float(spline.rates[1]) for n, spline in positions.items()}
     for n in following:
-        # Its own first sample may be a little later, if each joint is logged at times of its own.
+        # The first sample of such a joint may be a little later than the log's start, if each joint
+        # is logged at times of its own.
         if log.angles[n].times[0] > log.start:
             q[n], qd[n] = map(float, value_and_rate(positions[n], log.start))
     for name in log.angles:
@@ -362,20 +363,22 @@ def _require_joints(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy
 
 def _require_covered(robot: Robot, log: RobotLog, driven_by: DrivenBy, end: float) -> None:
     """Raise a `ValueError` if what drives a joint is not logged from the start of the log to the
-    `end` of what a run predicts, s: the drive would continue it along a tangent. Two samples may be
+    `end` of what a run predicts, s: beyond, the drive would be extrapolated. Two samples may be
     missing, as where each joint is logged at times of its own."""
     for joint, mode in driven_by.items():
         if isinstance(mode, AbstractForce):
             continue
         is_angle = mode == "angle"
-        samples = log.angles[motor_of(robot, joint)] if is_angle else log.torques[joint]
+        motor = motor_of(robot, joint)
+        samples = log.angles[motor] if is_angle else log.torques[joint]
         first, last = samples.times[[0, -1]].tolist()
         missing = max(first - log.start, end - last)
         spare = 2.5 * float(np.median(np.diff(samples.times)))
-        actual, expected = f"logged from {first:.6g} to {last:.6g} s", f"{log.start:g} to {end:g} s"
-        remedy = "cut the log by log.between(start, end)"
-        argument = f"{'angle' if is_angle else 'torque'} that drives {joint!r}"
-        require(missing <= spare, argument, actual, f"logged from {expected}", remedy)
+        argument = f"log.angles[{motor!r}]" if is_angle else f"log.torques[{joint!r}]"
+        actual = f"from {first:.6g} to {last:.6g} s"
+        expected = f"from {log.start:.6g} to {end:.6g} s, since it drives {joint!r}"
+        remedy = f"cut the log: log.between({max(first, log.start):.6g}, {min(last, end):.6g})"
+        require(missing <= spare, argument, actual, expected, remedy)
 
 
 def _of_start(

@@ -9,6 +9,7 @@ import json
 import re
 import reprlib
 import tomllib
+import warnings
 from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -46,7 +47,9 @@ def split(text: str) -> tuple[str, ...]:
 def _name(text: str) -> str:
     if text[0] not in "'\"":
         return text
-    with suppress(ValueError, SyntaxError):  # of an escape that Python does not know
+    # Python warns of unknown escapes, such as \d, and refuses incomplete ones, such as \x.
+    with suppress(ValueError, SyntaxError), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
         return ast.literal_eval(text)
     return text[1:-1]
 

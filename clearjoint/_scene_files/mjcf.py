@@ -75,9 +75,11 @@ def read_mjcf(path: Path) -> robots.Content:
 
 
 def _with_options_applied(model: Model, bits: PyTree) -> Model:
-    """Return the model, changed: without what the file's flags disable, and with the armatures and
-    dampers of actuators of joints as those of the joints. `bits`: MuJoCo's enumeration of flags."""
-    # A joint has gear times the speed of its actuator. Older versions of MuJoCo lack this.
+    """Return the model, changed: without the gravity, springs, dampers, dry friction and equalities
+    that the file's flags disable, and with the armatures and dampers of actuators of joints as
+    those of the joints. `bits`: MuJoCo's enumeration of flags."""
+    # An actuator moves at `gear` times the speed of its joint, so that the joint has gear^2 times
+    # its armature and damping. Older versions of MuJoCo have neither number.
     for name in ("armature", "damping"):
         numbers = getattr(model, f"actuator_{name}", np.zeros(model.nu))
         for k in np.flatnonzero(numbers).tolist():
@@ -91,10 +93,14 @@ def _with_options_applied(model: Model, bits: PyTree) -> Model:
         values = (int(getattr(bits, f"mjDSBL_{name}", 0)) for name in names)
         return any(model.opt.disableflags & value for value in values)
 
+    # Older versions of MuJoCo have no polynomials of springs and dampers.
+    none = np.zeros(0)
     for numbers, names in (
         (model.opt.gravity, ("GRAVITY",)),
         (model.jnt_stiffness, ("SPRING", "PASSIVE")),
+        (getattr(model, "jnt_stiffnesspoly", none), ("SPRING", "PASSIVE")),
         (model.dof_damping, ("DAMPER", "PASSIVE")),
+        (getattr(model, "dof_dampingpoly", none), ("DAMPER", "PASSIVE")),
         (model.dof_frictionloss, ("FRICTIONLOSS", "CONSTRAINT")),
         (model.eq_active0, ("EQUALITY", "CONSTRAINT")),
     ):

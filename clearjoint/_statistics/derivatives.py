@@ -98,7 +98,7 @@ def statistics_derivatives(
     counts the failed runs, which are left out, as are values that are not finite.
 
     **Raises:** `ValueError` for unsupported arguments, such as outputs "force" and
-    "force_derivative", whose results would have one name; and if too few runs succeed.
+    "force_derivative", two of whose results would have the same name; and if too few runs succeed.
 
     **Warns:** as `sweep` does, for example of failed runs.
 

@@ -179,6 +179,7 @@ ROUNDING = 1e-12
 DRAW, QUANTILE = "draw", "quantile"
 """Names of the results' dimensions besides the axes."""
 SAMPLE_TIMES = result_name(SAVED, "time")
+"""Name of the sample times, where they differ between lanes."""
 FAILED, EXPONENT = "failed", "lyapunov_exponent"
 """Names of results that are no statistics of an output."""
 ENDINGS = "", "mean", "deviation", "standard_error", "quantile", "quantile_standard_error"
@@ -244,8 +245,8 @@ def ensemble(
     size, and does not stop growing when it is as large as the motion.
 
     **Raises:** `ValueError` for unsupported arguments, such as an axis named "draw" or
-    "quantile", which are dimensions of the result, and outputs "force" and "force_mean", whose
-    results would have one name; and for constraints that leave no velocity free.
+    "quantile", which are dimensions of the result, and outputs "force" and "force_mean", two of
+    whose results would have the same name; and for constraints that leave no velocity free.
 
     **Warns:** as `sweep` does, for example of failed runs.
 
@@ -268,7 +269,8 @@ def ensemble(
     expected = f"0, or a whole number from 2 to draws = {draws}"
     require(possible, "exponents", exponents, expected, "a standard error needs two runs")
     requested = requested_by(outputs, options.get("save"))
-    growth_names = [result_name(EXPONENT, part) for part in ("", "standard_error") if exponents]
+    endings = ("", "standard_error") if exponents else ()
+    growth_names = [result_name(EXPONENT, ending) for ending in endings]
     require_distinct_names(requested, ENDINGS, [FAILED, DRAW, QUANTILE, *growth_names, *axes])
     scene, state = with_arrays((scene, state))
     # The values of each axis at all combinations of values; those of the last axis change fastest.

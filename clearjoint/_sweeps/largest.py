@@ -202,7 +202,7 @@ def largest_feasible(
     require(VALUE not in draws, "draws", VALUE, expected, "rename the axis")
     changes = {name: axis.setter(scene, state) for name, axis in draws.items()}
     own = parameter.variation.setter(scene, state, 0.0)
-    require_apart("draws", {"parameter": own, **changes}, scene, state)
+    require_apart("draws", {VALUE: own, **changes}, scene, state)
     sizes = {name: len(axis.values) for name, axis in draws.items()}
     expected = "axes of equal length"
     require(len(set(sizes.values())) < 2, "draws", sizes, expected, "draw them together")
@@ -413,7 +413,8 @@ class _Search:
     plain: Callable[[np.ndarray], LaneMargins] | None = None
 
     def run(self, low: float, high: float, unit: str) -> LargestFeasible:
-        """Search between the coordinates `low`, which must satisfy the limits, and `high`."""
+        """Search between the coordinates `low`, which must satisfy the limits, and `high`. `unit`:
+        of the parameter's values, for the result."""
         known = self.margins(np.linspace(low, high, self.lanes))
         self._require_smallest(known)
         # The first sweep is coarse: just below its first violation another one may lie between two

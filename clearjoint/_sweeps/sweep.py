@@ -192,8 +192,8 @@ def _constant_numbers(tree: PyTree, varied: PyTree[bool], name: str) -> dict[str
     `name`. `varied` tells for each leaf of the PyTree whether it differs between lanes."""
     varies = {key: any(jax.tree.leaves(flags)) for key, (flags, _) in parameters(varied).items()}
 
-    # bodies['rod'].mass becomes bodies.rod.mass. netCDF allows in names neither "'" nor "/", and as
-    # SciPy writes it, only Latin letters.
+    # bodies['rod'].mass becomes bodies.rod.mass. Names in netCDF files, as xarray writes them,
+    # contain neither "'" nor "/"; those that SciPy writes contain Latin letters only.
     def written(key: str) -> str:
         key = re.sub(r"""\[['"]""", ".", re.sub(r"""['"]\]""", "", key))
         key = key.replace("'", "\\x27").replace("/", "\\x2f")
@@ -275,10 +275,10 @@ def sweep(
       are NaN. Sweeps can't save every step, and save impacts only by an `ImpactTable`.
     - `path`: folder of a Zarr store, which is written chunk by chunk. If it is the store of this
       sweep, only missing or damaged lanes are computed, so that axes, further values of an axis,
-      and outputs can be added later; but not axes of vectors with components of 0 or 1. A store
-      recognises its sweep by the numbers of its lanes and by the programs that JAX traces, not by
-      source texts or names. `open_sweep(path)` and ``xarray.open_zarr(path)`` read the store, also
-      of an unfinished sweep. A process that is killed loses the running lanes and, of the ended
+      and outputs can be added later, but no axis of a vector with a component of exactly 0 or 1. A
+      store recognises its sweep by the numbers of its lanes and the programs that JAX traces, not
+      by source texts or names. `open_sweep(path)` and ``xarray.open_zarr(path)`` read the store,
+      also of an unfinished sweep. A process that is killed loses the running lanes and, of ended
       ones, about one second of computing; on a slow disk, also lanes of incomplete chunks.
     - `executor`: a `concurrent.futures.Executor` or a `dask.distributed.Client` that computes the
       chunks; by default threads of this process share the lanes. Processes must be spawned, not

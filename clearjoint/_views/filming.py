@@ -139,7 +139,7 @@ def _covered(
     """Yield the points that each triangle covers in a grid of `width` by `height` points, for a
     group of triangles at a time: indices of the points, (M,), counted row by row; indices of their
     triangles, (M,); and values at the points, (M,), interpolated linearly between the `values` at
-    the `corners`. These are counter-clockwise, in distances of points, from the lower left."""
+    the `corners`, which are counter-clockwise: x and y from the grid's lower left, in spacings."""
     a, b, c = (corners[:, j] for j in range(3))
     # Point (i, k) of the grid is at x = i + 0.5, y = k + 0.5. A line is the part of a row of points
     # inside a triangle; lines are numbered triangle by triangle.

@@ -353,9 +353,9 @@ class SketchingPen(AbstractPen):
     def body(self, name: str, body: Body) -> None:
         """Draw a body as a bar around the points of its joints and forces.
 
-        With at most one such point, or points that span less than half the longest side of its
-        equivalent solid along each body axis, this solid is drawn too, and the bar also reaches the
-        centre of mass. A body with a block, a gear or walls and at most one point needs no bar.
+        The body's equivalent solid is drawn too, and the bar reaches the centre of mass, if there
+        is at most one point, or the points span less than half the solid's longest side along each
+        axis. Nothing is added to a block, gear or walls of a body with at most one point.
         """
         points = self._distinct(name)
         # Blocks, gears and walls need no further shape.

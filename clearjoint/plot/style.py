@@ -230,7 +230,7 @@ class ScaledValues(NamedTuple):
 def scaled(data: xr.DataArray, axis: Axis | None = None) -> ScaledValues:
     """Convert data to the unit with the prefix that brings the largest magnitude between 1 and
     1000, and make the label of their axis; but if the `axis` to draw on has a label already, such
-    as "force, kN", keep its unit."""
+    as "force, kN", keep its unit. Note the unit without prefix on the `axis`."""
     values = np.asarray(data.values, dtype=float)
     exponent, unit = _prefixed(values, data.attrs.get("units", "1"))
     base = unit.removeprefix(PREFIXES[exponent])
@@ -238,11 +238,9 @@ def scaled(data: xr.DataArray, axis: Axis | None = None) -> ScaledValues:
     present = "" if axis is None else axis.get_label_text()
     if present:  # both data have one axis, and thus one prefix
         # The unit is unknown, except from the label, on an axis that another function labelled.
-        names, drawn, remedy = (
-            present.replace("\n", " "),
-            getattr(axis, UNIT, None),
-            "draw it into new axes",
-        )
+        names = present.replace("\n", " ")
+        drawn = getattr(axis, UNIT, None)
+        remedy = "draw it into new axes"
         if unit != "1":  # only labels of data with a unit end with one
             exponents = {prefix + base: power for power, prefix in PREFIXES.items()}
             names, _, unit = names.rpartition(", ")
@@ -252,7 +250,9 @@ def scaled(data: xr.DataArray, axis: Axis | None = None) -> ScaledValues:
         else:
             # Data without unit don't fit an axis whose label ends with a unit, such as "mm/s".
             last = names.rpartition(", ")[2].split("/")[0]
-            has_unit = last in {prefix + base for prefix in PREFIXES.values() for base in PREFIXED}
+            has_unit = last in {
+                prefix + plain for prefix in PREFIXES.values() for plain in PREFIXED
+            }
             fits = drawn == "1" or (drawn is None and not has_unit)
             require(fits, "axes", present, "axes of data in 1", remedy)
         # The label lists the names of all data on the axis, each once.

@@ -234,12 +234,11 @@ def convergence(
     x = style.scaled(dataset[axis], axes.xaxis)
     y = style.scaled(of_lanes(dataset, variable, (axis,)), axes.yaxis)
     used = style.inside(dataset[axis].values, within, "within", "swept values", "widen it")
-    rate, factor = _power_law(x.values[used], y.values[used])
+    rate, factor, fitted = _power_law(x.values[used], y.values[used])
     # Adding zero makes the "-0.00" of a small negative rate "0.00".
     text = f"rate {round(rate, 2) + 0.0:.2f}"
     text = text if label is None else f"{label}: {text}"
     axes.plot(x.values, y.values, "o", color=colour, markersize=5, markeredgewidth=0)
-    fitted = x.values[used & (x.values > 0.0) & (y.values > 0.0)]
     ends = np.array([fitted.min(), fitted.max()])
     axes.plot(ends, factor * ends**rate, color=colour, linewidth=1.5, label=text)
     axes.set(xscale="log", yscale="log")
@@ -266,9 +265,9 @@ def power_law_exponent(
     return _power_law(dataset[axis].values[used], values[used])[0]
 
 
-def _power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    # The exponent p and the factor C of y = C x^p.
+def _power_law(x: np.ndarray, y: np.ndarray) -> tuple[float, float, np.ndarray]:
+    # The exponent p and the factor C of y = C x^p, and those x at which x and y are positive.
     positive = (x > 0.0) & (y > 0.0)
     require(positive.sum() >= 2, "within", y, "with at least two positive values", "widen it")
     exponent, logarithm = np.polyfit(np.log(x[positive]), np.log(y[positive]), 1)
-    return float(exponent), float(np.exp(logarithm))
+    return float(exponent), float(np.exp(logarithm)), x[positive]

@@ -145,7 +145,7 @@ PAIRS = {
         lambda scene: scene.bodies[BODY].mass,
     ),
 }
-SAME = "must be names of different numbers, but is {}"
+SAME = "must be each of another number, but is {}"
 
 
 @pytest.mark.parametrize("pair", PAIRS)

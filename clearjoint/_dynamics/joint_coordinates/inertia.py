@@ -191,13 +191,13 @@ def projected(columns: Sequence[Twist], offset: Vector, load: Twist) -> tuple[Sp
 def momenta(
     columns: Sequence[Twist], carried: Inertia, armature: Scalar | None
 ) -> tuple[list[Twist], list[Speeds], list[Twist]]:
-    """Return three lists with an entry for a unit of each speed: the momentum of the carried
-    bodies; the products of this momentum with the columns; and the part of the momentum that acts
-    on the carrier. The last two include the inertia of a rotor, the `armature` a.
+    """Return three lists with an entry for a unit of each speed of a joint, whose twists are the
+    `columns`: the momentum of the carried bodies; the products of this momentum with all columns;
+    and its part that the carrier feels (see `constrained`). The last two include a rotor's inertia.
 
-    A rotor resists u' = r - axis . (angular acceleration of the carrier). So a is added to the
-    product of a column with itself, and -a axis to the part that acts on the carrier, with which
-    `Inertia.without` also adds a axis axis^T to the carrier's inertia.
+    A rotor resists u' = r - axis . (angular acceleration of the carrier) by its inertia J, the
+    `armature`. So J is added to the product of a column with itself, and -J axis to the carrier's
+    part; from the latter, `Inertia.without` gets the term J axis axis^T of the carrier's inertia.
     """
     wholes = [carried.momentum(column) for column in columns]
     # Row k of the block has the products of the momentum for a unit of speed k.
@@ -281,8 +281,8 @@ def absorbed(
 
 
 def followed(joint: LoadedJoint, alone: Speeds, carrier: Twist) -> tuple[Speeds, Twist]:
-    """Return the rates r of a joint and the acceleration of the body that it carries, for the
-    acceleration `carrier` of its carrier. `alone` are the rates r without this acceleration."""
+    """Return the rates r of a joint, which are accelerations, and the acceleration of its body, for
+    the acceleration `carrier` of its carrier. `alone`: the rates r if the latter is zero."""
     twist, rates = at_offset(carrier, joint.offset), alone
     if joint.gains:
         pairs = zip(alone, joint.gains, strict=True)

@@ -290,7 +290,7 @@ class Place(NamedTuple):
 
 
 class Topology:
-    """The `trees` of a scene, each a list of places with the root first and a parent before its
+    """The `trees` of a scene, each a list of `Place`s with the root first and a parent before its
     children, and the `places` of all trees by name of body."""
 
     def __init__(self, trees: list[list[Place]]):

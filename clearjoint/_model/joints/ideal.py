@@ -528,4 +528,4 @@ class UniversalJoint(AbstractPairJoint):
 
 
 HingeOrSlider: TypeAlias = RevoluteJoint | PrismaticJoint
-"""A joint with one coordinate."""
+"""A hinge or a slider."""

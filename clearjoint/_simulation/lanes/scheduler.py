@@ -133,19 +133,19 @@ class Batch:
         with interruptions_deferred() as stopped:
             with ThreadPoolExecutor(count) as pool:
                 try:
-                    running = {pool.submit(group.run) for group in groups}
+                    futures = {pool.submit(group.run) for group in groups}
                     # The threads compute without Python's lock. Meanwhile this thread passes
                     # results and progress to the callbacks, every `PERIOD` seconds and as soon as a
                     # group has ended.
-                    while running:
-                        ended, running = wait(running, PERIOD, FIRST_COMPLETED)
+                    while futures:
+                        ended, futures = wait(futures, PERIOD, FIRST_COMPLETED)
                         shared.stops = shared.stops or stopped()
                         # The groups that still run are known before the records are taken: in the
                         # other order, records that a group adds in between would be lost, because
                         # there might be no further iteration.
                         shared.hand_over(on_ended)
-                        for group in ended:
-                            group.result()  # raises the group's error
+                        for future in ended:
+                            future.result()  # raises the error of its group
                         on_progress(shared.running())
                 finally:
                     # Also after an error of a signal handler, such as a time limit.
@@ -166,15 +166,16 @@ class Batch:
 
 
 class _Programs:
-    """Compiled programs of a batch, and the layout of lanes in cells of 8 bytes.
+    """Compiled programs of a batch, and the places of a lane's numbers in the cells of its column.
 
-    - `own_cells`: layout of a lane's data, its `Task`; `own`: a `Task` whose leaves are the indices
-      of these cells in a column.
-    - `begin`, `outcome`, `columns[log]`: functions that make a compiled function: for a lane's
-      start, for its outcome, and for the columns of a log. Each thread makes functions of its own,
-      because two threads must not call one at the same time.
-    - `buffers[log]`: indices, in a column, of the cells of a buffer's rows, (rows, numbers), and
-      index of the cell with the count of its rows.
+    A log is a table that a lane records, such as the impacts of a contact; `log` is its name.
+
+    - `own_cells`: layout of a lane's data, its `Task`; `own`: a `Task` of the indices of its cells.
+    - `begin`, `outcome`, `columns[log]`: each makes a compiled function, which computes the first
+      states of lanes, their outcomes, or from blocks of rows the result columns of a log. Each
+      thread makes its own, because two threads must not call the same function at a time.
+    - `buffers[log]`: indices of the cells of a buffer's rows, (rows, numbers), and of the cell that
+      counts them.
     - `blocks[log]`: number of rows that are converted at once, and of numbers in each row.
     """
 

@@ -56,9 +56,9 @@ class Peak(AbstractQuantityReduction):
     step: it is searched for in the solver's dense output. At usual tolerances the peak of a contact
     force agrees with that of an `ImpactTable` to 1e-6 of its value.
 
-    All reductions of quantities look at them at a few instants of each step. But in free flight,
-    which is integrated without error, a step may be as long as the flight. If a quantity isn't
-    about quadratic in time there, such as an eccentricity or a distance, limit the steps, by
+    Reductions evaluate their quantities at a few instants of each step. In free flight, which is
+    integrated without error, a step may be as long as the flight. Where a quantity is not nearly
+    quadratic in time there, such as an eccentricity or a distance, limit the length of steps:
     ``Settings(controller=diffrax.PIDController(rtol=1e-6, atol=1e-9, dtmax=1e-4))``.
 
     **Arguments:**

@@ -498,7 +498,8 @@ def _along_compiled(
     times: Numbers,
     states: State,
 ) -> Result:
-    """Return the results that `_along` returns, at the first `count` of N times and states."""
+    """Return the results of `quantity` or, with `rates`, their time derivatives, as in `_along`, at
+    N times and states. Only those of the first `count` have a meaning."""
     system = System(unpack(folded_scene), absolute)
 
     def at(t: Scalar, state: State) -> Result:

@@ -357,8 +357,8 @@ def predictor(
     - `outputs`: quantities by name, as in `sensitivities`, and reductions `Integral`, `Statistics`
       (mean and root mean square), `Peak` (the value), `DissipatedEnergy` and `MeanPowerLost`.
       Windows must have fixed edges; a peak must be smooth, or at a fixed time. Integrated
-      quantities may jump at contact events and breakpoints; of those that coincide, the mean of
-      their times is taken, which is exact if the parameters shift them alike.
+      quantities may jump at contact events and breakpoints; if several of these coincide, the mean
+      of their times is used, which is exact if the parameters shift all of them alike.
     - `times`: (N,) s, not decreasing, between start and end, at which quantities are evaluated; may
       be left out if the outputs have no quantity.
     - `settings`: tolerances, solver and coordinates; `clearjoint.presets.derivatives` unless given.

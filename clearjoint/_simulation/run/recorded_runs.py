@@ -426,6 +426,7 @@ def _recorded(recorder: Recorder, at: PyTree) -> _Recording:
 
 
 def _goes_on(run: Adjoint, step: Step) -> bool:
+    # As `running`, which is for compiled code: in Python this takes a few microseconds.
     is_before_end = bool(step.t < run.own_end and step.attempts < run.max_steps)
     return is_before_end and result_number(step.result) == SUCCESSFUL
 
@@ -485,8 +486,9 @@ def _through(
     serve: Callable[[int, PyTree], _LaneData | None],
 ) -> None:
     """Run lanes, which begin with `starts`, in the columns of a loop (see `made_lane_loop`).
-    Whenever a lane needs the host, now or "soon", `serve` gets its number and state, and returns
-    the data with which it goes on; ``None`` if it has ended. The next lane then gets the column."""
+    Whenever a lane needs the host, now or "soon", `serve` gets the lane's number and state, and
+    returns the lane's next data, or ``None`` if the lane has ended; the next lane then gets the
+    column."""
     first = next(starts)
     loop = made_lane_loop(step, status, (shared, *first))
     own_cells, state_cells = map(Cells, first)

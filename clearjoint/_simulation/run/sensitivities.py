@@ -4,7 +4,7 @@
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -202,9 +202,18 @@ def sensitivities(
     family = parametrised(scene, state, in_scene(parameters), coordinates)
     span = start_time, end_time, settings.length_of_first_step(start_time, end_time)
     start, end, first_step = (np.asarray(t, float) for t in span)
-    max_steps = np.asarray(settings.max_steps, int)
-    wanted = TangentRun(scheme, family, quantities, run_times, start, end, first_step, max_steps)
-    wanted = replace(wanted, recorders=requested.recorders(), has_states=saved is not None)
+    wanted = TangentRun(
+        scheme=scheme,
+        family=family,
+        outputs=quantities,
+        times=run_times,
+        start_time=start,
+        end_time=end,
+        first_step=first_step,
+        max_steps=np.asarray(settings.max_steps, int),
+        recorders=requested.recorders(),
+        has_states=saved is not None,
+    )
     with compiling_bar(progress):
         run = recorded_run(wanted, save.impacts)
         values, derivatives = run.values, run.derivatives

@@ -144,7 +144,7 @@ class Strobe:
             needed = max(multiple, CONFIRMING)
             changes = self.change(multiple) if len(self.rows) > multiple else np.zeros(0)
             if len(changes) >= needed and bool(np.all(changes[-needed:] <= tolerance)):
-                # A vibration that decays may resemble itself best after m periods, but vanishes.
+                # A decaying vibration may repeat best after m periods, but has no such period.
                 decay = any(self._decays(fewer, needed) for fewer in range(1, multiple))
                 return None if decay else multiple
         return None
@@ -265,8 +265,8 @@ def settle(
       motion over 0.1 m, 1e-5 is a micrometre. With a section, they are relative to the mean time
       between crossings and to the largest magnitude of each channel. A motion is at rest if its
       ranges in the last three periods are at most `tolerance` times those of the whole motion.
-      A motion whose distance from its limit falls slowly, by a factor f in each period, is still
-      up to ``tolerance / (1 - f)`` away. `settings.rtol` must be well below `tolerance`.
+      If each period reduces the distance of a motion from its limit to f times its value, it may
+      still be ``tolerance / (1 - f)``. `settings.rtol` must be well below `tolerance`.
 
     **Returns:** a `Settled`. A motion that does not settle, or a run that fails, raises no error;
     `kind` of the result tells.

@@ -207,12 +207,13 @@ def _with_shifted_instants(
     speeds: EntrySpeeds,
     after: Scalar,
 ) -> Variables:
-    """Return `y` with the derivatives of the times for which forces changed at instants have acted.
+    """Return `y` plus, for each change of a force, the jump of the rates times the time since. This
+    time is zero except for rounding, but has derivatives, which `y` gets in this way.
 
-    **Arguments:** `changes`: name of the force, memories before and after, and time since the
-    instant, s, which alone has derivatives, of each change. `fixed`, `still`, `speeds`: system,
-    variables with the memories before all changes, and entry speeds, without derivatives. `after`:
-    time just after the instants, s.
+    **Arguments:** `changes`: for each change, the force's name, its memories before and after, and
+    the time since its instant, s. Only these times have derivatives. `fixed`, `still`, `speeds`:
+    system, variables with the memories before all changes, and entry speeds. `after`: time just
+    after the instants, s.
     """
     forces = sampled_forces(fixed.scene)
 

@@ -1,10 +1,9 @@
 """Derivatives of integrals of quantities that jump at the event at which a step ends.
 
-An integral of a quantity that jumps at the time of an event has the derivative of this time, times
-the jump, in its own derivative. As in `.saltation`, the step ends at a time that is not
-differentiated, and the time tau from the event to this end, zero except for rounding, has the
-derivative of the time of the event with the opposite sign. So (g+ - g-) tau is added to the
-derivative of the integral, where g- and g+ are the quantity just before and just after the event.
+If a quantity jumps at an event, the derivative of its integral contains minus the jump times the
+derivative of the event's time. As in `.saltation`, the step ends at a time that is not
+differentiated, and the time tau from the event to this end is zero except for rounding, but has
+derivatives, minus those of the event's time. So the jump times the derivative of tau is added.
 """
 
 from collections.abc import Mapping
@@ -13,7 +12,7 @@ from dataclasses import replace
 import jax
 import jax.numpy as jnp
 
-from ..._dynamics.breakpoints import one_sided_time, since_breakpoints
+from ..._dynamics.breakpoints import breakpoints, one_sided_time, since_breakpoints
 from ..._dynamics.contact_events import any_of, gap_pairs
 from ..._dynamics.contact_forces import EntrySpeeds
 from ..._dynamics.system import System
@@ -23,8 +22,8 @@ from .step_state import Variables
 from .trial_step import Trial
 
 EARLIER = 1e-8
-"""Part of a step by which g- is evaluated before the event: more than the rounding errors of
-penetrations, and so little that a continuous quantity does not change noticeably."""
+"""Part of a step by which an integrand is evaluated before the event: more than the rounding errors
+of penetrations, and so little that a continuous integrand does not change noticeably."""
 
 
 def with_integrand_jumps(
@@ -36,15 +35,16 @@ def with_integrand_jumps(
     If several events coincide, the mean of their times is taken.
     """
     system, family, step = trial.system, trial.family, trial.step
-    if family is None or not system.formulation.integrands:
+    has_events = system.scene.contact_joints() or breakpoints(system.scene)
+    if family is None or not system.formulation.integrands or not has_events:
         return tangents
     assert trial.tangents is not None
 
-    def since(system: System, y: Variables) -> Scalar:
-        return _since_events(trial, system, y)[1]
+    def since(system: System, y: Variables) -> tuple[Scalar, Condition]:
+        return _since_events(trial, system, y)
 
-    lands, _ = _since_events(trial, system, trial.outcome.y)
-    time, along = family.with_derivatives(since, (trial.outcome.y,), (trial.tangents.y,))
+    ends = (trial.outcome.y,), (trial.tangents.y,)
+    time, lands, time_along = family.with_auxiliary(since, *ends)
 
     def jumps() -> dict[str, Scalar]:
         # The rates at the end of the step, by which the motion is moved back before the event.
@@ -54,26 +54,27 @@ def with_integrand_jumps(
         before = replace(before, motion=motion)
         # The changes of memories are in the correction at the instants of sampled forces.
         after = replace(y, memory=before.memory)
-        at_start = _integrands(system, before, step.entry_speeds, step.t, trial.t1)
-        at_end = _integrands(system, after, entry_speeds, trial.t1, trial.t1)
-        return {name: value - at_start[name] for name, value in at_end.items()}
+        values_before = _integrands(system, before, step.entry_speeds, step.t, trial.t1)
+        values_after = _integrands(system, after, entry_speeds, trial.t1, trial.t1)
+        return {name: value - values_before[name] for name, value in values_after.items()}
 
     def none() -> dict[str, Scalar]:
         return dict.fromkeys(system.formulation.integrands, jnp.zeros(()))
 
     changes = jax.lax.cond(keep & lands, jumps, none)
-    work = {name: tangents.work[name] + change * along for name, change in changes.items()}
+    work = {name: tangents.work[name] + change * time_along for name, change in changes.items()}
     return replace(tangents, work={**tangents.work, **work})
 
 
-def _since_events(trial: Trial, system: System, y: Variables) -> tuple[Condition, Scalar]:
-    """Return whether the step ends at an event, and the time from the event to the end, s."""
+def _since_events(trial: Trial, system: System, y: Variables) -> tuple[Scalar, Condition]:
+    """Return the time, s, from the event at which the step ends to this end, zero without an event;
+    and whether there is an event."""
     step, after = trial.step, system.contact_gaps(y.motion)
     events = list(since_breakpoints(system, step.t, trial.t1).values())
     events += [time_since_event(before, gap) for before, gap in gap_pairs(step.contact_gaps, after)]
     count = sum(jnp.asarray(lands, float) for lands, _ in events)
     total = sum(time for _, time in events)
-    return any_of(lands for lands, _ in events), total / jnp.maximum(count, 1.0)
+    return total / jnp.maximum(count, 1.0), any_of(lands for lands, _ in events)
 
 
 def _integrands(

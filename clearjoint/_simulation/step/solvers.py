@@ -178,7 +178,7 @@ def _by_leaf(function: Callable[..., Scalar], numbers: PyTree[Scalar], *trees: Y
 
 
 def _rates_by_fraction(rates: Y, x: float, time_map: AbstractTimeMap | None) -> Y:
-    """Return `rates`, dy/dt at the fraction x of a step, times the slope of its time map there."""
+    """Return `rates`, dy/dt, times the slope of the step's time map at x; unchanged without map."""
     return rates if time_map is None else _by_leaf(multiply, time_map.slope(x), rates)
 
 

@@ -134,7 +134,7 @@ def _programs(stored: Contents, wanted: Contents, without_run: bool) -> Iterator
     # See `fold_constants`.
     why = (
         f", perhaps because axis {' or '.join(added)} is of a vector with components that are "
-        "exactly 0 or 1 in the scene: a store can't be extended by such an axis"
+        "exactly 0 or 1 in the scene: a store can't be extended by such an axis, use another `path`"
     )
     for name, program in stored.identity.programs.items():
         if program != new.get(name, program) and not (without_run and name == RUN):

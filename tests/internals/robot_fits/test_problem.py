@@ -1,5 +1,6 @@
 """The problem of a fit of a robot to its log."""
 
+import re
 from types import SimpleNamespace
 from typing import Any
 
@@ -40,10 +41,12 @@ def test_what_drives_is_logged_at_times_of_its_own(mode, first, last, tmp_path):
     options = {"angles": columns[0], "torques": columns[1], "missing": "drop"}
     log = cj.RobotLog.read(table, **options)
     if max(first, last) > 2:
-        message = f"`{mode.split()[-1]} that drives 'elbow'` must be logged from 0 to 0.495 s"
-        with pytest.raises(ValueError, match=message):
+        part = "angles" if mode == "angle" else "torques"
+        message = rf"`log.{part}\['elbow'\]` must be from 0 to 0.495 s, since it drives 'elbow'"
+        with pytest.raises(ValueError, match=message) as refused:
             robot_problem(robot, log, {}, {"elbow": mode})
-        log = log.between(first / 200.0 - 1e-9, (99 - last) / 200.0 + 1e-9)
+        advice = re.search(r"log\.between\((.+), (.+)\)", str(refused.value))
+        log = log.between(*map(float, advice.groups()))
     problem = robot_problem(robot, log, {}, {"elbow": mode})
     if mode == "angle":  # From its start, the run has the motion that was logged.
         outputs = {"q": cj.quantities.JointAngle("elbow")}

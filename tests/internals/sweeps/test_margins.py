@@ -186,7 +186,7 @@ MISTAKEN = {
     ),
     "draws of the parameter": (
         {"draws": {"x": cj.Axis(lambda scene: scene.joints["shoulder"].clearance, [1e-4])}},
-        r"`draws` must be names of different numbers, but is \['parameter', 'x'\]",
+        r"`draws` must be each of another number, but is \['largest_value', 'x'\]",
     ),
     "two lanes": ({"lanes": 2}, "`lanes` must be at least 3"),
     "a tolerance": ({"tolerance": 0.0}, "`tolerance` must be positive"),
