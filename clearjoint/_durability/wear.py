@@ -72,8 +72,7 @@ wide, covers half of the circumference."""
 EXTREMES = {"penetration": "m", "force": "N"}
 """Unit of each quantity, by name, of which a result contains the largest value in each stage."""
 LARGEST_LOSS = 0.05
-"""Largest difference between a profile and the spline through it at the `samples`, divided by the
-profile's range."""
+"""Largest difference between a profile and the spline through its `samples`, over its range."""
 STEPS_PER_SAMPLE = 16
 """Smallest number of quadrature steps in a cycle, divided by the number of angles. If a contact
 circles the wall once a cycle, so many steps resolve its motion from one angle to the next."""

@@ -179,8 +179,7 @@ class JointWear(NamedTuple):
     - `joint`: the joint, unworn, with a spline for each part that wears.
     - `rates`: wear rates of bearing and journal, m^2/N.
     - `history`: the contacts of the joint.
-    - `direct`: (p, 2, samples) m per cycle, derivatives of the depths per cycle by the parameters,
-      at fixed depths.
+    - `direct`: (p, 2, samples) m per cycle, derivatives of the wear by parameters at fixed depths.
     """
 
     joint: ClearanceJoint

@@ -59,8 +59,7 @@ def directions(jacobian: Float[np.ndarray, "M p"]) -> list[Direction]:
 
 
 def chi_squared_p(chi_squared: float, degrees_of_freedom: int) -> float:
-    """Return the probability that noise alone gives a larger chi squared; NaN without degrees of
-    freedom."""
+    """Return the probability that noise alone gives more; NaN without degrees of freedom."""
     from scipy.special import chdtrc
 
     return float(chdtrc(degrees_of_freedom, chi_squared)) if degrees_of_freedom > 0 else math.nan

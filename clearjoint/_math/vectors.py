@@ -433,8 +433,7 @@ def library(parts: Sequence[Scalar]) -> ModuleType:
 
 
 def pack(tree: PyTree) -> PyTree:
-    """Replace each `Vector`, `EulerParameters` and `Matrix` in a PyTree by an array: the inverse of
-    `unpack`.
+    """Replace each `Vector`, `EulerParameters` and `Matrix` in a PyTree by an array; see `unpack`.
 
     >>> extend.pack(extend.Vector(1.0, 2.0, 3.0))
     array([1., 2., 3.])
