@@ -345,7 +345,8 @@ class Fit(AbstractTabular):
 
     @property
     def p_value(self) -> float:
-        """Probability that noise alone gives chi squared or more; NaN without degrees of freedom."""
+        """Probability that noise alone gives a chi squared at least as large; NaN without degrees
+        of freedom."""
         return statistics.chi_squared_p(self.chi_squared, self.degrees_of_freedom)
 
     @property
