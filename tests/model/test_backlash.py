@@ -150,6 +150,14 @@ def test_centred_joints_conform_and_hold_the_middle():
     assert float(row.value) == pytest.approx(0.5 * (upper - lower), rel=1e-12)
 
 
+def test_the_centred_backlash_is_zero_in_the_middle():
+    for angle, middle in ((0.4, 0.4), (0.4, 0.1), (-3.0, 3.0)):
+        motions = {"a": AT_REST, "b": spinning(angle, 0.0)}
+        row = unpack(backlash(middle=middle)).centred_joint().rows(motions, 0.0)["angle"]
+        wanted = math.remainder(angle - middle, 2.0 * math.pi)
+        assert float(row.value) == pytest.approx(wanted, abs=1e-12)
+
+
 def test_gears_on_axes_that_point_against_each_other_turn_in_the_same_ratio():
     flipped = replace(gears(), axis_second=np.array([0.0, 0.0, -1.0]))
     before, after = (meshing(flipped, angles=(x, 0.4 - x * 18 / 41)) for x in (0.2, 0.9))

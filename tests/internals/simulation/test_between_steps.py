@@ -46,6 +46,19 @@ def test_cubic_motions_are_exact_and_rotations_accurate():
     np.testing.assert_allclose(found.spin, [[0.0, 0.0, RATE]] * 6, atol=2e-5)
 
 
+def test_the_spin_between_steps_is_about_the_axis_of_the_rotation():
+    axis, half = np.array([2.0, 1.0, -2.0]) / 3.0, 0.5 * RATE * TIMES[:, None]
+    turning = body(TIMES)
+    turning.orientation[:] = np.hstack([np.cos(half), np.sin(half) * axis])
+    turning = cj.BodyState(
+        turning.position, turning.orientation, turning.velocity, RATE * axis + np.zeros((4, 3))
+    )
+    spins = (
+        states_between(TIMES, cj.State({"body": turning}), TIMES[:-1] + 0.03).bodies["body"].spin
+    )
+    np.testing.assert_allclose(spins, RATE * axis + np.zeros((3, 3)), atol=2e-5)
+
+
 def test_integrals_are_linear_and_entry_speeds_those_of_the_steps_start():
     rows = np.array([1.0, 2.0, 4.0, 3.0])
     vectors = rows[:, None] * [1.0, -1.0, 2.0]
