@@ -38,7 +38,7 @@ from .._parametrisation.readings import NO_ERRORS, SensorErrors, in_scene, senso
 from .._result_codes import RESULTS
 from .._simulation.run.outputs import EXAMPLE, RECORDED, requested_by
 from .._simulation.run.run_checks import derivative_scheme
-from .._simulation.run.sampling import Sampled, TangentRun, padded, sampled
+from .._simulation.run.sampling import Sampled, TangentRun, sampled
 from .._simulation.step import presets
 from .._simulation.step.settings import (
     Settings,
@@ -225,17 +225,8 @@ def experiment(
     sensors = sensor_errors(parameters, outputs)
     # The zeros are placeholders for coordinates that `Experiment.run` receives.
     family = parametrised(scene, state, in_scene(parameters), np.zeros(len(parameters)))
-    base = TangentRun(
-        scheme=scheme,
-        family=family,
-        outputs=dict(outputs),
-        times=on_device(padded(rising, end_time)),
-        start_time=on_device(start_time),
-        end_time=on_device(end_time),
-        first_step=on_device(settings.length_of_first_step(start_time, end_time)),
-        max_steps=on_device(settings.max_steps, int),
-        recorders=NO_RECORDERS,
-    )
+    span = start_time, end_time
+    base = TangentRun.of(scheme, family, dict(outputs), rising, span, settings, NO_RECORDERS)
     runs = Experiment(base, tuple(outputs), sensors)
     # With held parameters, runs have the same compiled program as without. They get coordinates of
     # the free parameters only, which replace entries of `whole`.

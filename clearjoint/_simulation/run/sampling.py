@@ -23,6 +23,7 @@ from ..._dynamics.contact_events import initial_entry_speeds
 from ..._dynamics.contact_forces import EntrySpeeds
 from ..._dynamics.sampled_forces import initial_memories
 from ..._dynamics.system import System
+from ..._fields.objects import on_device
 from ..._math.vectors import Condition, Scalar
 from ..._model.bodies import State
 from ..._model.joints.base import each_label
@@ -36,6 +37,7 @@ from ..._parametrisation.parametrised_scene import (
 from ..._result_codes import RESULTS
 from ..step.dense_output import Quantities, Snapshot, at_end, dense_time, look_inside, stabilised
 from ..step.method import Scheme, SystemFamily
+from ..step.settings import Settings
 from ..step.step_state import Attempt, Method, SolverState, Step, Tangents, Variables, choose
 from ..step.stepping import attempt, start
 from ..step.trial_step import term_of
@@ -218,6 +220,31 @@ class TangentRun(eqx.Module):
     max_steps: Integers
     recorders: dict[str, Recorders] = eqx.field(default_factory=dict)
     has_states: bool = eqx.field(static=True, default=False)
+
+    @staticmethod
+    def of(
+        scheme: Scheme,
+        family: ParametrisedScene,
+        outputs: Quantities,
+        times: np.ndarray,
+        span: tuple[float, float],
+        settings: Settings,
+        recorders: dict[str, Recorders],
+        has_states: bool = False,
+    ) -> "TangentRun":
+        """Return the run over a `span`, s, with the numbers of `settings`; `times` are padded."""
+        return TangentRun(
+            scheme=scheme,
+            family=family,
+            outputs=outputs,
+            times=on_device(padded(times, span[1])),
+            start_time=on_device(span[0]),
+            end_time=on_device(span[1]),
+            first_step=on_device(settings.length_of_first_step(*span)),
+            max_steps=on_device(settings.max_steps, int),
+            recorders=recorders,
+            has_states=has_states,
+        )
 
 
 def _sampled_from(first: Step, run: TangentRun) -> Sampled:

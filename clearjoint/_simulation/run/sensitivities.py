@@ -33,7 +33,7 @@ from .host_run import IMPACTS
 from .impact_recorder import impact_rows_of
 from .outputs import EXAMPLE, Output, Requested, requested_by
 from .run_checks import derivative_scheme
-from .sampling import Sampled, TangentRun, padded, recorded_run
+from .sampling import Sampled, TangentRun, recorded_run
 from .saving import Saving
 from .terminal import compiling_bar
 
@@ -195,30 +195,17 @@ def sensitivities(
     # One run serves both requests: quantities and states are evaluated at the times of both, and
     # selected afterwards.
     all_times = sample_times if saved is None else np.union1d(sample_times, saved)
-    # They are padded to one of few lengths, so that few programs are compiled.
-    run_times = padded(all_times, end_time)
     sensors = sensor_errors(parameters, quantities)
     coordinates = coordinates_of(scene, state, parameters)
     family = parametrised(scene, state, in_scene(parameters), coordinates)
-    span = start_time, end_time, settings.length_of_first_step(start_time, end_time)
-    start, end, first_step = (np.asarray(t, float) for t in span)
-    wanted = TangentRun(
-        scheme=scheme,
-        family=family,
-        outputs=quantities,
-        times=run_times,
-        start_time=start,
-        end_time=end,
-        first_step=first_step,
-        max_steps=np.asarray(settings.max_steps, int),
-        recorders=requested.recorders(),
-        has_states=saved is not None,
-    )
+    run_arguments = scheme, family, quantities, all_times, (start_time, end_time), settings
+    wanted = TangentRun.of(*run_arguments, requested.recorders(), saved is not None)
     with compiling_bar(progress):
         run = recorded_run(wanted, save.impacts)
         values, derivatives = run.values, run.derivatives
         if sensors.errors:
-            without_errors = values, derivatives, run_times - start_time, coordinates
+            elapsed = np.asarray(wanted.times) - start_time
+            without_errors = values, derivatives, elapsed, coordinates
             values, derivatives = with_sensor_errors(sensors, *without_errors)
     rows = _reached_rows(run, all_times, sample_times)
     states, impacts = None, None

@@ -30,10 +30,8 @@ def with_integrand_jumps(
     trial: Trial, y: Variables, entry_speeds: EntrySpeeds, tangents: Variables, keep: Condition
 ) -> Variables:
     """Return the `tangents` of the variables `y`, corrected for integrands that jump at the end of
-    an accepted step (`keep`). `y` and `entry_speeds` are those after all other corrections.
-
-    If several events coincide, the mean of their times is taken.
-    """
+    an accepted step (`keep`). `y` and `entry_speeds` are those after all other corrections. If
+    several events coincide, the mean of their times is taken."""
     system, family, step = trial.system, trial.family, trial.step
     has_events = system.scene.contact_joints() or breakpoints(system.scene)
     if family is None or not system.formulation.integrands or not has_events:
