@@ -34,6 +34,8 @@ def fit(study: Study, folder: Path) -> CommandResult:
     parameters, guess = fit_parameters(study, part)
     measured.check(study.scene)  # raises an error for sensors on unknown bodies or joints
     interrupted = False
+    # Before the fit: where no folder can be made, the results of a long fit would be lost.
+    folder.mkdir(parents=True, exist_ok=True)
 
     def say_iteration(iteration: Iteration) -> None:
         # Prints values in SI units: the coordinates of an iteration are on the parameters' scales.
@@ -123,7 +125,6 @@ def iteration_line(iteration: Iteration, most: int) -> str:
 
 def write_fit(result: Fit, folder: Path) -> dict[str, str | int | float]:
     """Write the fitted scene, tables and the report; return entries for the summary."""
-    folder.mkdir(parents=True, exist_ok=True)
     remove_old(folder, [f"{SERIES}*"])
     write_scene(folder, result.scene, result.state, "fitted.toml")
     write_table(folder, "estimates", result.to_xarray())

@@ -103,7 +103,7 @@ def _over_time(output: xr.DataArray) -> Axes:
 
 
 def _save(folder: Path, name: str, axes: Axes) -> None:
-    file = folders.file_name(name.replace(" ", "_"))
+    file = folders.file_name(name)
     (folder / folders.FIGURES).mkdir(exist_ok=True)
     figure = axes.get_figure(root=True)
     assert figure is not None
@@ -259,7 +259,7 @@ def write_page(folder: Path, *parts: str) -> None:
 def _picture(path: Path) -> str:
     content = path.read_bytes()
     data = base64.b64encode(content).decode()
-    name = escape(path.stem.replace("_", " "))
+    name = escape(path.stem)
     # The header of a PNG has its width. Pictures have more pixels than the page needs, so that they
     # stay sharp on screens with a high resolution.
     width = round(int.from_bytes(content[16:20], "big") * 0.55)

@@ -120,6 +120,7 @@ def read_robot_fit(robot_file: Path, log_file: Path, path: Path) -> RobotFitStud
 def fit_robot_of(study: RobotFitStudy, folder: Path) -> CommandResult:
     """Fit a robot and write the results to a folder; after Ctrl-C nothing is written."""
     parts = study.parts
+    folder.mkdir(parents=True, exist_ok=True)  # before the fit, whose results would else be lost
     try:
         with study.location.in_errors():
             result = fit_robot(

@@ -68,13 +68,14 @@ def run(study: Study, folder: Path) -> CommandResult:
     # For the figures, each interval between saved states is divided: rounded up, into so many parts
     # that there are at least `DRAWN`.
     parts = -(-DRAWN // (len(times) - 1))
+    # Before the run: where no folder can be made, the results of a long run would be lost.
+    folder.mkdir(parents=True, exist_ok=True)
     solution, code = _simulated(study, settings, extremes, divided(times, parts))
     drawn = solution.saved
     if drawn is not None:
         # Every `parts`-th time is one at which the study saves a state.
         saved = jax.tree.map(lambda rows: rows[::parts], drawn)
         solution = replace(solution, saved=saved, saved_count=len(saved))
-    folder.mkdir(parents=True, exist_ok=True)
     names = [folders.DRAWN, folders.MOTION, folders.OBSERVED, folders.IMPACTS, folders.OUTPUTS]
     names += [f"{prefix}*" for prefix in PREFIXES.values()]
     folders.remove_old(folder, names, [folders.NUMBERS, folders.PDF, folders.VIEW])
@@ -161,6 +162,11 @@ def extremes_of(part: RunPart, settings: Settings) -> dict[str, AbstractReductio
         if isinstance(output, AbstractQuantity) and output.unit in SHARP:
             extremes[name + LARGEST] = Peak(output, output.unit)
             extremes[name + SMALLEST] = Peak(Negative(output), output.unit)
+    if hidden := extremes.keys() & part.outputs.keys():
+        raise ValueError(
+            f"run.outputs: got {min(hidden)!r}, expected a name that no extreme of another output "
+            "has: rename the output."
+        )
     if extremes:
         # Only explicit Runge-Kutta methods have dense output. `redundant` does not affect the
         # solver, so any value serves here.

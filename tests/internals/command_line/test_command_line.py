@@ -496,7 +496,7 @@ def test_sections_of_a_zipped_sweep_are_drawn_over_its_first_axis(tmp_path):
     axes = {"a": ("lane", [1.0, 2.0], {"units": "m"}), "b": ("lane", [3.0, 5.0])}
     (tmp_path / "summary.json").write_text('{"kind": "sweep", "title": "zipped"}')
     reports.write_sweep_report(tmp_path, xr.Dataset(variables, axes))
-    assert [path.stem for path in (tmp_path / "figures").iterdir()] == ["low_speed"]
+    assert [path.stem for path in (tmp_path / "figures").iterdir()] == ["low speed"]
 
 
 def test_forces_are_drawn_of_joints_that_have_not_worn(tmp_path):
@@ -611,7 +611,7 @@ def test_a_run_writes_tables_figures_and_a_page(folder):
     changed("run.sections.low", "run.sections.high")
     succeeds("run", "study.toml")
     assert [path.stem for path in out.glob("section *.nc")] == ["section high"]
-    assert not (out / "figures" / "section_low.png").exists()
+    assert not (out / "figures" / "section low.png").exists()
 
 
 def draws_again(folder: Path, pictures: list[Path]) -> None:
@@ -620,6 +620,31 @@ def draws_again(folder: Path, pictures: list[Path]) -> None:
         path.unlink()
     succeeds("report", str(folder))
     assert sorted((folder / "figures").glob("*.png")) == pictures
+
+
+def test_outputs_do_not_share_a_figure_or_a_row(folder):
+    height = 'outputs.height = { kind = "Position", body = "rod", component = "y" }'
+    again = height.replace("height", "the_height"), height.replace("height", '"the height"')
+    changed(height, "\n".join(again))
+    assert invoke("run", "study.toml", "--out", "out").exit_code == 0
+    figures = {path.name for path in Path("out/figures").iterdir()}
+    assert {"output the height.png", "output the_height.png"} <= figures
+    changed("outputs.height", 'outputs."force smallest"')
+    is_refused("'force smallest'.*rename the output", "run", "study.toml")
+
+
+def test_where_no_folder_can_be_made_nothing_is_computed(folder, monkeypatch):
+    def computes(*arguments, **options):
+        raise AssertionError("computed")
+
+    monkeypatch.setattr(running, "simulate", computes)
+    monkeypatch.setattr(fitting, "identify", computes)
+    Path("rig.csv").write_text("time [s],height [m]\n0.01,0.1\n0.02,0.1\n")
+    for command in ("run", "fit"):
+        outcome = invoke(command, "study.toml", "--out", "rod.toml/out")
+        assert isinstance(outcome.exception, SystemExit), outcome.exception
+        assert outcome.exit_code != 0, outcome.output
+        assert "rod.toml" in outcome.output, outcome.output
 
 
 @pytest.mark.parametrize("name", ["a b", "x/mm", "x" * 300])
