@@ -61,7 +61,7 @@ class Negative(AbstractQuantity):
 
 
 def run(study: Study, folder: Path) -> CommandResult:
-    """Run a study's scene and write its tables, of the results so far after a failure or Ctrl-C."""
+    """Run a study's scene and write the tables of its results, also after a failure or Ctrl-C."""
     settings = study.settings("run")
     extremes = extremes_of(study.parts.run, settings)
     times = study.parts.run.saved_times(study.end())
@@ -184,7 +184,8 @@ def extremes_of(part: RunPart, settings: Settings) -> dict[str, AbstractReductio
 def write_results(
     study: Study, solution: Solution, extremes: Mapping[str, AbstractReduction], folder: Path
 ) -> tuple[float, str]:
-    """Write the tables of a run; return the largest force of a contact, N, and its label."""
+    """Write the tables of a run, with `extremes`, the result of `extremes_of`. Return the largest
+    force of a contact, N, and the contact's label."""
     # The peak of a `Negative` is the negative of the smallest value.
     smallest = {name: -solution.outputs[name] for name in extremes if name.endswith(SMALLEST)}
     solution = replace(solution, outputs={**solution.outputs, **smallest})

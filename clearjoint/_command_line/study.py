@@ -397,7 +397,7 @@ class Study(AbstractStudy):
 
     def check_elements(self, named: Mapping[str, Output], *keys: str) -> None:
         """Raise a `ValueError` if the scene lacks an element that one of the outputs `named` (by
-        name) refers to. `keys`: those of the outputs' table in the file, for the error."""
+        name) refers to. `keys` lead to the outputs' table in the file, as "run", "outputs"."""
         for name, entry in named.items():
             with self.location.at(*keys, name).in_errors():
                 if isinstance(entry, AbstractQuantity | RECORDED):

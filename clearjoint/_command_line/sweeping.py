@@ -91,7 +91,7 @@ def sweep_axes(study: Study, part: SweepPart) -> dict[str, Axis]:
 
 
 def shape_of_lanes(axes: dict[str, Axis], part: SweepPart) -> list[int]:
-    """Return the number of values of each axis, or of zipped axes their common number."""
+    """Return the number of values of each axis; only their common number if axes are zipped."""
     sizes = [axis.values.size for axis in axes.values()]
     return sizes[:1] if part.zipped else sizes
 

@@ -272,9 +272,9 @@ def shared_by_many(calls: int, function: Callable[..., Result], *arguments: PyTr
 
 
 def kind_of_leaf(leaf: PyTree) -> tuple[PyTree, ...]:
-    """Return what of a leaf a program depends on. For an array, this is `ARRAY`, shape, dtype, and
-    whether the type is weak (of a Python number, which takes the type of the other operand); for
-    any other leaf, its type and the leaf itself, a float by its digits."""
+    """Return those properties of a leaf on which a program depends. Of an array: `ARRAY`, shape,
+    dtype, and whether this is weak, as that of a Python number, which adopts the other operand's
+    dtype. Of any other leaf: its type and the leaf, in place of a float its hexadecimal text."""
     # The attributes of a tracer itself take ten times as long as those of its `aval`.
     array: PyTree = leaf.aval if isinstance(leaf, Tracer) else leaf
     if array is not leaf or _is_array(leaf):
@@ -337,8 +337,8 @@ def seconds_of_compiling() -> float:
 
 
 def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Wrap a function so that the time of `seconds_of_compiling` begins when JAX traces it. The
-    time ends with the context `program_is_made_inside`, within which the program must be called."""
+    """Wrap a function so that the time that `seconds_of_compiling` returns begins when JAX traces
+    the function within the context `program_is_made_inside`. The time ends with this context."""
 
     @wraps(function)
     def traced(*arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
@@ -355,8 +355,8 @@ def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Argument
 
 @contextmanager
 def program_is_made_inside() -> Iterator[None]:
-    """Context at whose end this thread's time in `seconds_of_compiling` ends, unless the time began
-    before the context."""
+    """Context in which a traced program may begin this thread's time of `seconds_of_compiling`. The
+    time ends with the context in which it began, which may be an outer one."""
     thread = threading.get_ident()
     is_inner = thread in _began
     before = _began.setdefault(thread, None)

@@ -348,9 +348,9 @@ def life_derivatives(
 class CycleRun:
     """Arguments of `wear`, checked by `check`; `measure` makes the run of a stage with them.
 
-    `directions` has the parameters and the logarithms of the wear rates by name; empty without
-    derivatives. A store is recognised by the `repr` of this object and by `cycles`; other fields
-    that are not in the `repr` may change when the store is continued.
+    `directions`: result of `directions_of`, for derivatives; empty without them. A store is
+    recognised by the `repr` of this object and by `cycles`; other fields that are not in the `repr`
+    may change when the store is continued.
     """
 
     rates: Mapping[str, WearRates]
@@ -466,8 +466,8 @@ class CycleRun:
         """Return the largest relative difference of the two halves of the measured cycles.
 
         The depths of each joint are compared, and the derivatives of all joints by each parameter.
-        The difference is |S1 - S2| / max(A1, A2): S sums a half over all angles of bearing and
-        journal, and A sums the magnitudes, since derivatives may cancel in S.
+        The difference is |S1 - S2| / max(A1, A2). S1 and S2 are the sums of the two halves over all
+        angles of bearing and journal, A1 and A2 those of the magnitudes, which can't cancel.
         """
         depths, slopes = measured.halves[:, 0], measured.halves[:, 1:]
         # A row of two numbers, one for each half, for each joint and then for each parameter.
@@ -653,8 +653,8 @@ class _Stages:
         ]
 
     def _refuse(self, failure: str, difference: float) -> None:
-        """Set the field `failure`, or in the first stage raise an error, for a run with a `failure`
-        or with halves whose wear has a `difference` above the tolerance."""
+        """Set the field `failure`, or in the first stage raise an error: the run failed or, if the
+        text `failure` is empty, the halves of its cycles have too large a `difference` in wear."""
         reason = f"the run of a stage failed: {failure}"
         if not failure:
             reason = f"the two halves of the measured cycles differ by {difference:.3g} in wear"
@@ -718,10 +718,10 @@ class _Stages:
         self.depths.append(depths)
 
     def _grown(self, length: float, end: list[JointWear] | None = None) -> tuple[np.ndarray, float]:
-        """Return the depths at the end of a stage of `length` cycles after the last run, and its
-        number of cycles, which is smaller if the `depth` of `wear` ends the computation before.
+        """Return the depths after `length` cycles from the last stage in `rates` on, and the number
+        of cycles, which is smaller if the depths reach the goal `depth` of `wear` before.
 
-        With `end`, the wear of each joint in a run after the stage, these are the corrected depths.
+        With `end`, the wear of each joint in a run after these cycles, return the corrected depths.
         """
         run, stage = self.run, len(self.rates) - 1
         rows, per_cycle, pressed = self.depths[stage], self.rates[stage], self._pressed()
@@ -814,8 +814,8 @@ class _Store:
     digest: str
 
     def write(self, result: "xr.Dataset", contacts: Mapping[str, tuple]) -> None:
-        """Replace the store by one of a result of `wear` and of `_Stages.contacts`. At any time,
-        `_folder` returns a complete store, even after the process is killed."""
+        """Replace the store by a new one with a `result` of `wear` and the `contacts` of `_Stages`.
+        At any time, even after the process is killed, `_folder` returns a complete store."""
         old = _old(self.path)
         remove_abandoned(self.path)
         with unfinished(self.path) as new:

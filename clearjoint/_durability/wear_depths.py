@@ -186,14 +186,14 @@ def shares(
     axes: PlanarAxes,
 ) -> Float[jax.Array, "T samples"]:
     """Return the share of the wear at one base that falls on each of the `angles`, rad, at each
-    time. `x`, `y`: eccentricity of the base in the bearing's frame, m.
+    time. In the bearing's frame, `x`, `y` are the base's eccentricity, m, and `axes` the journal's.
 
     At each angle, max(penetration + onset + extra, 0), m, is divided by its sum over all angles.
     The penetration is the overlap in this direction less the clearance, and the onset the distance
     of the surfaces at which the force begins. A contact may be so narrow that it lies between two
-    angles. The extra depth, 0.5 room spacing^2, therefore gives even a contact without penetration
-    a half-width of one spacing of the angles, rad: it is the gap of two circles at one spacing from
-    the deepest point. The room is the clearance plus the mean deviations of the profiles, m.
+    angles. The extra depth therefore gives even a contact without penetration a half-width of one
+    spacing s of the angles, rad. It is r s^2/2, the gap of two circles at one spacing from the
+    deepest point, where the room r is the clearance changed by the profiles' mean deviations, m.
     """
     samples = np.shape(angles)[-1]
     # A deviation of the bearing enlarges the room, a deviation of the journal reduces it.

@@ -143,8 +143,8 @@ def derivatives_in_spans(
     of the depths that wear off in several spans of time, and the run's result code.
 
     The derivatives are (spans, p, joints, 2, samples), bearing before journal, at `samples` angles,
-    m per unit of each parameter's coordinate; ``None`` if the run failed. `spans` are the times of
-    each span, from `quadrature_times`, and `directions` the result of `directions_of`.
+    m per unit of each parameter's coordinate; ``None`` if the run failed. `spans`: times of each
+    span, from `quadrature_times`; `rates`: wear rates; `directions`: result of `directions_of`.
     """
     # Spans that follow each other share a time, which `unique` takes once.
     times = np.unique(np.concatenate(spans))

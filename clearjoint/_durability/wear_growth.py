@@ -48,9 +48,9 @@ def contact_history(
     signals: Signals,
     cycles: float,
 ) -> History:
-    """Return the contacts of a joint from which `depths`, m, had worn off, from its `signals` at
-    the `times`, s. The work is divided by `cycles`: the cycles in the times, or, if histories of
-    several spans of time are to be joined, the cycles of all spans."""
+    """Return the contacts of a joint that had lost `depths`, m, by its `signals` at the `times`, s.
+    `cycles` divides the numbers "work" (see `NUMBERS`). It is the number of cycles in `times` or,
+    if histories of several spans of time are to be joined, in all spans."""
     count = INSTANTS_PER_SAMPLE * depths.shape[1]
     bases = []
     for base in BASES:
@@ -131,8 +131,8 @@ def _wear(
 
 
 def _moved(joint: ClearanceJoint, field: str, change: jax.Array) -> ClearanceJoint:
-    """Return the joint with `change`, m at each angle, added to the profile in `field`, if this is
-    a spline with a knot at each angle."""
+    """Return the joint with `change`, m at each angle, added to the profile in `field`; unchanged
+    unless this profile is a spline with a knot at each angle."""
     profile: AbstractProfile | None = getattr(joint, field)
     coefficients = getattr(profile, "coefficients", None)
     if coefficients is None or np.shape(coefficients) != change.shape:
@@ -162,8 +162,8 @@ def _wear_rows(
 def _jacobian(
     joint: ClearanceJoint, rates: tuple[float, float], history: jax.Array, depths: jax.Array
 ) -> jax.Array:
-    """Return the derivatives (m, m) of the m depths per cycle of the parts that wear, at all
-    angles, with respect to the m depths of these parts. The arguments are those of `_wear`."""
+    """Return the derivatives, (m, m), of the result of `_wear` by its argument `depths`. Both are
+    flattened and have only the parts that wear: m is their number times that of the angles."""
     wearing = np.flatnonzero(rates)
 
     def wear(values: jax.Array) -> jax.Array:
@@ -195,8 +195,8 @@ class JointWear(NamedTuple):
         return per_cycle
 
     def jacobian(self, depths: Float[np.ndarray, "2 samples"]) -> Float[np.ndarray, "m m"]:
-        """Return approximate derivatives of the m depths per cycle of the parts that wear with
-        respect to these parts' m depths, by one in `INSTANTS_PER_SAMPLE` of the contacts."""
+        """Return the derivatives of the depths per cycle by `depths`, as `_jacobian`. They are
+        approximate: only one in `INSTANTS_PER_SAMPLE` of the instants in `history` is used."""
         selected = self.history[:, :, ::INSTANTS_PER_SAMPLE].copy()
         # The work, the last of `NUMBERS`, is that of the selected contacts and of those left out.
         selected[:, -1] *= INSTANTS_PER_SAMPLE

@@ -316,8 +316,8 @@ def cosines_of_turns(scene: Scene, bodies: dict[str, BodyState]) -> dict[str, Sc
 
 
 def require_certain(uncertain: tuple[str, ...]) -> None:
-    """Check that `uncertain`, the names of constraint rows that nearly depend on others and whose
-    reactions rounding errors would determine (see `ConstraintReport`), is empty."""
+    """Raise a `ValueError` if any constraint rows are `uncertain`: they nearly depend on others, so
+    that rounding errors would determine their reactions (see `ConstraintReport`)."""
     expected = "without constraints that nearly depend on the others"
     remedy = (
         "align the points and axes of these joints with the others' exactly, or misalign them by "

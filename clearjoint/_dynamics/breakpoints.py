@@ -75,7 +75,7 @@ def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
     """Return the first breakpoint or instant of a sampled force that is after t by more than
     rounding errors, s since the system's origin like t; infinity if none is left, and ``None`` if
     no element has any."""
-    t = system.clock(t)
+    t = system.scene_time(t)
     soonest = _extreme(system, t, lambda at: at, after=True)
     forces = sampled_forces(system.scene).values()
     periodic = [instants for force in forces for instants in force.instants().values()]
@@ -93,12 +93,12 @@ def one_sided_time(system: System, start: Scalar, t: Scalar) -> Scalar:
     forces do not count, since the memories of these forces are constant within a step."""
     # Each breakpoint gives a bound slightly inside of the step: a lower one if it is not after the
     # start, else an upper one.
-    start = system.clock(start)
+    start = system.scene_time(start)
     earliest = _extreme(system, start, lambda at: at + _rounding(system.origin, at), after=False)
     latest = _extreme(system, start, lambda at: at - _rounding(system.origin, at), after=True)
     if earliest is None:  # The scene has no breakpoints.
         return t
-    return system.own_time(jnp.clip(system.clock(t), earliest, latest))
+    return system.own_time(jnp.clip(system.scene_time(t), earliest, latest))
 
 
 def since_breakpoints(
@@ -111,7 +111,7 @@ def since_breakpoints(
       derivatives by the parameters on which the breakpoint depends. Zero if the step ends at none.
     """
     landings = {}
-    start, t = system.clock(start), system.clock(t)
+    start, t = system.scene_time(start), system.scene_time(t)
     for name, times in breakpoints(system.scene).items():
         count, sum_since = jnp.zeros(()), jnp.zeros(())
         for at in times:
@@ -139,7 +139,7 @@ def sampled_instants(system: System, start: Scalar, t: Scalar) -> SampledInstant
     from `start` to t ends at such an instant; and the latest instant that is not after t, as a time
     of the scene, s. A rounding error is added to this time, so that a table of targets that changes
     at the instant surely has its new value there."""
-    start, t = system.clock(start), system.clock(t)
+    start, t = system.scene_time(start), system.scene_time(t)
     instants = {name: f.instants() for name, f in sampled_forces(system.scene).items()}
     count = sum(map(len, instants.values()))
 
@@ -188,7 +188,7 @@ def drivers_are_smooth(
     past_end = one_sided_time(system, end, end)
     # This number is used as the relative error of a driver's rates, and also as the rounding error
     # of `end`, s, which causes an error of speed times this time in the driver's value.
-    rounding = DRIVER_ROUNDINGS * eps * (1.0 + jnp.abs(system.clock(end)))
+    rounding = DRIVER_ROUNDINGS * eps * (1.0 + jnp.abs(system.scene_time(end)))
     smooth: Condition | None = None
     at_times = [prescribed(system, variables, t) for t in (past_end, *within)]
     names = [(name, label) for name, family in at_times[0].items() for label in family]
@@ -217,9 +217,9 @@ def drivers_are_smooth(
     return smooth
 
 
-def coincide(system: System, instant: Scalar, t: Scalar) -> Condition:
-    """Return whether an instant is at or before the time t, apart from rounding errors."""
-    return ~_is_after(system.origin, system.clock(instant), system.clock(t))
+def is_reached(system: System, instant: Scalar, t: Scalar) -> Condition:
+    """Return whether t is at or after an `instant`, or is earlier only by a rounding error."""
+    return ~_is_after(system.origin, system.scene_time(instant), system.scene_time(t))
 
 
 def _latest(origin: Scalar | None, row: Periodic, t: Scalar, later: int = 0) -> Scalar:
@@ -237,7 +237,7 @@ def _is_after(origin: Scalar | None, at: Scalar, t: Scalar) -> jax.Array:
 def _rounding(origin: Scalar | None, at: Scalar) -> jax.Array:
     """Return the difference, s, up to which a time counts as equal to a breakpoint `at`, both as
     times of the scene, in a system with this `origin`."""
-    # On the clock of the system, a time has the rounding error of the origin too.
+    # A time since the origin has the rounding error of the origin too.
     size = SHORTEST if origin is None else jnp.maximum(jnp.abs(origin), SHORTEST)
     # An infinite rounding error would make an infinite breakpoint equal to any time.
     size = jnp.maximum(jnp.where(jnp.isinf(at), 0.0, jnp.abs(at)), size)

@@ -51,7 +51,7 @@ def sampled_forces(scene: Scene) -> dict[str, AbstractSampledForce]:
 
 
 def memory_names(scene: Scene) -> dict[str, list[str]]:
-    """Return the names of the numbers in each sampled force's memory, for vectors as arrays."""
+    """Return the names of the numbers in each sampled force's memory. `scene` is not unpacked."""
     # The names do not depend on the motion.
     still = Motion(ZERO, IDENTITY, ZERO, ZERO)
     return {
@@ -76,7 +76,7 @@ def initial_memories(
     kinds, motions, memories = Kinds(system.scene), system.motions(variables), {}
     for name, force in forces.items():
         # The method of the class is the same object for all its forces, as `Kinds` requires.
-        memory = kinds.evaluate(type(force).initial_memory, force, motions, system.clock(t))
+        memory = kinds.evaluate(type(force).initial_memory, force, motions, system.scene_time(t))
         given_numbers = given.get(name, {})
         for key in given_numbers:
             expected, advice = f"one of {sorted(memory)}", nearest(key, memory, remedy)

@@ -92,7 +92,7 @@ class System(eqx.Module):
         """Return this system with another scene of the same structure."""
         return System(scene, self.formulation, self.origin)
 
-    def clock(self, t: Scalar) -> Scalar:
+    def scene_time(self, t: Scalar) -> Scalar:
         """Return the scene's time for a time since `origin`."""
         return t if self.origin is None else self.origin + t
 
@@ -127,7 +127,9 @@ class System(eqx.Module):
 
     def rows(self, motions: Motions, t: Scalar) -> ByLabel[Row]:
         """Return the constraint rows that the coordinates do not eliminate."""
-        return constraint_rows(self.scene, self.formulation.coordinates, motions, self.clock(t))
+        return constraint_rows(
+            self.scene, self.formulation.coordinates, motions, self.scene_time(t)
+        )
 
     def dynamics(
         self,
@@ -154,7 +156,7 @@ class System(eqx.Module):
         self, mechanics: AbstractMechanics, forces: LoadedContacts, t: Scalar
     ) -> Dynamics:
         """Solve the equations of motion with given contact forces."""
-        wrenches = applied_wrenches(self.scene, mechanics.motions, forces, self.clock(t))
+        wrenches = applied_wrenches(self.scene, mechanics.motions, forces, self.scene_time(t))
         rates, rows = mechanics.free_rates(wrenches), self.rows(mechanics.motions, t)
         rotors = self.rotors(mechanics.motions)
         if not rows and not rotors:
@@ -191,15 +193,19 @@ class System(eqx.Module):
 
     def powers(self, dynamics: Dynamics, t: Scalar) -> dict[str, Scalar]:
         """Return the powers, W, whose integrals are the energy ledger; none without a ledger."""
-        return ledger_powers(self.scene, dynamics, self.clock(t)) if self.formulation.ledger else {}
+        return (
+            ledger_powers(self.scene, dynamics, self.scene_time(t))
+            if self.formulation.ledger
+            else {}
+        )
 
     def energies(self, variables: MotionVariables, t: Scalar) -> dict[str, Scalar]:
         """Return the energies of the scene, J: "kinetic", and as far as the scene has them
         "gravity", "springs" and "contacts"."""
-        return mechanical_energy(self.scene, self.motions(variables), self.clock(t))
+        return mechanical_energy(self.scene, self.motions(variables), self.scene_time(t))
 
     def contact_gaps(self, variables: MotionVariables) -> ContactGaps:
-        """Return the penetration of each contact, m from the onset of its force, and its rate."""
+        """Return each contact's penetration, m, 0 at the onset of its force, and its rate, m/s."""
         return contact_gaps(self.scene, self.motions(variables))
 
     def second_rates(
@@ -267,8 +273,8 @@ class System(eqx.Module):
         rows: Sequence[Row],
         rotors: Sequence[tuple[Row, Scalar]] = (),
     ) -> ConstraintEquations:
-        """Return the equations for the multipliers of constraint rows and of the `rotors` that the
-        method of this name returns. Without `rotors`, corrections ignore their inertia."""
+        """Return the equations for the multipliers of constraint rows and of `rotors`, which the
+        method `rotors` returns. Without them, the equations ignore the rotors' inertia."""
         rows = [*rows, *(row for row, _ in rotors)]
         return ConstraintEquations(
             mechanics,

@@ -351,7 +351,7 @@ def _is_no_field(annotation: object) -> bool:
 
 
 def _declared(cls: type[AbstractConverting], name: str, annotation: object) -> Field:
-    """Return the dataclass field `name` of a class, static or with a converter."""
+    """Return the dataclass field `name`, made static or given a converter by its annotation."""
     # The class may have declared a field, or only a default value, or neither.
     field = vars(cls).get(name, eqx.field())
     if not isinstance(field, Field):

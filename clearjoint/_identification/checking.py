@@ -132,8 +132,8 @@ def tested(
 
     `residuals` and `jacobian` are those at the minimum, `moved` the residuals at the points, at the
     given `offsets` of coordinates from the minimum, and `times` those of the samples, s. Only the
-    points marked in `near` determine the horizon: at far points the model fails from the first
-    sample on if a scale, such as a logarithm, is not nearly linear from the minimum to the point.
+    points marked in `near` determine the `horizon` of the result: at far points the model fails
+    from the first sample on if a scale, such as a logarithm, is not nearly linear on the way there.
     """
     linear = np.einsum("stp,np->nst", jacobian, offsets)
     predicted = np.cumsum((linear**2).sum(axis=1), axis=1)
@@ -203,9 +203,9 @@ NEAR, NEAREST = 0.03, 1e-3
 
 @dataclass
 class _CountedRuns:
-    """Makes and counts the runs of `explore`. `points` is the number of runs without derivatives so
-    far. A run with derivatives by p parameters, in one of the local `searches`, counts as 1 + p of
-    these. `most`: largest count after which `left` still permits further runs."""
+    """Makes and counts the runs of `explore`. A run with derivatives by p parameters counts as
+    1 + p. `points`: number of runs without derivatives so far; `searches`: local searches so far,
+    whose runs have derivatives; `most`: limit of the count, of which `left` returns the rest."""
 
     compared: Comparison
     most: float
@@ -394,8 +394,8 @@ class LikelihoodCheck:
         return self.test.passed
 
     def widening(self, best: RunMisfit) -> float:
-        """Return the largest factor, 1 or more, by which the distance of an interval's end from
-        `best` differs between the intervals by the exploration and by the covariance of `best`."""
+        """Return the largest ratio, over all ends of intervals, of two distances of an end from
+        `best`, by the exploration and by the covariance of `best`: the longer over the shorter."""
         assert self.exploration is not None
         half = np.sqrt(RISE * np.diag(best.covariance))
         low, high = self.exploration.intervals()
@@ -492,9 +492,9 @@ def _extent(explored: Exploration, lowest: RunMisfit) -> Point:
 def _small_posterior(
     compared: Comparison, box: Box, number: int, lowest: float, most_runs: int, bar: ProgressBar
 ) -> Posterior | None:
-    """Return the posterior, with `POINTS` times `number` points, for a uniform prior in a box;
-    ``None`` if this posterior has `warnings`, misses the smallest known chi squared, `lowest`, by
-    more than `RISE`, or takes more than `most_runs`, or if no points could be drawn."""
+    """Return the posterior for a uniform prior in a box, with `POINTS` times the `number` of points
+    in the exploration's first round; ``None`` if it has `warnings`, misses the smallest known chi
+    squared, `lowest`, by more than `RISE`, needs more than `most_runs`, or no points were drawn."""
     before = bar.n  # The bar has counted the other runs of the check so far.
 
     def on_step(time: float, runs: int) -> None:

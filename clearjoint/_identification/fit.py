@@ -224,10 +224,10 @@ class Fit(AbstractTabular):
            interval of a friction that may be zero is from zero to the largest friction that the
            data allow (`AbstractScale.interval`).
 
-        Intervals are extended to contain those by the covariances at other minima, outside the
-        posterior's box, whose chi squared is at most 3.84 above that of the fit. If residuals are
-        `correlated`, each interval is widened about its middle, in coordinates, by `widening` times
-        a factor of Student's distribution.
+        Each interval is extended to contain those by the covariance at every minimum that a search
+        has found with a chi squared at most 3.84 above that of the fit, except at minima in the box
+        of the `posterior`. If residuals are `correlated`, each interval is widened about its
+        middle, in coordinates, by `widening` times a factor of Student's distribution.
         """
         minima, posterior = [self.best.best, *self._other_minima], self.posterior
         # Minima in the posterior's box are part of the posterior.

@@ -112,7 +112,7 @@ def drawn_among(
 
 
 def _principal_distances(points: Points) -> Float[np.ndarray, "n n"]:
-    """Distances between points, in the standard deviations of all points along principal axes."""
+    """Return the distances between points that are scaled to unit variance on principal axes."""
     sizes = points.std(axis=0)
     scaled = points / np.where(sizes > 0.0, sizes, 1.0)
     variances, axes = np.linalg.eigh(np.atleast_2d(np.cov(scaled.T)))

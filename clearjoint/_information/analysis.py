@@ -113,8 +113,8 @@ class Identifiability:
 
     Standard deviations are lower bounds: no unbiased estimate has smaller ones. They are valid for
     normal noise that is so small that outputs are linear in the parameters over changes of the size
-    of these deviations. `of` selects sensors, and `until` shortens the record. A coordinate is a
-    parameter's value on its scale, such as the logarithm of the value.
+    of these deviations. The methods `of` and `until` select sensors and shorten the record. A
+    coordinate is a parameter's value on its scale, such as the logarithm of the value.
 
     - `names`, `scales`, `coordinates`: of the p parameters, in the order of all arrays (p,).
     - `sensors`, `sample_times`: (M,) name of the sensor and time, s, of each of the M samples of

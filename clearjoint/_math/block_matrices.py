@@ -81,9 +81,9 @@ class _Plan:
         return [SIZE * block + row for row in range(self.sizes[group])]
 
     def factorisation(self) -> list[_Step]:
-        """Return the table for `_factor`. Each row has the kind of an operation, the index of the
-        row that it changes, the index of a row that is multiplied, and the index of the block by
-        which it is multiplied. Inverses of the diagonal blocks follow the blocks in `slots`."""
+        """Return the table of operations for `_factor`: their kind, the indices of two rows of
+        blocks, counted as in `rows`, one that changes and one that is multiplied, and the index of
+        the block by which it is multiplied. Inverses of diagonal blocks follow those in `slots`."""
         table: list[_Step] = []
         slots, first_inverse = self.slots, len(self.slots)
         for j, column in enumerate(self._below):
@@ -107,7 +107,7 @@ class _Plan:
         """Return the table for `_iterated` with `sweeps` iterations of `AbstractMatrix.solving`. A
         row (former, sign, transposed, target, block, source) means part[target] = former *
         part[target] + sign * block @ part[source], with the block transposed if `transposed` is 1.
-        The parts belong to three vectors in turn: b, x (zero at first) and r (b at first)."""
+        First come all parts of b, then those of x (zero at first), then those of r (b at first)."""
         count = len(self.order)
         b, x, r = ([*range(first, first + count)] for first in (0, count, 2 * count))
         # The blocks of the matrix come first, then those of the factor, inverses, and the identity.
@@ -184,8 +184,8 @@ class BlockMatrix(AbstractMatrix):
         self._blocks = _sums_of_products(self._padding(), left, right, steps)
 
     def _padding(self) -> np.ndarray:
-        """Return all blocks, flattened. They are zero except for ones on the diagonal in the rows
-        after the last row of each group, without which the matrix would be singular."""
+        """Return all blocks, flattened: zeros, and ones on the diagonal in the rows that are left
+        over if a group has fewer than `SIZE`. Without the ones, the matrix would be singular."""
         blocks = np.zeros((len(self._plan.slots), SIZE, SIZE))
         for k, group in enumerate(self._groups):
             for row in range(len(group), SIZE):
@@ -340,7 +340,7 @@ def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
 def _image(
     blocks: jax.Array, block: jax.Array, transposed: jax.Array, parts: jax.Array, source: jax.Array
 ) -> jax.Array:
-    """Return the product of a block, transposed if `transposed` is 1, and a part of a vector."""
+    """Return the block of index `block`, transposed if `transposed` is 1, times part `source`."""
     matrix = _block(blocks, block)
     return jnp.where(transposed > 0, matrix.T, matrix) @ _row(parts, source)
 
@@ -356,7 +356,7 @@ def _product(plan: _Plan, blocks: jax.Array, vector: jax.Array) -> jax.Array:
 
 
 def _iterated(blocks: jax.Array, right: jax.Array, table: Sequence[_Step]) -> jax.Array:
-    """Return the solution for a right side, by a table of `_Plan.solution` and its `blocks`."""
+    """Return x of S x = b, for b in `right`, by a `_Plan.solution` table of indices in `blocks`."""
 
     def step(vectors: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
         former, sign, transposed, target, block, source = row

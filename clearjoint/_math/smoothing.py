@@ -20,7 +20,6 @@ TURN = 2.0 * math.pi
 
 
 def where(condition: Condition, first: Scalar, second: Scalar) -> Scalar:
-    """Return `first` where the condition holds, else `second`."""
     if isinstance(condition, bool | np.bool_):
         return first if condition else second
     # JAX traces the primitive, here with a condition of shape (), in less time than
@@ -31,12 +30,10 @@ def where(condition: Condition, first: Scalar, second: Scalar) -> Scalar:
 
 
 def sine(angle: Scalar) -> Scalar:
-    """Return the sine of an angle, rad."""
     return library((angle,)).sin(angle)
 
 
 def cosine(angle: Scalar) -> Scalar:
-    """Return the cosine of an angle, rad."""
     return library((angle,)).cos(angle)
 
 

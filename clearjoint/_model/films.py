@@ -290,7 +290,7 @@ def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
 
 
 def attitude(width: Scalar, ratio: Scalar) -> Scalar:
-    """Return the angle beta of `ButenschoenFilm`, rad, at a `width` B/D and a `ratio` eps."""
+    """Return the angle beta, rad, of `ButenschoenFilm` by `width` B/D and eccentricity ratio."""
     # The angle for an infinitely long bearing, which the fit corrects for a finite width.
     long = jnp.arctan2(math.pi * jnp.sqrt(1.0 - ratio * ratio), 2.0 * ratio)
     return long * polynomial([polynomial(fit, width) for fit in ATTITUDE], ratio)

@@ -187,8 +187,8 @@ def _require_none_negative(argument: str, value: ArrayLike) -> None:
 class _Strain(NamedTuple):
     """Deformation of a bushing and its rate, with components along the bushing's axes.
 
-    - `point_in_first`: the point of the first body where the second body's point is, m from the
-      centre of mass in body axes.
+    - `point_in_first`: point of the first body that coincides with the second body's point, m from
+      the first body's centre of mass in its axes.
     - `axes`: matrix that transforms components along the bushing's axes to global components.
     - `shift`: displacement of the second body's point from the first body's, m.
     - `rotation`: rotation vector from the bushing's axes to those of `orientation_second`, rad.

@@ -152,5 +152,5 @@ class AbstractPen(abc.ABC):
     @abc.abstractmethod
     def gear(self, centre: Marker, *, radius: Single, teeth: Single, phase: Single) -> None:
         """Draw a spur gear with the pitch circle's `radius`, m, negative for an internal gear.
-        `phase` is the angle of the middle of a tooth about the marker's axis, rad: for the axis z
-        from x, and in general from the first of the axis's `transverse_axes`."""
+        `phase`, rad, is the angle about the marker's axis from the first of its `transverse_axes`
+        (x for the axis z) to the middle of a tooth."""

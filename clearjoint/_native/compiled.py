@@ -62,8 +62,8 @@ class Native(Generic[Arguments, Result]):
         return self._result(arguments, self.native.run, lambda result: result)
 
     def in_parts(self, *arguments: PyTree) -> tuple[FlatArguments, ...]:
-        """Return the elements of the result, which must be a tuple, each flattened as an argument
-        of other calls. Native code makes no PyTree of an element that only these calls use."""
+        """Return the elements of the result, which must be a tuple, in flattened form, which later
+        calls accept as arguments. Native code makes an element's PyTree only if it is needed."""
         return self._result(
             arguments,
             self.native.run_in_parts,

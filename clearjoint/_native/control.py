@@ -119,7 +119,7 @@ def _if_any(
 
 class _DifferentArraysError(Exception):
     """Raised if two branches return different arrays in memory in the place of one result, and the
-    array of the branch that was added first is not owned."""
+    second branch must not overwrite the array of the first, which is not `owned` (`InMemory`)."""
 
 
 def _branch(

@@ -252,8 +252,8 @@ def evaluated(
 
 
 class _Key:
-    """Key of flattened arguments, hashed once. `of` returns the same object for equal `parts`, so
-    that parts are rarely compared: for thirty joints, this takes as long as flattening."""
+    """Key of flattened arguments, hashed once. `of` returns the same key for equal `parts`, so that
+    `is` mostly suffices: to compare the parts of thirty joints takes as long as to flatten them."""
 
     __slots__ = ("_hash", "layout", "parts")
 
@@ -339,7 +339,7 @@ class FlatArguments:
 
     @property
     def tree_structure(self) -> PyTree:
-        """The structure of the single argument, if this is a part that is no `ConstantFolded`."""
+        """The structure of the argument of a part; the argument must be no `ConstantFolded`."""
         assert isinstance(self.key, _Key)
         return self.key.parts[0]
 
@@ -501,7 +501,7 @@ class NativeFunction:
         return result(program(flat.arrays, flat.floats))
 
     def run_in_parts(self, flat: FlatArguments) -> tuple[FlatArguments, ...]:
-        """Return the elements of the result, a tuple, each flattened as an argument of calls."""
+        """Return the elements of the result, a tuple, in the form of arguments of later calls."""
         program, result = self.program(flat)
         return result.in_parts(program(flat.arrays, flat.floats))
 

@@ -208,8 +208,8 @@ def _traced(
     arrays: tuple[PyTree, PyTree, PyTree],
     static: tuple[PyTree, PyTree, PyTree],
 ) -> tuple[list[str], core.ClosedJaxpr, core.ClosedJaxpr]:
-    """Return the names of the scalars of `status`, and the jaxprs of `step` and `status` as
-    functions of `arrays`, the arrays in `shared`, `own` and `state`. `static` has all else."""
+    """Return the names of the results of `status`, and jaxprs of `step` and `status` as functions
+    of the `arrays` in a `LaneLoop`'s `shared`, `own` and `state`; `static`: all else in these."""
     names: list[str] = []
 
     def arrays_after(*trees: PyTree) -> list[PyTree]:

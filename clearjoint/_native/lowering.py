@@ -225,8 +225,8 @@ def _are_equal(atoms: Sequence[Atom]) -> bool:
 def _parameter_of(equation: Equation) -> object:
     """Return the parameter of an elementwise primitive that its rule takes; ``None`` without one.
 
-    **Raises:** `UnsupportedPrimitiveError` for a value of another parameter, such as the `accuracy`
-    of `jax.lax.exp`: a later JAX may add one that changes the result.
+    **Raises:** `UnsupportedPrimitiveError` if another parameter is not ``None``, such as `accuracy`
+    of `jax.lax.exp`, and not in `WITHOUT_EFFECT`: a later JAX may add one that changes the result.
     """
     name = equation.primitive.name
     taken = PARAMETERS.get(name)
@@ -505,8 +505,8 @@ class Lowering:
         return out
 
     def _by_one_loop(self, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
-        """Add a loop for each result of a jaxpr that `elementwise` has made, or of a derivative of
-        such a jaxpr. If its equations do not allow this, add each equation on its own."""
+        """Add a jaxpr that `xla.elementwise` has made, or a derivative of one, by one loop over the
+        elements for each result. If its equations do not allow this, add them one by one."""
         results: list[Array] = []
         for out in closed.jaxpr.outvars:
             # The jaxpr of this result alone, and which arguments it needs. The derivatives of a

@@ -188,8 +188,8 @@ def cells_written(program: Operations, block: Block, by_functions: Sequence[Set[
 
 
 def _parts(operations: list[Operation]) -> Iterator[list[Operation]]:
-    """Yield parts of about `LENGTH` operations. The results of a call "evaluate" are moved right
-    after the call, since only single values can pass to another part through memory."""
+    """Yield parts of about `LENGTH` operations. The operations "result", which take single values
+    out of a call "evaluate", are moved right after it: only such values can pass to other parts."""
     results: dict[Value, list[Operation]] = {}
     for operation in operations:
         if operation.name == "result":

@@ -83,8 +83,8 @@ class AbstractSceneFamily(eqx.Module):
         return self.effects()[0]
 
     def effects(self) -> tuple[PyTree[bool], int | None]:
-        """Return the result of `varied`, and how many changes must be made to get the scene: all up
-        to the last one that changes the scene, not only the state. ``None`` stands for all."""
+        """Return the result of `varied`, and how many of the first changes must be made to get the
+        scene, because later ones change only the state; ``None`` for all changes."""
         # A user's function may change any leaf. JAX traces the functions here without computing
         # numbers, and each leaf that depends on a parameter becomes a tracer.
         effects: list[tuple[PyTree[bool], int]] = []
@@ -110,12 +110,12 @@ class ParametrisedScene(AbstractSceneFamily):
     """A scene and its initial state, in which p parameters set or change some of the numbers, with
     derivatives by each of them.
 
-    - `values`: (p,) coordinates of the parameters on their scales.
+    - `values`: (p,) coordinates of the parameters. `base`, `patterns`: see `AbstractSceneFamily`.
     - `changes`, `scales`: function that sets the value of each parameter, and its scale. Arrays of
       a function that is a PyTree are arguments of compiled programs.
-    - `directions`: (n, p), n directions in the space of coordinates along which derivatives are
-      computed; ``None`` for derivatives by each parameter.
-    - `in_scene`: how many of the first `changes` must be made to get the scene; ``None`` for all.
+    - `directions`: (n, p), coordinates of n directions of derivatives; ``None``: each parameter's.
+    - `in_scene`: how many of the first `changes` are needed for the scene, because the others
+      change only the initial state; ``None`` for all.
     """
 
     values: Coordinates
@@ -193,7 +193,7 @@ def parametrised(
     scene: Scene, state: State, parameters: Mapping[str, Parameter], values: Coordinates
 ) -> ParametrisedScene:
     """Return a scene and its initial state as functions of p parameters, whose coordinates are
-    `values`, (p,). Errors of sensors are refused; `readings.in_scene` replaces them."""
+    `values`, (p,). Errors of sensors are refused: replace them by `readings.in_scene` first."""
     # A Python number would be a constant of the program, which would be compiled anew for each
     # value of the number.
     scene, state = with_arrays((scene, state))
@@ -253,7 +253,7 @@ class DirectedScene(AbstractSceneFamily):
 
 
 def _with_axis(tree: PyTree) -> PyTree:
-    """Return a PyTree with a first axis of length one, for the one direction, in each array."""
+    """Add a first axis of directions, of length 1 since there is only one, to each array."""
     # JAX traces an index in several times the time of its primitive.
     return jax.tree.map(lambda leaf: jax.lax.expand_dims(jnp.asarray(leaf), (0,)), tree)
 

@@ -97,9 +97,9 @@ class RobotFit(AbstractTabular):
     - `robot`: the robot with the estimates.
     - `log`, `driven_by`: the arguments of `fit_robot`.
     - `undetermined`: for each parameter that the log doesn't determine, a sentence that says why.
-    - `held`: value and unit at which each undetermined parameter was held: its start, or last
-      estimate for a position or speed at the start of the log, or if the log excludes its start.
-    - `limits`: 95 % intervals, from zero or to infinity, of parameters about zero or infinite.
+    - `held`: value and unit at which each undetermined parameter was held: its last estimate if the
+      log excludes its start, or for a position or speed at the start of the log; else its start.
+    - `limits`: 95 % interval of each held parameter for which it begins at 0 or ends at infinity.
 
     ```python
     import clearjoint as cj
@@ -297,11 +297,11 @@ def fit_robot(
     ```
 
     Before the fit, the Fisher information of the log tells which parameters it determines. Others
-    are held at their start or, if a fit has shown that the log excludes it, at the estimate, and
-    the result says why. What is about zero, such as the friction of a joint without any, or
-    infinite has an interval in `RobotFit.limits`. The log is compared with one run from its
-    first time on, whose initial positions and speeds are parameters too, named "elbow start
-    position" and "elbow start speed".
+    are held, and the result says why: at the value from which the fit starts or, if a fit has shown
+    that the log excludes that value, at the estimate (see `RobotFit.held`). What is about zero,
+    such as the friction of a joint without any, or infinite has an interval in `RobotFit.limits`.
+    The log is compared with one run from its first time on, whose initial positions and speeds are
+    parameters too, named "elbow start position" and "elbow start speed".
 
     **Arguments:**
 
@@ -333,8 +333,8 @@ def fit_robot(
     - `grow`: ends of growing windows, s, as in `identify`; () for none. By default a fit with poor
       residuals is repeated with windows from `fit_horizon`, for starts that are wrong by a factor
       of two. If a drive train's place in its play is unknown at the start, windows from 1/64 of
-      the log on are tried too. At last the fit is repeated from plays that are a fifth smaller and
-      a quarter larger, and without each of them.
+      the log on are tried too. At last the fit is repeated from plays that are a fifth smaller, or
+      a quarter larger, and, for each play, with this one nearly zero.
 
     **Raises:** `ValueError` for names, units and modes that don't fit robot and log, for a
     torque or position that drives a joint and is missing in a part of the log, for noise that is
@@ -444,7 +444,7 @@ def _of_kind(problem: RobotProblem, parameters: Iterable[str], *kinds: str) -> l
 
 
 def _inside(problem: RobotProblem, fit: Fit) -> dict[str, float]:
-    """Return the estimates, places in a play limited to `CLOSEST`, as starts of another fit."""
+    """Return the estimates as starts of another fit; places in a play are within +/-`CLOSEST`."""
     places = _of_kind(problem, fit.parameters, IN_PLAY)
     limited = {name: min(max(fit.estimates[name], -CLOSEST), CLOSEST) for name in places}
     return {**fit.estimates, **limited}

@@ -132,8 +132,8 @@ class FlankStiffness:
 
 
 class MovedRobot:
-    """A robot that computes states of bodies from joint positions. Robots of equal kinematics are
-    equal, so that fits of several logs, and from results of other fits, share compiled programs."""
+    """A robot that computes states from joint positions, equal to all others of equal kinematics,
+    so that fits to several logs, and fits from the results of others, share compiled programs."""
 
     def __init__(self, robot: Robot):
         self.robot, self._kinematics = robot, kinematics(robot)
@@ -444,8 +444,9 @@ def _begins_at_rest(samples: Logged, is_angle: bool) -> bool:
 def _load_at_start(
     robot: Robot, q: Mapping[str, float], name: str, follower: str, noise: float
 ) -> float:
-    """Return the torque, N m, or force, N, with which a motor holds its link at the start; zero if
-    its sign is not `CERTAIN`. `name`: the logged side of the drive train; `follower`: the other."""
+    """Return the torque, N m, or force, N, with which a motor holds its link at positions `q` of
+    the start; zero if errors of `CERTAIN` times `noise` in the position `q[name]` may change its
+    sign. `name`: the logged side of the drive train; `follower`: the other."""
     joint = name if name in robot.drives else follower
     angles = {n: value for n, value in q.items() if n in robot.joints}
     # The load at the logged position, and at those that are wrong by `CERTAIN` times the noise.
@@ -531,8 +532,8 @@ RESISTANCES = "friction", "damping", "link friction"
 def _guess(
     log: RobotLog, positions: Mapping[str, Spline], motor: str, joint: str, kind: str
 ) -> float | None:
-    """Return the value from which the fit of a friction or damping that the robot lacks starts, in
-    the SI unit of the `kind`; ``None`` without logged torques of the joint."""
+    """Return a first guess, in SI units, of a friction or damping (`kind`) that the robot lacks, or
+    ``None`` without logged torques. `positions`: the log's, smoothed, by name of joint or motor."""
     if joint not in log.torques:
         return None
     torque = SHARE * float(np.abs(log.torques[joint].values).max())
@@ -636,8 +637,8 @@ def _parameter(robot: Robot, joint: str, kind: str, start: float | None, unit: s
 
 
 def _of_gear(robot: Robot, joint: str, kind: str, start: float | None) -> Parameter:
-    """Return the parameter `kind`, "play", "stiffness" or "restitution", of the gear of a hinge,
-    which has an elastic compliance or a backlash; a `ValueError` if the gear has no such number."""
+    """Return the parameter `kind`, "play", "stiffness" or "restitution", of a hinge's gear, with
+    the value `start`, by default the robot's. Raise a `ValueError` if the gear lacks it."""
     scene, argument = robot.scene, f"find[{joint!r}]"
     compliance, name = f"{joint} {COMPLIANCE}", backlash_name(joint)
     if kind == "stiffness" and compliance in scene.forces:
@@ -665,7 +666,7 @@ def _measured(
     robot: Robot, log: RobotLog, driven_by: DrivenBy, following: Collection[str]
 ) -> Measurements:
     """Return the samples of what a run predicts: positions of joints that are not `following` the
-    log, torques by which joints follow their logged positions, and torques of motors and servos."""
+    log, and torques of joints whose entry in `driven_by` is "angle", a motor or a servo."""
     series: dict[str, Series] = {}
 
     def compare(name: str, channel: Quantity, samples: Logged, unit: str) -> None:

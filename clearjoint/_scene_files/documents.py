@@ -103,8 +103,8 @@ class Source:
     def where(self, keys: Keys) -> str:
         """Return where the value at `keys` is set, as a text that follows the name of the file.
 
-        It is " with --set run.end=2", or ", line 12" with the first line of the statement that sets
-        the value or, if missing, the table around it. It is empty if the line is unknown.
+        It is " with --set run.end=2", or ", line 12": the first line of the statement that sets the
+        value or, if the file lacks the value, its table. It is empty if the line is unknown.
         """
         for depth in range(1, len(keys) + 1):
             if keys[:depth] in self.changes:

@@ -75,9 +75,9 @@ def read_mjcf(path: Path) -> robots.Content:
 
 
 def _with_options_applied(model: Model, bits: PyTree) -> Model:
-    """Return the model, changed: without the gravity, springs, dampers, dry friction and equalities
-    that the file's flags disable, and with the armatures and dampers of actuators of joints as
-    those of the joints. `bits`: MuJoCo's enumeration of flags."""
+    """Change the model, and return it. Set gravity, springs, dampers, dry friction and equalities
+    to zero if the file's flags disable them, and add the armature and damping of each actuator of a
+    joint to those of the joint. `bits`: MuJoCo's enumeration of these flags."""
     # An actuator moves at `gear` times the speed of its joint, so that the joint has gear^2 times
     # its armature and damping. Older versions of MuJoCo have neither number.
     for name in ("armature", "damping"):
@@ -142,8 +142,8 @@ def mujoco_package(location: FileLocation) -> ModuleType:
 
 
 def _compiled(path: Path) -> Model:
-    """Return MuJoCo's model of an MJCF file; without shapes and textures if it compiles only so,
-    for example for want of their files, and all inertias are given."""
+    """Return MuJoCo's model of an MJCF file. If it does not compile, for example because a mesh is
+    missing, and gives all inertias, shapes and the other elements in `WITH_FILES` are left out."""
     location = FileLocation(str(path))
     mujoco = mujoco_package(location)
     try:

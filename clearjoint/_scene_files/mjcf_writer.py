@@ -84,13 +84,13 @@ Control: TypeAlias = Callable[[jax.Array], jax.Array]
 
 
 class FileJoint(NamedTuple):
-    """A joint or fixed tendon of the file, the XML `element`, which stands for a joint of the scene
-    or on which an element of the scene acts.
+    """A joint or fixed tendon of the file, with its XML `element`. It stands for a joint of the
+    scene, or a force, driver or joint of the scene acts on it.
 
-    `sign` is 1 if the joint coordinate of the scene's joint, or the position of its element, grows
-    with the position in the file, else -1. The other fields are for the pose of the file: `axis`,
-    (3,) in global axes, of the file's joint or the scene's element; `position` in the file, rad or
-    m; and `start`, the joint coordinate, ``None`` for a tendon or a free joint.
+    `sign` is 1 if the coordinate of the joint for which it stands, or the position of what acts on
+    it, grows with the position in the file, else -1. The other fields are for the pose of the file:
+    `axis`, (3,) in global axes, of the file's joint or of what acts on it; `position` in the file,
+    rad or m; and `start`, the joint coordinate, ``None`` for a tendon or a free joint.
     """
 
     element: Element
@@ -326,7 +326,7 @@ class MjcfWriter:
         self._limit(name, on, joint.law, offset, joint.play, joint.radius)
 
     def ends_of_slot(self, name: str, joint: PinInSlot, on: FileJoint) -> None:
-        """Limit the slider `on` by the ends of a slot along it; the slot's walls have no effect."""
+        """Limit the slider `on` by the ends of a slot along it. It can't move towards the walls."""
         if joint.travel is None:  # a slot without ends
             raise NoCounterpartError
         slot, pin = (self._motions[body] for body in joint.pair())

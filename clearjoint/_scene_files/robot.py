@@ -170,8 +170,8 @@ class Robot:
     def motor_side(self, joint: str) -> tuple[str, str, np.ndarray]:
         """Return the names of the joint's first body and of its rotor, and the axis, (3,) in the
         first body's axes: the first arguments of a `Motor`, `DriveTorque` or `PrescribedAngle` that
-        acts on the motor. Without play and stiffness, the rotor turns with the link, and the result
-        is that of `link_side`.
+        acts on the motor. Only a drive train with play or compliance has a rotor; without a rotor,
+        the result is that of `link_side`.
 
         **Raises:** `ValueError` if no hinge or slider has this name.
         """

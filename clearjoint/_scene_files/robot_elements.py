@@ -324,7 +324,7 @@ def _add_resistances(elements: Elements, friction: FrictionLaw | None) -> None:
 def friction_of(
     joint: HingeOrSlider, law: FrictionLaw, load: PyTree, **options: PyTree
 ) -> JointFriction:
-    """Return the friction of a hinge, with `load` in N m, or of a slider, with `load` in N."""
+    """Return a `JointFriction` of a hinge (`load` in N m) or slider (N), with further `options`."""
     ends = joint.first, joint.second
     if isinstance(joint, RevoluteJoint):
         return JointFriction(*ends, law, load, joint.axis_first, 1.0, **options)
@@ -358,7 +358,7 @@ def spring_of(
 
 def _add_stops(elements: Elements, stops: Mapping[str, Play]) -> None:
     """Add stops at the limits of joints: a `Backlash` or, for a slider, a `PinInSlot` with ends,
-    whose play is the range of the joint. `stops[joint]`: their other arguments, by name."""
+    whose play is the range of the joint. `stops[joint]`: other arguments of this element."""
     tree = elements.tree
     # Only joints of one degree of freedom with a finite range can have stops.
     limits_of = {n: j.limits for n, j in tree.joints.items() if j.limits and elements.scalar(n)}

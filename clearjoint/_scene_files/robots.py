@@ -434,7 +434,7 @@ def _require_possible(
 
 
 def warn_of_omitted(file: object, omitted: Mapping[str, list[str]]) -> None:
-    """Warn of contents that are not carried over from or to a file: `omitted`, as in `Content`."""
+    """Warn that what is `omitted`, see `Content`, is not carried over from or to a `file`."""
     parts = [f"{title} of {', '.join(names)}" for title, names in omitted.items() if names]
     parts += sorted(title for title, names in omitted.items() if not names)
     if parts:

@@ -42,7 +42,7 @@ def scene_properties(catalogue: "Catalogue") -> Schema:
 class Catalogue:
     """Makes the schema of a file that may name the user-defined `classes`. `definitions`: schemas
     to which other schemas refer: of makers (the classes and static methods that files may name), by
-    name, each added when it is first needed; and of numbers, by the name `ROWS`."""
+    name, each added when first needed; and, as `ROWS`, of a number or nested lists of numbers."""
 
     classes: Classes
     definitions: Schema = field(
@@ -131,8 +131,8 @@ def _any_of(ways: list[Schema]) -> Schema:
 
 def _numbers(shapes: tuple[tuple[int, ...], ...]) -> list[Schema]:
     """Return the schemas of arrays of the given shapes, whose numbers may be texts with units.
-    Without shapes, return the schemas of all arrays, and of true and false, since the expectation
-    of a flag has no shape either."""
+    Without shapes, return the schemas of all arrays, and of true and false: an `Expectation` has no
+    shapes if they are unknown, nor if it is that of a flag."""
     if not shapes:
         return [{"type": "boolean"}, _reference(ROWS)]
     schemas = []

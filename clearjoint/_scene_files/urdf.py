@@ -93,8 +93,8 @@ def _attribute(element: Element, name: str, location: FileLocation) -> str:
 def _numbers(
     element: Element | None, name: str, default: str | None, count: int, location: FileLocation
 ) -> np.ndarray:
-    """Return the numbers, (count,), of the attribute `name` of an element or, if one of these is
-    missing, of the text `default`. If `default` is ``None``, the attribute must exist."""
+    """Return the numbers, (count,), of the attribute `name` of an element. If the element or the
+    attribute is missing, return those of the text `default`; with ``None``, raise an error."""
     text = default if element is None else element.get(name, default)
     if element is not None:
         location = location.at(element.tag, name)

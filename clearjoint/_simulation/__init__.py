@@ -12,8 +12,8 @@ Terms of these modules:
   consists of integrals of dissipated and supplied powers, J.
 - Dense output is the solver's interpolant inside a step. An attempt is a trial step, accepted or
   rejected, with its data for dense output.
-- Times inside a run are on the clock of its `System`, which counts from the system's `origin`, s,
-  or shows the scene's time if there is no origin.
+- Times inside a run count from the `origin`, s, of its `System`, a time of the scene; without an
+  origin they are times of the scene.
 - In a packed scene or state, each vector is an array (3,); in scalar form it is three separate
   scalars. In a folded scene, vector components that are exactly 0 or 1 are marked and become
   constants of the compiled program.

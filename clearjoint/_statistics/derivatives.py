@@ -206,9 +206,9 @@ def estimate(
     draws: int,
     normal: np.ndarray,
 ) -> Estimate:
-    """Return the derivatives of an output's mean from the output's `values` at the points of
-    `_points`, of which the first `draws` are independent: by regression over these where `normal`,
-    (p,), is true, by the further runs, in pairs, for parameters with a uniform distribution."""
+    """Return the derivatives of an output's mean by the nominal standardised coordinates, from its
+    `values` at the `points` of `_points`: for the `normal` parameters, (p,) bools, by regression
+    over the first `draws` runs, which are independent; for uniform ones by the pairs of runs."""
     p = points.shape[1]
     derivatives, errors, freedom = np.zeros((3, p))
     usable = np.isfinite(values[:draws])

@@ -332,8 +332,8 @@ def number_failed(results: "xr.Dataset") -> Labelled:
 def scalar_outputs(
     results: "xr.Dataset", quantities: Collection[str] = ()
 ) -> dict[str, tuple[np.ndarray, str]]:
-    """Return, by name, values and unit of each output in the `results` of a zipped sweep that has
-    one number in each lane, or is among `quantities`. Values are NaN in failed lanes."""
+    """Return, by name, values, NaN in failed lanes, and unit of each output of a zipped sweep that
+    is a number, (lanes,), or is named in `quantities` and has sample times, (lanes, times)."""
     failed = failed_runs(results)
     by_name = {}
     for name, variable in results.data_vars.items():

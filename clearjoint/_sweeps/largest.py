@@ -528,7 +528,7 @@ class _Search:
         return np.abs(np.diff(values)) / sizes
 
     def _values(self, known: LaneMargins) -> list[float]:
-        """Return the parameter's value at each coordinate, without the rounding error of scales."""
+        """Return the values at the coordinates, with 0.3 for a scale's 0.30000000000000004."""
         return [as_shown(float(self.parameter.scale.value(u))) for u in known.coordinates]
 
 

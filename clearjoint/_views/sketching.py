@@ -353,9 +353,9 @@ class SketchingPen(AbstractPen):
     def body(self, name: str, body: Body) -> None:
         """Draw a body as a bar around the points of its joints and forces.
 
-        The body's equivalent solid is drawn too, and the bar reaches the centre of mass, if there
-        is at most one point, or the points span less than half the solid's longest side along each
-        axis. Nothing is added to a block, gear or walls of a body with at most one point.
+        If there is at most one point, or the points span less than half the longest side of the
+        body's equivalent solid along each axis, this solid is drawn too, and the bar reaches the
+        centre of mass. A body with a block, ball, gear or walls and at most one point gets neither.
         """
         points = self._distinct(name)
         # Blocks, gears and walls need no further shape.
@@ -369,8 +369,8 @@ class SketchingPen(AbstractPen):
             self._add(name, meshes.hull(points, self._bar))
 
     def solid(self, name: str, body: Body) -> None:
-        """Draw the equivalent solid of a body, once: at least as thick as a bar, and transparent
-        unless its two shorter sides are at most that thick."""
+        """Draw a body's equivalent box or cylinder, unless it is drawn already. All sides are at
+        least as long as a bar is thick; it is transparent if two of them are longer."""
         if name in self._solid:
             return
         self._solid.add(name)

@@ -36,10 +36,10 @@ def eccentricities(
     window: style.TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw the eccentricities of both bases over time, and the clearance as a horizontal line,
-    above which a base touches the wall. Bases with the same eccentricity, as in planar motion,
-    share one curve. If the eccentricity never differs from the clearance by more than 5 %, their
-    difference is drawn instead, so that its changes are visible.
+    """Draw the eccentricities of both bases over time, and the `clearance`, m, by default the
+    observed one, as a horizontal line, above which a base touches the wall. Bases with the same
+    eccentricity, as in planar motion, share one curve. If the eccentricity never differs from the
+    clearance by more than 5 %, their difference is drawn instead, so that its changes are visible.
 
     >>> axes = plot.eccentricities(observed, "shoulder", 0.5e-3)
     """

@@ -158,14 +158,14 @@ def bifurcation(
     number: bool = False,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw a bifurcation diagram: a quantity at the section crossings over a swept parameter. Each
-    dot is a crossing. Parameters with periodic motions have few different dots, which form curves;
-    those with chaotic motions have a cloud.
+    """Draw a bifurcation diagram of a sweep: a quantity at the section crossings over a parameter,
+    `axis`, by default the only one. Each dot is a crossing. Values with periodic motions have few
+    different dots, which form curves; those with chaotic motions have a cloud.
 
     **Arguments:**
 
-    - `section`, `channel`: names of the `Section` and of its recorded quantity to draw. In place of
-      a section, they may be "a" and "b" for an output "a_b" that is sampled once a period.
+    - `section`, `channel`: names of the `Section` and of its recorded quantity to draw. An output
+      "a_b" without a section, sampled once a period, is drawn for the names "a" and "b".
     - `number`: whether colours show the numbers of the crossings, from 1 on; this helps for a
       motion that decays, whose crossings depend on the time.
 

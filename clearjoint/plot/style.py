@@ -228,9 +228,9 @@ class ScaledValues(NamedTuple):
 
 
 def scaled(data: xr.DataArray, axis: Axis | None = None) -> ScaledValues:
-    """Convert data to the unit with the prefix that brings the largest magnitude between 1 and
-    1000, and make the label of their axis; but if the `axis` to draw on has a label already, such
-    as "force, kN", keep its unit. Note the unit without prefix on the `axis`."""
+    """Return data in the unit with the prefix that brings the largest magnitude between 1 and 1000
+    or, if the `axis` to draw on has a label already, such as "force, kN", in its unit; and a label
+    with the names of all data on the axis. Store the unit without prefix in the `axis`."""
     values = np.asarray(data.values, dtype=float)
     exponent, unit = _prefixed(values, data.attrs.get("units", "1"))
     base = unit.removeprefix(PREFIXES[exponent])
@@ -281,10 +281,10 @@ def legend_label(dataset: xr.Dataset, variable: str, axis: str) -> str:
 
 
 def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
-    """Return the factor from the SI unit `unit` to that in which to draw `values`, and its text:
-    with the prefix that brings the largest magnitude between 1 and 1000. Metres, seconds and
-    radians get neither k nor M. Forces are in N if all are below 10 kN, else in kN. Units that are
-    not in `PREFIXED` get no prefix."""
+    """Return the factor from `unit`, an SI unit, to the unit in which to draw `values`, and the
+    text of this unit. Its prefix brings the largest magnitude between 1 and 1000. But metres,
+    seconds and radians get neither k nor M, and units that are not in `PREFIXED` get no prefix.
+    Forces are in N if all are below 10 kN, else in kN."""
     if unit == "N":
         return (1e-3, "kN") if np.nanmax(np.abs(values), initial=0.0) >= 1e4 else (1.0, "N")
     exponent, text = _prefixed(np.asarray(values, dtype=float), unit)
@@ -292,8 +292,8 @@ def fitting_unit(values: np.ndarray, unit: str) -> tuple[float, str]:
 
 
 def time_unit(times: np.ndarray, window: TimeSpan | None = None) -> tuple[float, str]:
-    """Return the factor from s to the unit of a time axis, and its text: ms if all times, s, or the
-    window are below 2 s, else s."""
+    """Return the factor from s to the unit of a time axis, and its text: ms if the window or,
+    without one, all times are within 2 s of zero, else s."""
     last = np.abs(np.asarray(times if window is None else window, dtype=float)).max(initial=0.0)
     return (1e3, "ms") if last < 2.0 else (1.0, "s")
 

@@ -219,9 +219,9 @@ def spectrum(
 
 
 def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None = None) -> Axes:
-    """Draw the amplitude spectrum of values over time, such as measured ones; `record` and `taper`
-    as in `amplitude_spectrum`. The scale begins at 1e-8 of the largest amplitude or above. A title
-    names the taper and the distance of the frequencies.
+    """Draw the amplitude spectrum of values over time, such as measured ones, on a logarithmic
+    scale, without amplitudes below 1e-8 of the largest. `record` and `taper` are those of
+    `amplitude_spectrum`. A title names the taper and the distance of the frequencies.
 
     >>> axes = plot.spectrum_of(plot.series(scene, swing, x), taper="boxcar")
     """

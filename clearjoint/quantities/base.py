@@ -69,7 +69,7 @@ class Instant:
         inside: "Callable[[Scalar], Instant] | None" = None,
         jumps: Condition | None = None,
     ):
-        self.time, self.work = system.clock(own_time), work
+        self.time, self.work = system.scene_time(own_time), work
         self.scene = system.scene
         """The scene, whose vectors are `Vector`s, not arrays."""
         self.entry_speeds = entry_speeds
@@ -265,7 +265,7 @@ def check_quantity(argument: str, function: object, scene: Scene) -> None:
 
 
 def require_quantity(argument: str, function: object) -> None:
-    """Check that `function`, in errors `argument`, is a quantity or a function, and no class."""
+    """Raise an error about `argument` unless `function` is a quantity or function, not a class."""
     remedy = 'pass for example cj.quantities.Position("arm", "x")'
     is_function = callable(function) and not isinstance(function, type)
     require(is_function, argument, function, "a scalar function of an Instant", remedy)

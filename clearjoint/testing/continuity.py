@@ -26,7 +26,7 @@ after half of them. The change of a continuous function, even a square root, dec
 
 class Jumps(NamedTuple):
     """The largest jump of a function in each of N intervals: `sizes`, the value on the right minus
-    the value on the left, zero without a jump; and `positions` of the jumps in the intervals."""
+    the value on the left, zero without a jump; and `positions`, the function's arguments there."""
 
     sizes: Float[jax.Array, " N"]
     positions: Float[jax.Array, " N"]

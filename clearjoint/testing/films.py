@@ -99,7 +99,7 @@ def _states() -> jax.Array:
 
 
 def _rotated(rows: jax.Array, angle: float = 1.1) -> jax.Array:
-    """Rows of one or two plane vectors, turned by an angle, rad; the default is arbitrary."""
+    """Turn the plane vectors in rows, (N, 2) or (N, 4), by an angle, rad, arbitrary by default."""
     c, s = np.cos(angle), np.sin(angle)
     return (rows.reshape(len(rows), -1, 2) @ jnp.asarray([[c, s], [-s, c]])).reshape(rows.shape)
 

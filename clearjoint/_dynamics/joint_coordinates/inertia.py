@@ -167,13 +167,13 @@ def at_offset(twist: Twist, offset: Vector) -> Twist:
 
 def constrained(columns: Sequence[Twist], load: Twist, along: Speeds) -> Twist:
     """Return the part of a load or momentum of carried bodies that acts on their carrier, in the
-    equations for the rates r, while the rates r of the joint are held fixed.
+    equations for the rates r, while the joint's r are fixed. `columns`: the joint's twists, one for
+    a unit of each speed; `along`: the `product` of the load with each column.
 
-    If the carrier's acceleration changes, but the r of the joint do not, the carried bodies follow
-    the carrier except for its angular acceleration about free axes of the joint: a moment about
-    these axes does not act on the carrier. The result therefore has all forces, but no moments
-    about the free axes; about the axis of a screw it has the moment -pitch times the force along
-    the axis, with the pitch in m/rad. `along` are the products of the load with each column.
+    If the carrier's acceleration changes, but the joint's r do not, the carried bodies follow the
+    carrier except for its angular acceleration about free axes of the joint: a moment about these
+    axes does not act on the carrier. The result therefore has all forces, but no moments about the
+    free axes; about a screw's axis it has the moment -pitch (m/rad) times the force along the axis.
     """
     moment = load.angular
     for column, part in zip(columns, along, strict=True):
@@ -191,13 +191,13 @@ def projected(columns: Sequence[Twist], offset: Vector, load: Twist) -> tuple[Sp
 def momenta(
     columns: Sequence[Twist], carried: Inertia, armature: Scalar | None
 ) -> tuple[list[Twist], list[Speeds], list[Twist]]:
-    """Return three lists with an entry for a unit of each speed of a joint, whose twists are the
-    `columns`: the momentum of the carried bodies; the products of this momentum with all columns;
-    and its part that the carrier feels (see `constrained`). The last two include a rotor's inertia.
+    """Return three lists with an entry for each column, the twist for a unit of one of the joint's
+    speeds: the momentum of the carried bodies with this twist, the products of the momentum with
+    all `columns`, and the part of the momentum that acts on the carrier (see `constrained`).
 
-    A rotor resists u' = r - axis . (angular acceleration of the carrier) by its inertia J, the
-    `armature`. So J is added to the product of a column with itself, and -J axis to the carrier's
-    part; from the latter, `Inertia.without` gets the term J axis axis^T of the carrier's inertia.
+    The last two include a rotor of inertia J, the `armature`, which resists the acceleration u' =
+    r - axis . (angular acceleration of the carrier): J is added to the product of a column with
+    itself, and -J axis to the carrier's part, by which `Inertia.without` adds J axis axis^T.
     """
     wholes = [carried.momentum(column) for column in columns]
     # Row k of the block has the products of the momentum for a unit of speed k.
@@ -326,8 +326,8 @@ Evaluate: TypeAlias = Callable[..., PyTree]
 
 
 def evaluation(bodies: int) -> Evaluate:
-    """Return how to evaluate functions of the branches of a tree with this number of bodies: in a
-    large tree, JAX traces each function once for all branches of a kind."""
+    """Return the function that calls functions of branches, in a tree with this number of bodies:
+    directly or, in a large tree, traced once for branches of a kind (see `traced_for_a_kind`)."""
     return operator.call if is_small(bodies) else _traced_once
 
 
@@ -463,7 +463,7 @@ def tree_solver(
 def along_columns(
     links: Sequence[Link], parents: Parents, loads: LinkLoads, evaluate: Sequence[Evaluate]
 ) -> list[Speeds]:
-    """Return the generalised forces that loads on some links cause in the joint of each link."""
+    """Return the generalised forces of `loads` in each link's joint. `evaluate`: see `Evaluate`."""
     totals = dict(loads)
     forces: list[Speeds] = [[0.0] * len(link.columns) for link in links]
     # Each link comes after its parent. Links are visited by falling index, so that all loads on a

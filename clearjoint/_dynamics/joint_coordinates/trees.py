@@ -105,9 +105,9 @@ BodyPose: TypeAlias = tuple[EulerParameters, Motion]
 class FreeBranch:
     """A free body, the root of a tree, with a `BodyState` as variables as in absolute coordinates.
     The six speeds are velocity (m/s) and spin (rad/s), both in body axes. Rates of the velocity are
-    relative to free fall, since gravity accelerates all bodies of a free tree alike. `anchor`: the
-    points on body and ground between which `BodyState.position` is the vector (see `anchors`).
-    Methods are those of `JointedBranch`, but ignore the parent, which is the ground.
+    relative to free fall, since gravity accelerates all bodies of a free tree alike. `position` is
+    that of the centre of mass or, with an `anchor`, the vector from the point on the ground to that
+    on the body (see `anchors`). Methods are those of `JointedBranch`, but ignore the parent.
     """
 
     body: str = field(metadata=STATIC)
@@ -152,7 +152,7 @@ class FreeBranch:
         return velocity + axes @ spin.cross(self.anchor[0])
 
     def after_displacement(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
-        """Return the state after a displacement, m, and a rotation vector, rad, in body axes."""
+        """Return the state after a displacement, m, and a rotation vector, rad, in body `axes`."""
         rotation = Vector(*changes[3:])
         shift = self._shift(axes, axes @ Vector(*changes[:3]), rotation)
         orientation = turned(state.orientation, rotation)

@@ -267,7 +267,7 @@ def evaluated(target: Target, points: Points, ahead: int) -> Cloud:
 
 def next_count(curves: Float[np.ndarray, "n T"], reached: float) -> float:
     """Return the number of sample times in the likelihood after the next step, from the number
-    `reached` before it.
+    `reached` before it. `curves`: chi squared of n points, in column k over the first k times.
 
     The step goes so far that the effective number of points falls to the share `KEPT` of all
     points, but at most to the end of the runs.

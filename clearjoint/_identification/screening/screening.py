@@ -97,7 +97,7 @@ class Screened:
     """Result of one pass of a `Screening`, for p parameters.
 
     - `points`: (keep, p) points kept last, the best first.
-    - `chi_squared`: (keep,) of these points, by averaged residuals up to the last of `times`.
+    - `chi_squared`: (keep,) of these points up to the last of `times`; see `Screening.smoothing`.
     - `starts`: (finish, p) the points from which to search.
     - `times`: end of the part of the record that each round used, s.
     - `runs`: number of runs in all rounds.

@@ -439,8 +439,8 @@ class ClearanceJoint(AbstractCentredJoint):
         return self._contact_at(motions, gap, normal, on_bearing, on_journal)
 
     def planar_axes(self, bearing: Motion, journal: Motion) -> PlanarAxes:
-        """Return the components of the journal's x and y axes along the bearing's x and y axes: of
-        either body, the `transverse_axes` of its axis of rotation."""
+        """Return the components of the journal's x and y axes along those of the bearing. The x and
+        y axes of each are the `transverse_axes` of its own axis of rotation."""
         of_bearing = map(bearing.direction, transverse_axes(unit(self.bearing_axis)))
         of_journal = map(journal.direction, transverse_axes(unit(self.journal_axis)))
         pairs = itertools.product(of_journal, of_bearing)

@@ -37,8 +37,8 @@ NEARLY_OPPOSITE = math.cos(math.radians(170.0))
 
 
 def _along(motion: Motion, local: Vector, direction: Vector) -> tuple[Wrench, Scalar]:
-    """Return Jacobian and bias of the coordinate of a body's point `local`, m in body axes, along a
-    global unit vector."""
+    """Return a body's parts of `Row.jacobian` and `Row.bias` for the coordinate of its point
+    `local`, m in body axes, along the global unit vector `direction`."""
     body_direction = motion.rotation.transposed_times(direction)
     centripetal = motion.spin.cross(motion.spin.cross(local))
     return Wrench(direction, local.cross(body_direction)), body_direction.dot(centripetal)
@@ -183,7 +183,7 @@ def reversed_if_opposite(a: Vector, b: Vector) -> Vector:
     """Return the unit vector b, or -b if it is nearly opposite to the unit vector a.
 
     An axis and its opposite define the same joint, but opposite vectors have no shortest rotation.
-    The limit is far from perpendicular axes, of which rounding errors would decide the sign.
+    The limit, 170 degrees, is far from 90 degrees, where rounding errors would decide the sign.
     """
     return b * where(a.dot(b) < NEARLY_OPPOSITE, -1.0, 1.0)
 
@@ -192,8 +192,8 @@ def relative_angle_row(
     names: Pair, first: Motion, second: Motion, axis_first: Vector, axis_second: Vector
 ) -> Row:
     """Return the angle of the second body relative to the first about a common axis, rad in [-pi,
-    pi], as a row: right-handed about the first body's axis, and zero if the frames differ by the
-    shortest rotation that makes the axes parallel, or antiparallel by `reversed_if_opposite`."""
+    pi], as a row. It is right-handed about the first body's axis, and zero after the shortest
+    rotation from parallel frames that makes the axes parallel (antiparallel if nearly opposite)."""
     a, b = unit(axis_first), unit(axis_second)
     start, _ = transverse_axes(a)
     # `direction` is `start`, which is perpendicular to a, after the shortest rotation from a to b:

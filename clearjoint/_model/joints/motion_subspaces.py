@@ -146,9 +146,9 @@ class AbstractMotionSubspace(eqx.Module):
         return jax.tree.unflatten(structure, map(add, numbers, changes))
 
     def without_drift(self, position: PyTree) -> PyTree:
-        """Return the position with angles reduced by whole turns and normalised Euler parameters,
-        so that rounding errors do not grow over a long run. It is called at the end of each step;
-        the default, the position itself, suits distances."""
+        """Return the same position with angles between -2 pi and 2 pi and Euler parameters of about
+        unit norm, so that rounding errors do not grow over a long run. It is called at the end of
+        each step. By default the position is unchanged, which suits distances and screws."""
         return position
 
     def rotation(self, position: PyTree) -> Matrix:
@@ -323,9 +323,9 @@ def aligning(first: Vector, second: Vector) -> EulerParameters:
 
 
 def _from_zeta(axis: Vector) -> EulerParameters:
-    """Return Euler parameters, of any norm, of a rotation from the z axis to a unit vector: the
-    shortest one or, since its formula is singular for -z, half a revolution about x and then the
-    shortest rotation from -z if the z component is negative."""
+    """Return Euler parameters, of any norm, of a rotation from the z axis to a unit vector. The
+    formula of the shortest one is singular for -z. If the z component is negative, the rotation is
+    therefore half a revolution about x, from z to -z, and then the shortest one from there."""
     forwards = EulerParameters(1.0 + axis.z, -axis.y, axis.x, 0.0)
     shortest = EulerParameters(1.0 - axis.z, axis.y, -axis.x, 0.0)
     backwards = composed(shortest, EulerParameters(0.0, 1.0, 0.0, 0.0))

@@ -40,8 +40,8 @@ lane with a full buffer still knows whether more states are to be saved."""
 
 
 class Lane(eqx.Module):
-    """A run between two turns, and the `saved` states that the host has not read yet; ``None`` if
-    the batch saves no states."""
+    """State of a lane between two turns of the loop over lanes: its `run`, and the `saved` states
+    that the host has not read yet; ``None`` if the batch saves no states."""
 
     run: Progress
     saved: RowBuffer[Snapshot] | None
@@ -99,7 +99,7 @@ class Common(eqx.Module):
       tables of impacts, by name of the output.
     - `saves`: whether states are saved at given times.
     - `capacity[log]`: largest number of rows of each log of crossings or impacts.
-    - `channels[log][name]`: quantities reported at each state of a log of crossings, or of `SAVED`.
+    - `channels[log][name]`: quantities at each crossing of a log or, for `SAVED`, each saved state.
     - `tables[name]`: for each table of impacts, the names of the logs of its contacts.
     - `programs`: name and digest of each traced program, or empty if unknown. A compiled program on
       disk is reused only if these agree.

@@ -89,7 +89,7 @@ class XlaLaneLoop(AbstractLaneLoop):
 
 class XlaFunction:
     """A function of the data of one lane, called as function(shared, *trees), compiled by XLA for
-    many lanes, whose data and results are in cells of 8 bytes, a row for each lane. `examples` have
+    many lanes. It takes and returns cells with a row, not a column, for each lane. `examples` have
     the shapes of `trees`. The attribute `results` is the layout of the cells of a result."""
 
     def __init__(self, function: OnLane, shared: PyTree, *examples: PyTree):

@@ -156,8 +156,8 @@ def _projection(
 ) -> tuple[list[Scalar], Scalar]:
     """Return speeds that move the positions out of the wall, to be added to the speeds of the
     motion, and the relative residual of the contact problem for these speeds. Gaps are linearised.
-    `after` begins with the opening velocity of each contact after the impulses, m/s, and `sinks`,
-    zero or positive, with the velocity towards the wall that the forces add in the step, m/s."""
+    First in `after` are the opening velocities of the contacts after the impulses, m/s; in `sinks`,
+    the velocities towards the wall, at least zero, that the forces add in the step, m/s."""
     stays, ends = [], []
     rows = zip(problem.contacts, closed, after, sinks, strict=False)
     for touch, shut, velocity, sink in rows:

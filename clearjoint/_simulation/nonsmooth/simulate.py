@@ -53,8 +53,8 @@ class RigidRun(eqx.Module):
 
 
 class RigidStop(eqx.Module):
-    """State of a run at a stop, which is a time to save at or the end of the run; `bodies` is
-    packed. For n stops, each array has an additional first axis of length n."""
+    """State of a run at a stop, a time to save at or the end: `bodies`, with arrays for vectors,
+    and `totals` of each contact so far. For n stops, arrays have an additional first axis, (n,)."""
 
     bodies: dict[str, BodyState]
     totals: dict[str, dict[str, ContactTotals]]

@@ -240,8 +240,8 @@ class Observation(eqx.Module, AbstractTabular):
 
         This is the change, since the first time, of the mechanical plus the dissipated energy less
         the supplied one, and zero for an exact solution. Without the ledger, it is the change of
-        the mechanical energy. At `interpolated` times, the result is interpolated between the ends
-        of steps. If all times are `interpolated`, the result has the error of the states there too.
+        the mechanical energy. At `interpolated` times, whose states are less accurate, the result
+        is interpolated between ends of steps; without any, it has the error of these states.
         """
         losses = ("normal damping", "friction", "film", "stabilisation")
         dissipated = sum(self.energies.get(name, 0.0) for name in losses)
@@ -256,8 +256,8 @@ class Observation(eqx.Module, AbstractTabular):
 def _rows_of(
     kind: type[eqx.Module], parts: Mapping[str, PyTree], dim: str, *attributes: Mapping[str, object]
 ) -> dict[str, tuple[Any, ...]]:
-    """Return, for each field of the class `kind` by name of the variable, the arguments of
-    `_stacked`: `dim`, the field of all `parts` (objects of the class), unit, text, `attributes`."""
+    """Return the arguments of `_stacked` for each field of the class `kind`, by the name of its
+    variable. `parts`: objects of the class, one for each label along `dim`, with those fields."""
     rows = {}
     for f in fields(kind):
         series = [getattr(part, f.name) for part in parts.values()]

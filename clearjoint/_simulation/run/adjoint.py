@@ -121,8 +121,8 @@ class Adjoint(eqx.Module):
         return self.end - self.origin
 
     def systems(self, values: PyTree, direction: PyTree | None = None) -> SystemFamily:
-        """Return the equations of motion at `values` of the parameters, with derivatives along the
-        direction of `family` or, as linear functions that can be transposed, along `direction`."""
+        """Return the equations of motion at `values` of the parameters, with derivatives along
+        `direction`, for JAX to transpose; by default along the direction of `family`."""
         family, is_transposed = replace(self.family, values=values), direction is not None
         if is_transposed:
             family = replace(family, direction=direction)

@@ -375,7 +375,7 @@ def _end_of(
     step: Step,
     end: Scalar,
 ) -> tuple[Outcome, Condition]:
-    """Return the result of `end_of`, and whether a journal has slid out of its bearing."""
+    """Return the outcome (see `end_of`), and whether a journal has slid out of its bearing."""
     system = scheme.system(unpack(folded_scene))
     outcome = end_of(system, reductions, tallies, step, end)
     return outcome, any_slid_out(unpack(folded_scene), unpack(outcome.final.bodies))

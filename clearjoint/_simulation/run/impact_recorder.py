@@ -133,11 +133,11 @@ def _depths(
 
 
 INSTANTS = ("onset", "separation", "peak_time")
-"""Names of the fields of an `ImpactRow` that are times on the clock of the run."""
+"""Names of the fields of an `ImpactRow` that are times since `System.origin`."""
 
 
 class ImpactRow(eqx.Module):
-    """A finished contact. Units are those of `Impacts`; times are on the clock of the run."""
+    """A finished contact. Units are those of `Impacts`; times are counted from `System.origin`."""
 
     onset: Scalar
     separation: Scalar
@@ -288,7 +288,7 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
             # A row is written if the contact ended in this step, and the row is to be recorded.
             written = accepted & has_ended
             if self.window is not None:
-                written = written & self.window.at(now).holds(system.clock(row.onset))
+                written = written & self.window.at(now).holds(system.scene_time(row.onset))
             if self.wanted is not None:
                 written = written & (self.wanted[contact_label(name, label)] > recorded.rows.count)
             rows = recorded.rows.with_row(row, written)
@@ -333,7 +333,7 @@ def most(record: ImpactRecord) -> int:
 
 def impact_rows_of(record: ImpactRecord, origin: float = 0.0) -> list[tuple[str | float, ...]]:
     """Return the impacts in a record of NumPy arrays as rows for `Impacts.of_rows`. `origin`, s,
-    the scene's time at which the clock of the run was zero, is added to all times."""
+    the scene's time from which the run counts its times, is added to all times."""
     rows: list[tuple[str | float, ...]] = []
     for joint, family in record.items():
         for contact, recorded in family.items():

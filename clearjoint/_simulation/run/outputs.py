@@ -105,8 +105,8 @@ EXAMPLE = 'pass for example {"x": cj.quantities.Position("arm", "x")}'
 @dataclass(frozen=True)
 class Requested:
     """What a run is asked for besides its final state: `outputs` by name, and what `save` selects.
-    It raises a `ValueError` for outputs that are no `Output`, or not by name, and for one with the
-    name of a further result of a reduction, such as "peak_time" of a `Peak` named "peak"."""
+    It raises a `ValueError` unless `outputs` is a dictionary of `Output`s by name, and if a name is
+    also that of a further result, as "peak_time" is beside a `Peak` with the name "peak"."""
 
     outputs: Mapping[str, Output]
     save: Saving
@@ -182,9 +182,9 @@ class Requested:
 
     def recorded(self, records: Records, origin: float = 0.0) -> dict[str, Table]:
         """Return by name of the output the tables in the records of a run. `origin`, s, is the
-        scene's time at which the clock of the run was zero."""
+        scene's time from which the run counts its times."""
         found: dict[str, Table] = {}
-        # Times of crossings are recorded on the scene's clock, so the origin is not added to them.
+        # Crossings are recorded with times of the scene, so the origin is not added to them.
         for name, section in self.sections.items():
             columns = records[SECTIONS][name].rows.filled()
             units = {key: unit for key, (_, unit) in section.pairs.items()}

@@ -75,7 +75,7 @@ class _Samples(NamedTuple):
     """`times`, (N,) s since the start of a run, at which quantities are evaluated: first those of
     the requested quantities, then those of reductions. `places`: (N,), for each time the index in
     the run of the step in which the time lies; `rows`: (N, n), the `step_row` of this step;
-    `instants[name]`: s, the times of a reduction again, but on the scene's clock."""
+    `instants[name]`: s, the times of a reduction again, but as times of the scene."""
 
     times: np.ndarray
     places: np.ndarray
@@ -377,12 +377,12 @@ def _count_of_tangents(example: Step) -> int:
 
 
 class Seeds(NamedTuple):
-    """Cotangents with which a backward loop begins.
+    """Cotangents with which a backward loop begins, pulled back from the derivatives of outputs.
 
-    - `total`: those of the direction in which the parameters change, only for the dependence of
-      outputs on it that is not through the tangents.
-    - `pulled`: (K, m), for each of K times of outputs, those of the m numbers of the `StepTangents`
-      of the step at that time; `places`, (K,), has the indices of these steps.
+    - `total`: those of the direction in which the parameters change, as far as the derivatives
+      depend on it directly, and not through the tangents.
+    - `pulled`: (K, m), those of the m numbers of the `StepTangents` of a step, for each of K times
+      at which outputs are evaluated; `places`, (K,), has the indices of these steps.
     """
 
     total: PyTree
@@ -395,8 +395,8 @@ class Seeds(NamedTuple):
         return int(places.max(initial=-1)) + 1
 
     def steps(self, rows: np.ndarray, first: int, last: int, room: int) -> PulledSteps:
-        """Return the steps with the indices `first` to `last` - 1 in the run. Their rows are the
-        first ones of `rows`, and at most `room` of these steps have cotangents."""
+        """Return the steps `first` to `last` - 1 of the run with their cotangents. `rows`: the
+        `step_row` of each of them, then padding; `room`: largest number of them with cotangents."""
         # Row 0 of `added` stays zero, for steps without cotangents; hence `order + 1`. A step in
         # which outputs are evaluated at several times gets the sum of these cotangents.
         added = np.zeros((room + 1, self.pulled.shape[1]))
@@ -522,8 +522,8 @@ def _through(
 
 
 def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Recording]:
-    """Record a run for each of the `values` of the parameters, side by side. Return, by index in
-    `values`, the recordings of those runs that are short enough to be kept."""
+    """Record a run for each of the `values` of the parameters, side by side. Return the recordings
+    by index in `values`. Runs whose steps exceed `KEPT_BYTES` are stopped and left out."""
     run = recorder.run
     recordings: dict[int, _Recording] = {}
     # Rows that the host has read so far, by the number of the run.

@@ -94,7 +94,7 @@ class TangentPeak(NamedTuple):
 
 
 class TangentPeakRecorder(AbstractRecorder[TangentPeak]):
-    """Recorder of the largest derivatives of speeds, whose errors limit the accuracy later on."""
+    """Recorder of the largest derivatives of speeds, which determine `Sampled.amplification`."""
 
     @override
     def start(self, start: RunStart) -> TangentPeak:
@@ -133,7 +133,7 @@ class LatestDenseStep(AbstractRecorder[DenseStep]):
 
 
 class TimedState(eqx.Module):
-    """A time `t`, s, on the run's clock, and the `state` then, with vectors as separate scalars."""
+    """A time `t`, s since `System.origin`, and the `state` then; vectors are separate scalars."""
 
     t: Numbers
     state: State

@@ -71,7 +71,7 @@ class Rejections(AbstractTabular):
 
 
 class RejectedRow(NamedTuple):
-    """A rejected step: its start, s, on the clock of the run, the length that was tried, s, and the
+    """A rejected step: its start, s since `System.origin`, the length that was tried, s, and the
     index of the reason in `REASONS`."""
 
     start: Scalar
@@ -104,7 +104,7 @@ class RejectionRecorder(AbstractRecorder[RejectionRecord]):
     def after(self, record: RejectionRecord, step_outcome: StepOutcome) -> RejectionRecord:
         rejected, t = step_outcome.tried.rejected, step_outcome.before.t
         assert rejected is not None, "only in a record of accepted attempts"
-        is_late = step_outcome.system.clock(t) >= self.earliest
+        is_late = step_outcome.system.scene_time(t) >= self.earliest
         reasons = {reason: is_late & is_true for reason, is_true in rejected.reasons.items()}
         # At most one reason is true (see `decide_step`), so that the sum is its index.
         number = sum(REASONS.index(reason) * is_true for reason, is_true in reasons.items())
@@ -158,7 +158,7 @@ class RejectedSteps:
 
 
 def rejections_of(record: RejectionRecord, origin: float = 0.0) -> Rejections:
-    """Return the table of a record. `origin` is the scene's time when the run's clock was 0, s."""
+    """Return the table of a record. `origin`, s, is that of the `System`."""
     start, length, numbers = (np.asarray(column) for column in record.rows.filled())
     reasons = np.array([REASONS[int(k)].value for k in numbers], dtype=object)
     counts = {reason.value: int(record.counts[reason]) for reason in REASONS}

@@ -115,10 +115,10 @@ def check_structure(
     """Check an initial state against the constraints of a scene, if it has joints, at a time t, s,
     and return the names of the redundant constraints.
 
-    **Raises:** `ValueError` if the state violates a constraint, if a joint holds a wrong
-    orientation, if a contact is deeper than its joint allows, as for a journal far outside its
-    bearing, if it cannot be decided which constraints are redundant, or if the coordinates cannot
-    represent the state or have no variable.
+    **Raises:** `ValueError` if the state violates a constraint, if a fixed or prismatic joint holds
+    an orientation 90 degrees or more from the declared one, if a contact is deeper than its joint
+    allows, as for a journal far outside its bearing, if it cannot be decided which constraints are
+    redundant, or if the coordinates cannot represent the state or have no variable.
 
     **Warns:** `UnusualValueWarning` for a contact that is deeper than the fraction `FAR_OUTSIDE` of
     the depth that its joint allows, and for a closed contact that approaches without entry speed.

@@ -65,12 +65,12 @@ class Sampled(eqx.Module):
     - `values[name]`: (N,), `derivatives[name]`: (N, p), in the quantity's unit, with respect to the
       coordinates of the parameters on their scales, such as logarithms.
     - `reached`: (N,), whether the run reached each time. Other rows are meaningless.
-    - `time`: s, end of the run, on the scene's clock.
-    - `amplification`: (p,), for each parameter, the largest derivative of a speed, times the time
-      from its instant to the end of the run, over the largest derivative of a position in that
-      time. Relative errors of the former, times this factor, bound those of the latter.
+    - `time`: s, end of the run, a time of the scene.
+    - `amplification`: (p,), |v| T/|x| for each parameter: v is the largest derivative of any speed,
+      T, s, the time from then to the end of the run, and x the largest derivative of any position
+      since then. The relative error of x is at most that of v times this number.
     - `states`: those at the N times, or ``None``; `records`: those of the run's recorders. Impacts
-      have times since the start of the run, and crossings times on the clock of the scene.
+      have times since the start of the run, and crossings times of the scene.
     """
 
     values: dict[str, Numbers]
@@ -188,8 +188,8 @@ def values_and_derivatives(
 def first_step_of(
     scheme: Scheme, family: AbstractSceneFamily, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
-    # The clock of the run is zero at its start. Steps that end at impacts need a resolution finer
-    # than the rounding errors of large times.
+    # Times count from the start: steps that end at impacts need a resolution finer than the
+    # rounding errors of large times.
     systems, method = SystemFamily(family, scheme.formulation, t0), scheme.method
     own_start, own_end = jnp.zeros_like(t0), t_end - t0
     initial, term = initial_with_tangents(systems, own_start), term_of(method)
@@ -204,9 +204,9 @@ class TangentRun(eqx.Module):
     whole run of `sensitivities` and fits.
 
     - `outputs`: the quantities, by name.
-    - `times`: (N,) s, not decreasing, not before `start_time`. The run ends with the step that
-      reaches the last time, which must be `end_time` or later, as `padded` ensures; times after
-      `end_time` are not reached.
+    - `times`: (N,) s, not decreasing, not before `start_time`. The run stops at `end_time`; later
+      times are not reached. But it would stop at the last of `times` if that were earlier: the last
+      must be `end_time` or later, as `padded` ensures.
     - `recorders`: further recorders; `has_states`: whether to keep the state at each time.
     """
 
@@ -232,7 +232,7 @@ class TangentRun(eqx.Module):
         recorders: dict[str, Recorders],
         has_states: bool = False,
     ) -> "TangentRun":
-        """Return the run over a `span`, s, with the numbers of `settings`; `times` are padded."""
+        """Return the run over a `span`, s, with the numbers of `settings`, and pad the `times`."""
         return TangentRun(
             scheme=scheme,
             family=family,
@@ -248,8 +248,8 @@ class TangentRun(eqx.Module):
 
 
 def _sampled_from(first: Step, run: TangentRun) -> Sampled:
-    """Integrate from `first`, the result of `first_step_of`. In the code, times named `own` are on
-    the clock of the run, which begins at zero."""
+    """Integrate from `first`, the result of `first_step_of`. In the code, times named `own` count
+    from the start of the run."""
     method, outputs, t0 = run.scheme.method, run.outputs, run.start_time
     systems = SystemFamily(run.family, run.scheme.formulation, t0)
     system, own_end, own_times = systems.system(), run.end_time - t0, run.times - t0

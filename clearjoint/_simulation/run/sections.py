@@ -86,7 +86,7 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         if self.channels is None:
             # In lanes, which cannot branch one by one, the root is searched for in every step.
             row = self._crossing(step_outcome, start, end)
-            time = step_outcome.system.clock(row.t)
+            time = step_outcome.system.scene_time(row.t)
         else:
             # Most steps have no crossing: other runs search for the root only in steps with one.
             system, channels = step_outcome.system, dict(self.channels)

@@ -150,8 +150,8 @@ class Strobe:
         return None
 
     def _decays(self, multiple: int, count: int) -> bool:
-        """Return whether the change since `multiple` periods earlier is, in the last `count`
-        periods, less than half of what it was after three quarters of the motion."""
+        """Return whether the largest change since `multiple` periods earlier is, in the last
+        `count` periods, less than half of that in `count` periods up to 3/4 of the motion."""
         changes = self.change(multiple)
         earlier = changes[: 3 * len(changes) // 4][-count:]
         return bool(changes[-count:].max() < 0.5 * earlier.max(initial=0.0))
@@ -259,14 +259,14 @@ def settle(
     - `periods`: largest number of periods to simulate; with a section, largest number of spans. It
       is rounded up to a multiple of 10.
     - `largest_multiple`: largest number of periods after which the motion may repeat.
-    - `tolerance`: relative. A motion repeats after m periods if each of the last m periods, and at
-      least of the last three, differs from the one m periods earlier by at most this. Changes are
-      relative to the ranges of positions, velocities and spins in the last three periods: for a
-      motion over 0.1 m, 1e-5 is a micrometre. With a section, they are relative to the mean time
-      between crossings and to the largest magnitude of each channel. A motion is at rest if its
-      ranges in the last three periods are at most `tolerance` times those of the whole motion.
-      If each period reduces the distance of a motion from its limit to f times its value, it may
-      still be ``tolerance / (1 - f)``. `settings.rtol` must be well below `tolerance`.
+    - `tolerance`: relative. A motion repeats after m periods if each of the last max(m, 3) periods
+      differs from the one m periods earlier by at most this. Changes are relative to the ranges of
+      positions, velocities and spins in the last three periods: for a motion over 0.1 m, 1e-5 is a
+      micrometre. With a section, they are relative to the mean time between crossings and to the
+      largest magnitude of each channel. A motion is at rest if its ranges in the last three periods
+      are at most `tolerance` times those of the whole motion. If the distance to the final motion
+      shrinks by a factor f in each period, then a distance of ``tolerance / (1 - f)`` may remain.
+      `settings.rtol` must be well below `tolerance`.
 
     **Returns:** a `Settled`. A motion that does not settle, or a run that fails, raises no error;
     `kind` of the result tells.
@@ -347,7 +347,7 @@ def settle(
 
 def _kind(strobe: Strobe, multiple: int | None, is_last: bool) -> Settling | None:
     """Return the kind of a motion that is not at rest; ``None`` if more periods have to be run.
-    `multiple`: result of `Strobe.multiple`; `is_last`: whether no more periods are allowed."""
+    `multiple`: periods until it repeats, or ``None``; `is_last`: whether no more are allowed."""
     if multiple is not None:
         return Settling.PERIODIC
     if not is_last:

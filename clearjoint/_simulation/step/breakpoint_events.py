@@ -130,9 +130,12 @@ def across_breakpoints(
 def _with_shares(
     system: System, before: Scalar, after: Scalar, shares: Mapping[str, Scalar]
 ) -> System:
-    """Return the system with each force whose name is in `shares` replaced by a `SwitchedForce`."""
+    """Return the system with each force whose name is in `shares` replaced by a `SwitchedForce`,
+    which has this share. `before`, `after`: its two times, s since the system's origin."""
     forces = {
-        name: SwitchedForce(force, system.clock(before), system.clock(after), shares[name])
+        name: SwitchedForce(
+            force, system.scene_time(before), system.scene_time(after), shares[name]
+        )
         for name, force in system.scene.forces.items()
         if name in shares
     }
@@ -183,7 +186,7 @@ def _past_samples(
     memories, changes = y.memory, []
     for name, instants in sampled.items():
         for key, (lands, instant) in instants.items():
-            since, motions_sampled = system.clock(t) - instant, motions
+            since, motions_sampled = system.scene_time(t) - instant, motions
             if differentiated:
                 motions_sampled = _moved_on(motions, motion_rates, -since)
             sample = forces[name], motions_sampled, key, memories[name], instant
@@ -207,13 +210,13 @@ def _with_shifted_instants(
     speeds: EntrySpeeds,
     after: Scalar,
 ) -> Variables:
-    """Return `y` plus, for each change of a force, the jump of the rates times the time since. This
-    time is zero except for rounding, but has derivatives, which `y` gets in this way.
+    """Return `y` plus, for each change of a force's memory, the jump of the rates times the time
+    since the change. This time is zero except for rounding: only its derivatives matter.
 
-    **Arguments:** `changes`: for each change, the force's name, its memories before and after, and
-    the time since its instant, s. Only these times have derivatives. `fixed`, `still`, `speeds`:
-    system, variables with the memories before all changes, and entry speeds. `after`: time just
-    after the instants, s.
+    **Arguments:** `changes`: for each change, the force's name, the memories of all forces before
+    and after it, and the time since it, s; of these, only the times have derivatives. `fixed`,
+    `still`, `speeds`: system, variables with the memories before all changes, and entry speeds,
+    without derivatives. `after`: time just after the changes, s.
     """
     forces = sampled_forces(fixed.scene)
 

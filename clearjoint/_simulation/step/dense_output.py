@@ -10,7 +10,7 @@ import diffrax
 import equinox as eqx
 import jax.numpy as jnp
 
-from ..._dynamics.breakpoints import coincide
+from ..._dynamics.breakpoints import is_reached
 from ..._dynamics.contact_events import ContactGaps, entry_speeds_inside
 from ..._dynamics.contact_forces import EntrySpeeds
 from ..._dynamics.coordinates import MotionVariables
@@ -45,7 +45,7 @@ def at_end(system: System, end: Scalar, t: Scalar) -> Condition:
     """Return whether a time t, s, is the `end`, s, of the step in which it lies. With sampled
     forces, a time that is earlier by a rounding error also counts as the end, because at an instant
     at which a force samples the motion, the values after the jump of its memory are wanted."""
-    return coincide(system, end, t) if sampled_forces(system.scene) else t >= end
+    return is_reached(system, end, t) if sampled_forces(system.scene) else t >= end
 
 
 def dense_time(attempt: Attempt, t: Scalar) -> Scalar:
@@ -172,7 +172,7 @@ class DenseStep(eqx.Module):
         return Snapshot(t, self.inside(method, elapsed), self.start.entry_speeds)
 
     def at(self, method: Method, system: System, t: Scalar) -> Snapshot:
-        """Return the snapshot at a time t, s, that `look_inside` returns for the step's attempt."""
+        """Return the stabilised snapshot at a time t, s, of this step, as `look_inside` does."""
         start, end = self.start, self.end
         length = end.t - start.t
         elapsed = (t - start.t) / jnp.where(length > 0.0, length, 1.0)

@@ -174,13 +174,13 @@ def _depends_on_primitive(program: Jaxpr, chosen: list[bool], primitives: frozen
 
 
 def changes_side(trial: Trial) -> Condition | None:
-    """Return whether a force jumps in a trial step because one of its `deviations` changes by more
-    than pi, such as an angle that passes half a revolution; ``None`` if no force has any."""
+    """Return whether a force jumps in a trial step: one of the numbers `AbstractForce.deviations`,
+    such as an angle in [-pi, pi], changes by more than pi; ``None`` if no force has any."""
     step, system = trial.step, trial.system
 
     def deviations(motion: MotionVariables, t: Scalar) -> list[Scalar]:
         # A function of time has at a breakpoint the value inside of the step.
-        t = system.clock(one_sided_time(system, step.t, t))
+        t = system.scene_time(one_sided_time(system, step.t, t))
         motions = system.motions(motion)
         forces = system.scene.forces.values()
         return [angle for force in forces for angle in force.deviations(motions, t)]

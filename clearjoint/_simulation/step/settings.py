@@ -180,7 +180,7 @@ class Settings:
         return replace(self, rtol=factor * self.rtol, atol=atol)
 
     def require_tolerances(self, where: str) -> None:
-        """Raise a `ValueError` "... must be None where `where`" if a `controller` is set."""
+        """Refuse a `controller`, which replaces `rtol`, `atol`. `where`: clause for the error."""
         controller, remedy = self.controller, "leave it out, and give rtol and atol"
         require(controller is None, "controller", controller, f"None where {where}", remedy)
 

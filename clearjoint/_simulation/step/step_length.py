@@ -124,10 +124,10 @@ def magnitudes(y: Variables) -> Variables:
 
 
 def tangent_sizes(system: System, sizes: Variables, along: Variables) -> Variables:
-    """Return the numbers to which the step-size controller relates the errors of tangents: the
-    `magnitudes` of the tangents, `along`, plus, for tangents of speeds, a share of `sizes`, the
-    `magnitudes` of the variables. A parameter that changes the positions by a hundredth per unit is
-    expected to change the speeds by about a hundredth too."""
+    """Return the numbers to which the step-size controller relates the errors of tangents. `along`
+    and `sizes` are the `magnitudes` of tangents and variables. The result is `along`, to which, for
+    speeds, a share of `sizes` is added (see `SHARE_OF_SPEED`): a parameter that changes positions
+    by a hundredth per unit is expected to change speeds by about a hundredth too."""
 
     # In free flight the derivative of a speed may be zero. At an onset it rises to a high peak. The
     # rate of this rise has the relative error of the tiny depth, of which few digits are known far

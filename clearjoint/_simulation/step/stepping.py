@@ -3,7 +3,7 @@
 diffrax supplies the solver's `step` and the controller's `adapt_step_size`, which are called one
 step at a time, because in `diffeqsolve` the treatment of contact events would need hidden state.
 The body is scalar arithmetic without callbacks, custom calls or scatters, so that it compiles to
-one native function. Times are on the clock of a `System`, counted from its `origin`.
+one native function. Times count from the `origin` of a `System`.
 """
 
 import warnings

@@ -153,8 +153,8 @@ def create(path: Path, contents: Contents) -> None:
 
 
 def extend(path: Path, contents: Contents) -> None:
-    """Add lanes or variables to the store at a path, or give it other axes, without a change of its
-    results, and remove the outdated grid."""
+    """Add lanes or variables to the store at a path, or give it other axes; no result changes.
+    Remove the grid, the copy of the results along the axes, which is then outdated."""
     with unfinished(path) as group:
         _write(group, contents)
         _move_all(group, path / BY_LANE)

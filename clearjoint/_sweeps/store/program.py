@@ -211,8 +211,8 @@ def programs(common: Common, state: State) -> dict[str, str]:
         return {RUN: (run.after_turn(task, lane), run.outcome(task, lane))}
 
     def impact_tables(numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
-        """Return the impacts recorded after one step, by variable of the impact tables. All of a
-        table's variables have the same entry, the whole record."""
+        """Return for each variable of the impact tables what its table has recorded after one step:
+        the same for all variables of a table, because a digest covers the whole table."""
         # A row is still wanted in each log, so that the code that records an impact is traced.
         task = task_of(numbers, end_time, dict.fromkeys(lane.buffers(), 1))
         after = with_impacts.after_turn(task, lane)

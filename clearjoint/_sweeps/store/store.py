@@ -299,7 +299,7 @@ class SweepStore:
         return rows
 
     def write_grid(self) -> None:
-        """Write the files of the grid whose content has changed, if the store can be written to."""
+        """Update the grid, a copy of all results along the axes, if the store can be written to."""
         # A store that can't be written to serves only sweeps whose lanes are all done: `missing`
         # raises an error for other sweeps.
         if not os.access(self.path, os.W_OK):
@@ -388,7 +388,7 @@ def _labelled(path: Path, contents: Contents) -> "xr.Dataset":
 
 
 def _arrays(path: Path, group: "zarr.Group", contents: Contents) -> dict[str, np.ndarray]:
-    """Read the variables of all lanes by name, in the order of the rows; warn of damaged files."""
+    """Read the variables by name, lanes in the order of the store's rows; warn of damaged files."""
     layout, damaged, folder = contents.layout, [], path / BY_LANE
     arrays: dict[str, np.ndarray] = {}
     lanes = slice(len(contents.order))  # Another process may have added lanes.

@@ -60,8 +60,8 @@ def test_breakpoints_near_time_zero_have_two_sides(at, origin):
     start, here = system.own_time(-0.5), system.own_time(at)
     assert next_breakpoint(system, start) == here
     assert next_breakpoint(system, here) == np.inf
-    assert system.clock(one_sided_time(system, start, here)) < at
-    assert system.clock(one_sided_time(system, here, here)) > at
+    assert system.scene_time(one_sided_time(system, start, here)) < at
+    assert system.scene_time(one_sided_time(system, here, here)) > at
 
 
 @pytest.mark.parametrize("at", [[np.inf], [-np.inf], [-np.inf, 0.2, np.inf]])
