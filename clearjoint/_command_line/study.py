@@ -266,8 +266,8 @@ class WrittenPath:
 
 @dataclass(frozen=True)
 class FoundPath:
-    """The numbers with one unit that one or several paths in a file name; `in_state`: whether they
-    are numbers of the state."""
+    """The number at a path of a file, or the numbers at several, which have one `unit`. `in_state`:
+    whether `path` selects them from the state, instead of the scene."""
 
     path: WrittenPath
     in_state: bool

@@ -161,11 +161,11 @@ def _traced_for(
 
 
 def _evaluation_of(call: ClosedJaxpr) -> Callable[..., Sequence[PyTree]]:
-    """Return a function that evaluates the jaxpr `call`, in which one equation calls another jaxpr.
+    """Return a function that evaluates `call`, a jaxpr whose one equation calls another jaxpr.
 
-    Adding this equation to the program that is being traced takes two fifths of the time of
-    `jaxpr_as_fun`, and less than `jax.jit`, whose checks of arguments were a tenth of the tracing
-    of a large scene.
+    The function adds only this equation to the program that JAX is tracing. That takes two fifths
+    of the time of `jaxpr_as_fun`, and less than `jax.jit`, whose checks of arguments were a tenth
+    of the tracing of a large scene.
     """
     jaxpr = call.jaxpr
     if not jaxpr.outvars:
@@ -330,8 +330,8 @@ def _state_without_trace() -> object:
 
 
 def seconds_of_compiling() -> float:
-    """Return for how long, s, a program has been traced and compiled: the longest time of all
-    threads, or zero. Progress bars show it."""
+    """Return how long, s, tracing and compilation in progress have taken so far: the longest time
+    of all threads; zero if no thread makes a program. Progress bars show it."""
     times = [began for began in list(_began.values()) if began is not None]
     return time.monotonic() - min(times) if times else 0.0
 

@@ -666,7 +666,7 @@ class _Stages:
         self.failure = reason
 
     def _pressed(self) -> Float[np.ndarray, " joints"]:
-        """Largest depth of each joint's contacts in the last run, m, from the force's onset on."""
+        """Largest penetration of each joint in the last run, m, measured from the force's onset."""
         pressed = self.extremes[-1][:, 0].copy()
         for j, name in enumerate(self.run.rates):
             joint = _clearance_joint(self.scene, name)
@@ -679,15 +679,15 @@ class _Stages:
         return np.maximum(pressed, LEAST_PENETRATION)
 
     def _cycles_to_change(self, change: float) -> float:
-        """Number of cycles until a depth of any joint has changed by `change` times `_pressed`."""
+        """Number of cycles until a worn depth has changed by `change` penetrations (`_pressed`)."""
         fastest = self.rates[-1][0].max(axis=(1, 2))
         # A joint that does not wear takes infinitely many; 1 avoids a division by its rate of zero.
         cycles = change * self._pressed() / np.where(fastest > 0.0, fastest, 1.0)
         return float(np.min(np.where(fastest > 0.0, cycles, np.inf)))
 
     def _shorten(self, length: float) -> bool:
-        """Replace the last stage by a shorter one; return whether this was possible: not if
-        `cycles` prescribes the stages, or the depths would hardly change."""
+        """Replace the last stage by one of at most `length` cycles. Return false, without a change,
+        for the first one, prescribed `cycles`, or a length in which depths would hardly change."""
         if len(self.cycles) == 1 or self.run.cycles.ndim == 1:
             return False
         if length < self._cycles_to_change(FIRST_CHANGE * FEWEST_CHANGE):
@@ -746,8 +746,8 @@ class _Stages:
         return depths, reached
 
     def contacts(self) -> dict[str, tuple]:
-        """Return the variables `CONTACTS`, which a store needs besides the result to be continued;
-        none before the first run."""
+        """Return dimensions and values of the variables `CONTACTS` by name, with which a stored
+        computation can be continued; none before the first run."""
         if not self.wears:
             return {}
         histories = np.stack([wear.history for wear in self.wears])

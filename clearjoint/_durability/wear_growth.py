@@ -75,7 +75,7 @@ def _unworn(
     joint: ClearanceJoint, depths: jax.Array, x: jax.Array, y: jax.Array, axes: PlanarAxes
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Return the angle of the contact, rad, of a journal with the centre at `x` and `y`, m, and the
-    x and y, m, that the centre would have if the `depths` had not worn off."""
+    x and y, m, that the centre would have in this contact if the joint had not lost `depths`."""
 
     def angle_at(x: Scalar, y: Scalar, axes: PlanarAxes) -> Scalar:
         profiles = joint.bearing_profile, joint.journal_profile
@@ -145,8 +145,8 @@ def _moved(joint: ClearanceJoint, field: str, change: jax.Array) -> ClearanceJoi
 def _wear_rows(
     joint: ClearanceJoint, rates: tuple[float, float], history: jax.Array, rows: jax.Array
 ) -> jax.Array:
-    """Return the depths per cycle after the depths in row 0, m, and, for each further row, their
-    derivative along this row."""
+    """Return the result of `_wear`, m per cycle, for the depths in row 0 of `rows`, and for each
+    further row the derivative of this result along the row."""
 
     # With derivatives, one linearisation serves the derivatives by all parameters.
     def wear(depths: jax.Array) -> jax.Array:

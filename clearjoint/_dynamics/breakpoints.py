@@ -223,8 +223,8 @@ def is_reached(system: System, instant: Scalar, t: Scalar) -> Condition:
 
 
 def _latest(origin: Scalar | None, row: Periodic, t: Scalar, later: int = 0) -> Scalar:
-    """Return the latest of the instants in `row` that is not after the time t of the scene, s, by
-    more than rounding errors; with `later`, the instant that many periods after it."""
+    """Return the latest instant of `row` that is not after t or, with `later`, the one that many
+    periods after it. Times are the scene's, s, compared up to `_rounding`, which uses `origin`."""
     nearest = jnp.round((t - row.offset) / row.period)
     passed = jnp.where(_is_after(origin, row.instant(nearest), t), nearest - 1.0, nearest)
     return row.instant(jax.lax.stop_gradient(passed) + later)

@@ -108,8 +108,8 @@ def initial_entry_speeds(
 
 
 def approaches_unknown(scene: Scene, start: ContactGaps, given: EntrySpeeds) -> ByLabel[Scalar]:
-    """Return the penetration rate, m/s, of each closed contact that goes deeper and is elastic
-    because `given` has no positive entry speed for it; zero for other contacts."""
+    """Return, for the contacts whose laws use entry speeds, the penetration rate, m/s, of those
+    that are closed, go deeper, and have no positive entry speed in `given`; zero for the others."""
 
     def rate(name: str, label: str) -> Scalar:
         gap = start[name][label]

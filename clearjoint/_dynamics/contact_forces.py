@@ -248,8 +248,8 @@ def _continued(
     force: Callable[[Gap], Scalar], law: AbstractContactLaw, gap: Gap, closed: Condition | None
 ) -> Scalar:
     """Return a force, N, at a gap: ``force(gap)`` if `closed` is ``None``, and otherwise zero for
-    an open contact. Past the wall of a closed contact, a force whose slope jumps at the wall is
-    continued as an odd function (see `contact_force`)."""
+    an open contact. At a distance outside the wall, where the force of a closed contact begins, a
+    force whose slope jumps at the wall is continued as an odd function (see `contact_force`)."""
     if closed is None:
         return force(gap)
     if not law.slope_jumps():

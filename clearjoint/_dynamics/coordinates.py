@@ -163,8 +163,8 @@ class AbstractCoordinates(eqx.Module):
         return {}
 
     def carriers(self, scene: Scene, bodies: Collection[str]) -> frozenset[str]:
-        """Return the bodies whose motions in their joints change the poses of `bodies` relative to
-        each other; none by default. Runs ignore bodies that `rotation_rates` does not return."""
+        """Return the bodies that, by motions in their joints, move `bodies` relative to each other;
+        none by default. For a contact joint, runs limit their rotations (see `rotation_rates`)."""
         return frozenset()
 
 

@@ -22,9 +22,9 @@ NO_MEMORIES: Memories = {}
 
 
 class HeldForce(AbstractForce):
-    """A sampled force between two instants, with its `memory`. For derivatives across instants, a
-    share of the change of the wrenches at some instants is added to the wrenches: `changes` has the
-    memory before each instant, the memory after it, and the share, 0 to 1."""
+    """A sampled force between two instants, with its `memory`. `changes` has, for some instants,
+    the memory before and after, and a share s: s times the change of the wrenches is added to the
+    wrenches. Derivatives by s, itself zero, give the jump of the rates at the instant."""
 
     force: AbstractSampledForce
     memory: dict[str, Scalar]

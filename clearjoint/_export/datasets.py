@@ -57,7 +57,7 @@ def described(values: Mapping[str, object]) -> dict[str, str]:
 
 @cached_by_numbers
 def setting_notes(values: dict[str, object]) -> Notes:
-    """Return notes with the names "setting_<field>" from the `values` of the fields of settings."""
+    """Return the `values` of settings, by field, as attributes "setting_<field>" of a dataset."""
     return tuple((f"setting_{name}", _note(value)) for name, value in values.items())
 
 

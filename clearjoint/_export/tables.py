@@ -41,8 +41,8 @@ def estimates_table(
 
 
 def _digits(value: float, error: float) -> int:
-    """Return the number of digits with which a value ends at the place of the second digit of its
-    `error`, from 2 to 15; 4 for a value of zero, or an error that is not finite and positive."""
+    """Return the number of significant digits, 2 to 15, that show a value down to the second digit
+    of its `error`; 4 for a value of zero, or an error that is not finite and positive."""
     if not 0.0 < error < math.inf or value == 0.0:
         return 4
     size = math.floor(math.log10(abs(value))) - math.floor(math.log10(error))

@@ -57,10 +57,10 @@ def displacements(covariance: Covariance, limits: Point, generator: Generator) -
     """Return displacements from a minimum of chi squared, at which runs test its quadratic model.
 
     Six displacements for each parameter change it by ±1, ±2 and ±4 standard errors, and the other
-    parameters so that the model predicts the smallest chi squared for that change. If p > 1, six
-    more lie along each eigenvector of the correlation matrix. The rest are random: normally
-    distributed with the `covariance` of the minimum, every second one twice as long. All are
-    shortened so that no component exceeds its entry of `limits` in magnitude.
+    parameters so that the model predicts the smallest chi squared for that change. With several
+    parameters, six more lie along each eigenvector of the correlation matrix. Then `DRAWN` for each
+    parameter are random: normally distributed with the `covariance`, every second one twice as
+    long. All are shortened so that no component exceeds its entry of `limits` in magnitude.
     """
     errors, root = np.sqrt(np.diag(covariance)), _root(covariance)
     # Columns are displacements by one standard error. Column k of the first matrix is the

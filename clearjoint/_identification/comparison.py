@@ -56,7 +56,7 @@ class Comparison:
     other measurements. A list, because the class is frozen."""
 
     def of(self, measurements: Measurements) -> "Comparison":
-        """Return the comparison with measurements of other values at the same times."""
+        """Return a copy with other `measurements`, of the same series at the same times."""
         return replace(self, data=samples(measurements, len(self.runs.base.times)))
 
     @property

@@ -189,8 +189,8 @@ def competing_minima(best: RunMisfit, others: Sequence[RunMisfit]) -> list[RunMi
 def distinct(
     minima: Iterable[RunMisfit], limit: float, apart: Callable[[RunMisfit, RunMisfit], bool]
 ) -> list[RunMisfit]:
-    """Return the minima with a chi squared up to `limit`, the lowest first, without those for which
-    ``apart(lower, minimum)`` is false for a lower minimum that is returned."""
+    """Return the minima with a chi squared up to `limit`, the lowest first. A minimum is left out
+    unless ``apart(lower, minimum)`` is true for every lower one that is returned."""
     chosen: list[RunMisfit] = []
     for minimum in sorted(minima, key=lambda minimum: minimum.chi_squared):
         if minimum.chi_squared <= limit and all(apart(lower, minimum) for lower in chosen):

@@ -169,9 +169,9 @@ def _residuals(y: jax.Array, model: _Model) -> tuple[jax.Array, None]:
 def _advance(
     y: jax.Array, arrays: PyTree, model: _Model, limits: jax.Array, tolerance: jax.Array
 ) -> tuple[jax.Array, PyTree, jax.Array, jax.Array]:
-    """Compute one step of the search, in scaled coordinates. `y` is the best point before the
-    latest one, `model` the linear model at the latest one, `arrays` the arrays of the solver's
-    state, ``None`` for the first step, and `limits` the largest changes of coordinates in a step.
+    """Compute one step of the search, in scaled coordinates. `y`: best point before the latest one;
+    `model`: linear model at the latest one; `arrays`: those of the solver's state, first ``None``;
+    `limits`: largest changes in a step; `tolerance`: the `decrement` below which the search ends.
 
     **Returns:** the best point, which may be the latest; the new arrays, of which `y_eval` is the
     next point to evaluate; whether the search ends; and the `decrement` at the best point.

@@ -200,8 +200,8 @@ def _descended(
 
 @dataclass(frozen=True)
 class _Forward:
-    """Objective and gradient by runs in forward mode. A search starts at the coordinates `first`,
-    (p,). `scales` are those of all parameters, by name."""
+    """Objective and gradient by runs in forward mode. `scales`: of all parameters, by name;
+    `times`: at which outputs are sampled, s; `first`: coordinates, (p,), where a search starts."""
 
     runs: Experiment
     objective: Objective

@@ -63,10 +63,10 @@ class Experiment(eqx.Module):
     """A scene with p parameters and measured quantities, to be run for many parameter values by one
     compiled program.
 
-    - `base`: a run to the last sample; each call of `run` has other `values` of the family. The
-      `outputs` are the measured quantities of the series, and `times` the sample times, s: the last
-      one is repeated until their number is 64, 512, 4096 and so on, so that records of similar
-      length share a program.
+    - `base`: the run to the last sample; the method `run` replaces the parameters' coordinates in
+      it. Its `outputs` are the measured quantities of the series. Its `times` are the sample times,
+      s, of which the last one is repeated until their number is 64, 512, 4096 and so on, so that
+      records of similar length share a program.
     - `names`: those of the series, in their order.
     - `sensors`: errors of the sensors, such as a delay, that are parameters.
     - `free`: indices of the parameters that are not `held`; ``None`` if none is held.
@@ -291,9 +291,9 @@ class RunMisfit:
     """Residuals and their Jacobian from one run, for S series at T times, M = S T.
 
     - `residuals`: (M,) series after series, zero where a series has no sample; `UNREACHED` at
-      samples that the run misses, where the `jacobian` is zero. In growing windows before the last,
-      the p residuals of a prior follow, and in `jacobian` their p rows.
-    - `predicted`: (S, T) values of the outputs, SI; meaningless at times that the run misses.
+      samples that the run does not reach, where the `jacobian` is zero. In a window of `identify`
+      (argument `grow`), p residuals of a prior follow, and p further rows of `jacobian`.
+    - `predicted`: (S, T) values of the outputs, SI; meaningless at times that it does not reach.
     """
 
     coordinates: Float[np.ndarray, " p"]

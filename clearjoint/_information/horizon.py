@@ -316,7 +316,7 @@ def _wrong_guess(
     weights: Mapping[str, np.ndarray],
 ) -> WrongGuess:
     """Test for which records the misfit falls all the way from the guess, `truth` + `offset`, to
-    the truth. `run_at` computes the run at given coordinates."""
+    the truth. `run_at` computes the run at given coordinates. `weights`: result of `_weights`."""
     times = true_run.times
     true_values, blocked = _weighted(true_run.outputs, weights), np.zeros(len(times), bool)
     # A record is blocked if the misfit rises at any of the points between the truth and the guess.

@@ -76,8 +76,8 @@ class _Plan:
         self.entries = [(i, j) for i, j in places if i == j or i in neighbours[j]]
 
     def rows(self, group: int, block: int) -> list[int]:
-        """Return the indices of those rows of a stored block that belong to a group of rows: all
-        but the padding. Here and in the tables, rows are counted over all blocks."""
+        """Return the indices of the rows of the stored block with the index `block`, whose rows are
+        those of `group` and padding, without the padding. Rows are counted over all blocks."""
         return [SIZE * block + row for row in range(self.sizes[group])]
 
     def factorisation(self) -> list[_Step]:

@@ -176,7 +176,7 @@ class AbstractSolver(abc.ABC):
 
     @abc.abstractmethod
     def solving(self, matrix: AbstractMatrix) -> Solve:
-        """Return the function that solves S x = b, for the matrix S, by a right side b."""
+        """Return the function that solves S x = b for x, given b; `matrix` is S."""
 
 
 class Exact(AbstractSolver):

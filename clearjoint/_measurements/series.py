@@ -38,9 +38,9 @@ SPELLING = 'write for example "mm", "deg", "N m", "m/s^2", "g_0" or "1"'
 
 def to_si(unit: str, si: str | None) -> tuple[float, str]:
     """Return the factor that converts values from a unit, any that pint knows, to the SI unit `si`,
-    and this SI unit. If `si` is ``None``, the SI unit is the combination of SI base units of the
-    same dimension. Units of a dimension other than that of `si`, levels in dB, Hz for angular
-    speeds and long units are refused."""
+    and this SI unit; by default a combination of SI base units. Raise a `ValueError` for a unit of
+    another dimension, without a constant factor (dB, degrees Celsius), in Hz for an angular speed,
+    of more than `LONGEST` characters, or with large powers."""
     import pint  # Importing it takes a quarter of a second, so it is imported only when needed.
 
     registry = pint.get_application_registry()

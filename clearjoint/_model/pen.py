@@ -138,8 +138,8 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def block(self, centre: Marker, normal: Triple, *, length: Single, height: Single) -> None:
-        """Draw a block of a length, m, along the marker's axis and a height, m, along `normal`, a
-        direction, (3,) in the axes of the marker's body."""
+        """Draw a block with this `length`, m, along the axis of the marker `centre`, and `height`,
+        m, along `normal`, (3,) in the axes of the marker's body, perpendicular to its axis."""
 
     @abc.abstractmethod
     def roller(self, centre: Marker, *, radius: Single) -> None:

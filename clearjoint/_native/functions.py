@@ -323,8 +323,8 @@ class FlatArguments:
 
     @cached_property
     def arguments(self) -> tuple[PyTree, ...]:
-        """The arguments themselves, made when they are first needed: a program takes only the
-        arguments' arrays, also if the arguments are results of another program."""
+        """The arguments themselves, made at the first use: a call of a program needs only their
+        arrays, so that results of one program that are arguments of the next are rarely made."""
         return self.make()
 
     @property

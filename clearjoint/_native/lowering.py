@@ -249,8 +249,8 @@ class Survey:
     """Properties of a jaxpr, found once, although it may be inlined at hundreds of places.
 
     - `operations`: each equation's operation in `FLOAT_OPERATIONS`; ``None`` if it needs a rule.
-    - `last_reads`: for each variable, the index of the last equation that reads the variable, and
-      may overwrite it; the number of equations for a result of the jaxpr.
+    - `last_reads`: for each variable, the index of the last equation that reads it, which may
+      overwrite it. A result of the jaxpr has the number of equations, so that none overwrites it.
     - `has_repeated_calls`: whether the jaxpr has `repeated_calls`.
     """
 

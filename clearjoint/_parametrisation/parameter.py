@@ -86,7 +86,7 @@ class AbstractScale(abc.ABC):
         `half` is the half width of the coordinate's interval. A scale whose coordinate runs to
         infinity if the data say that a value is at an end of its range, such as a friction of zero,
         overrides this method, because the derivative of the value by the coordinate then vanishes.
-        `rising` is whether the fit moves the coordinate up, for example from its first guess.
+        `rising` tells which end: the upper one if the fit has moved the coordinate up.
         """
         return float(self.value(coordinate - half)), float(self.value(coordinate + half))
 
@@ -209,8 +209,8 @@ class Bounded(AbstractScale):
 
     @override
     def interval(self, coordinate: float, half: float, rising: bool) -> tuple[float, float]:
-        """Return, if the coordinate's standard deviation is above 1, the value plus and minus
-        `half` times its slope, within the bounds; otherwise the interval as by default."""
+        """Return the default interval if `half` is at most `WIDTH`; otherwise the value plus and
+        minus `half` times its derivative by the coordinate, cut off at the bounds."""
         if half <= WIDTH:
             return super().interval(coordinate, half, rising)
         value, change = float(self.value(coordinate)), half * float(self.slope(coordinate))

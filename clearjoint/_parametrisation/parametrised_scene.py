@@ -216,8 +216,8 @@ def parametrised(
 
 
 class DirectedScene(AbstractSceneFamily):
-    """A scene and its initial state, in which any number of parameters set numbers, with
-    derivatives along a single direction of all parameters.
+    """A scene and its initial state as functions of any number of parameters, with derivatives
+    along a single direction. `base` and `patterns`: as in `AbstractSceneFamily`.
 
     - `values`, `direction`: SI numbers of each parameter by name: an array, or a PyTree of arrays.
     - `changes`: pairs of the name of a parameter and the function that sets it.

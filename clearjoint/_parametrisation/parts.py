@@ -26,7 +26,7 @@ _EXAMPLE = 'pass for example {"clearance": lambda scene: scene.joints["pin"].cle
 
 @dataclass(frozen=True)
 class PartSetter(AbstractLeafSetter):
-    """A `Change` that sets whole leaves of the scene to the arrays of a value."""
+    """A `Change` that sets the whole arrays at `numbers` in a scene to the leaves of a value."""
 
     numbers: tuple[Number, ...]
     in_scene: ClassVar[bool] = True
@@ -43,8 +43,8 @@ def parts_of(
     """Return the numbers, SI, that `paths` select, by name of the path, and pairs of this name and
     the function that sets the numbers. The numbers of an element are its arrays of floats.
 
-    **Raises:** `ValueError` for a path that selects no number, and for a parameter that is neither
-    a number of the scene or initial state nor has a value.
+    **Raises:** `ValueError` for a path that selects no number, and for a `Parameter` that has no
+    `value` and is not a number of the scene or of the initial state.
     """
     require_names("paths", paths, _EXAMPLE)
     require(len(paths) > 0, "paths", {}, "not empty", _EXAMPLE)

@@ -29,7 +29,7 @@ class AbstractVariation(abc.ABC):
 
     @abc.abstractmethod
     def unit_in(self, scene: Scene, state: State) -> str:
-        """Return the unit of the value in an unchanged scene and state."""
+        """Return the unit of the value. `scene` and `state` are those before the change."""
 
     @abc.abstractmethod
     def setter(self, scene: Scene, state: State, example: Scalar) -> Change:
@@ -39,7 +39,7 @@ class AbstractVariation(abc.ABC):
         Equal variations return equal functions for equal structures; JAX reuses compiled programs.
 
         **Raises:** `ValueError` for a path without numbers, or with numbers of another shape than
-        `example`, and for an error of sensors, which changes no scene.
+        `example`, and for an `AbstractSeriesVariation`, such as a bias, which changes no scene.
         """
 
 

@@ -149,7 +149,7 @@ class MovedRobot:
 
 @dataclass(frozen=True)
 class AbstractStart(AbstractGroupedChange):
-    """Function that changes positions or speeds of joints at the start."""
+    """Function that changes the start positions or speeds of joints of the robot in `moved`."""
 
     moved: MovedRobot
 
@@ -208,9 +208,9 @@ class StartOfJoint(AbstractStart):
 
 @dataclass(frozen=True)
 class StartInPlay(AbstractStart):
-    """Function that puts `follower`, the side of a drive train that is not logged, at a place in
-    the play of `backlash` at the start: from -1 to 1, the lower and upper ends of the play, around
-    the position of `joint`, the logged side."""
+    """Function that places `follower`, the side of a drive train that is not logged, in the play of
+    `backlash` at the start. The value is -1 at the lower end of the play, 1 at the upper end, and 0
+    in the middle, which is at the position of `joint`, the logged side."""
 
     joint: str
     follower: str
@@ -281,7 +281,7 @@ def backlash_name(joint: str) -> str:
 
 
 def motor_of(robot: Robot, joint: str) -> str:
-    """Return the name of the motor's joint: the joint itself if the two don't turn apart."""
+    """Return the name of the motor's joint: `joint` itself if motor and link turn as one."""
     return robot._motors().get(joint, joint)
 
 
@@ -362,9 +362,9 @@ def _require_joints(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy
 
 
 def _require_covered(robot: Robot, log: RobotLog, driven_by: DrivenBy, end: float) -> None:
-    """Raise a `ValueError` if what drives a joint is not logged from the start of the log to the
-    `end` of what a run predicts, s: beyond, the drive would be extrapolated. Two samples may be
-    missing, as where each joint is logged at times of its own."""
+    """Raise a `ValueError` unless the angles or torques that drive joints are logged from the start
+    of the log to `end`, s, the last time that a run predicts. Two samples may be missing at either
+    end, for joints that are logged at different times: so far a drive may be extrapolated."""
     for joint, mode in driven_by.items():
         if isinstance(mode, AbstractForce):
             continue
@@ -384,10 +384,10 @@ def _require_covered(robot: Robot, log: RobotLog, driven_by: DrivenBy, end: floa
 def _of_start(
     robot: Robot, log: RobotLog, name: str, q: Mapping[str, float], qd: Mapping[str, float]
 ) -> dict[tuple[str, str], Parameter]:
-    """Return the parameters of the start of the logged joint `name`, by joint and kind: its
-    position, its speed unless it is at rest, and the place in the play of the other side of its
-    drive train, unless that side is logged or pressed to a flank. `q` and `qd` are positions and
-    speeds of joints at the start."""
+    """Return, by joint and kind, the parameters that give the logged joint `name` a position and,
+    unless it starts at rest, a speed at the start. If a load presses the other side of its drive
+    train to no flank, and that side is not logged, its place in the play is a parameter too. `q`
+    and `qd` are positions and speeds of joints at the start."""
     samples, unit = log.angles[name], "rad" if is_hinge(robot, name) else "m"
     noise = UNKNOWN_NOISE if samples.noise is None else samples.noise
     follower, moved = _other_side(robot, log, name), MovedRobot(robot)
@@ -558,9 +558,9 @@ def _friction_name(robot: Robot, joint: str, kind: str) -> str:
 def _with_friction(
     robot: Robot, joint: str, kind: str, start: float | None, guess: float | None, unit: str
 ) -> tuple[Robot, Parameter]:
-    """Return the robot and the parameter of a joint's `kind`, one of `RESISTANCES`, added if the
-    robot lacks it. Only "link friction" acts on the link's side of a drive train. The start is
-    `start` or, if that is ``None``, the robot's number or, if that is zero or missing, `guess`."""
+    """Return the robot, with a joint's friction or damping `kind`, of `RESISTANCES`, added if it is
+    missing, and its parameter. Only "link friction" acts on the link's side of a drive train. The
+    first guess is `start`, or else the robot's number, if positive, or else `guess`."""
     name, damper = _friction_name(robot, joint, kind), _damper(robot, joint)
     damper = damper if kind == "damping" else None
     number = "viscosity" if kind == "damping" else "load"  # friction: a law's ratio times the load
@@ -601,8 +601,8 @@ def _damper(robot: Robot, joint: str) -> str | None:
 
 
 def _parameter(robot: Robot, joint: str, kind: str, start: float | None, unit: str) -> Parameter:
-    """Return the parameter of a joint's `kind`, one of `KINDS` except `RESISTANCES`, with the value
-    `start` or, if that is ``None``, the robot's; a `ValueError` if the robot has no such number."""
+    """Return the parameter `kind`, one of `KINDS` except `RESISTANCES`, of a joint, with the value
+    `start`, in `unit`, by default the robot's. Raise a `ValueError` if the robot lacks it."""
     scene, argument, scale = robot.scene, f"find[{joint!r}]", Log()
     ideal, motor = scene.joints[joint], scene.joints[motor_of(robot, joint)]
     if kind in ("play", "stiffness", "restitution"):

@@ -508,9 +508,9 @@ class MjcfWriter:
         self._equate(name, [follower, leader], follower.sign * shifted)
 
     def _equate(self, name: str, ends: list[FileJoint], coefficients: np.ndarray) -> None:
-        """Make the displacement of the first of two `ends`, joints or tendons, from the pose of the
-        file a polynomial of the displacement of the second, with `coefficients` from the constant
-        on; make the displacement of a single end the only coefficient."""
+        """Couple two `ends`, joints or tendons: the first one's displacement from the pose of the
+        file is a polynomial of the second one's, with `coefficients` from the constant on. Hold a
+        single end at the displacement that is the only coefficient."""
         # MuJoCo couples two joints or two tendons, not one of each.
         tags = {end.element.tag for end in ends}
         if len(tags) > 1 or len(coefficients) > LARGEST_DEGREE + 1:
@@ -568,8 +568,8 @@ class MjcfWriter:
     def finish(
         self, location: FileLocation, start: State, timestep: float | None, integrator: str
     ) -> str:
-        """Return the file's text, with stiffness and damping of the flanks, and with the state
-        `start` as keyframe. `timestep`: s; ``None`` for the default of `save_mjcf`."""
+        """Return the file's text, with the flanks' stiffness and damping and with the keyframe
+        `start`. `location`: for errors. `timestep`: s; ``None`` for the default of `save_mjcf`."""
         mujoco = mujoco_package(location)
         # MuJoCo first compiles the file without the numbers of limits, since these numbers depend
         # on inertias that MuJoCo computes.
@@ -646,8 +646,8 @@ def _damping_ratio(restitution: float) -> float:
 
 
 def _with_ideal_joints(scene: Scene) -> tuple[Scene, list[str]]:
-    """Return the scene with an ideal joint in place of each clearance, if a tree of joints can have
-    the ideal joint, and the names of the replaced joints."""
+    """Return the scene with ideal joints in place of clearance joints, and the names of these. Only
+    ideal joints with a motion subspace, which a tree of joints needs, replace clearance joints."""
     centring = centring_joints(scene, scene.contact_joints()).items()
     ideal = {n: j for n, j in centring if unpack(j).motion_subspace(j.body_names()[0])}
     return with_ideal(scene, ideal), [*ideal]
@@ -733,13 +733,13 @@ def save_mjcf(
 
     MuJoCo's recipe for backlash is two hinges in series, of which the second has a small range and
     a stiff limit. The flanks of a `Backlash`, or of a `PinInSlot` along a slider, become such a
-    limit, of the hinge between the two bodies, or of a fixed tendon if, as with `Robot.with_drive`,
-    rotor and link are both on the link's first body. The limit has the stiffness of the flanks and
-    the damping of a `SpringDashpot`. For another law, it is a linear spring with the law's stored
+    limit: of the hinge or slider between the two bodies or, if several joints are between them, of
+    a fixed tendon, as with `Robot.with_drive`. The limit has the stiffness of the flanks and the
+    damping of a `SpringDashpot`. For another law, it is a linear spring with the law's stored
     energy at a penetration of a tenth of the play, and with the law's restitution for an impact in
-    the pose of the file. It has the smallest impedance that MuJoCo accepts, 1e-4. With an impedance
-    near one, as is MuJoCo's default, a limit sets an acceleration rather than a force, so that a
-    load hardly deflects it. The numbers of the limits are for the masses in the file: after
+    the pose of the file. Each limit has the smallest impedance that MuJoCo accepts, 1e-4. With an
+    impedance near one, MuJoCo's default, a limit sets an acceleration rather than a force, so that
+    a load hardly deflects it. The numbers of the limits are for the masses in the file: after
     changes, write it again. Without play, `load_robot` reads a robot from its file as it was.
 
     Elements without counterpart are left out: `ClearanceJoint` and `BallInSocket` become ideal

@@ -180,7 +180,7 @@ class Robot:
 
     def link_side(self, joint: str) -> tuple[str, str, np.ndarray]:
         """Return the names of the joint's first and second body, and the axis, (3,) in the first
-        body's axes: the first arguments of an element that acts on the link.
+        body's axes: the first arguments of an element that acts on the second body, not on a rotor.
 
         **Raises:** `ValueError` if no hinge or slider has this name.
         """
@@ -326,7 +326,7 @@ class Robot:
         return {name: by_joint[name] for name in dict.fromkeys((*self.joints, *by_joint))}
 
     def _motors(self) -> dict[str, str]:
-        """Return the motors that turn apart from the link, such as "elbow motor", by joint."""
+        """Return the name of the motor's joint, "elbow motor", by joint with a separate rotor."""
         return {n: motor_name(n) for n in self.drives if motor_name(n) in self._jointed}
 
     def _by_joint(self, argument: str, values: Positions, speeds: bool) -> dict[str, JointNumbers]:

@@ -177,7 +177,7 @@ class _Pool:
         self._call = task if in_process else partial(_call, _payload(task))
 
     def room(self) -> int:
-        """Return how many submitted chunks may be unfinished at present: `QUEUED` a worker."""
+        """Return how many submitted chunks may be unfinished: `QUEUED` per process or thread."""
         if self._threads is not None:  # of Dask; the number of workers of a cluster may change
             workers = sum(self._threads().values())
         else:

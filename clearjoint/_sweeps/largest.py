@@ -270,7 +270,7 @@ class LaneMargins:
     def doubtful(self) -> Bool[np.ndarray, " m"]:
         """Return for each interval between neighbouring values whether it may hide a violation: it
         is below the first violation, and the smaller margin at its ends is below the largest change
-        of the margin over one of these intervals: itself and the `NEIGHBOURS` ones on each side."""
+        of the margin over this interval or one of the `NEIGHBOURS` intervals on each side of it."""
         count = min(first_violation(self.margins), len(self.margins) - 1)
         ends = self.margins[: count + 1]
         # The infinite margin of a failed run or of a zero peak tells nothing about the rate at
@@ -312,8 +312,8 @@ def lane_margins(
 ) -> LaneMargins:
     """Compute the margins at n values of a parameter, each with all draws, by one sweep.
 
-    `run` is `sweep` with all arguments but the axes and outputs. Outputs and limits have the same
-    names. `coordinates` are the values on the parameter's scale.
+    `run` is `sweep` with all arguments but axes and outputs. `limits` has the names of `outputs`. A
+    share `quantile` of the draws must satisfy a limit. `coordinates` are values on their scale.
     """
     values = np.array([float(parameter.scale.value(u)) for u in coordinates])
     count = len(next(iter(draws.values())).values) if draws else 1
@@ -396,7 +396,7 @@ def as_reduction(quantity: Quantity | AbstractReduction, after: float | None) ->
 
 @dataclass(frozen=True)
 class _Search:
-    """Search for the first violation by sweeps of `lanes` values each.
+    """Search, by sweeps of `lanes` values each, for the first violation to a relative `tolerance`.
 
     - `margins`: runs a sweep at rising coordinates, the values of `parameter` on its scale.
     - `plain`: like `margins`, with the default settings of `simulate`, with which the limits must
@@ -443,7 +443,7 @@ class _Search:
         return known
 
     def _confirmed(self, known: LaneMargins) -> LaneMargins:
-        """Lower the margins just below the first violation to those of `plain` runs."""
+        """Run `plain` just below the violation, and keep the lower margins; repeat if it moves."""
         if self.plain is None:  # `margins` already has the settings that the user has given
             return known
         # Lower margins, and values added before the violation, may move the first violation to

@@ -148,7 +148,7 @@ class Layout:
         return {axis.name: column for axis, column in zip(self.axes, columns, strict=True)}
 
     def pending(self) -> LaneArrays:
-        """Return the results of all lanes while all are pending."""
+        """Return arrays for all lanes without results yet, filled as by `Variable.pending`."""
         return {name: variable.pending(self.lanes) for name, variable in self.variables.items()}
 
 
@@ -205,8 +205,8 @@ class PartOfStates(eqx.Module):
 
 
 def sampled_channels(requested: Requested, scene: Scene) -> dict[str, Quantity]:
-    """Return the quantities that each lane samples, by the `key` of `variable_name`: the parts of
-    the states, and the quantities among the outputs, with a "/" before the name of the output."""
+    """Return the quantities that each lane samples at the times to save at: a quantity "x" among
+    the outputs by the key "/x", and parts of the states by their names (see `variable_name`)."""
     bodies = tuple(scene.bodies)
     channels = {f"/{name}": quantity for name, quantity in requested.quantities.items()}
     if requested.save.states:

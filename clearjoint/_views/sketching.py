@@ -526,7 +526,7 @@ def _unit(vector: ArrayLike) -> np.ndarray:
 
 
 def _transverse_frame(along: np.ndarray, phase: float = 0.0) -> np.ndarray:
-    """Return a rotation matrix that maps z to `along`, and x to the direction at the angle `phase`,
-    rad, about `along` from the direction of zero angle of profiles and teeth."""
+    """Return a rotation matrix that maps z to the unit vector `along`, and x to the perpendicular
+    direction at the angle `phase`, rad, measured as the angles of profiles and teeth."""
     zero = np.array([*map(float, transverse_axes(Vector(*map(float, along)))[0])])  # at angle zero
     return frame_about(along, zero * np.cos(phase) + np.cross(along, zero) * np.sin(phase))

@@ -215,9 +215,9 @@ def view(
 def _poses(
     scene: Scene, motion: Viewable | None, observation: Observation | None, forces: bool, most: int
 ) -> tuple[BodyPoses, Observation | None, list[str]]:
-    """Return the poses of the bodies in at most `most` pictures of a motion, by default in a state
-    found from the joints; the `observation` at the times of the pictures, computed if it is
-    ``None``, or ``None`` without `forces`; and notes for the legend."""
+    """Return three results: the poses of the bodies in at most `most` frames, by default in a state
+    found from the joints; if `forces`, the observation in these frames, by default computed for a
+    solution, and otherwise ``None``; and notes for the legend."""
     if motion is None or isinstance(motion, State):
         remedy = "leave it out, or pass the solution that was observed"
         kind, expected = type(observation).__name__, "None for a single state"

@@ -44,9 +44,9 @@ class Instant:
       and "stabilisation", or "supplied" by drives and loads; "friction" includes the energy in
       bristles. Empty unless the run has ``Settings(ledger=True)``.
 
-    Runs create instants. The example makes one from a `System`, which evaluates the equations of
-    motion, the time since the system's `origin`, s, and the variables of `system.encode`. An
-    instant is a PyTree; if JAX has rebuilt an instant, its method `inside` raises an error.
+    Runs create instants. The example makes one. Its first arguments are the `System` (a scene with
+    its equations of motion), the time since the system's `origin`, s, and the variables. An instant
+    is a PyTree; if JAX has rebuilt an instant, its method `inside` raises an error.
 
     >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())

@@ -99,8 +99,8 @@ def check_law(
       difference of force and elastic force dissipates energy;
     - the derivatives of the force by penetration, rate, entry speed and each parameter of the law
       are finite, and agree with finite differences at some points where usual laws are smooth;
-    - the force jumps only at the onset and at separation, where integration steps end. The law must
-      declare such a jump (`AbstractContactLaw.force_jumps`), of which a `UserWarning` tells;
+    - the force jumps only at the onset and at separation, where integration steps end, and only if
+      the law declares it (`AbstractContactLaw.force_jumps`); such a jump causes a `UserWarning`;
     - the force is the elastic force if the entry speed is unknown.
 
     Stiffnesses may depend on the `bearing_radius`, m, and on the radial `clearance`, m.

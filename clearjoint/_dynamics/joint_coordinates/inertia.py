@@ -63,8 +63,8 @@ class Inertia:
     def without(
         self, columns: Sequence[Twist], wholes: Sequence[Twist], rests: Sequence[Twist]
     ) -> "Inertia":
-        """Return the part of this inertia, of the bodies that a joint carries, that acts on the
-        joint's carrier while all rates r of the joint are zero.
+        """Return the part of this inertia that acts on a joint's carrier while all rates r of the
+        joint are zero. This inertia is that of all bodies which the joint carries.
 
         With r = 0, the carried bodies do not follow the carrier's angular acceleration about the
         joint's axis (see `.coordinates`), so that their inertia about this axis does not act on the
@@ -228,9 +228,9 @@ class LoadedJoint:
     """A joint with the inertia of all bodies that it carries.
 
     - `columns`, `offset`: as in the `Link` of the carried body.
-    - `factors`: of the inertia in the joint's free directions, D = columns^T M columns.
-    - `rests`: part of the carried bodies' momentum, for a unit of each speed, that acts on the
-      carrier; empty for a root.
+    - `factors`: of D = columns^T M columns plus armature, with the inertia M of the carried bodies.
+    - `rests`: for a unit of each speed, the part of the carried bodies' momentum whose change loads
+      the carrier, as `momenta` returns it; empty for a root.
     - `gains`: D^-1 `rests`. Their products with the carrier's acceleration are subtracted from the
       rates r that the joint has while the carrier does not accelerate.
     """
@@ -294,8 +294,8 @@ def accelerated(
     columns: Sequence[Twist], rates: Speeds, offset: Vector, carrier: Twist
 ) -> tuple[Twist, Speeds]:
     """Return the acceleration of a body and the rates u' of its joint, both without the parts at
-    constant speeds, from the joint's rates r and the acceleration of the `carrier`, from whose
-    reference point `offset` leads to the body's."""
+    constant speeds. `columns`: twist for a unit of each joint speed. `rates`: the joint's r.
+    `carrier`: the carrier's acceleration. `offset`: from its reference point to the body's, m."""
     # u' = r - axis . (angular acceleration of the carrier)
     pairs = zip(columns, rates, strict=True)
     relative = [subtract(rate, column.angular.dot(carrier.angular)) for column, rate in pairs]
@@ -381,8 +381,8 @@ class MassMatrix(AbstractTreeSolver):
         self._factors = Factorisation(matrix)
 
     def _fill_row(self, row: list[Scalar], k: int | None, momentum: Twist) -> None:
-        """Fill the row of one speed with the products of the `momentum` for a unit of this speed
-        with the columns of link k and of all its carriers; nothing if k is ``None``, the ground."""
+        """Fill the entries of one speed's `row` for link k (``None``: the ground) and its carriers
+        with the products of their columns and the `momentum` on link k for a unit of this speed."""
         while k is not None:
             columns, first = self._links[k].columns, self._firsts[k]
             for j, column in enumerate(columns, first):

@@ -61,7 +61,7 @@ class Link:
     - `gradient`: 1/s^2, matrix that maps the vector between two points of the body to the
       difference of their accelerations at constant speeds.
     - `columns`: for each speed of the link's joint, the twist that a unit of this speed causes.
-    - `armature`: of a drive of the link's joint (see `AbstractDriveableJoint`), or ``None``.
+    - `armature`: inertia of the joint's drive, kg m^2 or kg (see `AbstractDriveableJoint`).
     """
 
     rotation: Matrix

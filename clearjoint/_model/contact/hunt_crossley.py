@@ -429,7 +429,7 @@ class CarvalhoMartins(AbstractDampedLaw):
 
 
 class AbstractReboundingLaw(AbstractDampedLaw):
-    """Base class of laws that refuse c = 0, for which their damping factor is infinite."""
+    """Base class of laws that refuse zero restitution, where their damping factor is infinite."""
 
     @override
     def __check_init__(self):
@@ -568,11 +568,11 @@ class PantWijeyewickrema(AbstractReboundingLaw):
 
 
 class ExactRestitution(AbstractReboundingLaw):
-    r"""Hunt-Crossley law that delivers exactly the requested restitution (Y. Gonthier et al. 2004).
+    r"""Hunt-Crossley law that delivers exactly the requested restitution c (Gonthier et al. 2004).
 
     $$\chi (1 + c) = \ln \frac{1 + \chi}{1 - \chi c}$$
 
-    The equation, solved numerically for chi, holds for any elastic force (J. Zhang, I. Sharf 2009).
+    The equation for the damping factor chi holds for any elastic force (J. Zhang, I. Sharf 2009).
 
     >>> print(f"{cj.laws.ExactRestitution(0.8, stiffness=1e9).delivered_restitution():.4f}")
     0.8000

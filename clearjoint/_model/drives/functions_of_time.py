@@ -341,9 +341,9 @@ def _shape(value: PyTree) -> tuple[int, ...] | None:
 
 
 def breakpoints_of(*contents: PyTree) -> PyTree:
-    """Return the breakpoints, s, of each function of time in the contents of fields that may hold
-    such functions: `Increasing` for the tables of this module, and empty for a Python function,
-    whose breakpoints are unknown."""
+    """Return the breakpoints, s, of each function of time in the `contents` of fields; numbers are
+    left out. Those of a piecewise table are wrapped in `Increasing`, since they are in order. Those
+    of a Python function are unknown, and its entry is empty."""
     # A vector may be a tuple of three components.
     fields = [content if isinstance(content, tuple) else (content,) for content in contents]
     values = [value for field in fields for value in field]

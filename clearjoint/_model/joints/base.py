@@ -193,9 +193,9 @@ class AbstractForce(AbstractElement):
 
     def deviations(self, motions: Motions, t: Scalar) -> tuple[Scalar, ...]:
         """Return numbers by which a run detects a jump of the wrenches, at time `t` in s; none by
-        default. In a step with a jump one of them changes by more than pi, as an angle within half
-        a revolution does. Runs with derivatives, which lack the effect of the jump, end there with
-        `RESULTS.force_jumped`."""
+        default. One of them must change by more than pi in a step with a jump, as an angle does
+        that jumps from pi to -pi. Runs with derivatives, which lack the effect of the jump, end
+        there with `RESULTS.force_jumped`."""
         return ()
 
 

@@ -133,8 +133,8 @@ class AbstractAxisJoint(AbstractPairJoint):
 
     def relative_angle(self, motions: Motions) -> Row:
         """Return the second body's angle about the first's axis, rad in [-pi, pi], as a `Row`. It
-        is zero if the frames differ by the shortest rotation that makes the axes parallel, or
-        antiparallel if their components enclose more than 170 degrees."""
+        is zero after the shortest rotation from parallel frames that makes the axes parallel, or
+        antiparallel if the axes enclose more than 170 degrees in parallel frames."""
         return relative_angle_row(*self._between(motions), self.axis_first, self.axis_second)
 
     @override

@@ -348,7 +348,7 @@ class _Group:
         return len(numbers) > 0 or len(empty) < len(self._slots)
 
     def _serve(self) -> None:
-        """Empty the buffers of lanes that wait, and record the results of those that have ended."""
+        """Read and empty the buffers of lanes that can't step, and record those that have ended."""
         status = self._loop.status_of(self._columns)
         # A lane runs until the end of its run or a failure. A lane that does not move has ended, or
         # has a full buffer.
@@ -403,8 +403,8 @@ class _Group:
             self._slots[column] = None
 
     def _log(self, name: str, rows: list[np.ndarray], task: np.ndarray) -> tuple[np.ndarray, int]:
-        """Return the recorded `rows` of a log of a lane, (n, numbers) each, as cells of the
-        result's columns, (blocks, cells), and the number of rows. `task`: cells of the lane's."""
+        """Convert `rows` of a lane's log, (n, numbers) each, to columns of the result. Return these
+        as cells, (blocks, cells), and the number of rows. `task`: cells of the lane's `Task`."""
         rows_a_block, numbers = self._programs.blocks[name]
         count = sum(map(len, rows))
         # The compiled function takes blocks of a fixed size, so the last one is filled with zeros.

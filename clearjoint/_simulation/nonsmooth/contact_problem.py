@@ -63,9 +63,9 @@ the factor could be negative, or arbitrarily large if two successive changes are
 class Alternation(NamedTuple):
     """State after one turn of the alternation between normal and tangential impulses, N s.
 
-    - `normal`, `tangential`, `residual`: impulses that the turn has found, and their residual.
-    - `tried`: tangential impulses for the next turn: those with which this turn has begun, plus
-      `factor` times their `change` to `tangential`.
+    - `normal`, `tangential`: found in the turn. `residual`: as `ContactProblem.impulses` returns.
+    - `change`: `tangential` less the tangential impulses at the start of the turn.
+    - `tried`: tangential impulses for the next turn: those at the start plus `factor` * `change`.
     """
 
     normal: Impulses

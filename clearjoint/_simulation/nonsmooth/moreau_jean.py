@@ -66,8 +66,8 @@ class StepEnd(eqx.Module):
 
     - `contacts[joint][contact]`: the `ContactStep` of each contact.
     - `residual`: largest relative residual of the contact problem and of the projection.
-    - `shallow`: whether no penetration in the middle of the step exceeds the clearance of a bearing
-      or what its joint allows.
+    - `shallow`: whether no contact's penetration in the middle of the step reaches `Touch.deepest`,
+      beyond which the side of the wall on which the contact is would be unknown.
     """
 
     variables: MotionVariables

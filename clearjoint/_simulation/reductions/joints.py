@@ -87,10 +87,10 @@ class ImpactCount(AbstractWindowedReduction):
 
 
 class LossTally(NamedTuple):
-    """Tally of a reduction of losses. `begin`: start of the run, s; `time`: end of the latest step,
-    s; `at_begin`, `at_end`: energies, J, dissipated up to the start and up to the end of the
-    window, or up to `time` while this edge of the window lies ahead. If the window is the whole
-    run, `time` and `at_end` are ``None``."""
+    """Tally of a reduction of losses. `begin`, `time`: start of the run and end of the latest step,
+    s. `at_begin`, `at_end`: energies, J, dissipated until the window begins and until it ends or,
+    while that instant lies ahead, until `time`. If the window is the whole run, `at_begin` is the
+    energy at `begin`, and `time` and `at_end` are ``None``."""
 
     begin: Scalar
     at_begin: Scalar

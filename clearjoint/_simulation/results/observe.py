@@ -272,8 +272,8 @@ def _stacked(
     text: str,
     attributes: Mapping[str, object] = {},
 ) -> Labelled:
-    """Return K series at N times as one variable, (N, K), or (N, K, 3) for vectors, with `dim` as
-    name of the second dimension. A series that is ``None`` becomes NaN; not all may be ``None``."""
+    """Return K series at N times as one variable, (N, K), or (N, K, 3) for vectors, with the second
+    dimension `dim` and the description `text`. A series ``None`` becomes NaN; not all may be."""
     # All series have the shape of any that is not ``None``.
     shape = next(np.shape(row) for row in series if row is not None)
     lacking = np.full(shape, np.nan)

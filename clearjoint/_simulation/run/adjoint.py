@@ -48,7 +48,7 @@ Values = dict[str, Numbers]
 
 def step_row(step: Step, t1: Scalar) -> tuple[Step, Scalar]:
     """Return what is recorded of an accepted step that begins with `step` and ends at `t1`, s since
-    the run's start: `step` without the fields that derivatives of it do not need, and `t1`."""
+    the run's start: `step` without the fields that no derivative of the run needs, and `t1`."""
     proposal = replace(
         step.proposal, t_next=None, full_length=None, entry_length=None, controller_state=None
     )
@@ -354,8 +354,8 @@ def pulled(
 def backward(
     run: Adjoint, values: PyTree, example: Step, steps: PulledSteps, after: Pulled
 ) -> Pulled:
-    """Pull the cotangents `after` the first `after.count` of the `steps` back through all of them,
-    and return the cotangents before the first one."""
+    """Pull cotangents back through the first `after.count` of the `steps`, from the last of these
+    to the first. `after` are the cotangents after them; return those before them."""
 
     def body(_: Scalar, now: Pulled) -> Pulled:
         return pulled(run, values, example, steps, now)

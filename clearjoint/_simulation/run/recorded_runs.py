@@ -316,7 +316,7 @@ class RecordedRun:
         return all(segment.rows is not None for segment in self.segments)
 
     def gradient(self, seeds: "Seeds") -> PyTree:
-        """Pull `seeds` back to the start of the run, and return derivatives by all parameters."""
+        """Return the derivatives by all parameters of the sum of outputs, weighted by `seeds`."""
         now = Pulled(np.asarray(0), np.zeros(_count_of_tangents(self.example)), seeds.total)
         # Index in the run of the first step of the segment.
         first = sum(len(segment.ends) for segment in self.segments)
@@ -485,10 +485,10 @@ def _through(
     starts: Iterator[_LaneData],
     serve: Callable[[int, PyTree], _LaneData | None],
 ) -> None:
-    """Run lanes, which begin with `starts`, in the columns of a loop (see `made_lane_loop`).
-    Whenever a lane needs the host, now or "soon", `serve` gets the lane's number and state, and
-    returns the lane's next data, or ``None`` if the lane has ended; the next lane then gets the
-    column."""
+    """Run lanes, which begin with `starts`, in the columns of a `LaneLoop`, which explains `step`,
+    `status` and `shared`. When the loop stops, `serve` gets the number and the state of each lane
+    whose status "soon" is true, and returns the lane's next data, or ``None`` if the lane has
+    ended; the next lane then gets the column."""
     first = next(starts)
     loop = made_lane_loop(step, status, (shared, *first))
     own_cells, state_cells = map(Cells, first)
@@ -562,9 +562,9 @@ class _PulledLane:
     first: int
 
     def next_steps(self, left: int, room: int) -> tuple[PulledSteps, int]:
-        """Return the next steps to pull back through, up to `LANE_ROWS`, and their number: the
-        `left` steps that were given earlier and are not done yet, and the steps before them. At
-        most `room` of these steps have cotangents."""
+        """Return up to `LANE_ROWS` steps to pull back through next, and their number: the `left`
+        steps of the previous call that are not done yet, and the steps before them. `room`: upper
+        bound on the number of those among them in which outputs are evaluated."""
         last = self.first + left
         self.first = max(0, last - LANE_ROWS)
         rows = np.zeros((LANE_ROWS, self.rows.shape[1]))

@@ -290,9 +290,9 @@ class _Starts:
         self._scenes: RecentPrograms[FlatArguments] = RecentPrograms()
 
     def redundant(self, arguments: FlatArguments) -> tuple[str, ...] | None:
-        """Return the names of the redundant constraints of a start, `arguments` by `flat_start`,
-        that passes all checks; ``None``, and then the caller must check the start in Python, if a
-        condition of `_passes` fails, if redundancy is uncertain, or without a native program.
+        """Return the names of the redundant constraints of a start that passes all checks. Return
+        ``None`` if a condition of `_passes` fails, if redundancy is uncertain, or without a native
+        program: the caller must then check in Python. `arguments`: the result of `flat_start`.
 
         **Raises:** `ValueError` for numbers that the scene can't have.
         """

@@ -147,9 +147,9 @@ def look_at_tangents(
     method: Method, system: System, attempt: Attempt, t: Scalar, entry_speeds: EntrySpeeds
 ) -> tuple[Variables, EntrySpeeds]:
     """Return the derivatives of variables and entry speeds at a time t, s since the start of the
-    run, in the accepted step of an `attempt`. `entry_speeds`: the entry speeds themselves then.
-    Inside the step the results are derivatives of dense output, and at its end those of the stored
-    state. The correction by which `look_inside` satisfies the constraints is not differentiated."""
+    run, in the accepted step of an `attempt`: inside the step those of the dense output, and at its
+    end those of the stored state. `entry_speeds`: their values at t, by `look_inside`, whose
+    correction that satisfies the constraints is not differentiated."""
     t1, inside, at_t1 = attempt.step.t, attempt.tangents, attempt.step.tangents
     assert inside is not None and at_t1 is not None
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=t1, **inside.information)

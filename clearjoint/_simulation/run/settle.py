@@ -136,10 +136,10 @@ class Strobe:
         return np.max(np.abs(difference) / self.scales, axis=1, initial=0.0)
 
     def multiple(self, largest: int, tolerance: float) -> int | None:
-        """Return the smallest number m of periods, up to `largest`, after which the motion repeats,
-        or ``None``: in each of the last max(m, `CONFIRMING`) periods, the largest scaled change
-        since m periods earlier (see `change`) is at most `tolerance`, and the changes since fewer
-        periods earlier don't decay."""
+        """Return the smallest number m of periods, up to `largest`, after which the motion repeats:
+        in each of the last max(m, `CONFIRMING`) periods, the `change` since m periods earlier is at
+        most `tolerance`. Return ``None`` if there is no such m, or if the change since a smaller
+        number of periods earlier decays, as that of a vibration that dies away."""
         for multiple in range(1, largest + 1):
             needed = max(multiple, CONFIRMING)
             changes = self.change(multiple) if len(self.rows) > multiple else np.zeros(0)
@@ -200,8 +200,8 @@ def strobe_of(states: State, phases: int) -> Strobe:
 
 
 def stillness(states: State, last: int) -> float:
-    """Return the largest range of a part of `columns` in the `last` states of a motion, relative to
-    the range of this part in all states."""
+    """Return the largest range of a component over the `last` states of a motion, divided by the
+    result of `ranges` over all states for the component's array, such as that of velocities."""
     parts = columns(states)
     sizes = ranges(parts)
     return max(

@@ -144,7 +144,7 @@ def _with_smooth_drivers(decision: _Decision, trial: Trial) -> _Decision:
 
 def _with_limited_rotation(decision: _Decision, trial: Trial) -> _Decision:
     """Return the `decision`, changed so that a trial in which a body rotates by more than `LARGEST`
-    is repeated. Rates of rotation, whose start values limit the length, may grow in the trial."""
+    is repeated. Its length was chosen for the rotation rates at the start, which may have grown."""
     step, rotation = trial.step, rotation_in(trial)
     repeats = decision.keep & (rotation > LARGEST)
     shorter = step.t + jnp.clip(TARGET / rotation, SHORTER, 1.0) * (trial.t1 - step.t)

@@ -135,8 +135,8 @@ class Snapshot(eqx.Module):
 
 
 class DenseStep(eqx.Module):
-    """The latest accepted step of a run, with the contact `gaps` at its end, and with the `stages`
-    of its `DenseOutput`; `time_map` is ``None`` if time is uniform in the step."""
+    """The latest accepted step of a run, with the contact `gaps` at its end, the `stages` of its
+    `DenseOutput`, and its `time_map`, ``None`` if the tableau's nodes are fractions of its time."""
 
     start: Snapshot
     end: Snapshot

@@ -152,9 +152,9 @@ class DenseOutput(eqx.Module):
         return self.at((t - self.t0) / jnp.where(h > 0.0, h, 1.0))
 
     def at(self, x: Scalar) -> PyTree[Scalar]:
-        """Return the variables at x, 0 to 1, the fraction of the step in which the tableau's nodes
-        c are given. Without a time map, x is the elapsed part of the step's time; with a time map,
-        that part is `time_map.elapsed(x)`."""
+        """Return the variables at a position x in the step, 0 to 1, on the same scale as the nodes
+        c of the method's tableau. Without a time map, x is the elapsed part of the step's time;
+        with a time map, that part is `time_map.elapsed(x)`."""
         h = self.t1 - self.t0
         # Of y0 + h sum b_i(x) f_i, the factors h b_i(x).
         weights = [h * _horner(row, x) for row in dense_weights(self.method)]

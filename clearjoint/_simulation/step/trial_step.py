@@ -166,9 +166,9 @@ def try_step(
 def solved_step(
     method: Method, system: System, step: Step, t1: Scalar, family: SystemFamily | None
 ) -> Trial:
-    """Compute the solver's step from `step` to `t1`, s, correct its result by the stabilisation of
-    the constraints, and normalise the variables. The result is not checked for numbers that are not
-    finite, and has no contact gaps, which `with_gaps` adds."""
+    """Compute the solver's step from `step` to `t1`, s, with stabilised constraints and normalised
+    variables, and its tangents by the parameters of `family`, unless that is ``None``. The result
+    is not checked for numbers that are not finite, and has no contact gaps (see `with_gaps`)."""
     # With the Python value False, the solver reuses the rates of the last step without a branch.
     made_jump = step.proposal.made_jump if may_jump(method, system.scene) else False
     time_map = time_map_of(method, step, t1)

@@ -162,7 +162,7 @@ def extend(path: Path, contents: Contents) -> None:
 
 
 def remove_abandoned(path: Path) -> None:
-    """Remove incomplete stores and grids that killed processes have left beside a store's path."""
+    """Remove folders beside a store that are `unfinished` and older than `ABANDONED_AFTER`."""
     for partial in path.parent.glob(f".{glob.escape(path.name)}.*.partial"):
         with suppress(FileNotFoundError):
             if time.time() - partial.stat().st_mtime > ABANDONED_AFTER:

@@ -66,7 +66,7 @@ def _settings(layout: Layout) -> dict[str, Part]:
 
 
 def _parts(layout: Layout) -> dict[str, Part]:
-    """Return the parts of a layout that are units, labels and variables, by names for messages."""
+    """Return a layout's units, labels and outlines of variables, by their names in messages."""
     parts: dict[str, Part] = {f"unit of axis {axis.name}": axis.unit for axis in layout.axes}
     parts |= {f"coordinate {c.name}": c.values for c in layout.coordinates}
     parts |= {f"unit of coordinate {c.name}": c.unit for c in layout.coordinates}
@@ -106,7 +106,7 @@ def _text(part: Part) -> str:
 
 
 def _lost(stored: Contents, wanted: Layout, matches: np.ndarray) -> Iterator[str]:
-    """A line per axis with stored values that the wanted sweep lacks, and one for such lanes."""
+    """Yield a line per axis with stored values not in `wanted`; one for lanes (`matches` < 0)."""
     values = {axis.name: axis.values for axis in wanted.axes}
     # An axis that the wanted sweep lacks altogether has no line here, since its unit, one of the
     # compared parts, already has one.
@@ -144,7 +144,7 @@ def _programs(stored: Contents, wanted: Contents, without_run: bool) -> Iterator
 
 
 def _save_times(stored: Contents, wanted: Contents, matches: np.ndarray) -> Iterator[str]:
-    """A line for the times to save at, if they differ in a lane of both sweeps."""
+    """A line for `differences` if lanes that are in both sweeps have different times to save at."""
     old, new = stored.identity.lanes, wanted.identity.lanes
     # `matches` is -1 for lanes that the wanted sweep lacks, which are left out of the count.
     for name in (old.keys() & new.keys()) - {RUN}:
@@ -243,8 +243,8 @@ class SweepStore:
 
     def write(self, parts: Parts) -> None:
         """Write results of some lanes of one or more chunks to disk, so that they are done even if
-        the process is killed afterwards. Also write the grid, unless it was last written less than
-        `GRID_PERIOD` ago, or writing it would exceed `GRID_SHARE`."""
+        the process is killed afterwards. Then write the grid, a copy of all results along the axes,
+        if the limits of its writes, `GRID_PERIOD` and `GRID_SHARE`, allow it."""
         with chunks.locked(self._folder):
             # Another process may have extended the store since it was opened.
             group = chunks.opened_group(self._folder)
