@@ -25,6 +25,7 @@ from ._fields.checks import require_range as require_range
 from ._fields.checks import require_shape as require_shape
 from ._fields.objects import optional_quantity as optional_quantity
 from ._fields.objects import quantity as quantity
+from ._math.interpolation import Slope as Slope
 from ._math.rotations import normalised as normalised
 from ._math.rotations import rotation_matrix as rotation_matrix
 from ._math.rotations import turned as turned

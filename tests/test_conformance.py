@@ -460,6 +460,11 @@ def dragging(contact):
     return replace(contact, slip=contact.slip * -1.0)
 
 
+def uneven(contact):
+    factor = cj.extend.Slope(2.0 + contact.arm_first.x, 0.0)
+    return replace(contact, gap=replace(contact.gap, factor=factor))
+
+
 class Unaware(Floor):
     def contacts(self, motions):
         return {"floor": replace(super().contacts(motions)["floor"], slip=None)}
@@ -488,6 +493,7 @@ class Unlike(Floor):
         (Changed(change=tilted), "not a unit vector"),
         (Changed(change=slow_gap), "not the time derivative of its penetration"),
         (Changed(change=apart), "leaves a moment"),
+        (Changed(change=uneven), "rate of its factor is not the time derivative"),
         (Changed(change=dragging), "not the tangential velocity"),
         (Unaware(), "its slip is None"),
         (Rooted(), "derivative of its forces is not finite"),

@@ -92,7 +92,7 @@ def file_name(name: str) -> str:
 
 
 def write_table(folder: Path, name: str, table: xr.Dataset) -> None:
-    """Write a dataset to `name`.nc (netCDF) and `name`.csv, changed by `file_name` if needed."""
+    """Write a dataset to `name`.nc (netCDF) and `name`.csv, where `file_name` may change `name`."""
     file = file_name(name)
     # The name of the table is kept as an attribute, because the name of the file may differ.
     write_netcdf(table.assign_attrs(table=name), folder / f"{file}.nc")

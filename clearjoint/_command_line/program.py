@@ -312,8 +312,8 @@ def _compute(
     out: Path | None,
     **options: str | None,
 ) -> None:
-    """Call the `function` of a `command`, and end the program with its result. `options` replace
-    entries of the section of the study that has the command's name."""
+    """Call the `function` of a `command` with the study in `file`, and exit. Entries of the study
+    are replaced by `changes`, "path=value" each, those of its section `command` by `options`."""
     folder = out or Path("results") / file.stem / command
     given = {name: value for name, value in options.items() if value is not None}
     # The last change of an entry counts: an option prevails over --set.

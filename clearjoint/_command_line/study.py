@@ -456,7 +456,7 @@ def _set(
     with location.in_errors():
         keys = documents.keys_of(path.strip())
     is_in_study = keys[0] in PARTS
-    if keys[0] == "run":  # the options --end and --preset work for files without this section, too
+    if keys[0] == "run":  # a file need not have [run], which options such as --end change too
         study.setdefault("run", {})
     # Tables within a section, such as run.settings, are added too. The reader refuses wrong names.
     section = study.get(keys[0])

@@ -951,7 +951,8 @@ def _digest(scene: Scene, state: State, run: CycleRun) -> str:
         str(jax.tree.structure((scene, state))),
     ]
     parts: list[str | bytes] = [ADDRESS.sub("", text) for text in texts]
-    # Functions are recognised by the operations that JAX traces, as by the stores of sweeps.
+    # A text with an address contains a function, which is recognised by the operations that JAX
+    # traces, as by the stores of sweeps.
     if parts != texts:
         settings = settings_or(run.settings, presets.default)
         limits = np.asarray(run.start_time), np.asarray(settings.max_steps)

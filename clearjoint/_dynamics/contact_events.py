@@ -97,8 +97,8 @@ def initial_entry_speeds(
             _at_the_wall(gap), _at_onset(gap, second_rate), UNKNOWN_ENTRY_SPEED
         )
         # A state inside a step has the entry speeds of the step's start, and its depth is only
-        # exact to rounding. Between flight and contact the two may contradict each other: zero is
-        # then not the entry speed of the closed contact, for which the force would be elastic.
+        # exact to rounding. A contact that is just closed there may thus have the entry speed of an
+        # open one, zero, which would make its force elastic in the steps. It is not kept.
         known_speed = (given or {}).get(name, {}).get(label, 0.0)
         is_closed = gap.depth > 0.0
         if_closed = jnp.where(known_speed > 0.0, known_speed, if_not_given)

@@ -397,8 +397,8 @@ ALIKE = 0.66
 
 
 def nearest(name: object, known: Iterable[str], otherwise: str) -> str:
-    """Return the remedy for an unknown name, as the end of an error message: a question with the
-    most similar `known` name, if one is similar apart from capitals, and the advice `otherwise`."""
+    """Return the remedy for an unknown name, which ends an error message: the advice `otherwise`,
+    after a question with the most similar `known` name, if one is similar when case is ignored."""
     by_lower = {other.lower(): other for other in known}
     similar = get_close_matches(str(name).lower(), list(by_lower), n=1, cutoff=ALIKE)
     return f"did you mean {by_lower[similar[0]]!r}? If not, {otherwise}" if similar else otherwise

@@ -525,7 +525,7 @@ class Fit(AbstractTabular):
             )
         if len(others) > SHOWN:
             yield f"{len(others) - SHOWN} more minima are in Fit.rivals."
-        # An estimate that is gone is about zero or infinite, if its interval ends there.
+        # An estimate with a huge deviation (`_is_gone`) is at zero or infinity if its interval is.
         for (name, (low, high)), gone in zip(self.intervals.items(), self._is_gone, strict=True):
             scale, value = self.parameters[name].scale, self.estimates[name]
             if isinstance(scale, Bounded):
@@ -740,9 +740,9 @@ def _sensor_faults(fit: Fit) -> Iterator[str]:
         for kind, effect in _effects_of_errors(fit, series).items():
             column = np.zeros(len(residuals))
             column[part] = effect
-            # The fit has changed its parameters to compensate for the error as far as possible.
-            # This part is left out of the error's effect, or the error would seem smaller than it
-            # is, and its effect to be in other series too.
+            # The fit has changed its parameters to compensate for the error as far as possible, at
+            # the cost of other series. The residuals of all series contain what is left of the
+            # error's effect. With the whole effect, the error would seem smaller than it is.
             column -= basis @ (basis.T @ column)
             if (kind, series) not in estimated and np.linalg.norm(column) > 0.0:
                 effects[kind] = column

@@ -43,7 +43,11 @@ def gauss_rule(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Slope(NamedTuple):
-    """A value and its rate at one end of a step."""
+    """A value and its rate, per s, such as `Gap.factor`.
+
+    >>> extend.Gap(depth=1e-5, rate=0.1, factor=extend.Slope(value=1.2, rate=0.0)).factor.value
+    1.2
+    """
 
     value: Scalar
     rate: Scalar

@@ -54,7 +54,7 @@ class _Joining:
                 self._loads = {}
                 self._join_block(block)
         for block in blocks:
-            # Any block may read or write the cells that have moved.
+            # Any block may read or write cells that `_next_to_each_other` has moved: renumber them.
             for entry in walked(block):
                 if isinstance(entry, Operation) and entry.name in ("load", "store"):
                     entry.number = self._moved.get(entry.number, entry.number)

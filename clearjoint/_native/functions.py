@@ -389,7 +389,7 @@ class FlatArguments:
 
 
 class _Layout:
-    """Which of the arrays of a part `FlatArguments.floats` joins.
+    """Which arrays of a part are joined by its property `FlatArguments.floats`.
 
     - `small`: for each array, whether it is joined: floats with fewer than `LARGE` elements.
     - `others`: indices of the arrays that are not joined.

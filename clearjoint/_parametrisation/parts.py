@@ -93,10 +93,10 @@ def _selected(
 
 
 def guard_direction(paths: Mapping[str, Part], numbers: Mapping[str, PyTree]) -> dict[str, PyTree]:
-    """Return a random direction in the form of the `numbers` of `paths`, equal for equal numbers.
+    """Return a random direction in which to change the `numbers` of `paths`, in the same form.
 
-    The components are normally distributed. The standard deviation is, for a `Parameter`, the slope
-    of its scale; for an array, the root mean square of its numbers, or 1 if all are zero.
+    The components are normally distributed, from a fixed seed. The standard deviation is, for a
+    `Parameter`, the slope of its scale; for an array, its root mean square, or 1 if that is zero.
     """
     random = np.random.default_rng(0)
 

@@ -234,7 +234,7 @@ class RobotFit(AbstractTabular):
 
     def hysteresis(self) -> dict[str, Hysteresis]:
         """Return, by name, the `Hysteresis` of each driven joint with a logged torque and position.
-        What drives a joint, its torque or its position, is predicted as logged."""
+        What drives a joint, its torque or position, has no prediction: the log takes its place."""
         loops, measured = {}, self.fit.measurements.series
         for joint in self.driven_by:
             # The position of a joint that is not logged is that of its motor.
@@ -602,6 +602,7 @@ def _reason(
     # contributes most to its uncertainty.
     worst = max(report.combinations, key=lambda c: abs(c.weights[k]) * c.standard_deviation)
     weights = {n: abs(w) for n, w in zip(report.names, worst.weights, strict=True) if n != name}
+    # Small weights are left out; because of the minimum, the largest one is always named.
     large = PART * min(abs(worst.weights[k]), max(weights.values()))
     others = " and ".join(n for n, weight in weights.items() if weight > large)
     return f"{head}: the log does not distinguish its effect from that of {others}."

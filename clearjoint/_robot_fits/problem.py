@@ -228,9 +228,9 @@ class StartInPlay(AbstractStart):
 
 @dataclass(frozen=True)
 class GearLoss:
-    """Function that sets the loss of a gear: the load of its `friction` over the torque that the
-    gear transmits. If flanks press on the friction by a force, `radius`, m, converts the force to
-    this torque; otherwise `radius` is 1."""
+    """Function that sets the loss of a gear: the load of the joint friction named `friction` over
+    the torque that the gear transmits. If a force between flanks transmits it, `radius`, m, is the
+    lever of this force; otherwise `radius` is 1."""
 
     friction: str
     radius: float
@@ -286,7 +286,7 @@ def motor_of(robot: Robot, joint: str) -> str:
 
 
 def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) -> RobotProblem:
-    """Return the problem of a fit by arguments of `fit_robot`; a `ValueError` if they disagree."""
+    """Check that the arguments of `fit_robot` agree, and return the problem of the fit."""
     _require_joints(robot, log, find, driven_by)
     positions = {name: _smoothed(robot, name, samples) for name, samples in log.angles.items()}
     driven = _driven(robot, log, driven_by, positions)

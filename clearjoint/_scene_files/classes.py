@@ -147,7 +147,7 @@ def find_maker(
 
 @cache
 def arguments(make: Maker) -> dict[str, Expectation]:
-    make = CHECKED.get(make, make)
+    make = CHECKED.get(make, make)  # the reader, too, calls the function that checks the arguments
     kind = make if isinstance(make, type) else _hints(make)["return"]  # class of the made object
     # For a field and an argument of the same name, the annotation of the field counts.
     hints = _hints(kind.__init__ if make is kind else make) | _hints(kind)

@@ -151,9 +151,9 @@ def train_of(name: str, joint: HingeOrSlider, drive: Drive) -> Train:
     inertia = NEGLIGIBLE * armature
     body = Body(inertia, inertia * np.ones(3), is_massless=True)
     link = replace(joint, armature=None)
-    # Both rotor and link are on the joint's first body; the rotor is not between this body and the
-    # link. It then acts on the first body only by the torque of its bearing about the axis, and no
-    # motion but those of rotor and link depends on it.
+    # The joint's first body carries rotor and link side by side; the rotor carries no body. So the
+    # massless rotor acts on the first body only by the force or torque of its bearing along or
+    # about the axis, and the coordinates of no other body refer to it.
     motor = replace(joint, second=rotor, point_second=np.zeros(3), armature=armature)
     if isinstance(motor, RevoluteJoint):
         # The rotor's axes are parallel to those of the first body while the motor is at zero.

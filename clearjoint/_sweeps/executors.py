@@ -158,19 +158,19 @@ class _Pool:
     """An executor or a Dask client, with the function that its workers call for each chunk."""
 
     def __init__(self, executor: AbstractSubmitter, task: ChunkFunction):
-        # A forked process has copies of the locks that JAX's threads hold, but not the threads, so
-        # it would wait forever.
         remedy = "pass ProcessPoolExecutor(4, mp_context=multiprocessing.get_context('spawn'))"
         expected = "a concurrent.futures.Executor or a dask.distributed.Client"
         require(hasattr(executor, "submit"), "executor", executor, expected, remedy)
+        # A forked process has copies of the locks that JAX's threads hold, but not the threads, so
+        # it would wait forever.
         context = getattr(executor, "_mp_context", None)  # only pools of processes have one
         survives = context is None or context.get_start_method() != "fork"
         expected = "a pool of processes that are not forked, since JAX's threads don't survive that"
         require(survives, "executor", executor, expected, remedy)
+        self._threads = getattr(executor, "nthreads", None)  # only Dask's clients have it
         # A Dask client keeps the result of a task and returns it for an equal task, unless the task
         # is declared impure.
         make = getattr(executor, "get_executor", None)
-        self._threads = getattr(executor, "nthreads", None)
         self._executor = executor if make is None else make(pure=False, retries=RETRIES)
         # Threads call the function itself; processes get its pickled form.
         in_process = isinstance(executor, futures.ThreadPoolExecutor)

@@ -23,8 +23,8 @@ MODE_NAMES = {
 
 
 class Arrows(NamedTuple):
-    """Arrows of forces, the solids `parts`. `scale`: length divided by force, m/N, before arrows
-    that are too long are cut, 1 without forces; `note`: text on the scale, for the legend."""
+    """Arrows of forces. `parts`: their solids; `scale`: length over force of the longest arrow
+    before it is cut, m/N, by default 1 without forces; `note`: the legend's text on the scale."""
 
     parts: list[DrawnPart]
     scale: float

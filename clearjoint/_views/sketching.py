@@ -433,8 +433,8 @@ class SketchingPen(AbstractPen):
         self._moving.append(DrawnPart(self.element, mesh, between(starts, ends, 1.0), METAL))
 
     def _hold(self, *markers: Marker, around: float = 0.0) -> None:
-        """Extend the hull of each marker's body to the marker's point or, with a distance `around`,
-        m, such as the outer radius of a bearing, only up to this distance from it."""
+        """Extend the hull of each marker's body to the marker's point or, with `around`, m, such as
+        the outer radius of a bearing, to this distance before the point."""
         self.drawn.add(self.element)
         for marker in markers:
             point = np.asarray(marker.point, dtype=float)

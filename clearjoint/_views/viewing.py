@@ -39,7 +39,7 @@ class View:
     - `legend`: its `title`; its `entries`, pairs of a colour such as "#0072B2" and its meaning; and
       its `notes`.
     - `clearance_scale`, `bearing_scale`: ratio of drawn to true size of clearances, of bearings.
-    - `force_scale`: length of an arrow divided by its force, m/N; 1 without forces.
+    - `force_scale`: length of the longest arrow over its force, m/N; by default 1 without forces.
 
     >>> four_bar = cj.view(*cj.mechanisms.four_bar(), title="four-bar", clearance_scale=50.0)
     >>> four_bar

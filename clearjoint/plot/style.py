@@ -341,8 +341,8 @@ def suits_logarithm(values: np.ndarray, swept: bool = False) -> bool:
 
 def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray, swept: str = "x") -> None:
     """Make each of the two axes logarithmic if that suits its values, `x` or `y`, and linear if one
-    of these values is not positive; else the axis keeps its scale. `swept`: the axes with swept
-    parameters, "x" or "xy"."""
+    of these values is not positive; else the axis keeps its scale. `swept`: "x" or "xy", the axes
+    of swept parameters, for which `suits_logarithm` also accepts geometric series."""
     for letter, axis, values in (("x", axes.xaxis, x), ("y", axes.yaxis, y)):
         if suits_logarithm(values, letter in swept):
             axes.set(**{f"{letter}scale": "log"})

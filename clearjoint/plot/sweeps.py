@@ -33,8 +33,8 @@ def of_lanes(dataset: xr.Dataset, variable: str, along: tuple[str, ...]) -> xr.D
 
 
 def only_axis(dataset: xr.Dataset, axis: str | None) -> str:
-    """Return `axis`, or if it is None the name of the sweep's only axis. Raise a `ValueError` if
-    there are several or, as in a zipped sweep, whose parameters vary together, none."""
+    """Return `axis` or, if it is None, the name of the sweep's only axis. Raise a `ValueError` for
+    an unknown `axis` and, if it is None, for a sweep with several axes or a zipped sweep."""
     if axis is not None:
         require_names(dataset, (axis,))
         return axis

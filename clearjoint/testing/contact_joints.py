@@ -10,7 +10,6 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 
 from .._dynamics.contact_forces import LoadedContact, contact_force
-from .._math.interpolation import Slope
 from .._math.rotations import rotation_matrix, turned
 from .._math.vectors import ZERO, Condition, EulerParameters, Matrix, Scalar, Vector, unpack
 from .._model.bodies import GROUND, GROUND_MOTION, Motion
@@ -243,8 +242,12 @@ def _failures(
         }
         message = "the rate of its stored energy is not the power of the elastic force"
         failed[message] = _differ(power, expected_power)
+        factor_rate = rates[label][0].contact.gap.factor
+        if gap.factor is not None and factor_rate is not None:
+            message = "the rate of its factor is not the time derivative of the factor"
+            failed[message] = _differ(factor_rate.value, gap.factor.rate)
         if contact.turning is None:
-            failed |= _force_failures(loaded, first, second, rates[label][0].contact.gap.factor)
+            failed |= _force_failures(loaded, first, second)
         else:
             # The vectors in `turning`, m in body axes, are the derivatives of the penetration rate
             # by the spins, and the couples are minus the normal force times these vectors.
@@ -277,11 +280,9 @@ def _beside(side: SideForce, first: Motion, second: Motion) -> Vector:
     return second.velocity_at(side.arm_second) - first.velocity_at(side.arm_first)
 
 
-def _force_failures(
-    loaded: LoadedContact, first: Motion, second: Motion, factor: Slope | None
-) -> dict[str, jax.Array]:
-    """Whether each condition on normal force and friction of one contact without couples fails, by
-    the text of the failure; `factor`: time derivative of the gap's `factor`, if there is one."""
+def _force_failures(loaded: LoadedContact, first: Motion, second: Motion) -> dict[str, jax.Array]:
+    """Return by text of the failure whether each condition on normal force and friction fails, for
+    a contact that transmits no couple."""
     contact, friction, force = loaded.contact, loaded.friction, loaded.normal_force
     # Friction acts at the contact points. For a contact without friction, the joint may give other
     # points on the normal force's line of action.
@@ -301,9 +302,6 @@ def _force_failures(
         between = second.point(side.arm_second) - first.point(side.arm_first)
         message = "the forces beside the normal force do not act at one point"
         failures[message] = _is_nonzero(between)
-        if contact.gap.factor is not None and factor is not None:
-            message = "the rate of its factor is not the time derivative of the factor"
-            failures[message] = _differ(factor.value, contact.gap.factor.rate)
     if friction is not None:
         # The energy ledger would omit the power of the friction.
         failures["it has friction, but its slip is None"] = jnp.asarray(contact.slip is None)

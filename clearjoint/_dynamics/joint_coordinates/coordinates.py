@@ -188,7 +188,7 @@ class JointMechanics(AbstractMechanics):
 
     def _per_link(self, rates: Speeds) -> Iterator[tuple[Twist, Speeds]]:
         """Yield for each link, from the roots to the leaves, its acceleration without the part at
-        constant speeds, and its joint's u', from the r of all joints (see the module): `rates`."""
+        constant speeds, and the u' of its joint. `rates`: r of all joints (see the module)."""
         twists: list[Twist] = []
         by_link = zip(self._links, self._by_link(rates), strict=True)
         for k, (link, joint_rates) in enumerate(by_link):

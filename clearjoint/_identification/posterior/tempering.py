@@ -357,6 +357,7 @@ def mutated(
         inside = target.holds(points)
         if not inside.any():
             continue
+        # New points are run as far as the old ones, whose curves begin with a column for no sample.
         new = evaluated(target, points[inside], moved.curves.shape[1] - 1)
         others = moved.replaced(inside, new)
         before, after = (0.5 * chi_squared_over(c.curves, reached) for c in (moved, others))

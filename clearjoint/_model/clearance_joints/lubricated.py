@@ -225,9 +225,9 @@ class LubricatedJoint(AbstractContactJoint):
     ) -> FilmGap:
         """Return the input of the film law, with a limited eccentricity ratio.
 
-        **Arguments:** in global axes. `axis`: of the bearing, a unit vector. `eccentricity`: of a
-        base, m. `velocity`: rate of the eccentricity, m/s, in the rotating axes of `FilmGap.rate`.
-        `spin`: of the journal relative to the bearing about the axis, rad/s.
+        **Arguments:** components are global. `axis`: of the bearing, a unit vector. `eccentricity`:
+        of a base, m. `velocity`: its rate, m/s, as an observer in the rotating axes of
+        `FilmGap.rate` sees it. `spin`: of the journal relative to the bearing about `axis`, rad/s.
         """
         dry = self.dry
         offset, rate = eccentricity * (1.0 / dry.clearance), velocity * (1.0 / dry.clearance)

@@ -152,8 +152,8 @@ def require_breakaway(breakaway: Single, kinetic: Single) -> None:
 
 
 class AbstractFallingFriction(AbstractFriction):
-    """Base class of friction that falls with the slip speed from a maximum to a lower limit.
-    `breakaway` is mu_S, the maximum of the ratio, which some laws reach only approximately, and
+    """Base class of friction whose ratio to the normal force falls as the slip speed rises.
+    `breakaway` is mu_S, the maximum of this ratio, which some laws reach only approximately, and
     `kinetic` mu_C <= mu_S, its limit at high speed."""
 
     breakaway: Single = quantity("1", positive=True, zero=True, remedy="give mu_S")

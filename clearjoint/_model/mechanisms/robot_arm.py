@@ -94,7 +94,7 @@ class LinkFrame:
         return composed(self.orientation, EulerParameters(*turned_about_z(angle)))
 
     def after(self, link: ArmLink, angle: float) -> "LinkFrame":
-        """Return the frame of the next link, rotated by `angle`, rad, about this frame's z axis."""
+        """Return the frame of the next `link`, turned by `angle`, rad, about this frame's z."""
         orientation = composed(self.turned(angle), link.tilt())
         axes = LinkFrame(self.origin, orientation).axes  # these don't depend on the origin
         # The joint, whose position `link.joint()` is from the new origin, is at the present origin.

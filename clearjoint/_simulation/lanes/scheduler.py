@@ -76,8 +76,8 @@ class Running(NamedTuple):
 
 class Batch:
     """A batch of L lanes to run, in native code on CPUs where possible, otherwise by XLA. Arrays in
-    `tasks` have a first axis of length L. `threads`: how many to use, by default one for each core
-    or accelerator. The attribute `lengths[log]` is the largest number of rows of each log."""
+    `tasks` have a first axis of length L. `threads`: by default one for each core or accelerator.
+    `lengths`: largest number of rows of each log, a table that every lane writes, by its name."""
 
     def __init__(self, common: Common, tasks: Task, threads: int | None = None):
         self.common = jax.tree.map(lambda x: np.asarray(x) if eqx.is_array(x) else x, common)

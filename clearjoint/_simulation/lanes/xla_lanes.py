@@ -40,10 +40,10 @@ class XlaLaneLoop(AbstractLaneLoop):
     """A loop over lanes compiled by XLA.
 
     **Arguments:** `turn`: function (shared, own, state) that returns the state of a lane after a
-    turn; `turn` leaves a lane that waits unchanged, since other lanes may go on. `status`: function
-    of the same arguments that returns scalars by name, among them "moves", which is false if the
-    lane waits. `shared`: data that all lanes share. `own`, `state`: examples of the data and the
-    state of one lane, of which only structure, shapes and dtypes are used."""
+    turn, an iteration of the loop. It changes no lane that has ended or waits for Python. `status`:
+    function of the same arguments that returns scalars by name, among them "moves": whether a turn
+    would change the lane. `shared`: data that all lanes share. `own`, `state`: examples of the data
+    and the state of one lane, of which only structure, shapes and dtypes are used."""
 
     def __init__(self, turn: OnLane, status: OnLane, shared: PyTree, own: PyTree, state: PyTree):
         self.width, self._functions = width(), (turn, status)

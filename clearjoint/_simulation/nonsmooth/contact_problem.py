@@ -145,6 +145,7 @@ def _touch(
     if contact.turning is not None or contact.side is not None:
         unit_force = LoadedContact(contact, 1.0, 1.0, None)
         normal = Row(0.0, dict(contact_wrenches(joint, unit_force, motions)), 0.0)
+    # Beyond either penetration, it is unknown on which side of the wall the contact is.
     limits = [contact.gap.clearance, joint.deepest().get(label)]
     limits = [limit for limit in limits if limit is not None]
     deepest = reduce(jnp.minimum, limits) if limits else None

@@ -177,8 +177,8 @@ def ended(run: Adjoint, values: PyTree, step: Step, tallies: PyTree) -> Outcome:
 def _linear_step(
     run: Adjoint, values: PyTree, step: Step, t1: Scalar, tangents: Tangents, direction: PyTree
 ) -> tuple[Tangents, TangentsInside]:
-    """Return the tangents at the end, and those inside, of the accepted step from `step` to `t1`,
-    s, as linear functions of the `tangents` at its start and of the parameters' `direction`."""
+    """Return the tangents at the end of the accepted step from `step` to `t1`, s, and those of its
+    dense output; linear in the `tangents` at its start and the parameters' `direction`."""
     method, systems = run.scheme.method, run.systems(values, direction)
     system, step = systems.system(), replace(step, tangents=tangents)
     trial = with_gaps(solved_step(method, system, step, t1, systems))

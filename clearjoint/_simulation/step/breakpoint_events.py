@@ -92,7 +92,7 @@ def across_breakpoints(
     def rates(shares: Mapping[str, Scalar], y: Variables, time: Scalar) -> Variables:
         return rates_of(_with_shares(system, before, after, shares), y, entry_speeds, time)
 
-    # With these, all forces are as they were before their breakpoints.
+    # A force with the share 0 is as before its breakpoint, with 1 as after it: here all are before.
     no_shares = {name: jnp.zeros(()) for name in forces}
 
     def corrected(y: Variables) -> Variables:
@@ -103,8 +103,8 @@ def across_breakpoints(
             # Drivers with breakpoints at the same instant are assumed to change together, so the
             # mean of their times is taken. Lanes of a batch compute this in every step; the bound
             # of 1 avoids a division by zero where no driver has a breakpoint at the end. In a step
-            # that ends at breakpoints of forces only, `time` is zero, and velocities lose nothing
-            # but their drift from the constraints.
+            # that ends at breakpoints of forces only, `time` is zero, and `_past_kink` removes only
+            # the drift of velocities from the constraints.
             count = sum(jnp.asarray(lands, float) for lands, _ in joints.values())
             time = sum(time for _, time in joints.values()) / jnp.maximum(count, 1.0)
             y = _moved_on(y, rates(no_shares, y, before), -time)

@@ -273,8 +273,8 @@ Ends: TypeAlias = tuple[Variables, Variables | None]
 
 
 def _across_discontinuities(trial: Trial, keep: Condition) -> Ends:
-    """Return the variables at the end of a trial step and their tangents, corrected for
-    discontinuities of forces there (see `.saltation` and `.breakpoint_events`).
+    """Return variables and tangents at the end of a trial step, corrected for discontinuities of
+    forces (see `.saltation`, `.breakpoint_events`); not used unless the step is accepted, `keep`.
 
     The corrections change the variables by rounding errors, or by the change of the rates times the
     short time by which a step ends past an onset, with two exceptions: velocities jump where the

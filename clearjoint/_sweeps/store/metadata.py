@@ -237,8 +237,8 @@ def _write(path: Path, contents: Contents) -> None:
     import zarr
 
     layout, identity, order, added = contents
-    # The array with the order has a digest of the order in its name. An extended store has another
-    # order, in an array of another name, so that a concurrent reader still finds the earlier one.
+    # The array of `order`, the lane in each row, has a digest of it in its name. An extended store
+    # has another order, under another name, so that a concurrent reader still finds the earlier.
     order_name = f"sweep_order_{digest(order.tobytes())}"
     # The digests of the runs themselves have an empty name.
     digests = {name: f"sweep_lanes_{name}" if name else "sweep_lanes" for name in identity.lanes}

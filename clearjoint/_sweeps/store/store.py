@@ -90,7 +90,7 @@ def _compared(stored: Mapping[str, Part], wanted: Mapping[str, Part]) -> Iterato
 
 
 def _difference(stored: Part | None, wanted: Part | None) -> str:
-    """How the stored part differs from the wanted one; an absent part is ``None``."""
+    """Return a text on how a stored `Part` differs from the wanted one; ``None`` if absent."""
     if isinstance(stored, np.ndarray) and isinstance(wanted, np.ndarray):
         if stored.size != wanted.size:
             return f"stored {stored.size} values, now {wanted.size}"
