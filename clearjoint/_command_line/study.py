@@ -438,6 +438,7 @@ def read_study(path: Path, changes: Iterable[str] = ()) -> Study:
             # With this entry, error messages about the value quote the change, not a line number.
             changed.source.changes[(*changed.keys, *keys)] = change
     scene, state = scene_of_document(tables, (), scene_location)
+    # A message about an unknown key lists `scene` among the known ones.
     parts = Reader(CLASSES).instance(StudyParts, study, location, other_keys=(SCENE,))
     return Study(scene, state, parts, location, study)
 

@@ -619,7 +619,7 @@ class _Stages:
                 with quiet():  # Cautions are for the state that a user gives.
                     measured = run.measure(scene, state, self.depths[-1][0])
             except ValueError as error:
-                # States that come from runs don't fit only if the drives have another period.
+                # A state from a run fits the start of the drives unless their period is another.
                 raise ValueError(
                     f"Argument `cycle` must be a period of the scene's drives, but is {run.cycle} "
                     f"s: the state after {run.settle + run.measured} cycles doesn't fit their "

@@ -109,10 +109,10 @@ def _wear(
     """Return the depths, m per cycle, that wear off a joint from which `depths`, m, have worn off
     already. `joint` is the unworn joint."""
     # Each of the `NUMBERS`, (bases * instants,): the wear of both bases is added.
-    x, y, contact, *axes, work = history.swapaxes(0, 1).reshape(len(NUMBERS), -1)
+    x, y, contact_angle, *axes, work = history.swapaxes(0, 1).reshape(len(NUMBERS), -1)
     axes = PlanarAxes(*axes)
     # The journal follows the wall as it wears, and the profiles lose the depths.
-    along_x, along_y = _shift(depths, contact, axes)
+    along_x, along_y = _shift(depths, contact_angle, axes)
     x, y = jnp.asarray(x + along_x)[:, None], jnp.asarray(y + along_y)[:, None]
     for field, removed in zip(PROFILES, (depths[0], -depths[1]), strict=True):
         joint = _moved(joint, field, removed)

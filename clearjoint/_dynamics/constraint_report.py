@@ -194,6 +194,7 @@ def start_rows(
         remaining = constraint_rows(scene, coordinates, mechanics.motions, t)
         for name, row in _by_name(remaining).items():
             names.append(name)
+            # A row that the coordinates nearly satisfy by themselves stays small (see `_norm`).
             reduced.append(as_array(mechanics.projected(row.jacobian)) / _norm(rows[name]))
     return StartRows(
         values=_stacked(values),

@@ -149,6 +149,7 @@ def _instants(runs: Experiment, coordinates: jax.Array, end_time: jax.Array) -> 
     for delay in delays:
         delayed = undelayed - delay
         inside.append(delayed >= runs.base.start_time)
+        # The two neighbours of a delayed time give the rate of the output, by a central difference.
         # The run has no motion before its start and after its end.
         rows += [
             jnp.clip(delayed + shift, runs.base.start_time, end) for shift in (0.0, -APART, APART)

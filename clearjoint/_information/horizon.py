@@ -230,6 +230,7 @@ def fit_horizon(
         return sensitivities(scene, state, end_time, free, outputs, times, settings, **options)
 
     true_run, weights = run_at(truth, tight), _weights(by_name, times)
+    # `_near` shifts angles by whole turns to the values nearest to those of the true run.
     loose = _near(run_at(truth, tight.looser(LOOSER)), true_run, outputs)
     error, derivative_error = _errors(true_run, loose, weights, len(truth))
     sizes = growth.sizes(true_run.derivatives, points)

@@ -342,6 +342,7 @@ def _arc_tangent(y: Symbol, x: Symbol) -> Symbol:
     multiple, multiple_low = _product(quarters, _QUARTER_PI[0])
     high, rest = _sum(multiple, signed_q)
     usual = high + (rest + (signed_low + _fma(quarters, _QUARTER_PI[1], multiple_low)))
+    # Outside of these ranges, the remainder may be no normal number: the C library is called.
     fits = large.compare("le", LARGEST_QUOTIENT) & (
         small.compare("ge", LEAST_QUOTIENT)
         | (small.compare("eq", 0.0) & large.compare("ge", LEAST_QUOTIENT))

@@ -111,6 +111,7 @@ class _Writer:
             self._fuse(block)
             self._remove_unwritten(block)
         is_long = sum(map(count_operations, blocks)) >= FEWEST
+        # The cells to which each block may write. Only a division of the program needs them.
         written: list[set[int]] = []
         for number, block in enumerate(blocks):
             if self._program.width_of(number) != self._width:

@@ -78,7 +78,8 @@ class Division:
         # Replace each sequence that is too long, also in inner blocks, by `_Pieces`.
         new, sequence = [], []
 
-        # Keep the sequence that has ended, or replace it, and begin an empty one.
+        # Keep the sequence that has ended, or replace it, and begin an empty one. Note which piece
+        # uses which values; `None` stands for operations outside the pieces.
         def end() -> None:
             if len(sequence) <= LONGEST:
                 self._use(None, sequence)

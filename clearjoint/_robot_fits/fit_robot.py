@@ -431,9 +431,10 @@ def _best_fit(
         windows = _windows(fit, free, problem, settings)
         fit = _lowest(fit, fitted(windows)) if windows else fit
     if plays := _of_kind(problem, free, "play"):
-        near = _inside(problem, fit)
-        others = [{**near, **{name: factor * near[name] for name in plays}} for factor in PLAYS]
-        others += [{**near, name: NO_PLAY * near[name]} for name in plays]
+        # Starts at the estimates, but with all plays larger or smaller, or one of them nearly zero.
+        found = _inside(problem, fit)
+        others = [{**found, **{name: factor * found[name] for name in plays}} for factor in PLAYS]
+        others += [{**found, name: NO_PLAY * found[name]} for name in plays]
         fit = _lowest(fit, fitted((), others))
     return fit
 

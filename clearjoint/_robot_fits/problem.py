@@ -329,7 +329,7 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
         if log.angles[n].times[0] > log.start:
             q[n], qd[n] = map(float, value_and_rate(positions[n], log.start))
     for name in log.angles:
-        # A motor turns with its link; likewise, a link that is not logged turns with its motor.
+        # In `Robot.state` a motor starts as its joint does; here, an unlogged joint as its motor.
         link = _other_side(robot, log, name)
         if link in robot.joints:
             q[link], qd[link] = q[name], qd[name]

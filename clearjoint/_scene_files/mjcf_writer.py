@@ -158,6 +158,7 @@ class MjcfWriter:
         self._option = _child(self.root, "option", gravity=gravity)
         self._bodies = {GROUND: _child(self.root, "worldbody")}
         self._flanks: dict[Element, Flanks] = {}
+        # Tendons by the bodies that their joints carry, each with the coefficient of its joint.
         self._tendons: dict[tuple[tuple[str, float], ...], FileJoint] = {}
         self._scene = unpack(jax.tree.map(np.asarray, scene))
         self._branches = {place.body: self._branch(place) for place in places}

@@ -505,6 +505,7 @@ class _Search:
             alternating=(values[violation], values[last_pass]) if last_pass > violation else None,
             spacing=float(self._widths(known)[:violation].max()),
             values=np.array(values),
+            # NaN counts as a violation, so it becomes -inf; infinite margins remain as they are.
             margins=np.nan_to_num(known.margins, nan=-np.inf, posinf=np.inf, neginf=-np.inf),
         )
 

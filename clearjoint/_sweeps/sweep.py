@@ -398,8 +398,8 @@ def _common_values(
     # Crossings, sample times and peaks of impacts lie inside of steps.
     if saves or sections or tables:
         require_dense(scheme.method.solver)
-    # A lane writes one log, a list of rows, for each contact of a table of impacts. Each section
-    # has a log of its own, too, and each log has room for a limited number of rows.
+    # A lane writes a log, a list of rows, for each section and each contact of a table of impacts.
+    # `capacity`: largest number of rows of a log. `channels`: quantities at crossings and samples.
     logs = {
         name: tuple(impact_log(name, *contact) for contact in table.contacts(lanes.scene))
         for name, table in tables.items()
@@ -411,7 +411,7 @@ def _common_values(
     if saves:
         channels[SAVED] = sampled_channels(requested, lanes.scene)
     capacity = {name: section.count for name, section in sections.items()}
-    capacity |= {log: tables[name].count for name, contacts in logs.items() for log in contacts}
+    capacity |= {log: tables[name].count for name, of_table in logs.items() for log in of_table}
     return Common(
         scheme=scheme,
         # Zeros and ones that all lanes share may become constants of the compiled program, which

@@ -221,8 +221,8 @@ def _contacts(joint: AbstractContactJoint, motions: Motions) -> Contacts:
 def _failures(
     joint: AbstractContactJoint, motions: Motions, contacts: Contacts, rates: Contacts
 ) -> ByLabel[Condition]:
-    """Whether each condition on normals, rates, slips, forces, couples and power fails; `rates`:
-    time derivatives of the numbers in `contacts`."""
+    """Whether each condition on normals, rates, slips, forces, couples and power fails. `contacts`:
+    each contact with its stored energy, from `_contacts`; `rates`: their time derivatives."""
     first, second = pair = [motions[name] for name in joint.pair()]
     failures = {}
     for label, (loaded, _) in contacts.items():

@@ -236,7 +236,7 @@ def along_record(
 ) -> tuple[Points, Weights, int]:
     """Return weighted points near the posterior of the whole record, their weights of sum 1, and
     the number of steps along the record, from `points` of the prior."""
-    # Number of times over which the points have been run, and number of times in the likelihood.
+    # The points have been run over `ahead` sample times; `reached` of these are in the likelihood.
     ahead, reached, steps = 1, 0.0, 0
     cloud = evaluated(target, points, ahead)
     while True:
@@ -285,8 +285,8 @@ def next_count(curves: Float[np.ndarray, "n T"], reached: float) -> float:
 
     if enough(float(last)):
         return float(last)
-    # Where most runs miss the next sample, no step leaves enough points. The shortest one discards
-    # them. A longer one would also leave a single point where chi squared is steep.
+    # Where most runs miss the next sample, no step leaves enough points. The shortest step discards
+    # only these runs; a longer one might leave a single point, if chi squared is steep.
     longest = last_where(enough, reached, float(last))  # The number falls as the step grows.
     return max(longest, float(np.nextafter(reached, np.inf)))
 

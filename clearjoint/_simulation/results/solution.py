@@ -67,7 +67,8 @@ def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict
     arrays = {}
     for field in fields(BodyState):
         values = [np.asarray(getattr(body, field.name)) for body in states.bodies.values()]
-        # Bodies are stacked along a new dimension before that of the components.
+        # Bodies are stacked along a new dimension before that of the components. The metadata of a
+        # field are its unit and its description.
         dims = (*rows, "body", STATE_PARTS[field.name][0])
         arrays[prefix + field.name] = Labelled(dims, np.stack(values, -2), *field.metadata.values())
     of_entry = "speed of approach at the onset of the contact; zero in flight"

@@ -320,6 +320,7 @@ def settle(
             else:
                 _require_few_crossings(block, span)
                 crossings = motion.outputs[SECTION]
+                # Of the channels' values, such as 2 pi of an angle; not periods of the motion.
                 periods_of = [getattr(q, "period", None) for q, _ in section.pairs.values()]
                 values = [*crossings.values.values()]
                 strobe = section_strobe(crossings.times, values, periods_of)

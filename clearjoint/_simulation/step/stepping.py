@@ -215,7 +215,7 @@ def accepted_state(trial: Trial, keep: Condition) -> Step:
     step, gaps = trial.step, trial.gaps
     y1, solver_state = trial.outcome.y, trial.outcome.solver_state
     second_rates = _second_rates(method, system, y1, solver_state, gaps)
-    # Second rates of a rejected trial may not be finite.
+    # Second time derivatives of penetrations; those of a rejected trial may not be finite.
     second_rates = choose(keep, second_rates, step.second_rates)
     before, entry_speeds, tangents = step.contact_gaps, step.entry_speeds, None
     if uses_entry_speed(system.scene):
@@ -241,9 +241,9 @@ def accepted_state(trial: Trial, keep: Condition) -> Step:
 
         y_tangents = with_integrand_jumps(trial, y1, entry_speeds, y_tangents, keep)
 
-        # Runs with tangents have explicit solvers, so that `second_rates` equals `at_onsets`.
-        # Treated as constants, they neglect terms proportional to the penetration at the end of
-        # the step.
+        # Runs with tangents have explicit solvers, so that `second_rates` equals `at_onsets`. Its
+        # derivatives are left out, which neglects terms proportional to the penetration at the end
+        # of the step.
         def entry_speeds_after(
             system: System, y1: Variables, entry_speeds: EntrySpeeds
         ) -> EntrySpeeds:

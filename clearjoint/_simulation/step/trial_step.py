@@ -127,7 +127,7 @@ class Trial(eqx.Module):
 
 
 def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | None:
-    """Return the time map of the step from `step` to `t1`, s; ``None`` if the run has none."""
+    """Return the time map that places the stages of a step from `step` to `t1`, s; or ``None``."""
     # Only if steps end at contact events does an onset coincide with the start of a step.
     if method.landing is None or not step.contact_gaps:
         return None
@@ -136,9 +136,8 @@ def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | Non
         return None
     begins, since = step.proposal.begins_contact, step.proposal.time_since_onset
     if since is None:
-        # A run without derivatives, which does not keep this time. In such runs, mapping the steps
-        # towards the end of a contact saved no steps, and a journal rolling along the wall took
-        # more.
+        # A run without derivatives, which does not keep this time. In such runs, `WithinContact`
+        # saved no steps, and a run with a journal that rolls along the wall took more steps.
         return FromOnset(begins)
     gaps, second_rates = step.contact_gaps, step.second_rates
     until_end = method.landing.time_to_next_event(gaps, second_rates, ends_only=True)
