@@ -161,7 +161,7 @@ def drivers_are_smooth(
     system: System, variables: MotionVariables, start: Scalar, end: Scalar, rtol: Scalar
 ) -> Condition | None:
     """Return whether all drivers (constraints that depend on time) are smooth over a step; ``None``
-    without drivers.
+    without drivers. They are evaluated for bodies at rest, at the positions in `variables`.
 
     A driver is smooth if the change of its value is the integral of its rate, and the change of its
     rate is the integral of its second time derivative, up to `rtol` times the driver's speed. The
@@ -194,8 +194,8 @@ def drivers_are_smooth(
     names = [(name, label) for name, family in at_times[0].items() for label in family]
     for name, label in names:
         past, at_start, at_end, *at_nodes = (rows[name][label] for rows in at_times)
-        # With all bodies at rest, `time_rate` and `bias` are the first and the second time
-        # derivative of the driver's value.
+        # Since `System.prescribed` puts all bodies at rest, `time_rate` and `bias` are the first
+        # and the second time derivative of the driver's value.
         rates = [row.time_rate for row in at_nodes]
         second_rates = [row.bias for row in at_nodes]
         # By how much value and rate change otherwise than by the integrals of their derivatives.

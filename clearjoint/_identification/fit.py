@@ -254,9 +254,9 @@ class Fit(AbstractTabular):
 
     def _intervals_around(self, minima: Sequence[RunMisfit]) -> list[Float[np.ndarray, "2 p"]]:
         """Return low and high ends of the values' intervals by the covariance at each minimum."""
-        # An interval that is open at one end of its scale, such as at infinity, needs to know which
-        # end. An estimate that is gone has moved there from its start. Of other parameters, another
-        # minimum may be gone: to the upper end if it is above the estimate.
+        # Where a coordinate has run towards infinity, its scale must know in which direction. If
+        # the estimate has (`_is_gone`), it moved that way from its start. Otherwise only another
+        # minimum can have: upwards if it is above the estimate.
         went_up = self.coordinates > self.searches[0].start
         scales = [parameter.scale for parameter in self.parameters.values()]
         ends, intervals = checking.interval_ends(minima, self.chi_squared), []

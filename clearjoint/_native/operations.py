@@ -244,9 +244,9 @@ class Operations:
             # The last list of `_scopes` has the keys of the current block.
             block, scope, depth = self.block, -1, len(self._outside)
             if depth:
-                # In a function, an operation on values from outside is moved outside, so that all
-                # calls share its result. The block inside of `depth` functions is the one around
-                # the next function.
+                # An operation is moved out of functions that compute none of its operands, so that
+                # all calls share its result. The operands are computed in the `depth` outermost
+                # functions: the operation moves to the block around the next one.
                 depth = max(self._depths.get(value, 0) for value in arguments)
                 if depth < len(self._outside):
                     block, scope = self._outside[depth]

@@ -64,7 +64,8 @@ class Division:
             for operation in piece:
                 if operation.out is not None:
                     self._definers[operation.out] = number
-        # A value needs a cell unless only the piece uses it that computes it.
+        # A value needs a cell unless only the piece that computes it uses it. The cell from which a
+        # value is loaded serves if it does not change.
         for value, users in self._users.items():
             if value not in self._program.constants and users != {self._definers.get(value)}:
                 cell = self._unchanged.get(value)

@@ -83,8 +83,8 @@ class AbstractSceneFamily(eqx.Module):
         return self.effects()[0]
 
     def effects(self) -> tuple[PyTree[bool], int | None]:
-        """Return the result of `varied`, and how many of the first changes must be made to get the
-        scene, because later ones change only the state; ``None`` for all changes."""
+        """Return in the scene's structure whether a parameter may change each leaf, and how many of
+        the first changes give the scene, since later ones change only the state (``None``: all)."""
         # A user's function may change any leaf. JAX traces the functions here without computing
         # numbers, and each leaf that depends on a parameter becomes a tracer.
         effects: list[tuple[PyTree[bool], int]] = []
@@ -202,7 +202,7 @@ def parametrised(
     require_apart("parameters", changes, scene, state)
     scales = tuple(p.scale for p in parameters.values())
     # Constants are folded only in leaves that no parameter changes. A first object without folded
-    # constants finds these leaves.
+    # constants finds these leaves, and the number of changes that the scene needs (`in_scene`).
     unfolded = ParametrisedScene(
         values=values,
         base=(scene, state),

@@ -686,7 +686,8 @@ def _measured(
     for joint, samples in log.torques.items():
         mode, name, hinge = driven_by.get(joint), drive_name(joint), is_hinge(robot, joint)
         # If a joint follows its position, a run has the torque that this takes, a multiplier. With
-        # a prescribed torque, a run has no other torque to compare.
+        # a prescribed torque, a run has no other torque to compare. The torque of a motor or servo
+        # is optional: it is compared only if the log gives its noise.
         if mode == "angle":
             channel = Multiplier(name, "angle" if hinge else "distance")
             compare(f"{joint} torque", channel, samples, "N m" if hinge else "N")

@@ -292,7 +292,7 @@ def ensemble(
         rates = np.empty((count, 2))
         values = dict(zip(axes, points, strict=True))
         for k, pair in enumerate(at_points(scene, state, axes, values, count)):
-            if pair is None:
+            if pair is None:  # The scene cannot have the values at this point.
                 rates[k] = math.nan
                 continue
             changed, start = pair  # Scene and state with the values of the axes at this point.

@@ -306,7 +306,7 @@ def check_bristles(friction: AbstractBristleFriction) -> None:
     stored = jnp.stack([jnp.asarray(energy) for energy in energies])
     message = "stored_energy() is negative, or not zero without deflection."
     ensure((stored[0] == 0.0) & (stored >= 0.0), message)
-    sliding = jax.vmap(friction.sliding_ratio)(speeds) * jnp.ones_like(speeds)
+    sliding = jax.vmap(friction.sliding_ratio)(speeds)
     ensure(sliding >= 0.0, "sliding_ratio() is negative somewhere: friction would drive the slip.")
     for function in (growth, ratio):
         ensure_finite_slopes(function, friction, deflection=deflection, slip=speed)

@@ -119,41 +119,42 @@ class Screened:
 
 
 def screen(
-    screening: Screening, lanes: Comparison, centre: Point, number: int, progress: bool
+    screening: Screening, compared: Comparison, centre: Point, index: int, progress: bool
 ) -> Screened:
     """Make one pass of a `Screening`: find starts of a fit in the box around the guess `centre`, by
-    runs of `lanes` without derivatives. The pass is the one of index `number`, from 0, with random
-    numbers of its own; `progress` tells whether to show a progress bar."""
-    spread = half_widths(screening.spread, tuple(lanes.parameters))
+    runs of `compared` without derivatives. Each pass has an `index`, from 0, and random numbers of
+    its own; `progress` tells whether to show a progress bar."""
+    spread = half_widths(screening.spread, tuple(compared.parameters))
     excess = statistics.chi_squared_exceeded(1.0 - LEVEL, len(centre))
-    generator = np.random.default_rng(screening.seed + number)
+    generator = np.random.default_rng(screening.seed + index)
     bounds = centre - spread, centre + spread
     points = filled(*bounds, FIRST * screening.number, generator)
-    ahead = max(int(FIRST_SHARE * lanes.count), 1)  # Number of times of the runs in this round.
+    # Number of the record's times over which the points of this round run.
+    ahead = max(int(FIRST_SHARE * compared.count), 1)
     times, runs = [], 0
     with ProgressBar(progress, desc="screening", unit=" runs") as bar:
         while True:
-            curves = lanes.chi_squared(points, ahead, screening.smoothing)
+            curves = compared.chi_squared(points, ahead, screening.smoothing)
             # Number of times over which enough points fit about as well as the best. It may be a
             # fraction, at which the points' chi squared is interpolated.
             count = reached(curves, screening.keep, excess)
             misfits = chi_squared_over(curves, count)
             best = np.argsort(misfits, kind="stable")[: screening.keep]
             runs += len(points)
-            times.append(lanes.time(count))
+            times.append(compared.time(count))
             bar.set_postfix_str(f"to {times[-1]:.4g} s")
             bar.update(len(points))
-            kept, complete = points[best], count >= lanes.count
+            kept, complete = points[best], count >= compared.count
             if complete or len(times) == screening.rounds:
                 starts = kept[far_apart(kept, screening.finish)]
                 return Screened(kept, misfits[best], starts, tuple(times), runs, complete)
             # If `keep` points fit up to the end of these runs, the runs were too short to choose
             # among the points: the same points run over a part about 1.5 times as long.
             if count >= ahead:
-                ahead = min(lanes.count, ahead + ahead // 2 + 1)
+                ahead = min(compared.count, ahead + ahead // 2 + 1)
                 continue
             # Hardly any new point will fit more of the record than the best present ones. The
             # number of times that these fit is rounded up, and one more shows where their fit ends.
-            ahead = min(lanes.count, int(reached(curves, STILL_FITTING, excess)) + 2)
+            ahead = min(compared.count, int(reached(curves, STILL_FITTING, excess)) + 2)
             new = drawn_among(kept, screening.number, bounds, generator)
             points = np.concatenate([kept, new])

@@ -376,8 +376,8 @@ class _Group:
                 # Indices in an array copy the rows, so that the lane may write over them.
                 slot.rows[name].append(floats[cells[:count], column])
                 integers[counter, column], taken = 0, True
-        # The lane counts the rows in its buffers, which are now empty. Its data must therefore
-        # begin with the row that is recorded next.
+        # The lane counts rows from zero again. So in its `Task`, `save_at` must begin with the time
+        # to save at next, and `wanted` must be the number of rows that may still be recorded.
         if taken:
             own, common = self._programs.own, self._shared.batch.common
             if own.save_at is not None:

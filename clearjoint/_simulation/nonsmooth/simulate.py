@@ -327,7 +327,7 @@ def simulate_nonsmooth(
     coefficient = None if restitution is None else _array(restitution)
     numbers = state, stops, _array(step), coefficient, admissible
     end, states = run_compiled(fold_constants(scene), formulation, *numbers)
-    # Without times to save at, the solution has no saved states, rather than none of 0 times.
+    # Without times to save at, the solution's `saved` is ``None``, not a trajectory without states.
     save_times = None if times is None else stops[1:-1]
     solution = _solution(end, states, save_times, formulation, redundant_constraints)
     if traced:

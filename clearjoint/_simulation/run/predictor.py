@@ -229,9 +229,9 @@ class Predictor:
             formulation = replace(scheme.formulation, integrands=integrands_of(reductions))
             method, parameter_count = scheme.method, sum(map(np.size, jax.tree.leaves(values)))
             assert method.derivative_tolerance is not None
-            # Only the error of the derivative along the guard's direction is controlled. With a
-            # single number, it is the wanted derivative itself; with several, it chooses the steps
-            # for all derivatives.
+            # Only the error of one derivative, along the guard's direction (see `.adjoint`), is
+            # controlled. For a single number, this is the wanted derivative. For several, it stands
+            # for all derivatives, of which some have larger errors: hence a smaller tolerance.
             if parameter_count > 1:
                 tolerance = GUARD_TOLERANCE * method.derivative_tolerance
                 method = replace(method, derivative_tolerance=tolerance)

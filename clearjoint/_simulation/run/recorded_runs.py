@@ -317,7 +317,9 @@ class RecordedRun:
 
     def gradient(self, seeds: "Seeds") -> PyTree:
         """Return the derivatives by all parameters of the sum of outputs, weighted by `seeds`."""
-        now = Pulled(np.asarray(0), np.zeros(_count_of_tangents(self.example)), seeds.total)
+        # After the last step, cotangents are zero: those in `seeds` are added in the steps below.
+        zeros = np.zeros(_count_of_tangents(self.example))
+        now = Pulled(count=np.asarray(0), cotangents=zeros, total=seeds.total)
         # Index in the run of the first step of the segment.
         first = sum(len(segment.ends) for segment in self.segments)
         needed = seeds.steps_needed()
@@ -326,7 +328,8 @@ class RecordedRun:
             count = min(len(segment.ends), needed - first)
             if count <= 0:  # no step of this segment or of later ones has cotangents
                 continue
-            # One program serves all segments, so their arrays are filled up to the same lengths.
+            # One program serves all segments, so their arrays are filled up to the same lengths:
+            # those of a full buffer of steps, and of the most steps in which outputs can lie.
             rows = self.rows_of(segment)
             rows = np.pad(rows, ((0, adjoint.ROWS - len(rows)), (0, 0)))
             room = min(len(seeds.places), adjoint.ROWS)

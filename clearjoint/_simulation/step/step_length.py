@@ -32,8 +32,8 @@ derivatives of a fall from 50 m on a contact of 1e13 N/m^1.5 could not be comput
 
 def end_of_step(method: Method, system: System, step: Step, t_end: Scalar) -> Scalar:
     """Return the end of the next trial, s: the earliest of the proposed end, the next breakpoint,
-    the predicted next event of a contact (with `method.landing`), the end of the longest step that
-    `.rotation_limit` allows, and the end `t_end` of the run."""
+    the predicted next event of a contact (with `method.landing`), the end `t_end` of the run, and
+    the time by which a body in `method.rotating` rotates by the angle `TARGET`."""
     t1 = jnp.minimum(step.proposal.t_next, t_end)
     breakpoint = next_breakpoint(system, step.t)
     if breakpoint is not None:

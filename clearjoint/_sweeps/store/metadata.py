@@ -61,8 +61,8 @@ def move(file: Path, to: Path) -> None:
 def write_dataset(path: Path, results: "xr.Dataset") -> None:
     from zarr.codecs import Crc32cCodec, ZstdCodec
 
-    # The files have no checksum of `.chunks`, because other programs read them too. With a CRC,
-    # these programs refuse a damaged file.
+    # Other programs read these files too. By Zarr's CRC they recognise a damaged file; they do not
+    # know the checksum that `chunks.write_chunk` adds to a file.
     codecs = {"compressors": (ZstdCodec(), Crc32cCodec())}
     with warnings.catch_warnings():
         # Zarr warns that version 3 of its format doesn't specify texts and consolidated metadata
