@@ -732,7 +732,7 @@ class _Stages:
         curves, reached = [], length
         for j, wear in enumerate(self.wears):
             sizes, size = np.abs(per_cycle[:, j]).max(axis=(1, 2)), per_cycle[0, j].max()
-            # The depth's scale is the penetration; a derivative's, its change in the same time.
+            # Scale of the depth: the penetration; of a derivative: its change as that wears off.
             scales = pressed[j] * np.where(sizes > 0.0, sizes / (size or 1.0), 1.0)
             wear_at_end = end[j] if end else None
             curves.append(grow(wear, wear_at_end, rows[:, j], length, rtol, rtol * scales, until))

@@ -76,6 +76,7 @@ def contact_forces(
     def forces_of(name: str, joint: AbstractContactJoint) -> dict[str, LoadedContact]:
         are_closed = None if closed is None else closed[name]
         state_of_contacts = entry_speeds.get(name, {}), are_closed, bristles.get(name, {})
+        # If there are many joints of a kind, they share one trace of the function.
         return dict(kinds.evaluate(_forces_of_joint, joint, motions, *state_of_contacts))
 
     # Joints whose surfaces another element presses come last, since the force of this element is

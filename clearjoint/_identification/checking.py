@@ -443,11 +443,12 @@ def check(
             return LikelihoodCheck(test, None, (), tested_points, seconds, 0.0)
         most_runs = math.inf
         if number is None:
-            # The test and the fit had runs with derivatives. A quarter of the runs without
-            # derivatives that cost as much is for the first round; the others need enough too.
+            # A run with derivatives costs as much as 1 + p runs without. The first round gets a
+            # quarter of `most_runs`; the later rounds and the posterior need enough too.
             most_runs = float((1 + p) * (cost + tested_points))
             number = int(np.clip(most_runs // 4, LEAST_NUMBER, MOST_NUMBER))
         runs = _CountedRuns(compared, most_runs, on_iteration, bar)
+        # Runs without derivatives have other steps than the `best` run.
         difference = float(runs.chi_squared(best.coordinates[None])[0]) - best.chi_squared
         farthest = np.minimum(limits, FARTHEST * np.sqrt(np.diag(best.covariance)))
         likely = statistics.chi_squared_exceeded(statistics.UNLIKELY, compared.data.count - p)

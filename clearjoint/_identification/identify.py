@@ -211,7 +211,7 @@ def identify_many(
             fit, stopped = problem.fit(measured, on_iteration, progress is True)
             fits += [] if fit is None else [fit]
             if stopped:
-                raise FitInterrupted(fits, fit is not None)
+                raise FitInterrupted(fits, partly=fit is not None)
     warn_of(fits)
     return fits
 

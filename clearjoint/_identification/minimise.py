@@ -175,7 +175,7 @@ def _descended(
         best = at if float(value) <= min(history) else best
         # The line search of L-BFGS needs these arguments; other optimisers ignore them.
         further = {"value": value, "grad": gradient, "value_fn": search.value}
-        # Python repeats the loop of a line search. Inside of a program of XLA, which has one thread
+        # Python executes the loop of a line search. In a program of XLA, which has one thread
         # for each core, a run that needs XLA too would wait for ever on a machine with one core.
         with jax.disable_jit():
             step, optimiser_state = optimiser.update(gradient, optimiser_state, at, **further)

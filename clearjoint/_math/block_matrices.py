@@ -169,7 +169,8 @@ class BlockMatrix(AbstractMatrix):
             self._places[group] = SIZE * k + np.arange(len(group))
         of_first, of_second = ([part[k] for k in order] for part in (of_first, of_second))
         # Each block (i, j) of S is the sum over c of products A B^T of the blocks A = (i, c) of D
-        # and B = (j, c) of X. The blocks are numbered when they are first needed.
+        # and B = (j, c) of X. These are numbered when they are first needed. A step adds one row of
+        # a product, a row of A times B^T, to the same row of the block of S (the target).
         steps: list[_Step] = []
         slots_first: dict[_Place, int] = {}
         slots_second: dict[_Place, int] = {}

@@ -142,8 +142,8 @@ def _branch(
                     for a in apart(lower, results)
                 ]
                 first_results[:] = results
-            # Later operations read the same cells whichever branch was executed. So the branch that
-            # is added second, `no`, must leave its arrays in the cells of the first one, `yes`.
+            # Later operations read the same cells whichever branch was executed. So `no`, which is
+            # added second, must leave its arrays in the cells of `yes`. It may if these are owned.
             if not all(old.owned for _, old in _moved(results, first_results)):
                 raise _DifferentArraysError
             _move_to(lower, first_results, results)

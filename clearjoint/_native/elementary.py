@@ -195,8 +195,8 @@ def _logarithm_of(x: Symbol) -> tuple[Symbol, Symbol]:
     """Return the logarithm of a positive normal number as a high and a low part."""
     # x = m 2**k with m between the square roots of 1/2 and 2, and log m = 2 artanh(s + s_low) with
     # s + s_low = (m - 1) / (m + 1) = f / (divisor + rest), where f = m - 1 is exact.
-    # k is found from the bits of x, in which the exponent begins at bit 52. `k_float` is k as a
-    # float.
+    # k is found from the bits of x, in which the exponent begins at bit 52. The bits of `_ROUNDING`
+    # plus k are those of the float `_ROUNDING` + k, from which `k_float` follows.
     bits = _bits(x)
     k = (bits - _ROOT_OF_HALF).emit("shift_right", 52)
     m = _of_bits(bits - k.emit("shift_left", 52))

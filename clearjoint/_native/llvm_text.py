@@ -517,7 +517,7 @@ class _Writer:
         return the result."""
         assert entry.out is not None
         kind, index = self._program.kinds[entry.out], next(iter(entry.arguments), None)
-        cell = self._form_in_memory(kind)
+        cell_form = self._form_in_memory(kind)
 
         def load(form: Form, lane: int = 0) -> Word:
             # Only 8 bytes of alignment are known: a vector of tangents may begin at any cell.
@@ -525,14 +525,14 @@ class _Writer:
             return self._add(f"load {form}, ptr {pointer}, align 8")
 
         if self._is_one_cell(index):
-            content = load(cell)
+            content = load(cell_form)
         else:
-            element, _ = _parts(cell)
-            content = self._vector(cell, [load(element, lane) for lane in range(self._width)])
+            element, _ = _parts(cell_form)
+            content = self._vector(cell_form, [load(element, lane) for lane in range(self._width)])
         if kind[0] == "b":
-            return self._add(f"icmp ne {cell} {content}, {_constant(cell, 0)}")
+            return self._add(f"icmp ne {cell_form} {content}, {_constant(cell_form, 0)}")
         if kind[0] == "w":  # an integer of 32 bits
-            return self._add(f"trunc {cell} {content} to {self._type(kind)}")
+            return self._add(f"trunc {cell_form} {content} to {self._type(kind)}")
         return content
 
     def _store(self, entry: Operation) -> None:
@@ -540,18 +540,18 @@ class _Writer:
         value, index = (*entry.arguments, None)[:2]  # `None` if the operation has no index
         assert value is not None
         kind, content = self._program.kinds[value], self._value(value)
-        cell = self._form_in_memory(kind)
+        cell_form = self._form_in_memory(kind)
         if kind[0] in "bw":  # bools and integers of 32 bits
             extend = "zext" if kind[0] == "b" else "sext"
-            content = self._add(f"{extend} {self._typed(value)} to {cell}")
+            content = self._add(f"{extend} {self._typed(value)} to {cell_form}")
         if self._is_one_cell(index):
             pointer = self._pointer(entry.number, index)
-            self._lines.append(f"store {cell} {content}, ptr {pointer}, align 8")
+            self._lines.append(f"store {cell_form} {content}, ptr {pointer}, align 8")
             return
-        element, _ = _parts(cell)
+        element, _ = _parts(cell_form)
         for lane in range(self._width):
             pointer = self._pointer(entry.number, index, lane)
-            word = self._element(cell, content, lane)
+            word = self._element(cell_form, content, lane)
             self._lines.append(f"store {element} {word}, ptr {pointer}, align 8")
 
     def _write_branch(self, entry: Branch) -> None:

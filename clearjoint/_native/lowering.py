@@ -509,15 +509,15 @@ class Lowering:
         elements for each result. If its equations do not allow this, add them one by one."""
         results: list[Array] = []
         for out in closed.jaxpr.outvars:
-            # The jaxpr of this result alone, and which arguments it needs. The derivatives of a
-            # linear function do not need its values, which have another shape.
+            # The jaxpr of this result alone, and which arguments it needs. Others may have another
+            # shape, such as the values of a linear function, which its derivatives do not need.
             of_result, used = partial_eval.dce_jaxpr(
                 closed.jaxpr, [other is out for other in closed.jaxpr.outvars]
             )
             shape, kind = tuple(aval_of(out).shape), kind_of(aval_of(out))
             variables = (*of_result.invars, *(v for e in of_result.eqns for v in e.outvars))
-            # Versions of JAX differ in how they repeat a scalar: an equation for it has no rule
-            # for single elements, and then each operation has a loop.
+            # Some versions of JAX repeat a scalar by an equation of its own, which has no rule for
+            # single elements. Each operation then gets a loop of its own.
             if not all(tuple(aval_of(v).shape) in ((), shape) for v in variables) or not all(
                 equation.primitive.name in RULES for equation in of_result.eqns
             ):
@@ -555,7 +555,7 @@ class Lowering:
         survey = self._surveys.get(id(opened))
         if survey is None:
             survey = self._surveys[id(opened)] = Survey.of(opened)
-            self._jaxprs.append(opened)
+            self._jaxprs.append(opened)  # kept, so that no other jaxpr gets its `id`
         if survey.has_repeated_calls:
             self._repeated |= repeated_calls(opened)
         arrays: dict[Atom, Array] = dict(zip(opened.constvars, constants, strict=True))

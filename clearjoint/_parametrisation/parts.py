@@ -93,11 +93,11 @@ def _selected(
 
 
 def guard_direction(paths: Mapping[str, Part], numbers: Mapping[str, PyTree]) -> dict[str, PyTree]:
-    """Return a random direction in which to change the `numbers` of `paths`, in the same form.
+    """Return a random direction in which to change the `numbers` of `paths`, in the same form. Runs
+    in reverse mode have one tangent, the guard, along it, which chooses the steps.
 
     The components are normally distributed, from a fixed seed. The standard deviation is, for a
-    `Parameter`, the slope of its scale; for an array, its root mean square, or 1 if that is zero.
-    """
+    `Parameter`, the slope of its scale; for an array, its root mean square, or 1 if it is zero."""
     random = np.random.default_rng(0)
 
     # Random components for the numbers of an array.

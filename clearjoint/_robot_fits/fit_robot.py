@@ -200,10 +200,10 @@ class RobotFit(AbstractTabular):
         # that the readings of the positions 0 and 1 tell how to remove the errors.
         starts = []
         for name, parameter in problem.parameters.items():
-            (side, kind), value = problem.subjects[name], float(parameter.value or 0.0)
+            (joint, kind), value = problem.subjects[name], float(parameter.value or 0.0)
             if kind == POSITION:
                 exact, start_times = np.array([0.0, 1.0]), np.zeros(2)
-                at_zero, at_one = reading(f"{side} position", exact, start_times).tolist()
+                at_zero, at_one = reading(f"{joint} position", exact, start_times).tolist()
                 value = (value - at_zero) / (at_one - at_zero)
             starts.append((parameter.variation, value))
         scene, state = with_values(problem.scene, problem.state, starts)
@@ -359,19 +359,18 @@ def fit_robot(
     fit, undetermined, fixed, limits = None, {}, {}, {}
     for _ in range(ROUNDS):
         present = {n: Parameter(p.variation, p.scale, value=values[n]) for n, p in free.items()}
-        # A delay is no number of the scene, by which a run could be differentiated beforehand.
-        examined = {n: p for n, p in present.items() if not isinstance(p.variation, SeriesDelay)}
+        examined = _of_runs(present)
         report = identifiability(scene, state, examined, measured, settings, start_time=log.start)
         reasons, away = _undetermined(report, problem, examined), {}
         if fit is not None:
-            # What looked determined at its start need not be so at the estimate. The others fit the
-            # log with the estimate, and may not with the start.
+            # A parameter that looked determined at its start need not be so at the estimate. If the
+            # log excludes the start, it is held at the estimate, with which the others were found.
             away = _away_from_starts(report, reasons, starts, fit)
         limits = {n: ends for n, ends in away.items() if ends[0] == 0.0 or math.isinf(ends[1])}
         for name, (low, high) in limits.items():
             reasons[name] = f"{_subject(name, problem)} is {limit_text(low, high, units[name])}"
         is_last = fit is not None and reasons.keys() == undetermined.keys()
-        undetermined = reasons  # With the numbers of `limits`, also if the names are as before.
+        undetermined = reasons  # The names may be as before, but the texts have new numbers.
         if is_last:
             break
         expected = f"determined by the log. {' '.join(reasons.values())}"
@@ -432,11 +431,16 @@ def _best_fit(
         fit = _lowest(fit, fitted(windows)) if windows else fit
     if plays := _of_kind(problem, free, "play"):
         # Starts at the estimates, but with all plays larger or smaller, or one of them nearly zero.
-        found = _inside(problem, fit)
-        others = [{**found, **{name: factor * found[name] for name in plays}} for factor in PLAYS]
-        others += [{**found, name: NO_PLAY * found[name]} for name in plays]
+        last = _inside(problem, fit)
+        others = [{**last, **{name: factor * last[name] for name in plays}} for factor in PLAYS]
+        others += [{**last, name: NO_PLAY * last[name]} for name in plays]
         fit = _lowest(fit, fitted((), others))
     return fit
+
+
+def _of_runs(parameters: Mapping[str, Parameter]) -> dict[str, Parameter]:
+    # `identifiability` and `fit_horizon` refuse delays: a run cannot be differentiated by them.
+    return {n: p for n, p in parameters.items() if not isinstance(p.variation, SeriesDelay)}
 
 
 def _of_kind(problem: RobotProblem, parameters: Iterable[str], *kinds: str) -> list[str]:
@@ -460,9 +464,10 @@ def _lowest(*fits: Fit) -> Fit:
 def _windows(
     fit: Fit, parameters: Mapping[str, Parameter], problem: RobotProblem, settings: Settings
 ) -> list[float]:
-    """Return ends of growing windows, s, by the horizon of runs with the estimates of `fit`; none
-    if a single run can fit the whole log. `parameters`: the free parameters."""
-    # Starts may be wrong by a factor of two; those of other parameters by one unit of the scale.
+    """Return ends of growing windows, s, the first a little before the horizon of runs with the
+    estimates of `fit`, or before the end of the log. `parameters`: the free parameters."""
+    parameters = _of_runs(parameters)
+    # Wrong starts: of the kinds in `KINDS` by a factor of two, of others by one unit of the scale.
     uncertainty = {
         name: math.log(2.0) if problem.subjects.get(name, ("", ""))[1] in KINDS else 1.0
         for name in parameters
@@ -540,8 +545,8 @@ def _away_from_starts(
         rises = value > starts[name]
         low, high = scale.interval(coordinate, half, rises)
         if isinstance(scale, Log) and not rises:
-            # Forces are proportional to what may be zero, such as a friction, so that the interval
-            # is linear in the value. The start is above the value: only the upper end decides.
+            # A parameter that may be zero, such as a friction, has a force proportional to it, so
+            # the interval is linear in the value. The start is above it: only the upper end counts.
             low, high = 0.0, value * (1.0 + half)
         if not low <= starts[name] <= high:
             away[name] = low, high

@@ -226,6 +226,7 @@ class MjcfWriter:
             require(np.abs(off).max() < IN_PLACE, "state", off, joint, remedy)
 
     def _add_body(self, name: str, variable: PyTree) -> None:
+        # `variable`: the body's `JointState` or, for a free root, its `BodyState`.
         branch, body = self._branches[name], self._scene.bodies[name]
         # In the file, a body's position and orientation are in the axes of its parent.
         parent = self._motions[branch.parent]

@@ -152,7 +152,7 @@ def _run(
     model: Model, writer: MjcfWriter, state: State, times: np.ndarray, steps: int, names: list[str]
 ) -> dict[str, np.ndarray]:
     """Return the positions in MuJoCo of the joints `names` at `times`, (N,) rad or m by name, in a
-    run from the `state` with `steps` time steps between two times."""
+    run from the `state` with `steps` time steps between two of the times, evenly spaced from 0."""
     mujoco = mujoco_package(FileLocation(FILE))
     data, step = mujoco.MjData(model), times[1] / steps
     model.opt.timestep = step
@@ -162,7 +162,7 @@ def _run(
     # the step's length.
     middles = step * (np.arange(steps * (len(times) - 1)) + 0.5)
     controls = {
-        model.actuator(name).id: np.asarray(jax.vmap(control)(middles)) * np.ones_like(middles)
+        model.actuator(name).id: np.asarray(jax.vmap(control)(middles))
         for name, control in writer.controls.items()
     }
     positions = [data.qpos[addresses]]

@@ -146,6 +146,7 @@ class Reader:
             names = ", ".join(f"{n} ({e.unit})" if e.unit else n for n, e in missing.items())
             raise ValueError(f"{location}: a {make.__qualname__} also needs {names}: add them.")
         try:
+            # A function in `CHECKED` replaces a constructor that does not check its arguments.
             made = CHECKED.get(make, make)(**values)
         except (ValueError, TypeError) as error:
             # The message names an argument as "Argument `joints['pin'].first` must be ...". These

@@ -303,7 +303,7 @@ class Robot:
             if getattr(joint, "armature", None) is not None and name in torques:
                 (of_bodies,), (rate,) = torques[name], rates.get(name, (0.0,))
                 torques[name] = [of_bodies + joint.armature * rate]
-        # The drive of a joint also moves the rotor, whose torque is none of its own.
+        # The drive of a joint moves the rotor too: its torque is the sum; the rotor has no entry.
         for name, motor in self._motors().items():
             (of_link,), (of_rotor,) = torques[name], torques.pop(motor)
             torques[name] = [of_link + of_rotor]

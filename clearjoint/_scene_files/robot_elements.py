@@ -262,7 +262,7 @@ def _checked(
             remedy = nearest(argument, allowed, "leave it out")
             location.at(name).refuse(argument, f"one of the arguments {listed(allowed)}", remedy)
     # Only texts are converted here. The constructors check all other values.
-    reader, at = Reader(()), location.at(name)
+    reader, at = Reader(classes=()), location.at(name)
     texts = {key: value for key, value in settings.items() if isinstance(value, str)}
     return {**settings, **{k: reader.value(v, allowed[k], at.at(k)) for k, v in texts.items()}}
 

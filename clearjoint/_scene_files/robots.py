@@ -233,8 +233,8 @@ class LinkTree:
             carrier, pose = self.carriers[joint.parent], self.poses[joint.parent] @ joint.pose
             inertial = self.links[name].inertial
             has_mass = inertial is not None and inertial.mass > 0.0
-            # A fixed link is part of its parent's body. Else its joint begins a new body, but a
-            # fixed link without mass can't be one.
+            # A fixed link becomes a part of its parent's body if it has no mass, or links shall be
+            # merged. Every other link begins a new body.
             if joint.kind == FIXED and (options.merge_fixed or not has_mass):
                 carrier.links.append(name)
             else:

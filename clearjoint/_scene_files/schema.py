@@ -75,7 +75,7 @@ class Catalogue:
         if expected.classes:  # a number in place of an object is checked by the constructor
             ways += [*self._references(expected.classes), NUMBER]
         elif expected.is_text:
-            ways.append(NUMBER if expected.shapes else {"type": "string"})
+            ways.append(NUMBER if expected.shapes else {"type": "string"})  # `NUMBER` allows texts
         elif expected.shapes or not ways:
             ways += _numbers(expected.shapes)
         # Where texts are allowed, as in a `NUMBER` with a unit, "none" is allowed already.

@@ -410,8 +410,8 @@ def _quantile_errors(
         if len(usable) > 1:
             deviation = np.sqrt(levels * (1.0 - levels) / len(usable))
             ends = np.array([levels - deviation, levels + deviation])
-            # No run shows how far the quantile is from a level outside 0 to 1. Half the distance to
-            # the smallest or largest value was 0.06 to 0.6 of the standard error.
+            # Levels outside 0 to 1 have no quantiles. With the smallest or largest value in their
+            # place, half the distance was 0.06 to 0.6 of the standard error.
             within = (ends[0] > -ROUNDING) & (ends[1] < 1.0 + ROUNDING)
             at_ends = np.quantile(usable, np.clip(ends[:, within], 0.0, 1.0))
             errors[point][within] = 0.5 * (at_ends[1] - at_ends[0])

@@ -81,7 +81,8 @@ class Film:
 
     def show(self, k: int) -> None:
         height, width = self._shape
-        # `nearest` has the inverse distance of the nearest opaque triangle at each point.
+        # `nearest` has the closeness (inverse distance) of the nearest opaque triangle at each
+        # point. The transparent parts come last, when it is complete.
         picture, nearest = np.ones((height * width, 3)), np.zeros(height * width)
         middle = 0.5 * np.array([width, height])
         for part in sorted(self._parts, key=lambda part: self._order(part, k)):
@@ -100,12 +101,12 @@ class Film:
             projected = in_perspective(triangles, self._distance) * self._scale + middle
             closeness = 1.0 / (self._distance - triangles[:, :, 2])
             # A transparent part does not hide those behind it, so it leaves `nearest` as it is.
-            depths = nearest if part.opacity == 1.0 else nearest.copy()
+            closest = nearest if part.opacity == 1.0 else nearest.copy()
             # Index of the triangle of this part that is seen at each point, -1 for none.
             shown = np.full(len(nearest), -1)
             for point, triangle, near in _covered(projected, closeness, width, height):
-                np.maximum.at(depths, point, near)  # a point may occur in several triangles
-                is_nearest = near == depths[point]
+                np.maximum.at(closest, point, near)  # a point may occur in several triangles
+                is_nearest = near == closest[point]
                 shown[point[is_nearest]] = triangle[is_nearest]
             seen = shown >= 0
             behind = (1.0 - part.opacity) * picture[seen]

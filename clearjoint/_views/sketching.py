@@ -103,13 +103,13 @@ class SketchingPen(AbstractPen):
         self.drawn: set[str] = set()
         self._poses, self._sizes, self._colours = poses, proportions, colours
         self._bar = proportions.bar
-        # Solids that are fixed to bodies. All those with the same body, colour and opacity become
-        # one part.
+        # Solids that are fixed to bodies, of which all those with the same body, colour and opacity
+        # become one part; and parts with poses of their own, such as journals.
         self._fixed: dict[tuple[str, str, float], list[Mesh]] = {}
         self._moving: list[DrawnPart] = []
         # Points, (3,) m in body axes, that the hull of each body contains.
         self._corners: dict[str, list[np.ndarray]] = {name: [] for name in poses.poses}
-        # Bodies with blocks, gears, walls or a given mesh, and those whose `solid` is drawn.
+        # Bodies with blocks, gears, walls or a given mesh; and those that `solid` has drawn.
         self._shaped: set[str] = set()
         self._solid: set[str] = set()
 

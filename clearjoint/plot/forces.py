@@ -58,7 +58,7 @@ def contact_and_reaction(
         f"contact force at {shown(_label(contact[1]))}: peak {peaks[0]}": force,
         f"reaction at the {shown(reaction[0])}: peak {peaks[1]}": load,
     }
-    draw_lines(axes, ((label, times, values * factor) for label, values in curves.items()), 2.0)
+    draw_lines(axes, ((name, times, y * factor) for name, y in curves.items()), linewidth=2.0)
     axes.set_ylim(0.0, 1.3 * factor * largest.max())  # with space for the legend above the curves
     axes.legend(loc="upper center", frameon=False)
     return dress(axes, f"time, {time}", f"force, {unit}")

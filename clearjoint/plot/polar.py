@@ -73,11 +73,11 @@ def contact_rose(
     directions = ("x", "y") if section is None else [shown(name) for name in section]
     distinct = dict(without_twins(weights))
     if weight == "force":
-        return _bars(distinct, ("largest normal force", "N"), False, axes, directions)
+        return _bars(distinct, ("largest normal force", "N"), False, axes, directions)  # unstacked
     # Two bases with equal impulses share one bar, whose length is twice that impulse.
     shared = len(weights) / len(distinct)
     summed = {label: shared * sizes for label, sizes in distinct.items()}
-    return _bars(summed, ("impulse", "N s"), True, axes, directions)
+    return _bars(summed, ("impulse", "N s"), True, axes, directions)  # stacked
 
 
 def wear(lane: xr.Dataset, output: str, *, axes: Axes | None = None) -> PolarAxes:

@@ -240,7 +240,7 @@ def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None 
         axes.set_yscale("log")
         # Amplitudes below 1e-8 of the largest are rounding errors, or spectral leakage.
         axes.set_ylim(max(0.5 * y.values.min(), 1e-8 * largest), 2.0 * largest)
-    title = f"window: {taper}; lines {float(frequencies[0]):.3g} Hz apart"
+    title = f"window: {taper}; lines {float(frequencies[0]):.3g} Hz apart"  # zero is left out
     axes.set_title(title, fontsize="small", loc="right")
     return style.dress(axes, f"frequency, {unit}", f"amplitude of {y.label}")
 
@@ -294,7 +294,7 @@ def energy_ledger(
     mask, times, time_label = style.time_axis(above, observation.times, window)
     curves = {name: values[mask] for name, values in changes.items()}
     factor, unit = style.fitting_unit(np.concatenate(list(curves.values())), "J")
-    style.draw_lines(above, ((name, times, y * factor) for name, y in curves.items()), 1.8)
+    style.draw_lines(above, ((n, times, y * factor) for n, y in curves.items()), linewidth=1.8)
     above.margins(x=0.0)
     style.legend_above(above, min(len(curves), 3), handlelength=3.0)
     style.dress(above, "", f"energy, {unit}")

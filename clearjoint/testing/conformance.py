@@ -191,7 +191,8 @@ def _check_jumps(forces: Callable[..., Points], law: AbstractContactLaw) -> None
     right = grid(DEPTHS[1:], RATES, ENTRY_SPEEDS)[0]
     sizes, depths = jumps(lambda depth: forces(law, depth, rate, entry), left, right)
     offset = jnp.asarray(law.onset_offset(), float)
-    # The onset is at the depth -offset: the force may begin before the surfaces touch.
+    # The onset is at the depth -offset: the force may begin before the surfaces touch. `EDGE` is a
+    # fraction of the offset, and also the length, m, that stands for a smaller offset.
     at_edge = jnp.abs(depths + offset) <= EDGE * jnp.maximum(offset, EDGE)
     inside = jnp.where(at_edge, 0.0, sizes)
     k = int(jnp.argmax(jnp.abs(inside)))

@@ -272,6 +272,19 @@ def test_logs_that_were_not_fitted_are_predicted(tmp_path):
     assert np.abs(found.predict(other)["elbow position"] - expected).max() > 0.02
 
 
+def test_a_poor_fit_with_a_delay_is_tried_again_in_windows(tmp_path):
+    drive = cj.Drive(armature=JOINT.armature, friction=0.15, viscosity=0.1, law=DRY)
+    robot = rig(tmp_path).with_drive("elbow", drive)
+    motor = cj.Motor(*robot.motor_side("elbow"), 0.0, proportional=20.0, derivative=0.0)
+    delay = {"delay": cj.Parameter.delay("elbow position")}
+    log, _ = servo_log(20.0, 0.4)  # with a bias, which the fit lacks
+    options = {"parameters": delay, "max_iterations": 4, **QUIET}
+    with pytest.warns(UserWarning):
+        result = cj.fit_robot(robot, log, {"elbow": ["damping"]}, {"elbow": motor}, **options)
+    assert result.fit.p_value < 1e-3 and {"delay", "elbow damping"} <= result.fit.estimates.keys()
+    assert len(result.fit.searches) > 1
+
+
 @pytest.mark.slow
 def test_the_loss_of_a_gear_is_found(tmp_path):
     """Two inertias on a spring, whose torque times the loss adds to the friction of the rotor."""

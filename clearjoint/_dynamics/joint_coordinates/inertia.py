@@ -370,6 +370,7 @@ class MassMatrix(AbstractTreeSolver):
         # inertia of the link and of all bodies that it carries, as far as their joints transmit it.
         for k in reversed(range(len(links))):
             columns, first_row, parent = links[k].columns, self._firsts[k], self._parents[k]
+            # By speed: carried momentum, its products with `columns`, and its part on the carrier.
             wholes, block, rests = momenta(columns, carried[k], links[k].armature)
             for j, rest in enumerate(rests):
                 # A row ends at the diagonal: its last j + 1 entries are products with columns of

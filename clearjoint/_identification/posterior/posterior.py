@@ -45,8 +45,8 @@ def modes(points: Points, chi_squared: Float[np.ndarray, " n"]) -> Int[np.ndarra
     # Resampling has made copies of points, which would take the places of neighbours.
     distinct, kept, copies = np.unique(points, axis=0, return_index=True, return_inverse=True)
     values, number = chi_squared[kept], len(distinct)
-    # Along principal axes, modes far apart would count as near: their distance is most of the
-    # points' deviation along the axis from one to the other.
+    # Coordinates are divided by their deviations. Along principal axes, a division would make
+    # distant modes near: most of the deviation along the axis between them is their distance.
     deviations = distinct.std(axis=0)
     scaled = distinct / np.where(deviations > 0.0, deviations, 1.0)
     distances = np.linalg.norm(scaled[:, None] - scaled, axis=2)

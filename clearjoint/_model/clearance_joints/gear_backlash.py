@@ -250,7 +250,7 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         nominal_sine, nominal_cosine = sine(self.pressure_angle), cosine(self.pressure_angle)
         change = involute(radial, tangential) - involute(nominal_sine, nominal_cosine)
         opening = radii_sum * change + 0.5 * self.backlash * nominal_cosine
-        at_flank = self._mesh_cycle(line, first, second)
+        at_flank = self._mesh_cycle(line, first, second)  # adds what varies over the mesh cycle
         contacts = {}
         for label, side in FLANKS.items():
             # `push` is a unit vector along the line of action, which has the angle alpha' from the

@@ -359,11 +359,12 @@ def _load(
     # same rate from the relative velocity midway between the two axes.
     rate = axis_velocity * (1.0 / dry.clearance) - UNIT_Z.cross(eccentricity) * (0.5 * speed)
     sizes = dry.bearing_radius, dry.clearance, dry.journal_length
-    film = FilmGap(UNIT_Z, eccentricity, rate, speed, *sizes)
-    force, moment = joint.film.force(film), joint.film.drag(film)
+    film_gap = FilmGap(UNIT_Z, eccentricity, rate, speed, *sizes)
+    force, moment = joint.film.force(film_gap), joint.film.drag(film_gap)
     # As in `_half_of_film`, the force acts midway between the axes, at -position/2 from the
     # journal's axis.
     moment = moment - 0.5 * UNIT_Z.dot(position.cross(force))
+    # With a transition, contact begins at the wall, which `offset` does not reach.
     if joint.transition is None:
         size, normal = norm_and_direction(position)
         approach = axis_velocity.dot(normal)

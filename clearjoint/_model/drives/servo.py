@@ -130,7 +130,7 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
                 lambda delay, rate: delay * rate <= periods + 1e-9,
                 "delay",
                 (self.delay, self.rate),
-                f"at most `delay_periods`/`rate`, which is {periods}/({{1}} Hz)",
+                f"at most `delay_periods`/`rate`, which is {periods}/({{1}} Hz)",  # {1}: rate
                 "pass a larger `delay_periods`, for which the servo keeps as many commands",
             )
 
@@ -157,7 +157,7 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
         # The last sample was before the start: its angle is extrapolated by the present speed.
         memory = {"angle": angle - speed * (t - last_sample)}
         if self.integral is not None:
-            # Zero, of the same type as the angle, which the integral has after a sample.
+            # Zero, but of the angle's type: the integral has this type after a sample too.
             memory["integral"] = 0.0 * angle
         if self.speed_limit is not None:
             memory["goal"] = angle

@@ -198,8 +198,8 @@ class Common(eqx.Module):
         if lane.saved is not None:
             # A lane keeps the dense output of its latest step only. So it takes no step before the
             # states at all times within that step are saved. Nor does it while the buffer of states
-            # is full, unless no more are to be saved: then the last time of `save_at`, which is the
-            # one after those of a full buffer, is infinite.
+            # is full, unless no more are to be saved: `save_at` has one time more than the buffer
+            # has rows (see `WINDOW`), and this last one, `[ROWS]`, is infinite if none is left.
             more_to_save = jnp.asarray(task.save_at)[ROWS] < jnp.inf
             goes = goes & jnp.logical_not(_next_save(task, lane) <= lane.run.step.t)
             goes = goes & jnp.logical_not(lane.saved.is_full() & more_to_save)

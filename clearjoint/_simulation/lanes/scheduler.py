@@ -430,7 +430,7 @@ def _ended(shared: _Shared, records: Sequence[_Record]) -> Ended:
         # For each lane but the last, the index of the block after the lane's last block.
         ends = np.cumsum([len(cells) for cells, _ in recorded])[:-1]
         columns = {}
-        # Blocks (blocks, rows a block, ...) of one column, of all lanes.
+        # Columns are those of the log. `blocks`, of all lanes, are (blocks, rows a block, ...).
         for key, blocks in blocks_by_column.items():
             columns[key] = np.full((len(records), length, *blocks.shape[2:]), np.nan)
             blocks_by_lane = np.split(blocks, ends)

@@ -257,9 +257,10 @@ class Run:
         self, step: FlatArguments, records: Records, saved: "_SavedBySegments", notes: Notes
     ) -> tuple[Solution, bool]:
         """Return the solution of a run that has ended, and whether a journal has slid out."""
-        reductions = self.requested.reductions, records[REDUCTIONS]
-        ending = self.scheme, self.folded_scene, *reductions, step, self.end
-        ended, slid_out = (part.tree for part in _end_compiled.in_parts(*ending))
+        reductions, tallies = self.requested.reductions, records[REDUCTIONS]
+        arguments = self.scheme, self.folded_scene, reductions, tallies, step, self.end
+        # `in_parts` takes the flattened step, and flattens both results: `tree` is the PyTree.
+        ended, slid_out = (part.tree for part in _end_compiled.in_parts(*arguments))
         time, attempts, accepted = jax.device_get((ended.time, ended.attempts, ended.accepted))
         # States are sampled along with quantities, even if only these are wanted.
         states, values = saved.samples()

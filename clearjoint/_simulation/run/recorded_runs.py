@@ -190,8 +190,9 @@ class RecordedRun:
         run, instants = self.recorder.run, {}
         origin, end = float(run.origin), float(run.end)
         for name, reduction in self.recorder.outputs.reductions.items():
+            # The instants on which the results depend, such as that of a peak or the ends of a
+            # window. They don't increase, or are not finite, if the run does not reach the window.
             instants[name] = reduction.instants(self._ended.results.get(name, {}), (origin, end))
-            # Instants of a window that the run does not reach don't increase, or are not finite.
             row = np.asarray(instants[name])
             is_reached = bool((np.diff(row) > 0.0).all() and np.isfinite(row).all())
             argument, remedy = f"outputs[{name!r}]", "give a window that the run reaches"
@@ -580,7 +581,7 @@ def _gradients_in_lanes(
 ) -> list[PyTree]:
     # A lane pulls the cotangents of one run back. Its own data are the parameters and up to
     # `LANE_ROWS` steps; when it has passed most of these, they are replaced by the steps before.
-    example = runs[0].example
+    example = runs[0].example  # a `Step`, which has the structure of all steps
     slopes: list[PyTree] = [None] * len(runs)
     room = min(len(runs[0].places), LANE_ROWS)
     lanes: dict[int, _PulledLane] = {}

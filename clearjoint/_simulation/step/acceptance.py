@@ -79,13 +79,12 @@ def decide_step(
     if method.rotating:
         decision = _with_limited_rotation(decision, trial)
     # Length of the next step. The controller's proposal assumes that the next step has the same
-    # time map as this one. The map corrects the proposal, because the next step may have another.
+    # time map (see `.time_map`) as this one, which corrects this, since the next may have another.
     # The next step begins where this one ends, or where it began if it is rejected. `full_length`
     # is the length that it would have if no event cut it short.
     full_length = decision.t_next - jnp.where(decision.keep, t1, step.t)
     if trial.time_map is not None:
         full_length = trial.time_map.next_length(full_length, decision.keep)
-    # Without landing at contact events only breakpoints and rotations can have cut the step short.
     begins_contact, entry_length = last.begins_contact, last.entry_length
     if method.landing is not None and after:
         # A trial that passes a contact event is repeated up to it: its set of closed contacts was
@@ -99,6 +98,7 @@ def decide_step(
         following = jnp.where(decision.keep, t1, step.t) + full_length
         decision = decision._replace(t_next=jnp.where(lands, landing_time, following))
     elif has_breakpoints(scene) or method.rotating:
+        # Without landing at contact events, only breakpoints and rotations can have cut it short.
         full_length = step_length.length_after_breakpoints(step, t1, decision.keep, full_length)
         start = jnp.where(decision.keep, t1, step.t)
         decision = decision._replace(t_next=start + full_length)
@@ -109,6 +109,7 @@ def decide_step(
         if may_have_undeclared_jump(scene):
             jumps = keep & has_undeclared_jump(trial)
             result = RESULTS.where(jumps, RESULTS.force_jumped, result)
+        # The torque of a torsional spring, for example, changes its side at half a revolution.
         jumps = changes_side(trial)
         if jumps is not None:
             result = RESULTS.where(keep & jumps, RESULTS.force_jumped, result)

@@ -98,8 +98,9 @@ def across_breakpoints(
     def corrected(y: Variables) -> Variables:
         if joints:
             # Move back to the breakpoint with the old rates, apply the velocity jump there, and
-            # move forward again with the new rates. The time of these moves is zero except for
-            # rounding, but its derivatives are not.
+            # move forward again with the new rates. Forces stay as they were before it
+            # (`no_shares`), since their changes are added below. The time of these moves is zero
+            # except for rounding, but its derivatives are not.
             # Drivers with breakpoints at the same instant are assumed to change together, so the
             # mean of their times is taken. Lanes of a batch compute this in every step; the bound
             # of 1 avoids a division by zero where no driver has a breakpoint at the end. In a step
@@ -111,9 +112,9 @@ def across_breakpoints(
             y = _past_kink(_with_shares(system, before, after, no_shares), y, after - time)
             y = _moved_on(y, rates(no_shares, y, after), time)
         if forces:
-            # The rates depend linearly on the share of each switched force. So the derivative of
-            # the rates, in the direction in which each share grows by the time since the force's
-            # breakpoint, is the sum of the changes of the rates times these times.
+            # The rates depend linearly on each force's share: 0 before its breakpoint, 1 after. So
+            # the derivative of the rates, in the direction in which each share grows by the time
+            # since the breakpoint, is the sum of the changes of the rates times these times.
             times = {name: time for name, (_, time) in forces.items()}
             y = _moved_on(y, jax.jvp(lambda s: rates(s, y, after), (no_shares,), (times,))[1], 1.0)
         if sampled:
@@ -166,12 +167,12 @@ def _past_samples(
     differentiated: bool,
 ) -> Variables:
     """Return the variables at the end t, s, of a step, with new memories of the forces that sample
-    the motion at t: `sampled` has the latest instant of each force, and whether it is at t. If an
-    instant depends on parameters, the sampled motion, and the time for which the changed forces
-    have acted at t, have derivatives, which are added if `differentiated`. `before` and `after` are
-    times just before and just after t, s."""
-    # The times since the instants are zero except for rounding. So are the products of these times
-    # with derivatives of the rates, which are therefore left out.
+    the motion at t. For each key of a force's `instants`, `sampled` has whether the latest instant
+    is at t, and its time. If an instant depends on parameters, the sampled motion, and the time for
+    which the changed forces have acted at t, have derivatives, which are added if `differentiated`.
+    `before` and `after` are times just before and just after t, s."""
+    # System, variables and entry speeds without derivatives, for the rates. The times since the
+    # instants are zero except for rounding, and so are their products with derivatives of rates.
     fixed, still, speeds = constant((system, y, entry_speeds))
 
     forces, motions = sampled_forces(system.scene), system.motions(y.motion)
@@ -190,6 +191,7 @@ def _past_samples(
             if differentiated:
                 motions_sampled = _moved_on(motions, motion_rates, -since)
             sample = forces[name], motions_sampled, key, memories[name], instant
+            # If there are many forces of a kind, they share one trace of the function.
             updated = kinds.evaluate(updated_memory, *sample)
             earlier = memories
             memories = {**memories, name: choose(lands, updated, memories[name])}

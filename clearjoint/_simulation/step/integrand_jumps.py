@@ -45,15 +45,16 @@ def with_integrand_jumps(
     time, lands, time_along = family.with_auxiliary(since, *ends)
 
     def jumps() -> dict[str, Scalar]:
-        # The rates at the end of the step, by which the motion is moved back before the event.
+        # The motion is moved back to before the event, by the rates at the end of the step, for the
+        # time `back`, s: it exceeds the time since the event, also if that is zero.
         back = 2.0 * jnp.abs(time) + EARLIER * (trial.t1 - step.t)
         before, rates = trial.outcome.y, trial.outcome.solver_state.motion
         motion = jax.tree.map(lambda value, rate: value - back * rate, before.motion, rates)
         before = replace(before, motion=motion)
         # The changes of memories are in the correction at the instants of sampled forces.
         after = replace(y, memory=before.memory)
-        values_before = _integrands(system, before, step.entry_speeds, step.t, trial.t1)
-        values_after = _integrands(system, after, entry_speeds, trial.t1, trial.t1)
+        values_before = _integrands(system, before, step.entry_speeds, side=step.t, t=trial.t1)
+        values_after = _integrands(system, after, entry_speeds, side=trial.t1, t=trial.t1)
         return {name: value - values_before[name] for name, value in values_after.items()}
 
     def none() -> dict[str, Scalar]:

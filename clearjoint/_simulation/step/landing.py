@@ -84,6 +84,7 @@ class Landing(eqx.Module):
         # Because of rounding errors, times that differ by less than this are not distinguished.
         resolution = 4.0 * jnp.finfo(jnp.result_type(t1)).eps * jnp.maximum(jnp.abs(t1), h)
         pairs = list(gap_pairs(before, after))
+        # Here and below, `shared_by_many` traces the function once for all pairs, if they are many.
         may_pass = any_of(shared_by_many(len(pairs), _may_pass, *pair) for pair in pairs)
 
         def first_crossing() -> Scalar:
@@ -105,6 +106,7 @@ class Landing(eqx.Module):
     def _crossing(self, start: ContactGap, end: ContactGap, h: Scalar) -> Scalar:
         """Return the fraction, 0 to 1, of a step of length `h`, s, at which the step must end to
         land half the landing depth past an event of one contact; 1 if it need not be repeated."""
+        # Past the event, `inwards` times the depth is positive.
         inwards, turns = _inwards(start), _turns(start, end)
         # Zero of the rate, interpolated linearly; its error matters little at an extremum.
         x = start.rate / jnp.where(turns, start.rate - end.rate, 1.0)

@@ -76,8 +76,8 @@ def across_contacts(
     forces = {name: mean_forces(name) for name in times}
     # The derivative of the product of a rate and a time has two terms. Derivatives of the masses
     # are left out: they are multiplied by the times, which are rounding errors, so that they are a
-    # rounding error of the other term. They were 8 % of the text of a run with tangents of 30
-    # joints.
+    # rounding error of the other term. With 30 joints, they were 8 % of the program of a run with
+    # tangents.
     fixed, motion = holding(system, y.memory), y.motion
     if differentiated:
         fixed, motion = constant((fixed, motion))

@@ -206,7 +206,7 @@ def _opened(path: Path) -> "tuple[zarr.Group, dict[str, Any]]":
     """Open a store, and return its group `by_lane` and the attributes of this group."""
     file = path / BY_LANE / ROOT
     try:
-        # Older versions stored the lanes where the grid is now.
+        # Older versions had the lanes in `path` itself. Their format is read, and refused below.
         root = json.loads((file if file.exists() else path / ROOT).read_text())
         attrs: dict[str, Any] = root["attributes"]
         version = attrs[_FORMAT]
