@@ -47,9 +47,8 @@ _threads: int | None = None
 
 
 def default_cache() -> Path:
-    """Return the default folder of compiled programs: ``CLEARJOINT_CACHE`` or, if it is unset or
-    empty, ``clearjoint`` in ``XDG_CACHE_HOME``, if that is an absolute path, else in ``~/.cache``.
-    """
+    """Return the default folder of compiled programs: ``CLEARJOINT_CACHE`` or, if unset or empty,
+    ``clearjoint`` in ``XDG_CACHE_HOME``, if that is an absolute path, else in ``~/.cache``."""
     if folder := os.environ.get("CLEARJOINT_CACHE"):
         return Path(folder)
     base = Path(os.environ.get("XDG_CACHE_HOME", ""))

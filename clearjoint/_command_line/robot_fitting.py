@@ -38,11 +38,11 @@ class RobotFitParts:
     - `find`: what to find of each joint, a list such as ["play", "friction"], or a table with
       starts. `driven_by`: how each joint is driven, a mode of `clearjoint.fit_robot`, or a servo as
       the table of a `Servo` or `Motor`, by default with the bodies and axis of the joint's motor.
-    - `angles`, `torques`, `goals`: columns of the log by joint: "name [unit]", or tables of a
-      `LogColumn`; `time`: column of the times. `header`: whether the first row of the log has the
-      columns' names; if not, columns are named by their numbers. `missing`: "drop" or "refuse" for
-      samples that are not finite; `largest_gap`: longest time between samples, s, by default ten
-      times the median.
+    - `angles`, `torques`, `goals` (positions to which servos move): columns of the log by joint,
+      "name [unit]" or the table of a `LogColumn`; `time`: column of the times. `header`: whether
+      the log's first row has the columns' names; if not, columns are named by their numbers.
+      `missing`: "drop" or "refuse" for samples that are not finite; `largest_gap`: longest time
+      between samples, s, by default ten times the median.
     - `start`, `end`: part of the log that is used, s.
     - `drives`: drive trains by joint, see `clearjoint.Drive`; `play`: arguments of the clearance
       joints in place of the robot's joints, by joint, see `clearjoint.load_robot`.

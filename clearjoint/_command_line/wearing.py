@@ -94,8 +94,7 @@ def worn_parts(dataset: xr.Dataset) -> list[tuple[str, Part]]:
 
 def stage_table(dataset: xr.Dataset) -> pd.DataFrame:
     """Return a table of a result of `clearjoint.wear` with a row for each stage: depths and volumes
-    before it, and largest forces during its run. If the computation ended without a run of the last
-    stage, its forces are NaN."""
+    before it, and largest forces during its run, which are NaN if the last stage has no run."""
     columns = {"cycles": dataset["cycles"].values}
     for joint in dataset["joint"].values:
         columns[f"force in {joint} [N]"] = dataset["force"].sel(joint=joint).values

@@ -170,8 +170,7 @@ def even_angles(samples: int) -> Float[np.ndarray, " samples"]:
 
 def wall_angles(axes: PlanarAxes, samples: int) -> tuple[np.ndarray, jax.Array]:
     """Return the directions, rad, in the bearing's frame, of `samples` evenly spaced points of the
-    wall, (samples,), and of the journal, which rotates in that frame, (T, samples). The points of
-    the journal are spaced evenly from its own x axis."""
+    wall, (samples,), and of the journal, from its own x axis on, (T, samples)."""
     angles = even_angles(samples)
     along_x = axes.x_along_x * np.cos(angles) + axes.y_along_x * np.sin(angles)
     along_y = axes.x_along_y * np.cos(angles) + axes.y_along_y * np.sin(angles)

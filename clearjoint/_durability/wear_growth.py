@@ -145,8 +145,8 @@ def _moved(joint: ClearanceJoint, field: str, change: jax.Array) -> ClearanceJoi
 def _wear_rows(
     joint: ClearanceJoint, rates: tuple[float, float], history: jax.Array, rows: jax.Array
 ) -> jax.Array:
-    """Return the result of `_wear`, m per cycle, for the depths in row 0 of `rows`, and for each
-    further row the derivative of this result along the row."""
+    """Return the result of `_wear`, m per cycle, for the depths `rows[0]`, and its derivative along
+    each further row of `rows`. The other arguments are those of `_wear`."""
 
     # With derivatives, one linearisation serves the derivatives by all parameters.
     def wear(depths: jax.Array) -> jax.Array:

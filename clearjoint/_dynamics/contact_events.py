@@ -201,8 +201,7 @@ def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
 
 
 def begins_at_start(gaps: ContactGaps) -> jax.Array:
-    """Return whether any contact is just beginning in the `gaps` at the start of a run: whether its
-    depth is positive and at most `TOUCHING`."""
+    """Return whether a contact begins at the start of a run, with a depth in (0, `TOUCHING`]."""
     return any_of((gap.depth > 0.0) & _at_the_wall(gap) for gap in _all_gaps(gaps))
 
 

@@ -341,12 +341,12 @@ def is_of_package(kind: type) -> bool:
 
 @lru_cache(maxsize=256)
 def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Path]:
-    """Return the paths of modules to check, inner ones first; arguments as in `recheck_changes`."""
+    """Return the paths of the modules that `recheck_changes` checks in a tree, inner ones first."""
     paths: list[Path] = []
 
     def collect(tree: PyTree, path: Path) -> tuple[bool, bool]:
-        """Add the paths of modules to check in `tree`, itself at `path`, to `paths`. Return whether
-        a leaf in no dictionary, list or tuple of `tree` has changed, and whether any leaf has."""
+        """Add the paths of the modules to check in `tree`, which is at `path`, to `paths`. Return
+        whether a leaf outside dictionaries, lists and tuples has changed, and whether any has."""
         if isinstance(tree, eqx.Module):
             names = [f.name for f in fields(tree) if not f.metadata.get("static", False)]
             changes = [collect(getattr(tree, name), (*path, name)) for name in names]

@@ -394,8 +394,8 @@ class LikelihoodCheck:
         return self.test.passed
 
     def widening(self, best: RunMisfit) -> float:
-        """Return the largest ratio, over all ends of intervals, of two distances of an end from
-        `best`, by the exploration and by the covariance of `best`: the longer over the shorter."""
+        """Return the factor, 1 or more, by which distances of the ends of intervals from `best`
+        differ between the exploration and the covariance of `best`: the largest of all ends."""
         assert self.exploration is not None
         half = np.sqrt(RISE * np.diag(best.covariance))
         low, high = self.exploration.intervals()
@@ -422,7 +422,7 @@ def check(
     cost: int = 0,
     show: bool = False,
 ) -> LikelihoodCheck:
-    """Test the covariance of a fit by runs around its `best` run.
+    """Test the covariance of a fit by runs around its `best` run, of the experiment in `compared`.
 
     If the test fails, explore chi squared and, if noise explains its lowest value, compute a small
     posterior. `number` is the number of points in the first round of the exploration, to which the
@@ -493,9 +493,9 @@ def _extent(explored: Exploration, lowest: RunMisfit) -> Point:
 def _small_posterior(
     compared: Comparison, box: Box, number: int, lowest: float, most_runs: int, bar: ProgressBar
 ) -> Posterior | None:
-    """Return the posterior for a uniform prior in a box, with `POINTS` times the `number` of points
-    in the exploration's first round; ``None`` if it has `warnings`, misses the smallest known chi
-    squared, `lowest`, by more than `RISE`, needs more than `most_runs`, or no points were drawn."""
+    """Return the posterior for a uniform prior in a box, of `POINTS` times `number` points (that of
+    the exploration's first round); ``None`` if it has `warnings`, misses the smallest known chi
+    squared, `lowest`, by over `RISE`, needs over `most_runs`, or has too few possible points."""
     before = bar.n  # The bar has counted the other runs of the check so far.
 
     def on_step(time: float, runs: int) -> None:
@@ -535,9 +535,8 @@ def _quadratic_test(
 
 def _largest_offsets(best: RunMisfit, max_changes: Point) -> Point:
     """Return the largest distance of explored points from the estimates in each coordinate: twice
-    the largest change in one step of a fit, `max_changes`, or, if that is infinite, the larger one
-    of the coordinate's magnitude and `FARTHEST` times the standard error that the coordinate would
-    have if all others were known."""
+    the `max_changes` in one step of a fit or, if infinite, the larger of the coordinate's magnitude
+    and `FARTHEST` times the standard error that it would have if all others were known."""
     norms = np.linalg.norm(best.jacobian, axis=0)
     # With all other parameters known, the standard error is the inverse of the column's norm.
     far_alone = np.where(norms > 0.0, FARTHEST / np.where(norms > 0.0, norms, 1.0), 0.0)

@@ -70,8 +70,7 @@ class Comparison:
         return int(np.flatnonzero(self.data.weights.any(axis=0))[-1]) + 1
 
     def time(self, count: float) -> float:
-        """Return the last of the first `count` sample times, s, with `count` rounded up; for 0, the
-        start of the run."""
+        """Return the `count`-th sample time, s, with `count` rounded up; for 0, the run's start."""
         times = int(np.ceil(count))
         return float(self.times[times - 1]) if times else float(self.runs.base.start_time)
 

@@ -345,14 +345,12 @@ class Fit(AbstractTabular):
 
     @property
     def p_value(self) -> float:
-        """Probability that noise alone gives a chi squared at least as large; NaN without degrees
-        of freedom."""
+        """Probability of at least this chi squared by noise; NaN without degrees of freedom."""
         return statistics.chi_squared_p(self.chi_squared, self.degrees_of_freedom)
 
     @property
     def whiteness(self) -> dict[str, float]:
-        """p-value of the Ljung-Box test for white residuals, of each series by name; NaN for fewer
-        than 20 samples and for residuals of zero."""
+        """p-value of the Ljung-Box test of each series; NaN for under 20 samples or zeros only."""
         return {name: statistics.whiteness(row) for name, row in self.residuals.items()}
 
     @property

@@ -100,14 +100,14 @@ def identify(
       which a search ends.
     - `horizon`: result of `clearjoint.fit_horizon`, for a warning if the record is too long for a
       fit by a single run.
-    - `check_runs`: number of runs in the first round of an exploration, 50 or more, such as 400; 0
-      for no test. After a search that neither failed nor reached `max_iterations`, about twenty
-      runs for each parameter test whether chi squared rises as the covariance predicts, up to four
-      standard errors from the estimates. If it does not, there are several minima close together,
-      or chi squared is not quadratic. Up to six rounds of runs without derivatives and of local
-      searches then explore it, and the fit moves to the lowest minimum. By default this costs about
-      as much as the searches and the test. With a number, or after a long search, the intervals
-      are those of a posterior, from at most 75 times as many runs as the first round has.
+    - `check_runs`: 0 for no test of the covariance. After a search that neither failed nor reached
+      `max_iterations`, about twenty runs for each parameter test whether chi squared rises as the
+      covariance predicts, up to four standard errors from the estimates. If it does not, there are
+      several minima close together, or chi squared is not quadratic. Up to six rounds of runs
+      without derivatives and of local searches then explore it, and the fit moves to the lowest
+      minimum. By default this costs about as much as the searches and the test. A number, 50 or
+      more, such as 400, is that of the runs in the first round. With a number, or after a long
+      search, the intervals are those of a posterior, from at most 75 times as many runs.
     - `progress`: whether to show a line of iterations, or a function called with each `Iteration`.
 
     **Raises:** `ValueError` for unsupported arguments; `FitInterrupted`, with the best fit so far,

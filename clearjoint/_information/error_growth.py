@@ -88,9 +88,8 @@ def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) 
 
 
 def rate(times: np.ndarray, size: np.ndarray, since: float) -> float:
-    """Return the rate, 1/s, of exponential growth of displacements `size`, one at each of `times`,
-    from the time `since` on: the slope of a straight line that is fitted to their logarithms; NaN
-    for fewer than two positive displacements."""
+    """Return the rate, 1/s, of exponential growth of displacements `size` from the time `since` on:
+    the slope of a line fitted to their logarithms; NaN for fewer than two that are positive."""
     used = (times >= since) & (size > 0.0)
     if used.sum() < 2:
         return math.nan

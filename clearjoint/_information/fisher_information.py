@@ -109,8 +109,7 @@ def floored(
 
 
 def correlation(covariances: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p p"]:
-    """Return the correlations of estimates from their covariance; NaN for zero variances, zero or
-    NaN for infinite variances."""
+    """Return the correlations of estimates; NaN for zero variances, zero or NaN for infinite."""
     deviations = np.sqrt(np.diag(covariances))
     with np.errstate(invalid="ignore"):
         return covariances / np.outer(deviations, deviations)

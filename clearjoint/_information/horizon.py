@@ -110,8 +110,7 @@ class FitHorizon:
 
     @property
     def single_shot(self) -> float:
-        """End of the shortest record that is too long for a fit by a single run, s: the smaller one
-        of `numerical` and `convergence`."""
+        """Smaller of `numerical` and `convergence`, s: records ending earlier suit a single run."""
         return min(self.numerical, self.convergence)
 
     def warn_if_beyond(self, time: float) -> None:

@@ -273,7 +273,7 @@ def _block(blocks: jax.Array, index: jax.Array) -> jax.Array:
 
 
 def _row(array: jax.Array, index: jax.Array) -> jax.Array:
-    """Return the row of a block, or the part of a vector, by its index in the whole array."""
+    """Return a row of a block, or a part of a vector, (SIZE,); `index`: among those of `array`."""
     return jax.lax.dynamic_slice_in_dim(array, index * SIZE, SIZE)
 
 

@@ -48,7 +48,6 @@ def wrapped(value: Scalar, period: Scalar) -> Scalar:
 
 
 def value_and_slope(function: Callable[[Scalar], PyTree], x: Scalar) -> tuple[PyTree, PyTree]:
-    """Return the value of a function of a number, and its derivative."""
     x = jnp.asarray(x, dtype=float)
     return jax.jvp(function, (x,), (jnp.ones_like(x),))
 

@@ -126,9 +126,9 @@ class AbstractPen(abc.ABC):
 
     @abc.abstractmethod
     def walls(self, middle: Marker, runner: Marker, normal: Triple, *, distance: Single) -> None:
-        """Draw two walls at this `distance` from each other, m, with the marker `middle` between
-        them, as long as the path of the marker `runner`. Both are perpendicular to `normal`, (3,)
-        in the axes of the body of `middle`, any length."""
+        """Draw two walls at this `distance` from each other, m, with the marker `middle` halfway.
+        They are perpendicular to `normal`, (3,) of any length in the axes of the body of `middle`,
+        and long enough for the path of the marker `runner`."""
 
     @abc.abstractmethod
     def wall(self, plane: Marker, runner: Marker, *, radius: Single) -> None:

@@ -40,8 +40,7 @@ class Region(NamedTuple):
 
 
 def numbers_of(floats: np.ndarray, dtype: np.dtype) -> np.ndarray:
-    """Return memory as an array of numbers of a dtype: for floats the memory itself, for integers
-    and bools a view of its bits as int64."""
+    """Return memory as numbers of a dtype: for integers and bools, a view of its bits as int64."""
     return floats if dtype.kind == "f" else floats.view(np.int64)
 
 
@@ -94,7 +93,7 @@ class Cells:
         return self._tree([np.arange(self.size)[r.cells].reshape(r.shape) for r in self._regions])
 
     def rows(self, trees: PyTree) -> Float[np.ndarray, "n {self.size}"]:
-        """Return the rows of n PyTrees, stacked as one of arrays (n, ...). Without any, n is 0."""
+        """Return the rows of n PyTrees, given as one of arrays (n, ...); no row without arrays."""
         leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(eqx.filter(trees, eqx.is_array))]
         floats = np.zeros((len(leaves[0]) if leaves else 0, self.size))
         for leaf, region in zip(leaves, self._regions, strict=True):

@@ -301,8 +301,7 @@ class Parameter:
         """Return a parameter whose value enters the scene and the initial state through a function.
 
         ``make(scene, state, value)`` returns the changed pair (scene, state). The first guess,
-        `value`, is required, because the scene has no such number. `unit` labels values, and
-        converts nothing.
+        `value`, is required, because the scene has no such number.
         """
         return Parameter(variations.MadeByFunction(make, unit), scale, value=value)
 

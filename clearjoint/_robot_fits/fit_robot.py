@@ -404,9 +404,9 @@ def _best_fit(
     """Return the best of several fits, with the searches of all.
 
     If a side of a drive train starts at an unknown place in its play, fits begin with the middle
-    and with both ends of the play. Unless the user has given windows to `grow`, there are fits of
-    the whole log at once, of growing windows, and from plays other than the estimated ones.
-    `options` are further arguments of `identify`.
+    and with both ends of the play. Unless the user has given windows to `grow`, fits of the whole
+    log are compared with fits of growing windows, where these may help, and with fits that start
+    with other plays than the estimated ones. `options`: further arguments of `identify`.
     """
     # Chi squared may have a minimum at each end of a play in which a side starts.
     free = free_parameters(parameters)

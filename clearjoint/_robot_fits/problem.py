@@ -241,8 +241,8 @@ class GearLoss:
 
 
 def wind_up(scene: Scene, follower: str, leader: str, load: Scalar) -> Scalar:
-    """Return by how much, rad, the follower is ahead of the leader, the other side of the drive
-    train, under the load, N m, with which the motor holds the link. Without load this is zero: the
+    """Return by how much, rad, the `follower` is ahead of the `leader`, the two sides of a drive
+    train, while the motor holds the link by the torque `load`, N m. Without load this is zero: the
     follower is in the middle of the play."""
     # Under a positive load the motor is ahead of the link.
     joint, sign = (follower, -1.0) if motor_name(follower) == leader else (leader, 1.0)
@@ -424,7 +424,7 @@ def continuous(samples: Logged, is_angle: bool) -> Float[np.ndarray, " N"]:
 
 
 def _other_side(robot: Robot, log: RobotLog, name: str) -> str | None:
-    """Return a joint's motor or motor's joint; ``None`` without one or if its angles are logged."""
+    """Return a joint's motor, or a motor's joint; ``None`` if it has none, or a logged one."""
     motors = robot._motors()
     other = (motors | {motor: joint for joint, motor in motors.items()}).get(name)
     return None if other in log.angles else other

@@ -248,8 +248,7 @@ def _depth(content: object) -> int:
 
 
 def _parsed_json(text: str) -> object:
-    """Return the content of a JSON text; refuse repeated keys, as `tomllib` does: `json` would
-    silently take the last value."""
+    """Return the content of a JSON text; refuse repeated keys, of which `json` takes the last."""
     numbers = count()
 
     # The parser calls this function for each object, with its keys and values.

@@ -328,7 +328,7 @@ class MjcfWriter:
         self._limit(name, on, joint.law, offset, joint.play, joint.radius)
 
     def ends_of_slot(self, name: str, joint: PinInSlot, on: FileJoint) -> None:
-        """Limit the slider `on` by the ends of a slot along it. It can't move towards the walls."""
+        """Limit the slider `on` by the ends of its slot. Unlike the pin, it has no play across."""
         if joint.travel is None:  # a slot without ends
             raise NoCounterpartError
         slot, pin = (self._motions[body] for body in joint.pair())
@@ -648,8 +648,8 @@ def _damping_ratio(restitution: float) -> float:
 
 
 def _with_ideal_joints(scene: Scene) -> tuple[Scene, list[str]]:
-    """Return the scene with ideal joints in place of clearance joints, and the names of these. Only
-    ideal joints with a motion subspace, which a tree of joints needs, replace clearance joints."""
+    """Return the scene with ideal joints in place of clearance joints, and the names of the joints
+    replaced: those whose ideal joint has a motion subspace, which a tree of joints needs."""
     centring = centring_joints(scene, scene.contact_joints()).items()
     ideal = {n: j for n, j in centring if unpack(j).motion_subspace(j.body_names()[0])}
     return with_ideal(scene, ideal), [*ideal]

@@ -418,8 +418,7 @@ def _balanced(inertial: Inertial) -> Inertial:
 def _require_possible(
     tensor: np.ndarray, carrier: Carrier, names: Collection[str], location: FileLocation
 ) -> None:
-    """Refuse the inertia `tensor`, (3, 3) kg m^2, of a carrier if no body can have it. `names`: of
-    the links that have inertia, for the message."""
+    """Refuse an inertia `tensor`, kg m^2, that no body can have. `names`: links with inertia."""
     moments = np.linalg.eigvalsh(tensor)
     at = location.at(carrier.links[0])
     links = f" of links {', '.join(names)} together" if len(names) > 1 else ""

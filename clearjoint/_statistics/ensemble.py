@@ -332,8 +332,8 @@ def number_failed(results: "xr.Dataset") -> Labelled:
 def scalar_outputs(
     results: "xr.Dataset", quantities: Collection[str] = ()
 ) -> dict[str, tuple[np.ndarray, str]]:
-    """Return, by name, values, NaN in failed lanes, and unit of each output of a zipped sweep that
-    is a number, (lanes,), or is named in `quantities` and has sample times, (lanes, times)."""
+    """Return, by name, (values, unit) of each output of a zipped sweep that is a number, (lanes,),
+    or is named in `quantities` and has sample times, (lanes, times); NaN in failed lanes."""
     failed = failed_runs(results)
     by_name = {}
     for name, variable in results.data_vars.items():

@@ -151,7 +151,7 @@ def _indices(groups: np.ndarray, confidence: float) -> dict[str, np.ndarray]:
     sums = np.array([[term[randomisation == k].sum() for term in terms] for k in randomisations])
 
     def both_orders(row: np.ndarray) -> np.ndarray:
-        """Return first-order and total indices, (2, p), from `row`, a sum of rows of `sums`."""
+        """Return first-order and total indices, (2, p), from `row`, sums of `terms` over groups."""
         number, mean, square = row[0], row[1] / row[0], row[2] / row[0]
         variance = square - mean**2
         # An output that does not vary has the indices zero, as in SciPy.

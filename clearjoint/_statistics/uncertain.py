@@ -94,8 +94,7 @@ class Uncertain:
         return 0.5 * (low + high), 0.5 * (high - low)
 
     def standardised(self, probabilities: np.ndarray) -> np.ndarray:
-        """Return (coordinate - centre)/size, as of `centre_and_size`, at which the distribution has
-        the given cumulative `probabilities`."""
+        """Return (coordinate - centre)/size of `centre_and_size` at cumulative `probabilities`."""
         from scipy.special import ndtri
 
         return ndtri(probabilities) if self.is_normal else 2.0 * probabilities - 1.0

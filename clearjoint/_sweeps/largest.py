@@ -462,8 +462,8 @@ class _Search:
         return known
 
     def _refined(self, known: LaneMargins, below: bool = False) -> LaneMargins:
-        """Sweep from the last value before the first violation to the violation. With `below`, the
-        start is `CLOSE` times their distance lower, but not below the smallest value."""
+        """Sweep the interval from the last value before the first violation to the violation. With
+        `below`, begin lower by `CLOSE` times its width, but not below the smallest value."""
         index = first_violation(known.margins)
         last, violation = known.coordinates[index - 1 : index + 1]
         start = max(known.coordinates[0], last - CLOSE * (violation - last)) if below else last

@@ -23,8 +23,8 @@ MODE_NAMES = {
 
 
 class Arrows(NamedTuple):
-    """Arrows of forces. `parts`: their solids; `scale`: length over force of the longest arrow
-    before it is cut, m/N, by default 1 without forces; `note`: the legend's text on the scale."""
+    """Arrows of forces. `parts`: their solids; `scale`: length over force, m/N, of the largest
+    force's arrow without the limit `LONGEST`; `note`: the legend's text on the scale."""
 
     parts: list[DrawnPart]
     scale: float

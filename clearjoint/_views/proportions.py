@@ -233,8 +233,8 @@ def in_perspective(
 
 
 def _direction(proportions: Proportions) -> np.ndarray:
-    """Return a vector to the viewer: the part of `front` perpendicular to `up` or, if `front` is
-    nearly parallel to `up`, another horizontal vector, tilted to the right and upwards."""
+    """Return a vector to the viewer: the part of `front` perpendicular to `up`, plus components to
+    the right and upwards. If that part is short, another horizontal vector takes its place."""
     up = proportions.up
     front = proportions.front - up * (proportions.front @ up)
     # Components of the direction to the right and upwards; the component along `front` is 1.

@@ -433,8 +433,8 @@ class SketchingPen(AbstractPen):
         self._moving.append(DrawnPart(self.element, mesh, between(starts, ends, 1.0), METAL))
 
     def _hold(self, *markers: Marker, around: float = 0.0) -> None:
-        """Extend the hull of each marker's body to the marker's point or, with `around`, m, such as
-        the outer radius of a bearing, to this distance before the point."""
+        """Extend the hull of each marker's body to the marker's point or, with `around`, to the
+        near side of a circle of this radius, m, about the point, such as a bearing's outside."""
         self.drawn.add(self.element)
         for marker in markers:
             point = np.asarray(marker.point, dtype=float)
@@ -526,7 +526,7 @@ def _unit(vector: ArrayLike) -> np.ndarray:
 
 
 def _transverse_frame(along: np.ndarray, phase: float = 0.0) -> np.ndarray:
-    """Return a rotation matrix that maps z to the unit vector `along`, and x to the perpendicular
-    direction at the angle `phase`, rad, measured as the angles of profiles and teeth."""
+    """Return a rotation matrix that maps z to the unit vector `along`, and x to the direction that
+    is `phase`, rad, about `along` from the first of its `transverse_axes`."""
     zero = np.array([*map(float, transverse_axes(Vector(*map(float, along)))[0])])  # at angle zero
     return frame_about(along, zero * np.cos(phase) + np.cross(along, zero) * np.sin(phase))

@@ -228,9 +228,9 @@ class ScaledValues(NamedTuple):
 
 
 def scaled(data: xr.DataArray, axis: Axis | None = None) -> ScaledValues:
-    """Return data in the unit with the prefix that brings the largest magnitude between 1 and 1000
-    or, if the `axis` to draw on has a label already, such as "force, kN", in its unit; and a label
-    with the names of all data on the axis. Store the unit without prefix in the `axis`."""
+    """Return data with the prefix that brings the largest magnitude between 1 and 1000. If the
+    `axis` to draw on has a label already, such as "force, kN", take its unit instead, and add the
+    name of the data to the label. Store the unit without prefix in the `axis`."""
     values = np.asarray(data.values, dtype=float)
     exponent, unit = _prefixed(values, data.attrs.get("units", "1"))
     base = unit.removeprefix(PREFIXES[exponent])

@@ -44,9 +44,9 @@ class Instant:
       and "stabilisation", or "supplied" by drives and loads; "friction" includes the energy in
       bristles. Empty unless the run has ``Settings(ledger=True)``.
 
-    Runs create instants. The example makes one. Its first arguments are the `System` (a scene with
-    its equations of motion), the time since the system's `origin`, s, and the variables. An instant
-    is a PyTree; if JAX has rebuilt an instant, its method `inside` raises an error.
+    Runs create instants. The example makes one from a `System` (a scene with its equations of
+    motion), the time since the system's `origin`, s, and the variables. An instant is a PyTree, but
+    one that JAX has rebuilt knows no other instants of its step: its `inside` raises an error.
 
     >>> scene, state = extend.unpack(cj.mechanisms.double_pendulum())
     >>> system = extend.System(scene, extend.Formulation())
@@ -104,8 +104,8 @@ class Instant:
 
     @property
     def just_before(self) -> "Instant":
-        """The instant just before the end of the step that ends here, at which sampled forces, such
-        as a `Servo`, loads or contact forces, and with them accelerations, may jump."""
+        """The instant just before the end of the step that ends here. At the end, loads, contact
+        forces and sampled forces, as of a `Servo`, may jump, and with them accelerations."""
         return self.inside(self.last_fraction)
 
     @property

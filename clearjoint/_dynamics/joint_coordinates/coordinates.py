@@ -353,7 +353,7 @@ def _walk(trees: Sequence[Sequence[TreeBranch]]) -> Walk:
 
 
 def written_out(branches: Iterable[TreeBranch]) -> Walk:
-    """Return branches, parents first, as a `Walk` in which branches share no traced functions."""
+    """Return branches, parents first, as a `Walk` that traces each function for every branch."""
     return [(branch, operator.call) for branch in branches]
 
 

@@ -83,8 +83,8 @@ class Inertia:
         return Inertia(self.mass, coupling, angular)
 
     def minus_outer(self, first: Twist, second: Twist) -> "Inertia":
-        """Return this inertia minus the outer product of two twists. Only lower triangles are
-        computed: callers subtract several such products, whose sum is symmetric."""
+        """Return this inertia minus the outer product of two twists. Lower triangles of mass and
+        angular part are mirrored, since the sum of all products to subtract is symmetric."""
         return Inertia(
             _minus_symmetric(self.mass, first.linear, second.linear),
             self.coupling.minus_outer(first.angular, second.linear),
@@ -182,8 +182,8 @@ def constrained(columns: Sequence[Twist], load: Twist, along: Speeds) -> Twist:
 
 
 def projected(columns: Sequence[Twist], offset: Vector, load: Twist) -> tuple[Speeds, Twist]:
-    """Return the generalised forces of a load on a carried body in its joint, one for each column;
-    and the load on the carrier, about the point from which `offset` leads to the present one."""
+    """Return the generalised forces of a `load` on a carried body in its joint, one for each
+    column; and the load on the carrier, about a point from which `offset` leads to the load's."""
     along = [product(column, load) for column in columns]
     return along, load_about(constrained(columns, load, along), offset)
 
@@ -450,8 +450,7 @@ class ArticulatedBodies(AbstractTreeSolver):
 def tree_solver(
     links: Sequence[Link], parents: Parents, bodies: Sequence[Body], central: Sequence[Matrix]
 ) -> AbstractTreeSolver:
-    """Return the solver for a tree, whose class depends on the size of the tree. `central` has the
-    inertias of the bodies about their centres of mass, kg m^2, in the tree's axes."""
+    """Return the solver for a tree. `central`: inertias about the centres of mass, kg m^2."""
     evaluate = evaluation(len(links))
     inertias = [
         evaluate(inertia, body.mass, link.arm, about_centre)

@@ -145,8 +145,8 @@ class FreeBranch:
         return BodyState(shift, orientation, acceleration, Vector(*rates[3:]))
 
     def _shift(self, axes: Matrix, velocity: Vector, spin: Vector) -> Vector:
-        """Return the rate of the position variable, m/s, for a velocity in global axes and a spin
-        in body axes; or its change, m, for a displacement and a rotation vector in their place."""
+        """Return the rate of the position variable, m/s, for velocity in global and spin in body
+        axes, or its change, m, for displacement and rotation vector. `axes`: body to global."""
         if self.anchor is None:
             return velocity
         return velocity + axes @ spin.cross(self.anchor[0])

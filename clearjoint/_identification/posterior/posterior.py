@@ -122,7 +122,7 @@ def posterior(
     - `scene`, `state`, `measurements`, `parameters`, `start_time`: as in `identify`.
     - `settings`: by default `clearjoint.presets.identification`. Runs have no derivatives.
     - `guess`: values at the centre of the box, by name; by default those in the scene.
-    - `spread`: half the width of the box, as of `Starts`, positive for each parameter.
+    - `spread`: half the width of the box, in coordinates: positive, one number or one by name.
     - `log_prior`: logarithm of the prior density of the coordinates in the box, up to a constant: a
       function of the values by name, (n,) each, that returns (n,). By default the prior is uniform.
       It is called for some ten thousand values, some hundred or thousand at once.

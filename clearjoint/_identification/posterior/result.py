@@ -147,8 +147,8 @@ class Posterior(AbstractTabular):
 
     @override
     def to_xarray(self) -> "xr.Dataset":
-        """Return the `mean` and `standard_deviation` of each value along "parameter", and the 95 %
-        `interval` along ("parameter", "bound"), in the `unit` of each parameter. Attributes are
+        """Return the `mean`, the `standard_deviation` and the 95 % `interval` (low and high along
+        "bound") of each parameter along "parameter", with its `unit`. Attributes are
         `log_evidence`, `log_evidence_error`, `effective_sample_size`, `runs`, `failed` and `seed`.
         """
         along = ("parameter",)

@@ -70,10 +70,9 @@ first 0 to T times, (n, T + 1), infinite from the first sample on that a run mis
 
 @dataclass(frozen=True)
 class Target:
-    """Posterior to draw from: a likelihood exp(-chi squared / 2) and a prior in a box.
+    """Posterior to draw from: likelihood exp(-chi squared / 2), prior in the box `low` to `high`.
 
     - `curves`: function that makes runs; `count`: number of sample times of the record.
-    - `low`, `high`: ends of the box.
     - `log_prior`: logarithm of the prior density at points in the box, up to a constant.
     """
 

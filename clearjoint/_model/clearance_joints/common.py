@@ -90,8 +90,7 @@ class AbstractOneLawJoint(AbstractContactJoint):
 
 
 class AbstractFlankJoint(AbstractOneLawJoint):
-    """Base class of joints with two flat flanks without friction, which stop the second body's
-    rotation."""
+    """Base class of joints with two frictionless flat flanks, which stop a relative rotation."""
 
     friction: ClassVar[None] = None
 

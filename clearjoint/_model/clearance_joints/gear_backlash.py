@@ -108,8 +108,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
     - `point_first`, `point_second`: the gears' centres, (3,) m from each body's centre of mass in
       its axes. `axis_first`, `axis_second`: the gears' axes, (3,) in each body's axes; in space
       they are parallel or antiparallel.
-    - `teeth_first`, `teeth_second`: z1 and z2, whole numbers of teeth; `teeth_second` is negative
-      for an internal second gear, as in ISO 21771, which must be larger than the first.
+    - `teeth_first`, `teeth_second`: z1 and z2, whole numbers of teeth; as in ISO 21771, z2 is
+      negative for an internal second gear, which must be larger than the first.
     - `module`: m, in m.
     - `backlash`: j, m, along the pitch circle, from flank to flank, at the centre distance m |z1 +
       z2|/2; smaller than the pitch, pi m.

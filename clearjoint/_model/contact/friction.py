@@ -309,8 +309,7 @@ class AbstractBristleFriction(AbstractConverting):
         control relates the error of the deflection."""
 
     def stored_energy(self, deflection: Vector) -> Scalar:
-        """Return the energy that the bristles can give back, over the normal force, m. The default
-        is zero: all energy is dissipated."""
+        """Return the bristles' recoverable energy over the normal force, m; zero by default."""
         return 0.0
 
     def force(self, normal_force: Scalar, slip: Vector) -> Vector:

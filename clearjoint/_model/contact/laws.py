@@ -500,8 +500,7 @@ class AbstractFactorLaw(AbstractLawAround):
 
 
 class WeightedLaw(AbstractFactorLaw):
-    """A contact law times the weight of one of several contacts that together form a line contact;
-    the weights add up to 1."""
+    """A law times the weight of one contact of a line contact; the weights add up to 1."""
 
     weight: float = eqx.field(static=True)
 
@@ -511,7 +510,7 @@ class WeightedLaw(AbstractFactorLaw):
 
 
 class VaryingLaw(AbstractFactorLaw):
-    """A contact law times the `factor` of each gap: a stiffness that varies with the pose."""
+    """A contact law times ``gap.factor`` of each gap, for a stiffness that varies with the pose."""
 
     @override
     def factor(self, gap: Gap) -> Scalar:

@@ -179,7 +179,7 @@ class AbstractDriveTorque(AbstractDrive, AbstractForce):
 
 
 def torque_about(angle: Row, torque: Scalar) -> dict[str, Wrench]:
-    """Return, by body, the wrench of `torque`, N m, about the axis of `angle`, a `Row`."""
+    """Return, by body, the wrench of `torque`, N m, about the axis to which `angle` refers."""
     # The Jacobian of the angle is the wrench of a torque of 1 N m on each body, without a force.
     return {name: Wrench(pair.force, pair.moment * torque) for name, pair in angle.jacobian.items()}
 

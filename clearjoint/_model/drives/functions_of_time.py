@@ -95,9 +95,8 @@ class Polynomial(AbstractFunctionOfTime):
 
 
 class AbstractTable(AbstractFunctionOfTime):
-    """Base class of functions of time given by a table. `times` are (N,) s, increasing, at least
-    two, and `values` (N,), or (N, 3) for a force or torque vector, in the SI unit of what the
-    function prescribes."""
+    """Base class of functions of time given by a table: two or more increasing `times`, (N,) s, and
+    `values` in the SI unit of what the function prescribes, (N,) or, for a vector, (N, 3)."""
 
     times: Column = quantity("s", table=True)
     values: TableRows = quantity("1", table=True)

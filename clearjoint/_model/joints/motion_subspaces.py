@@ -183,8 +183,7 @@ class AbstractMotionAtPoints(AbstractMotionSubspace):
 
 
 class Weld(AbstractMotionAtPoints):
-    """The subspace of a fixed joint, without relative motion. `reference` is the orientation: Euler
-    parameters that transform components in the child's axes to the parent's."""
+    """The subspace of a fixed joint, without relative motion; `reference` is the orientation."""
 
     reference: EulerParameters
 

@@ -217,9 +217,8 @@ class ContactProblem:
         return [row_rate(row, motions) for row in self.rows]
 
     def kick(self, impulses: Sequence[Scalar]) -> Speeds:
-        """Return the change of the speeds of the system's coordinates by impulses at the contacts,
-        including the impulses of ideal joints that follow from them. `impulses` may be fewer than
-        `rows`, such as the normal ones alone; the remaining rows then have no impulse."""
+        """Return the change of the coordinates' speeds by impulses along the first of the `rows`,
+        such as all normals, and by the impulses of ideal joints that follow from them."""
         change: Speeds = [0.0] * len(self._responses[0])
         for part, impulse in zip(self._responses, impulses, strict=False):
             change = [add(a, multiply(b, impulse)) for a, b in zip(change, part, strict=True)]
@@ -323,9 +322,8 @@ class ContactProblem:
 def _extrapolation(last: Alternation, change: Impulses) -> Scalar:
     """Return the factor by which the `change` of the tangential impulses in a turn is extrapolated
     after the turn `last`, by Aitken's method (B. Irons, R. Tuck, A version of the Aitken
-    accelerator for computer iteration, 1969).
-    Without extrapolation, two bases (end circles) of a journal that both stick and share axial
-    impulses need thousands of turns."""
+    accelerator for computer iteration, 1969). Without it, two bases of a journal that both stick
+    and share axial impulses need thousands of turns."""
     bend = [a - b for a, b in zip(change, last.change, strict=True)]
     square = inner(bend, bend)
     factor = -last.factor * inner(last.change, bend) / jnp.where(square > 0.0, square, 1.0)

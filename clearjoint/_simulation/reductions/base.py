@@ -150,8 +150,7 @@ def optional_time(value: Instants) -> Instants:
 
 @dataclass(frozen=True)
 class TimeSpan:
-    """Window of time, s, in one run: from `after`, or ``None`` for the start of the run, until just
-    before `until`, or ``None`` for the end of the run."""
+    """Window of time [after, until) in one run, s; ``None`` for the start or end of the run."""
 
     after: Scalar | None
     until: Scalar | None

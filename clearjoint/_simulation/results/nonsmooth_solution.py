@@ -64,11 +64,11 @@ class NonsmoothSolution(AbstractReadable, AbstractTabular):
     - `saved_count`: number of requested times that the run reached, or ``None``. In `saved` and
       `history`, the rows of times that the run did not reach repeat the last state.
     - `contacts[joint][contact]`: the `ContactTotals` of the whole run.
-    - `residual`: largest violation of the contact conditions in any step that did not fail: that no
-      contact approaches after the impact faster than its restitution allows, that no impulse pulls,
-      that none acts at a contact that opens faster than by restitution, and that friction obeys
-      Coulomb's law. The violation is relative to the largest velocity at closed contacts that the
-      impulses, or the projection of the positions, have to change, but at least to 1e-9 m/s.
+    - `residual`: largest violation of the contact conditions in any step that did not fail. After
+      an impact, a contact opens at least with its restitution times the approach velocity; no
+      impulse pulls; none acts at a contact that opens faster; and friction obeys Coulomb's law. The
+      violation is divided by the largest velocity at closed contacts that the impulses, or the
+      projection of the positions, have to change, or by 1e-9 m/s if that is larger.
 
     `observe` accepts a `NonsmoothSolution`, but the contact forces that it computes while a contact
     touches, and the accelerations and reactions that follow from them, are meaningless.

@@ -436,8 +436,8 @@ def _goes_on(run: Adjoint, step: Step) -> bool:
 
 
 def _without_rows(segment: _Segment, start: Step, times: np.ndarray) -> _Segment:
-    """Return a segment that begins at `start`, with rows only of the steps with `times`, s, and of
-    its first step, which derivatives of the initial state need in a run's first segment."""
+    """Return a segment that begins at `start`, with rows only of steps that contain `times`, s, and
+    of its first step, which derivatives of the initial state need in a run's first segment."""
     assert segment.rows is not None
     picked = np.unique([0, *np.searchsorted(segment.ends, times)])
     # Times after the segment lie in steps of later segments, and pick its last step here.
@@ -489,10 +489,10 @@ def _through(
     starts: Iterator[_LaneData],
     serve: Callable[[int, PyTree], _LaneData | None],
 ) -> None:
-    """Run lanes, which begin with `starts`, in the columns of a `LaneLoop`, which explains `step`,
-    `status` and `shared`. When the loop stops, `serve` gets the number and the state of each lane
-    whose status "soon" is true, and returns the lane's next data, or ``None`` if the lane has
-    ended; the next lane then gets the column."""
+    """Run a lane for each of the `starts`, in the columns of a `LaneLoop`, which explains `step`,
+    `status` and `shared`. When it stops, `serve` gets the number and state of each lane that needs
+    the host now or soon (status "soon"). It returns the data with which the lane goes on, or
+    ``None`` if the lane has ended; the next lane then gets the column."""
     first = next(starts)
     loop = made_lane_loop(step, status, (shared, *first))
     own_cells, state_cells = map(Cells, first)

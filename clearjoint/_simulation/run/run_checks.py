@@ -71,9 +71,8 @@ def check_numbers(scene: Scene, state: State) -> None:
 
 
 def in_domain(check: Callable[[], None]) -> Condition | None:
-    """Return a traced bool, which is true if the numbers pass a `check` that raises errors for
-    known numbers; ``None`` if the check meets no traced numbers. A run that JAX traces cannot raise
-    errors, so its program evaluates this condition before the first step."""
+    """Return whether traced numbers pass a `check`; ``None`` if it meets none. A run that is traced
+    cannot raise errors, so its program evaluates this condition before the first step."""
     conditions = conditions_of(check)
     return reduce(jnp.logical_and, conditions) if conditions else None
 

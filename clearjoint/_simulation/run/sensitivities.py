@@ -249,8 +249,7 @@ def _checked_outputs(outputs: Mapping[str, Output], save: Saving | None) -> Requ
 def _reached_rows(
     run: Sampled, all_times: Float[np.ndarray, " N"], times: Float[np.ndarray, " some"]
 ) -> Int[np.ndarray, " reached"]:
-    """Return the indices in `all_times` of those `times` that the run has reached. `all_times`: the
-    sample times of the run, in rising order, among which are all `times`."""
+    """Return the indices in `all_times`, in rising order, of the `times` that the run reached."""
     rows = np.searchsorted(all_times, times)
     return rows[run.reached[rows]]
 

@@ -131,8 +131,8 @@ def across_breakpoints(
 def _with_shares(
     system: System, before: Scalar, after: Scalar, shares: Mapping[str, Scalar]
 ) -> System:
-    """Return the system with each force whose name is in `shares` replaced by a `SwitchedForce`,
-    which has this share. `before`, `after`: its two times, s since the system's origin."""
+    """Return the system with each force in `shares` as a `SwitchedForce`: interpolated by its
+    share, 0 to 1, between the times `before` and `after`, s since the system's origin."""
     forces = {
         name: SwitchedForce(
             force, system.scene_time(before), system.scene_time(after), shares[name]

@@ -142,9 +142,9 @@ def _program_of_element(element: AbstractElement) -> Jaxpr:
 
 
 def _depends_on_primitive(program: Jaxpr, chosen: list[bool], primitives: frozenset[str]) -> bool:
-    """Return whether a result of a program depends on an operation that may jump or has a kink, and
-    one of whose inputs depends on an argument that is `chosen`. Such operations are those named in
-    `primitives`, and all whose result is not a float, such as comparisons."""
+    """Return whether a result of a program depends, through an operation that may jump or has a
+    kink, on an argument that is `chosen`. Such operations are those named in `primitives`, and all
+    whose result is not a float, such as comparisons."""
     # Variables that depend on a chosen argument.
     causes = {v for v, is_chosen in zip(program.invars, chosen, strict=True) if is_chosen}
     # Dead code is left out, such as comparisons in the value of a constraint, which is not used.

@@ -105,7 +105,7 @@ class Landing(eqx.Module):
 
     def _crossing(self, start: ContactGap, end: ContactGap, h: Scalar) -> Scalar:
         """Return the fraction, 0 to 1, of a step of length `h`, s, at which the step must end to
-        land half the landing depth past an event of one contact; 1 if it need not be repeated."""
+        land half the allowed `_depth` past one contact's event; 1 if it need not be repeated."""
         # Past the event, `inwards` times the depth is positive.
         inwards, turns = _inwards(start), _turns(start, end)
         # Zero of the rate, interpolated linearly; its error matters little at an extremum.

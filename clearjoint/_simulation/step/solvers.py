@@ -209,8 +209,7 @@ def unrolled(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
 
 
 def _horner(coefficients: Weights, x: Scalar) -> Scalar:
-    """Return the value at x of a polynomial, given by its `coefficients`, lowest power first. The
-    coefficient of power 0 is zero, since dense output is y0 at x = 0."""
+    """Return sum c_k x^k of `coefficients` c_k; c_0 is zero, as dense output is y0 at x = 0."""
     value: Scalar = float(coefficients[-1])
     for coefficient in coefficients[-2:0:-1]:
         value = value * x + float(coefficient)

@@ -121,10 +121,9 @@ class WithinContact(AbstractTimeMap):
 
     @override
     def next_length(self, proposed: Scalar, keep: Condition) -> Scalar:
-        """Return the length of the step to try next, s; `keep`: whether this one is accepted. Rates
-        are smooth in the square root of time. So the ratio `proposed` over `length`, by which the
-        controller changes the length, is applied to the difference of the roots at both ends of the
-        step. If the next step would then pass the contact's end, return `proposed`."""
+        """Apply the ratio `proposed` over `length`, by which the controller changes the length, to
+        the difference of the square roots at both ends of the step, because rates are smooth in
+        these roots. If the next step would then pass the contact's end, return `proposed`."""
         change = proposed / self.length * (self.end - self.start)
         # The square root at the start of the next step.
         root = jnp.where(keep, self.end, self.start)

@@ -253,8 +253,8 @@ def may_jump(method: Method, scene: Scene) -> bool:
 
 
 def slopes_may_jump(method: Method, scene: Scene) -> bool:
-    """Return whether rates are continuous from step to step, but their slopes may jump where a
-    contact begins or ends, so that tangents of rates that the solver has kept are not valid."""
+    """Return whether, where a contact begins or ends, rates are continuous but their slopes may
+    jump: the rates that the solver has kept are then valid, but the tangents of these are not."""
     lands = method.landing is not None and isinstance(method.solver, UnrolledExplicit)
     return lands and slopes_jump(scene) and not may_jump(method, scene)
 

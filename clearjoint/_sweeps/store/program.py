@@ -206,7 +206,7 @@ def programs(common: Common, state: State) -> dict[str, str]:
         return Task(numbers.tree, state, end_time, end_time, None, wanted)
 
     def step(numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
-        """Return the lane after one step, and the outcome of a run that ends before this step."""
+        """Return, by `RUN`, a lane after one step, and its outcome if it ends before this step."""
         task = task_of(numbers, end_time)
         return {RUN: (run.after_turn(task, lane), run.outcome(task, lane))}
 
@@ -257,7 +257,6 @@ class _Outputs:
     structure: ConstantFolded
 
     def instant(self, numbers: PyTree, row: Snapshot, inside: Snapshot) -> Instant:
-        """Return the instant of the snapshot `row`."""
         # A quantity may evaluate the dense output at a fraction of the step: here that is the
         # fraction times the snapshot `inside`, so that it appears in the program.
         system = self.common.scheme.system(unpack(eqx.combine(numbers, self.structure)))
@@ -326,8 +325,7 @@ def row_digests(columns: Iterable[ArrayLike]) -> Int[np.ndarray, " n"]:
 def matching_lanes(
     stored: Int[np.ndarray, " s"], wanted: Int[np.ndarray, " n"]
 ) -> Int[np.ndarray, " s"]:
-    """Return for each stored digest the number of a wanted lane with the same digest, or -1. No
-    wanted lane is taken twice."""
+    """Return for each stored digest the number of a wanted lane that has it, or -1; none twice."""
     # Equal digests are usual: an axis may repeat a value.
     unmatched: defaultdict[int, deque[int]] = defaultdict(deque)
     for lane, wanted_digest in enumerate(wanted.tolist()):

@@ -66,7 +66,7 @@ def _settings(layout: Layout) -> dict[str, Part]:
 
 
 def _parts(layout: Layout) -> dict[str, Part]:
-    """Return a layout's units, labels and outlines of variables, by their names in messages."""
+    """Return a layout's units, labels and variables (see `_outline`), by the names in messages."""
     parts: dict[str, Part] = {f"unit of axis {axis.name}": axis.unit for axis in layout.axes}
     parts |= {f"coordinate {c.name}": c.values for c in layout.coordinates}
     parts |= {f"unit of coordinate {c.name}": c.unit for c in layout.coordinates}
@@ -144,7 +144,7 @@ def _programs(stored: Contents, wanted: Contents, without_run: bool) -> Iterator
 
 
 def _save_times(stored: Contents, wanted: Contents, matches: np.ndarray) -> Iterator[str]:
-    """A line for `differences` if lanes that are in both sweeps have different times to save at."""
+    """Yield a line if lanes of both sweeps save at other times; `matches`: as in `differences`."""
     old, new = stored.identity.lanes, wanted.identity.lanes
     # `matches` is -1 for lanes that the wanted sweep lacks, which are left out of the count.
     for name in (old.keys() & new.keys()) - {RUN}:
