@@ -165,11 +165,8 @@ class ProgramStore:
         return content
 
     def write(self, key: str, content: bytes) -> None:
-        """Write content under a key, so that other processes read either all of it or nothing. It
-        is not written to a folder to which other users may write.
-
-        **Raises:** `OSError` if it cannot be written.
-        """
+        """Write content under a key, so that other processes read either all of it or nothing; not
+        to a folder to which other users may write. Raise an `OSError` if it cannot be written."""
         self._folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         if not is_private(self._folder):
             return

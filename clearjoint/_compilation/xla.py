@@ -337,8 +337,8 @@ def seconds_of_compiling() -> float:
 
 
 def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Wrap a function so that the time that `seconds_of_compiling` returns begins when JAX traces
-    the function within the context `program_is_made_inside`. The time ends with this context."""
+    """Wrap a function for JAX to trace. `seconds_of_compiling` counts from the tracing, if it is
+    within the context `program_is_made_inside`, to the end of this context."""
 
     @wraps(function)
     def traced(*arguments: Arguments.args, **options: Arguments.kwargs) -> Result:

@@ -746,8 +746,8 @@ class _Stages:
         return depths, reached
 
     def contacts(self) -> dict[str, tuple]:
-        """Return dimensions and values of the variables `CONTACTS` by name, with which a stored
-        computation can be continued; none before the first run."""
+        """Return the variables `CONTACTS` of the store, as pairs of dimensions and values by name,
+        with which the computation can be continued; none before the first run."""
         if not self.wears:
             return {}
         histories = np.stack([wear.history for wear in self.wears])

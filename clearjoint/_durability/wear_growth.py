@@ -195,7 +195,7 @@ class JointWear(NamedTuple):
         return per_cycle
 
     def jacobian(self, depths: Float[np.ndarray, "2 samples"]) -> Float[np.ndarray, "m m"]:
-        """Return the derivatives of the depths per cycle by `depths`, as `_jacobian`. They are
+        """Return the derivatives of the wear per cycle by `depths`, flattened as in `_jacobian`;
         approximate: only one in `INSTANTS_PER_SAMPLE` of the instants in `history` is used."""
         selected = self.history[:, :, ::INSTANTS_PER_SAMPLE].copy()
         # The work, the last of `NUMBERS`, is that of the selected contacts and of those left out.

@@ -273,8 +273,7 @@ def _with_velocities(scene: Scene, state: State, t: Scalar) -> State:
 
 
 def require_assembled(names: tuple[str, ...], values: np.ndarray, rates: np.ndarray) -> None:
-    """Check that an initial state satisfies the constraints `names`: the values and rates of their
-    equations are at most `ACCEPTED_VIOLATION` in magnitude."""
+    """Check that constraints and their rates are violated by `ACCEPTED_VIOLATION` at most."""
     _require_satisfied(names, values, ACCEPTED_VIOLATION, "consistent", "positions")
     _require_satisfied(names, rates, ACCEPTED_VIOLATION, "consistent", "velocities")
 

@@ -182,8 +182,7 @@ def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
 
 
 def at_rest(bodies: Mapping[str, BodyState]) -> dict[str, BodyState]:
-    """Return the states of bodies with velocities and spins of zero, which are Python numbers, so
-    that compiled programs omit them."""
+    """Return the states with velocities and spins of Python zeros, which compiled programs omit."""
     return {n: replace(body, velocity=ZERO, spin=ZERO) for n, body in bodies.items()}
 
 

@@ -81,10 +81,9 @@ def bristle_energy(
 
 
 def mechanical_energy(scene: Scene, motions: Motions, t: Scalar) -> dict[str, Scalar]:
-    """Return the energies of a scene, J, by name: "kinetic", and as far as the scene has them
-    "gravity", "springs" and "contacts". "kinetic" includes the rotors of joints with an `armature`.
-    "gravity" is zero if all centres of mass are at the global origin, "springs" includes all force
-    elements, and "contacts" is the elastic energy of contacts."""
+    """Return the energies by name: "kinetic", with the rotors of joints with an `armature`;
+    "gravity", zero if all centres of mass are at the global origin; "springs", of all force
+    elements; and "contacts", the elastic energy of contacts."""
     energies: dict[str, Scalar] = {"kinetic": 0.0}
     for name, body in scene.bodies.items():
         motion = motions[name]

@@ -22,9 +22,9 @@ NO_MEMORIES: Memories = {}
 
 
 class HeldForce(AbstractForce):
-    """A sampled force between two instants, with its `memory`. `changes` has, for some instants,
-    the memory before and after, and a share s: s times the change of the wrenches is added to the
-    wrenches. Derivatives by s, itself zero, give the jump of the rates at the instant."""
+    """A sampled force between two instants, with its `memory`. An entry (before, after, s) of
+    `changes`, with the memories before and after an instant, adds s times the change of the
+    wrenches. Derivatives by s, at zero, give the jump of the rates at the instant."""
 
     force: AbstractSampledForce
     memory: dict[str, Scalar]
@@ -89,8 +89,7 @@ def initial_memories(
 def updated_memory(
     force: AbstractSampledForce, motions: Motions, name: str, memory: ForceMemory, t: Scalar
 ) -> ForceMemory:
-    """Return the result of the force's method `updated_memory`: the memory after the instant `name`
-    at the time t. The arguments are in the order in which `Kinds.evaluate` passes them."""
+    """Call the method `updated_memory`, with the arguments in the order of `Kinds.evaluate`."""
     return force.updated_memory(name, memory, motions, t)
 
 

@@ -83,9 +83,8 @@ COMPONENT, COMPONENTS = "component", ("x", "y", "z")
 
 
 class Labelled(NamedTuple):
-    """A variable of a dataset: names `dims` of its dimensions; `values`, with an axis for each of
-    them; `unit`, ``None`` if unknown; `description`, "" for none, which becomes the attribute
-    "long_name"; and further `attributes`."""
+    """A variable of a dataset: `values` with the dimensions `dims`; `unit`, ``None`` if unknown;
+    `description`, which becomes the attribute "long_name"; and further `attributes`."""
 
     dims: tuple[str, ...]
     values: ArrayLike

@@ -309,8 +309,8 @@ def _scenes_and_states(
 
 @Compiled
 def _cumulated(data: Samples, predicted: np.ndarray, smoothing: int) -> jax.Array:
-    """Return chi squared of n runs up to each of T times, (n, T), from predictions (n, S, T), NaN
-    where a run does not reach the time. Residuals are averaged over `smoothing` times."""
+    """Return chi squared of n runs up to each time, (n, T), from predictions (n, S, T) of S series,
+    NaN after a run's end. Each residual is replaced by the mean of the last `smoothing` ones."""
     # Clipped, so that no residual is larger than that of a sample that a run did not reach.
     residuals = jnp.clip(jax.vmap(data.residuals)(predicted), -UNREACHED, UNREACHED)
     # Means of successive residuals, by differences of their cumulative sum.

@@ -74,9 +74,8 @@ def chi_squared_exceeded(probability: float, degrees_of_freedom: int) -> float:
 
 
 def whiteness(residuals: Float[np.ndarray, " M"]) -> float:
-    """Return the p-value of the test for whiteness of residuals by G. Ljung and G. Box, *On a
-    measure of lack of fit in time series models* (1978), with the autocorrelations at the first 10
-    lags; NaN for M < 20, and if all residuals are zero."""
+    """Return the p-value of the Ljung-Box test (1978) for whiteness of residuals, with the first 10
+    autocorrelations; NaN for M < 20, and if all residuals are zero."""
     from scipy.special import chdtrc
 
     count = len(residuals)

@@ -118,8 +118,8 @@ def _if_any(
 
 
 class _DifferentArraysError(Exception):
-    """Raised if two branches return different arrays in memory in the place of one result, and the
-    second branch must not overwrite the array of the first, which is not `owned` (`InMemory`)."""
+    """Raised if two branches return the same result in different arrays in memory, and the array of
+    the first is not `owned` (`InMemory`), so that the second must not overwrite it."""
 
 
 def _branch(

@@ -154,8 +154,8 @@ class Operations:
     - `of_vectors`: by the index of a pure function, the index of the function that computes several
       of its calls at once (see `.alike_calls`).
     - `tangents`: number of tangents, 0 for none.
-    - `padded_tangents`: number of elements of a vector of tangents, and of its cells: `tangents`
-      rounded up to a power of two, as the processor's vectors. The last tangent fills it up.
+    - `padded_tangents`: number of elements, and of cells, of a vector of tangents: `tangents`
+      rounded up to a power of two. The further elements repeat the last tangent.
 
     **Arguments:** `width`: number of lanes; `calls_at_once`: number of calls that a function in
     `of_vectors` computes, 1 for no such functions. A program of several lanes can have neither

@@ -156,7 +156,7 @@ class Log(AbstractScale):
     @override
     def interval(self, coordinate: float, half: float, rising: bool) -> tuple[float, float]:
         """Return the values at ``coordinate - half`` and ``coordinate + half``, with zero as the
-        lower end if `half` is above 1. If it is above 9.8, for a standard deviation of 5, the value
+        lower end if `half` exceeds 1. If `half` exceeds 9.8 (a standard deviation of 5), the value
         v is about zero or, if `rising`, infinite. The data then depend about linearly on v or 1/v,
         and the interval is from 0 to v (1 + half), or from v / (1 + half) to infinity."""
         if half <= 1.0:

@@ -52,7 +52,7 @@ class AbstractSceneFamily(eqx.Module):
 
     @abc.abstractmethod
     def pairs(self, values: PyTree) -> list[tuple[Change, PyTree]]:
-        """Return the changes of `base`, each with its value at the parameters `values`."""
+        """Return the functions that change `base`, each with its argument at `values`."""
 
     def scene_and_state(self, values: PyTree) -> tuple[Scene, State]:
         """Return scene and initial state at parameters, with vectors as arrays (3,)."""

@@ -533,8 +533,8 @@ def _without(report: Identifiability, names: Collection[str]) -> Identifiability
 def _away_from_starts(
     report: Identifiability, undetermined: Collection[str], starts: Mapping[str, float], fit: Fit
 ) -> dict[str, tuple[float, float]]:
-    """Return the 95 % intervals, if they don't contain the start, of the `undetermined` parameters,
-    each as if all other undetermined parameters were known."""
+    """Return the 95 % intervals of those `undetermined` parameters whose interval does not contain
+    the start, each as if all other undetermined parameters were known."""
     away, widening = {}, dict(zip(fit.parameters, fit.widening.tolist(), strict=True))
     for name in undetermined:
         alone = _without(report, {*undetermined} - {name})

@@ -69,10 +69,10 @@ class Inertia:
         With r = 0, the carried bodies do not follow the carrier's angular acceleration about the
         joint's axis (see `.coordinates`), so that their inertia about this axis does not act on the
         carrier. Let M be the 6x6 matrix of this inertia, column the twist for a unit of the joint's
-        speed, axis the angular part of the column with a linear part of zero, and whole = M column.
-        The matrix P = 1 - column axis^T removes the rotation about the axis from a twist. The
-        result is P^T M P = M - axis whole^T - rest axis^T with rest = P^T whole. `momenta` returns
-        `wholes` and `rests`, one for each axis of the joint: all their terms are subtracted.
+        speed, axis this twist with a linear part of zero, and whole = M column. The matrix P = 1 -
+        column axis^T removes the rotation about the axis from a twist. The result is P^T M P = M -
+        axis whole^T - rest axis^T with rest = P^T whole. `momenta` returns `wholes` and `rests`,
+        one for each column: all their terms are subtracted.
         """
         angular, coupling = self.angular, self.coupling
         for column, whole, rest in zip(columns, wholes, rests, strict=True):

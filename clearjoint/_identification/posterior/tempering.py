@@ -99,7 +99,7 @@ class Cloud(NamedTuple):
         return Cloud(*(part[indices] for part in self))
 
     def replaced(self, mask: np.ndarray, others: "Cloud") -> "Cloud":
-        """Return a copy in which the points where `mask` is true are those of `others`."""
+        """Return a copy in which `others` replace, in order, the points where `mask` is true."""
         copy = Cloud(*map(np.copy, self))
         for part, new_rows in zip(copy, others, strict=True):
             part[mask] = new_rows

@@ -450,7 +450,7 @@ class ClearanceJoint(AbstractCentredJoint):
         """Return the penetration e - c, m, of a base with the eccentricity e, for the clearance c,
         as (e^2 - c^2)/(e + c). A direct difference would round differently at the two bases, which
         repeated impacts amplify to a misalignment. In e^2 - c^2, the term with the largest rounding
-        error, `common`, belongs to the journal's centre and is the same for both bases."""
+        error is that of the journal's centre, which is the same for both bases."""
         common = base.centre.dot(base.centre) - self.clearance * self.clearance
         difference = base.arm.dot(base.centre * 2.0 + base.arm)
         return (common + difference) / (eccentricity + self.clearance)

@@ -58,9 +58,8 @@ class AbstractFriction(AbstractConverting):
 
 
 class AbstractRegularisedFriction(AbstractFriction):
-    """Base class of Coulomb friction that is regularised at low speed. `coefficient` is mu, and
-    `regularisation_speed` v_d, m/s, 1e-3 by default. At a smaller speed v_d surfaces creep
-    less, but the equations of motion are stiffer."""
+    """Base class of Coulomb friction, `coefficient` mu, regularised at low speed. At a smaller
+    `regularisation_speed` v_d, surfaces creep less, but the equations of motion are stiffer."""
 
     coefficient: Single = quantity("1", positive=True, zero=True, remedy="give mu")
     regularisation_speed: Single = quantity(

@@ -113,7 +113,7 @@ def exceeded(limits: tuple[Limit, ...], quantity: str) -> list[str]:
 
 
 def caution_beyond(limits: tuple[Limit, ...], quantity: str) -> None:
-    """Issue a `LawRangeWarning` for each limit of a `quantity` whose value is outside its range."""
+    """Issue a `LawRangeWarning` for each of the limits on `quantity` that its value violates."""
     for sentence in exceeded(limits, quantity):
         caution(sentence, LawRangeWarning)
 

@@ -100,9 +100,8 @@ class AbstractElement(AbstractConverting):
         return tuple((point, getattr(self, body), getattr(self, point)) for point, body in fields)
 
     def draw(self, pen: AbstractPen) -> None:
-        """Draw the element with a pen; by default a marker at each point of `attachments`. A first
-        guess of a state, as `load` and `view` make it, places bodies such that the two points at
-        which a joint is drawn coincide."""
+        """Draw the element with a pen; by default a marker at each point of `attachments`. Where
+        `load` or `view` guesses a state, the two markers of a symbol such as a pin coincide."""
         for _, body, point in self.attachments():
             pen.mark(Marker(body, point))
 
@@ -351,9 +350,8 @@ class AbstractContactJoint(AbstractElement):
         return {}
 
     def law_limits(self, name: str, depth: Scalar) -> tuple[Limit, ...]:
-        """Return the limits of validity of a contact's law at a penetration, m; none by default.
-        `name` is the contact's label. After a run that has recorded impacts, the limits are checked
-        at the largest penetration."""
+        """Return the limits of validity of the law of contact `name` at a penetration, m; none by
+        default. After a run with recorded impacts, they are checked at the largest penetration."""
         return ()
 
     def slid_out(self, motions: Motions) -> Scalar | None:

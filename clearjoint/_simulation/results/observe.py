@@ -111,8 +111,7 @@ class Load(eqx.Module):
 
 class AccelerationSeries(eqx.Module):
     """Acceleration of a body at N times: `linear`, (N, 3) m/s^2, of the centre of mass, in global
-    axes, and `angular`, (N, 3) rad/s^2, the time derivative of the angular velocity, in body axes.
-    """
+    axes, and `angular`, (N, 3) rad/s^2, the time derivative of the spin, in body axes."""
 
     linear: Vectors = described("m/s^2", "of the centre of mass, global")
     angular: Vectors = described("rad/s^2", "of the body, body axes")

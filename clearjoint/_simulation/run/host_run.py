@@ -80,8 +80,7 @@ def begin(
     first_step: Scalar,
     recorders: Recorders,
 ) -> tuple[Step, Records, Status]:
-    """Return step, records and status of a run before its first step, from an initial `state` whose
-    vectors are arrays. `t0`, `t_end`: start and end; `first_step`: length of the first step, s."""
+    """Return a run before its first step. `state` has vectors as arrays, `first_step` is in s."""
     method, system = scheme.method, scheme.system(unpack(folded_scene))
     step = begin_run(method, system, state, t0, t_end, first_step)
     now = without_weak_types(RunLoop(method, system, t_end, recorders).start(step))

@@ -181,7 +181,7 @@ class Requested:
         }
 
     def recorded(self, records: Records, origin: float = 0.0) -> dict[str, Table]:
-        """Return by name of the output the tables in the records of a run. `origin`, s, is the
+        """Return the tables in the records of a run, by name of the output. `origin`, s, is the
         scene's time from which the run counts its times."""
         found: dict[str, Table] = {}
         # Crossings are recorded with times of the scene, so the origin is not added to them.

@@ -36,7 +36,6 @@ class RowBuffer(eqx.Module, Generic[R]):
 
     @staticmethod
     def like(row: R, capacity: int) -> "RowBuffer[R]":
-        """Return an empty buffer with room for `capacity` rows like `row`."""
         # Rows for which there is no room are written to one further row: JAX moves an index that
         # is too large to the last one.
         rows = jax.tree.map(lambda leaf: jnp.zeros((capacity + 1, *jnp.shape(leaf))), row)

@@ -292,9 +292,7 @@ class _Starts:
         """Return the names of the redundant constraints of a start that passes all checks. Return
         ``None`` if a condition of `_passes` fails, if redundancy is uncertain, or without a native
         program: the caller must then check in Python. `arguments`: the result of `flat_start`.
-
-        **Raises:** `ValueError` for numbers that the scene can't have.
-        """
+        Raise a `ValueError` for numbers that the scene can't have."""
         scene, unfolded = arguments.arguments[0], arguments.parts[0]
         # The program takes the scene's exact zeros and ones as constants.
         arguments = FlatArguments.joined((flattened(folded(unfolded)), *arguments.parts[1:]))

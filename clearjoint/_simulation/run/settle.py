@@ -200,8 +200,8 @@ def strobe_of(states: State, phases: int) -> Strobe:
 
 
 def stillness(states: State, last: int) -> float:
-    """Return the largest range of a component over the `last` states of a motion, divided by the
-    result of `ranges` over all states for the component's array, such as that of velocities."""
+    """Return how much a motion still varies: the largest range of a component over the `last`
+    states, divided by the result of `ranges` for its array, such as velocities, for all states."""
     parts = columns(states)
     sizes = ranges(parts)
     return max(

@@ -68,8 +68,8 @@ class FromOnset(AbstractTimeMap):
 
 
 class WithinContact(AbstractTimeMap):
-    """Time map of runs with derivatives: during a contact, x is linear in the square root of the
-    time since the contact's onset, or of the time until its end.
+    """Time map of runs with derivatives: during a contact, the fraction x is linear in the square
+    root of the time since the contact's onset, or of the time until its end.
 
     **Arguments:** `length`: of the step, s; `start`, `end`: the square root at the start and end of
     the step, s^0.5. In flight, or if onset and end are unknown, both are 1: time is uniform.
