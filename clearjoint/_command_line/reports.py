@@ -230,7 +230,7 @@ def write_wear_report(folder: Path, dataset: xr.Dataset) -> None:
 
 
 def write_page(folder: Path, *parts: str) -> None:
-    """Write a folder's page, with more `parts` in HTML. The page loads nothing from a network."""
+    """Write a folder's page, with `parts`, in HTML, below its figures. It needs no network."""
     summary = folders.read_summary(folder)
     title = escape(str(summary.pop("title")))
 

@@ -60,8 +60,8 @@ class RunPart:
     - `start`, `end`: first and last time, s. Without `end`, the command line must give it.
     - `save_every`: time between two saved states, s; by default a thousandth of the duration.
     - `preset`: name of settings in `clearjoint.presets`; `settings`: entries that replace some.
-    - `outputs`: quantities, evaluated at the saved states, or reductions, sections and tables. The
-      extremes of forces and accelerations between saved states are found too.
+    - `outputs`: quantities, evaluated at the saved states, or reductions, sections and tables. For
+      each force or acceleration, the largest and smallest value in the whole run are results too.
     - `sections`: further outputs that are sections, as in files of earlier versions.
     """
 

@@ -297,8 +297,8 @@ class Traced(NamedTuple):
 
 
 def program_of(function: Callable[..., PyTree], *arguments: PyTree) -> Traced:
-    """Trace a function for given arguments. Operations that are a single equation in JAX 0.12 until
-    it lowers the jaxpr, such as `jax.numpy.searchsorted`, are expanded."""
+    """Trace a function for given arguments. Operations that JAX 0.12 keeps as one equation until
+    lowering, such as `jax.numpy.searchsorted`, are expanded."""
     with _one_program() as context:
         program, shapes = jax.make_jaxpr(function, return_shape=True)(*arguments)
     if hasattr(partial_eval, "lower_jaxpr2"):  # JAX 0.11 and later have this function.

@@ -222,9 +222,8 @@ def updated_entry_speeds(
     second_rates: ByLabel[Scalar],
 ) -> EntrySpeeds:
     """Return the entry speeds after an accepted step, from the gaps `before` and `after` it. A
-    contact that began in the step gets its penetration rate at the onset, an open contact gets
-    zero, and any other contact keeps its entry speed in `entry_speeds`. `second_rates`: second time
-    derivatives of the depths after the step, m/s^2."""
+    contact that began in the step gets its penetration rate at the onset, an open one gets zero,
+    and others keep theirs. `second_rates`: of the depths after the step, m/s^2."""
 
     def update(name: str, label: str) -> Scalar:
         end = after[name][label]

@@ -242,10 +242,9 @@ def warn_of_journals_outside(
 def slid_out(
     joints: Mapping[str, AbstractContactJoint], bodies: Mapping[str, BodyState]
 ) -> dict[str, np.ndarray]:
-    """Return the axial distance, (N,) m, from the end of each bearing to the journal beyond this
-    end, by name of joint, in N states of each body; joints whose journal cannot slide out are left
-    out. Bearings are assumed to be as long as their journals; the distance is negative while a
-    journal is partly in its bearing."""
+    """Return the axial distance, (N,) m, from the end of each bearing to the journal beyond it, by
+    name of joint, in N states; negative while the journal is partly inside. Bearings are assumed to
+    be as long as their journals. Joints whose journal cannot slide out are left out."""
     # NumPy is used so that nothing is compiled.
     in_scalars = unpack(jax.tree.map(np.asarray, dict(bodies)), leading=1)
     return {name: np.asarray(excess) for name, excess in _excesses(joints, in_scalars).items()}

@@ -76,8 +76,7 @@ class _Plan:
         self.entries = [(i, j) for i, j in places if i == j or i in neighbours[j]]
 
     def rows(self, group: int, block: int) -> list[int]:
-        """Return the indices of the rows of the stored block with the index `block`, whose rows are
-        those of `group` and padding, without the padding. Rows are counted over all blocks."""
+        """Return the indices, counted over all blocks, of the rows of `group` in a `block`."""
         return [SIZE * block + row for row in range(self.sizes[group])]
 
     def factorisation(self) -> list[_Step]:

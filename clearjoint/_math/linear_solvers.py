@@ -133,9 +133,7 @@ class AbstractMatrix(abc.ABC):
     def solving(self, shift: Scalar = 0.0, sweeps: int = 1) -> Solve:
         """Return the function that solves S x = b. From x = 0, the function computes the iteration
         x <- x + (S + `shift` I)^-1 (b - S x) `sweeps` times. If `shift` is zero, once suffices.
-
-        S + `shift` I must be positive definite, and is factorised once.
-        """
+        S + `shift` I must be positive definite, and is factorised once."""
 
 
 class ScalarMatrix(AbstractMatrix):

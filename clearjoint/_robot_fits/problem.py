@@ -281,7 +281,7 @@ def backlash_name(joint: str) -> str:
 
 
 def motor_of(robot: Robot, joint: str) -> str:
-    """Return the name of the motor's joint: `joint` itself if motor and link turn as one."""
+    """Return the name of the motor's joint: "elbow motor", or `joint` without a separate rotor."""
     return robot._motors().get(joint, joint)
 
 

@@ -44,7 +44,6 @@ class Expectation:
     - `is_text`, `is_flag`: whether any text is allowed; whether true and false are.
     - `by_name`: expectation for the entries of a table whose keys are names, such as `bodies`.
     - `item`: expectation for the entries of a list.
-
     """
 
     unit: str | None = None

@@ -214,8 +214,7 @@ def ensemble(
       with one number in each run, such as `Peak`, and of quantities at each time of `save`.
     - `axes`: `Axis` by name; the points are all combinations of the values, by default only the
       scene and state as they are.
-    - `draws`: number of runs at each point, 2 or more. More draws of the same seed
-      extend a stored ensemble.
+    - `draws`: runs at each point, 2 or more. More draws of the same seed extend a stored ensemble.
     - `disturbance`: m/s, root mean square speed that is added to the bodies; a spin counts by the
       speed at its body's radius of gyration.
     - `seed`: of the random directions. All points share the directions.
@@ -233,7 +232,7 @@ def ensemble(
       is NaN for a level too near 0 or 1 for the number of draws: for 0.05 with fewer than 19, for
       0.01 with fewer than 99.
 
-    Sample times that are a function of the scene are ``saved_time``, along "saved_number".
+    If `save` is a function of the scene, its times are ``saved_time``, along "saved_number".
     ``failed`` counts failed runs, which the statistics leave out. These are NaN where all runs
     failed; so are ``force_deviation`` and all standard errors where only one run succeeded.
 

@@ -127,9 +127,9 @@ def _groups(p: int, draws: int, seed: int) -> np.ndarray:
 
 
 def _indices(groups: np.ndarray, confidence: float) -> dict[str, np.ndarray]:
-    """Return the first-order and total indices of an output, and the ends of their intervals, (p,)
-    by name, from the values `groups` of the output in each run, (n, p + 2), in the order of
-    `_groups`. Groups with a value that is not finite are left out."""
+    """Return the first-order and total indices of an output, and the ends of their confidence
+    intervals, (p,) by name. `groups`: (n, p + 2), the output's values, a row for each group of runs
+    from `_groups`. Groups with a value that is not finite are left out."""
     from scipy.special import stdtrit
 
     usable = np.isfinite(groups).all(axis=1)

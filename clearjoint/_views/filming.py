@@ -137,10 +137,10 @@ class Film:
 def _covered(
     corners: Float[np.ndarray, "F 3 2"], values: Float[np.ndarray, "F 3"], width: int, height: int
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Yield the points that each triangle covers in a grid of `width` by `height` points, for a
-    group of triangles at a time: indices of the points, (M,), counted row by row; indices of their
-    triangles, (M,); and values at the points, (M,), interpolated linearly between the `values` at
-    the `corners`, which are counter-clockwise: x and y from the grid's lower left, in spacings."""
+    """Yield, in groups, the points that each triangle covers in a grid of `width` by `height`
+    points: indices of the points, (M,), counted row by row; indices of their triangles, (M,); and
+    values, (M,), interpolated linearly between the `values` at the `corners`. Corners are x and y
+    in spacings of the grid, whose first point is at (0.5, 0.5)."""
     a, b, c = (corners[:, j] for j in range(3))
     # Point (i, k) of the grid is at x = i + 0.5, y = k + 0.5. A line is the part of a row of points
     # inside a triangle; lines are numbered triangle by triangle.

@@ -166,8 +166,7 @@ def bifurcation(
 
     - `section`, `channel`: names of the `Section` and of its recorded quantity to draw. An output
       "a_b" without a section, sampled once a period, is drawn for the names "a" and "b".
-    - `number`: whether colours show the numbers of the crossings, from 1 on; this helps for a
-      motion that decays, whose crossings depend on the time.
+    - `number`: whether colours show the crossings' numbers, from 1 on; useful if the motion decays.
 
     >>> drawn = plot.bifurcation(found, "turns", "x")
     """

@@ -352,8 +352,8 @@ def scale_axes(axes: Axes, x: np.ndarray, y: np.ndarray, swept: str = "x") -> No
 
 
 def tick_logarithm(axis: Axis, values: np.ndarray) -> None:
-    """Set ticks of a logarithmic axis for positive values: at equal differences if the largest is
-    up to 5 times the smallest; at 1, 2, 5 times powers of 10 below 500 times; else matplotlib's."""
+    """Set ticks of a logarithmic axis by the ratio of the largest to the smallest of its positive
+    `values`: equal differences up to 5; 1, 2, 5 times powers of 10 below 500; else matplotlib's."""
     finite = values[np.isfinite(values)]
     if finite.max() < 500.0 * finite.min():
         few = finite.max() <= 5.0 * finite.min()

@@ -101,8 +101,7 @@ class AbstractCylinder(AbstractMaterialPair, AbstractElasticity):
 
     def _parts(self, gap: Gap) -> tuple[Scalar, Scalar, Scalar]:
         """Return the depth at which to evaluate the formula, m, at most 0.99 of the `deepest`; and
-        the force, N/m, and the energy, J/m, that the force's tangent line adds beyond this limit.
-        """
+        the force, N/m, and energy, J/m, that the force's tangent line adds beyond this limit."""
         # Without contact the formulas are evaluated too; a positive depth keeps derivatives finite.
         depth = jnp.where(gap.depth > 0.0, gap.depth, 1e-6)
         deepest = self.deepest(gap)

@@ -431,9 +431,8 @@ def require_round_law(law: object) -> None:
 
 
 def contact_normal_force(law: AbstractContactLaw, gap: Gap, entry_speed: Scalar | None) -> Scalar:
-    """Return the normal force of a contact, N. `entry_speed` is in m/s. A value of 0 stands for an
-    onset just now: the current rate replaces it. ``None`` is for a law that doesn't use the entry
-    speed.
+    """Return the normal force of a contact, N. `entry_speed`: m/s; 0 stands for an onset just now:
+    the current rate replaces it. ``None`` is for a law that doesn't use the entry speed.
 
     >>> law, gap = cj.laws.HuntCrossley(0.8, 1e9), extend.Gap(depth=1e-4, rate=0.1)
     >>> print(f"{extend.contact_normal_force(law, gap, entry_speed=0.1):.1f} N")  # 1000 (1 + 0.3)

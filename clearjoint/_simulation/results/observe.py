@@ -75,12 +75,11 @@ class ContactObservation(eqx.Module):
 
     - `penetration`: (N,) m, depth of overlap, negative where the surfaces are apart (eq. 13).
     - `penetration_rate`: (N,) m/s, positive while the surfaces approach (eq. 21).
-    - `eccentricity`: (N,) m, distance of the base's centre from the bearing's axis (eq. 11). For a
-      contact at a point of the journal between its bases, it is the distance of the point of the
-      journal's axis that belongs to this contact. ``None`` for all other contacts.
-    - `offset`: (N, 3) m, vector from the bearing's centre to this point of the journal's axis, the
-      centre of a base or a point between the bases, in the frame of the bearing: two components
-      across the bearing's axis, then the one along it. ``None`` if `eccentricity` is ``None``.
+    - `eccentricity`: (N,) m, distance from the bearing's axis to a point of the journal's axis: the
+      base's centre (eq. 11) or, for a contact between the bases, the corresponding point between
+      their centres. ``None`` for all other contacts.
+    - `offset`: (N, 3) m, vector from the bearing's centre to this point, in the bearing's frame:
+      two components across its axis, then the one along it. ``None`` without an `eccentricity`.
     - `normal_force`: (N,) N, magnitude.
     - `friction_force`: (N, 3) N, on the journal, in global axes; ``None`` without a friction law.
     - `normal`: (N, 3), unit vector in global axes, the direction in which the second body

@@ -165,9 +165,8 @@ class Section:
       For an angle other than zero, take a sine, which has no jump at half a revolution:
       ``lambda now: jnp.sin(angle(now) - 0.5)``.
     - `channels`: the quantities to evaluate at each crossing, by name; for a function without an
-      attribute `unit`, a pair (function, unit).
-      The names become those of arrays in results and files. At the onset or end of a contact,
-      forces are those just after it, and the entry speed is that of the contact.
+      attribute `unit`, a pair (function, unit). The names become those of arrays in results. At the
+      onset or end of a contact, forces are those just after it; the entry speed is the contact's.
     - `count`: largest number of crossings; later ones are not recorded.
     - `after`: s, time of the scene (not since the start of the run) before which crossings are
       ignored, to leave out a transient; by default none are.
@@ -229,7 +228,7 @@ class Section:
 
     @property
     def state_recorder(self) -> SectionRecorder:
-        """The recorder of states at crossings, for lanes, which empty the buffer during the run."""
+        """The recorder of states at crossings, for lanes. Its rows are read out during the run."""
         return SectionRecorder(self.crossing, self._earliest, None, ROWS)
 
     def check(self, scene: Scene) -> None:

@@ -64,9 +64,7 @@ def free_impact(
 
     **Arguments:**
 
-    - `law`: the contact law.
-    - `mass`: kg.
-    - `entry_speed`: m/s, speed of the mass towards the wall when the contact begins.
+    - `mass`: kg. `entry_speed`: m/s, speed of the mass towards the wall when the contact begins.
     - `bearing_radius`, `clearance`: m, radius of the bearing and radial clearance, if the law's
       stiffness depends on them.
 

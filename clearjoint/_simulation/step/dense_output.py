@@ -136,7 +136,7 @@ class Snapshot(eqx.Module):
 
 class DenseStep(eqx.Module):
     """The latest accepted step of a run, with the contact `gaps` at its end, the `stages` of its
-    `DenseOutput`, and its `time_map`, ``None`` if the tableau's nodes are fractions of its time."""
+    `DenseOutput`, and its `time_map`; with ``None``, time is uniform in the step."""
 
     start: Snapshot
     end: Snapshot

@@ -135,8 +135,7 @@ class DenseOutput(eqx.Module):
     loop again at each of its uses after the loop. One derivative of one acceleration of the double
     pendulum had 59 MB of LLVM text and never compiled; without reductions it has 11 MB.
 
-    **Arguments:** `stages`: for each stage, the rates, per s, multiplied by the slope of the time
-    map if the step has one.
+    **Arguments:** `stages`: the rates in each stage, times the slope of any `AbstractTimeMap`.
     """
 
     method: diffrax.AbstractERK

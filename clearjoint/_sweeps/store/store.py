@@ -38,7 +38,7 @@ of lanes in a chunk, or an array of labels."""
 
 def differences(stored: Contents, wanted: Contents, matches: np.ndarray) -> list[str]:
     """Return a line of text for each reason why the results of the wanted sweep can't be added to
-    the store; none if they can. `matches` has the result of `matching_lanes` for the stored rows.
+    the store; none if they can. `matches`: the wanted lane of each stored row, or -1 for none.
 
     Variables and labels that only the wanted sweep has are no reason, because the store can be
     extended by them. Different notes (see `Layout`) are no reason either, but are listed after the
