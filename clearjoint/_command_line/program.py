@@ -322,7 +322,7 @@ def _compute(
 
 
 def _end(result: CommandResult, folder: Path) -> NoReturn:
-    """Write the page of the results in a folder, print their line, and exit with their code."""
+    """Write the page of results in a folder, print the line of `result`, and exit with its code."""
     from .folders import PAGE
     from .reports import write_report
 

@@ -258,7 +258,7 @@ several calls compute is computed once."""
 
 
 def are_many(calls: int) -> bool:
-    """Return whether a function with this number of calls is shared."""
+    """Return whether so many calls of a function are to share one jaxpr (see `FEWEST`)."""
     return calls >= FEWEST
 
 

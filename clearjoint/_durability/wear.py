@@ -413,10 +413,8 @@ class CycleRun:
         self, scene: Scene, state: State, depths: Float[np.ndarray, "joints 2 samples"]
     ) -> "_Measured":
         """Run a stage from `state`; return the wear per cycle, its derivatives and the final state.
-
-        If the run failed, the wear is zero; if the run of the derivatives failed, these are zero.
-        `failure` of the result then says why. `depths`: m, that the joints in `scene` have lost.
-        """
+        If the run failed, the wear is zero; if that of the derivatives failed, these are zero; the
+        result's `failure` says why. `depths`: m, that the joints in `scene` have lost."""
         # The measured cycles begin after those in which the motion settles.
         begin = self.start_time + self.settle * self.cycle
         middle, end = (begin + part * self.measured * self.cycle for part in (0.5, 1.0))
@@ -719,10 +717,8 @@ class _Stages:
 
     def _grown(self, length: float, end: list[JointWear] | None = None) -> tuple[np.ndarray, float]:
         """Return the depths after `length` cycles from the last stage in `rates` on, and the number
-        of cycles, which is smaller if the depths reach the goal `depth` of `wear` before.
-
-        With `end`, the wear of each joint in a run after these cycles, return the corrected depths.
-        """
+        of cycles, which is smaller if the depths reach the goal `run.depth` before. With `end`, the
+        wear of each joint in a run after these cycles, return the corrected depths."""
         run, stage = self.run, len(self.rates) - 1
         rows, per_cycle, pressed = self.depths[stage], self.rates[stage], self._pressed()
         rtol = INTEGRATION * run.stage_error

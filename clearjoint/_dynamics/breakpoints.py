@@ -72,9 +72,8 @@ def has_breakpoints(scene: Scene) -> bool:
 
 
 def next_breakpoint(system: System, t: Scalar) -> Scalar | None:
-    """Return the first breakpoint or instant of a sampled force that is after t by more than
-    rounding errors, s since the system's origin like t; infinity if none is left, and ``None`` if
-    no element has any."""
+    """Return the first breakpoint or sampled force's instant after t by more than rounding errors,
+    s since the origin like t; infinity if none is left, ``None`` if no element has any."""
     t = system.scene_time(t)
     soonest = _extreme(system, t, lambda at: at, after=True)
     forces = sampled_forces(system.scene).values()

@@ -66,9 +66,8 @@ class Dynamics:
 
 
 def applied_wrenches(scene: Scene, motions: Motions, forces: LoadedContacts, t: Scalar) -> Wrenches:
-    """Return the wrench of force elements, films and contacts on each body. Gravity is not
-    included, because the coordinates add it as an acceleration. A joint without an entry in
-    `forces` has no contact forces."""
+    """Return the wrench of force elements, films and contacts on each body; coordinates add gravity
+    as an acceleration. A joint without an entry in `forces` has no contact forces."""
     wrenches = dict.fromkeys(scene.bodies, NO_WRENCH)
 
     def apply(by_body: Iterable[tuple[str, Wrench]]) -> None:

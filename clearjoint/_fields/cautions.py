@@ -101,8 +101,7 @@ def warns() -> bool:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Suppress the warnings of `caution` within the context: about numbers that the user knows, or
-    that are unusual on purpose."""
+    """Suppress the warnings of `caution` within the context."""
     token = _QUIET.set(True)
     try:
         yield

@@ -340,7 +340,7 @@ def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
 def _image(
     blocks: jax.Array, block: jax.Array, transposed: jax.Array, parts: jax.Array, source: jax.Array
 ) -> jax.Array:
-    """Return the block of index `block`, transposed if `transposed` is 1, times part `source`."""
+    """Return block `block`, transposed if `transposed` is 1, times part `source` of `parts`."""
     matrix = _block(blocks, block)
     return jnp.where(transposed > 0, matrix.T, matrix) @ _row(parts, source)
 

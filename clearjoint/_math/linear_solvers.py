@@ -165,8 +165,7 @@ class ScalarMatrix(AbstractMatrix):
 
 
 class AbstractSolver(abc.ABC):
-    """Base class of solvers for S x = b, where S = D M^-1 D^T is made of the Jacobian D of
-    constraints and a mass matrix M."""
+    """Base class of solvers of S x = b, S = D M^-1 D^T: constraint Jacobian D, mass matrix M."""
 
     def significant(self, row: Sequence[Scalar]) -> list[Scalar]:
         """Return a row of D, with zeros in place of entries that are rounding errors."""

@@ -304,7 +304,7 @@ def _scatter(
 
 
 def _combination(lower: Lowering, equation: Equation, name: str) -> Callable[[Value, Value], Value]:
-    """Return the function (old element, update) -> new element; `name` is that of `_scatter`."""
+    """Return (old element, update) -> new element, by the primitive `name` unless that is ""."""
     if name:
         return lower.operation(name, aval_of(equation.invars[0]))
     # "scatter" has a jaxpr that returns the update or, for `x.at[k].apply`, a function of the

@@ -658,11 +658,9 @@ class Lowering:
         self, repeated: RepeatedCall, closed: core.ClosedJaxpr, arguments: list[Array]
     ) -> list[Array]:
         """Add a call of the function for the jaxpr `closed`, and with the first call the function
-        itself; return the results of the call.
-
-        Functions keep programs short, since LLVM's time for a block grows faster than its length:
-        each Runge-Kutta stage computes the rates by the same large jaxpr.
-        """
+        itself; return the results of the call. Functions keep programs short, since LLVM's time for
+        a block grows faster than its length: each Runge-Kutta stage computes the rates by the same
+        large jaxpr."""
         # Arguments that are the same in all calls are used directly; the others are passed.
         ops, pairs = self.ops, list(zip(arguments, repeated.shared, strict=True))
         varied = [array for array, shared in pairs if not shared]

@@ -431,8 +431,8 @@ def _other_side(robot: Robot, log: RobotLog, name: str) -> str | None:
 
 
 def _begins_at_rest(samples: Logged, is_angle: bool) -> bool:
-    """Return whether a joint starts at rest: whether noise explains the slope of a line through its
-    first `REST` samples (see `SLOPE`). False if the noise is unknown."""
+    """Return whether noise explains the slope of a line through a joint's first `REST` samples (see
+    `SLOPE`); false for unknown noise. Of angles (`is_angle`), jumps by a revolution are removed."""
     if samples.noise is None:
         return False
     times, values = samples.times[:REST], continuous(samples, is_angle)[:REST]

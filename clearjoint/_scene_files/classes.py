@@ -119,8 +119,8 @@ def family_names(families: tuple[type, ...]) -> str:
 def find_maker(
     name: object, families: tuple[type, ...], classes: Classes, location: FileLocation
 ) -> Maker:
-    """Return the class or static method with the `name` that a file has at `location`; it makes
-    objects of one of the classes `families`. Raise a `ValueError` if `makers` has no such name.
+    """Return the class or static method with the `name` that a file has at `location`, which makes
+    an object of one of the classes `families`. Raise a `ValueError` unless `makers` has this name.
 
     A script saves its own class as "__main__:Class". Such a name means a class "Class" of this
     package or else of `classes`, whatever its module.

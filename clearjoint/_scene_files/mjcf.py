@@ -316,7 +316,7 @@ def _actuators(model: Model) -> tuple[dict[str, robots.Actuator], list[str]]:
 
 def _resisted(model: Model) -> list[str]:
     """Return the names of the balls and free joints that have limits, springs, damping, friction or
-    armature in the file; a robot has these of hinges and sliders only."""
+    armature in the file, which a `Robot` has for hinges and sliders only."""
     resisting = model.dof_damping + model.dof_frictionloss + model.dof_armature
     names = []
     for j in range(model.njnt):

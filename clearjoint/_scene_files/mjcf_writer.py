@@ -84,13 +84,13 @@ Control: TypeAlias = Callable[[jax.Array], jax.Array]
 
 
 class FileJoint(NamedTuple):
-    """A joint or fixed tendon of the file, with its XML `element`. It stands for a joint of the
-    scene, or a force, driver or joint of the scene acts on it.
+    """A joint or fixed tendon of the file, with its XML `element`: the counterpart of a joint of
+    the scene, or that on which an element of the scene acts.
 
-    `sign` is 1 if the coordinate of the joint for which it stands, or the position of what acts on
-    it, grows with the position in the file, else -1. The other fields are for the pose of the file:
-    `axis`, (3,) in global axes, of the file's joint or of what acts on it; `position` in the file,
-    rad or m; and `start`, the joint coordinate, ``None`` for a tendon or a free joint.
+    `sign` is 1 if the coordinate of that joint, or the position of that element, grows with the
+    position in the file, else -1. The other fields are for the pose of the file: `axis`, (3,) in
+    global axes, of the file's joint or of the element; `position` in the file, rad or m; and
+    `start`, the coordinate of the scene's joint, ``None`` for a tendon or a free joint.
     """
 
     element: Element
@@ -657,7 +657,7 @@ def _with_ideal_joints(scene: Scene) -> tuple[Scene, list[str]]:
 
 def _places(scene: Scene) -> list[trees.Place]:
     """Return the places of a scene's bodies in trees of joints, parents first, and bodies of the
-    same depth in the order of the scene, since JAX sorts names."""
+    same depth in the order of the scene, not by name, as JAX has sorted them."""
     places = trees.topology(unpack(scene)).places
     depths = {GROUND: 0}
     for body, place in places.items():

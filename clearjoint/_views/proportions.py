@@ -155,9 +155,8 @@ def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
 
 
 def _up(scene: Scene, front: np.ndarray, planar: bool) -> np.ndarray:
-    """Return the upward unit vector: against gravity, or else Y, Z or X. In a planar mechanism,
-    directions within 60 degrees of the line of sight, `front`, don't point upwards in the picture.
-    """
+    """Return the upward unit vector: against gravity, or else Y, Z or X. In a planar mechanism, a
+    direction within 60 degrees of the line of sight, `front`, does not count as upward."""
     against = np.zeros(3) if scene.gravity is None else -np.asarray(scene.gravity, dtype=float)
     x, y, z = np.eye(3)
     for candidate in (against, y, z):

@@ -29,8 +29,7 @@ def contact(observation: Observation, joint: str, label: str) -> ContactObservat
 
 
 def spans(mask: np.ndarray) -> np.ndarray:
-    """Return a row (start, stop) of indices, (M, 2), for each of the M intervals in which a mask
-    (N,) is true; `stop` is the index after the last true entry."""
+    """Return (start, stop), (M, 2), of the M intervals where a mask is true; `stop` is excluded."""
     # The padded mask changes at both ends of each interval, also of one at an end of the mask:
     # starts and stops alternate.
     return np.flatnonzero(np.diff(np.pad(mask, 1).astype(int))).reshape(-1, 2)

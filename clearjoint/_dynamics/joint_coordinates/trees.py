@@ -333,7 +333,7 @@ def forest(scene: Scene) -> list[list[TreeBranch]]:
     Ideal joints that would close a loop, and constraints without a `motion_subspace`, such as
     drivers, belong to no tree. Bodies are visited breadth first, so that chains are short. Of
     connected bodies without a joint to the ground, one becomes a free root, preferably one with an
-    `Anchor`, which preserves digits of its position.
+    `Anchor`, relative to which the body's position keeps more digits.
     """
     points = anchors(scene)
     return [[_branch(scene, points, *place) for place in tree] for tree in topology(scene).trees]

@@ -40,8 +40,8 @@ DRIVER_TOLERANCE = 1e-5
 
 class RigidRun(eqx.Module):
     """A run between two steps. `touching`: whether each contact had an impulse in the last step;
-    `totals`: numbers of each contact since the start of the run; `residual`: largest relative
-    residual of the contact problems; `steps`: number of steps; both without a step that failed."""
+    `totals`: sums and maxima of each contact since the start; `residual`: largest relative residual
+    of the contact problems, and `steps`: number of steps, both without a step that failed."""
 
     t: Scalar
     variables: MotionVariables
@@ -281,7 +281,7 @@ def simulate_nonsmooth(
     a `Servo`, and if JAX computes in 32 bits; `SimulationError` for a run that fails: the contact
     problem of a step is not solved, a penetration exceeds the bearing's clearance or the depth at
     which `simulate` would end, a driver has an undeclared kink or jump inside a step, an ideal
-    joint's error exceeds 1e-3 m or rad, or the smallest clearance, or the state is not finite.
+    joint's error exceeds the smallest clearance or 1e-3 m or rad, or the state is not finite.
 
     **Warns:** `LeftBearingWarning` if a journal without axial support has left its bearing in a
     saved state or at the end; `UnusualValueWarning` for a journal that starts deep in the wall.

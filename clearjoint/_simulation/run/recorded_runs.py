@@ -566,9 +566,9 @@ class _PulledLane:
     first: int
 
     def next_steps(self, left: int, room: int) -> tuple[PulledSteps, int]:
-        """Return up to `LANE_ROWS` steps to pull back through next, and their number: the `left`
-        steps of the previous call that are not done yet, and the steps before them. `room`: upper
-        bound on the number of those among them in which outputs are evaluated."""
+        """Return the steps to pull back through next, and their number, at most `LANE_ROWS`: the
+        `left` steps that remain of the previous call, and steps before them. `room`: largest number
+        of these steps that have cotangents of outputs."""
         last = self.first + left
         self.first = max(0, last - LANE_ROWS)
         rows = np.zeros((LANE_ROWS, self.rows.shape[1]))

@@ -188,9 +188,9 @@ class Identity(NamedTuple):
 
 def programs(common: Common, state: State) -> dict[str, str]:
     """Return digests of the program of the run, by the key `RUN`, and of the programs that compute
-    the variables of the outputs, by name of the variable. As each variable has a digest of its own,
-    an output can be added to a store without making the stored lanes invalid. `state`: an example
-    of the lanes' initial states."""
+    the results, by name of their variable in the dataset. As each variable has its own digest, an
+    output can be added to a store without making the stored lanes invalid. `state`: an example of
+    the lanes' initial states."""
     numbers, structure = eqx.partition(common.folded_scene, eqx.is_array_like)
     # The run itself is traced without outputs, so that its digest does not depend on them.
     run = Common(common.scheme, structure, common.start_time, common.max_steps)

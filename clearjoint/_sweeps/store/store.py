@@ -90,7 +90,7 @@ def _compared(stored: Mapping[str, Part], wanted: Mapping[str, Part]) -> Iterato
 
 
 def _difference(stored: Part | None, wanted: Part | None) -> str:
-    """Return a text on how a stored `Part` differs from the wanted one; ``None`` if absent."""
+    """Return how a stored `Part` differs from the wanted one; ``None`` stands for a missing one."""
     if isinstance(stored, np.ndarray) and isinstance(wanted, np.ndarray):
         if stored.size != wanted.size:
             return f"stored {stored.size} values, now {wanted.size}"
@@ -242,9 +242,8 @@ class SweepStore:
         return missing
 
     def write(self, parts: Parts) -> None:
-        """Write results of some lanes of one or more chunks to disk, so that they are done even if
-        the process is killed afterwards. Then write the grid, a copy of all results along the axes,
-        if the limits of its writes, `GRID_PERIOD` and `GRID_SHARE`, allow it."""
+        """Write results of some lanes to disk, so that they are done even if the process is killed.
+        Then write the grid, a copy along the axes, if `GRID_PERIOD` and `GRID_SHARE` allow it."""
         with chunks.locked(self._folder):
             # Another process may have extended the store since it was opened.
             group = chunks.opened_group(self._folder)
