@@ -214,8 +214,8 @@ def write_results(
 def _outputs(
     quantities: Mapping[str, AbstractQuantity], scene: Scene, solution: Solution
 ) -> xr.Dataset:
-    """Return quantities at the saved states, with known extremes as attributes. Print a note if
-    saved values miss an extreme by more than 2 % of the range."""
+    """Return quantities at the saved states. Those for which `extremes_of` has reductions have the
+    extremes as attributes. Print a note if saved values miss one by over 2 % of the range."""
     saved, rows, numbers = solution.saved, ("time",), solution.outputs
     assert saved is not None
     variables = {}

@@ -18,11 +18,8 @@ from .study import AxisPart, FoundPath, Study, SweepPart, find_path
 
 def sweep(study: Study, folder: Path) -> CommandResult:
     """Run a study's section [sweep], and write its store. Lanes that the folder's store has already
-    are not run again.
-
-    The sweep counts as failed only if no lane ran to its end, since a sweep often includes values
-    with which a mechanism can't run. After Ctrl-C, results so far are written.
-    """
+    are not run again. The sweep counts as failed only if no lane ran to its end, since it often
+    includes values with which a mechanism can't run. After Ctrl-C, results so far are written."""
     part = study.parts.sweep
     if part is None:
         study.location.at("sweep").refuse(None, "a section [sweep]", "add [sweep.axes.<name>]")

@@ -415,12 +415,10 @@ _NEEDS_JAX = (*USUAL_ERRORS, NotImplementedError)
 
 
 class HostFirst(Generic[Arguments, Result]):
-    """Function of PyTrees that NumPy computes if it can, and otherwise a program of XLA.
-
-    It is for functions that are called once or twice in a run: NumPy takes milliseconds for
-    some hundred scalar operations, which XLA compiles in half a second. NumPy cannot compute a
-    function that needs JAX, for instance for a derivative.
-    """
+    """Function of PyTrees that NumPy computes if it can, and otherwise a program of XLA. It is for
+    functions that are called once or twice in a run: NumPy takes milliseconds for some hundred
+    scalar operations, which XLA compiles in half a second. NumPy cannot compute a function that
+    needs JAX, for instance for a derivative."""
 
     __wrapped__: Callable[Arguments, Result]
 

@@ -111,8 +111,7 @@ def wear(
 
     **Arguments:**
 
-    - `scene`, `state`, `start_time` s: as in `simulate`. The drives must repeat after a cycle.
-    - `cycle`: duration of a cycle, s.
+    - `scene`, `state`, `start_time` s: as in `simulate`. The drives must repeat after a `cycle`, s.
     - `rates`: wear rates of the joints that wear, by name: each a `ClearanceJoint` without
       `line_points`, since a profile is the same all along the axis.
     - `cycles`: number of cycles to compute, such as 1e6, or ``np.inf`` if only `depth` ends the

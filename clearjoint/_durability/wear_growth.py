@@ -106,8 +106,8 @@ def _wear(
     history: Float[jax.Array, "bases numbers instants"],
     depths: Float[jax.Array, "2 samples"],
 ) -> Float[jax.Array, "2 samples"]:
-    """Return the depths, m per cycle, that wear off a joint from which `depths`, m, have worn off
-    already. `joint` is the unworn joint."""
+    """Return the depths of bearing and journal, m per cycle, that the contacts in `history`, a
+    `History`, wear off a joint that has lost `depths`, m, already. `joint` is the unworn joint."""
     # Each of the `NUMBERS`, (bases * instants,): the wear of both bases is added.
     x, y, contact_angle, *axes, work = history.swapaxes(0, 1).reshape(len(NUMBERS), -1)
     axes = PlanarAxes(*axes)
@@ -177,9 +177,8 @@ class JointWear(NamedTuple):
     """Wear of one joint per cycle as a function of the depths that have worn off it.
 
     - `joint`: the joint, unworn, with a spline for each part that wears.
-    - `rates`: wear rates of bearing and journal, m^2/N.
-    - `history`: the contacts of the joint.
-    - `direct`: (p, 2, samples) m per cycle, derivatives of the wear by parameters at fixed depths.
+    - `rates`: wear rates of bearing and journal, m^2/N. `history`: contacts in measured cycles.
+    - `direct`: derivatives of both parts' wear, m per cycle at each angle, at fixed depths.
     """
 
     joint: ClearanceJoint

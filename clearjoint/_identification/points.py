@@ -35,11 +35,9 @@ def filled(
 
 
 def chi_squared_over(curves: Float[np.ndarray, "n T"], count: float) -> Float[np.ndarray, " n"]:
-    """Return chi squared over the first `count` times, from the curves of n points.
-
-    If `count` is not a whole number, its fraction multiplies the rise of chi squared at the next
-    time. The result is infinite for a run that misses a sample at one of the times used.
-    """
+    """Return chi squared over the first `count` times, from the curves of n points. If `count` is
+    not whole, its fraction multiplies the rise of chi squared at the next time. The result is
+    infinite for a run that misses a sample at one of the times used."""
     full = min(int(count), curves.shape[1] - 1)
     part = count - full
     if part == 0.0:

@@ -95,11 +95,9 @@ def _in_space(pose: Pose, marker: Marker) -> tuple[np.ndarray, np.ndarray | None
 
 def _joined(pose: Pose, placed: Marker, other: Marker, angle: float) -> Pose:
     """Return the pose of a body that a joint connects with a placed body, which has the given pose.
-
     The point of the marker `other`, on the body, coincides with that of the marker `placed`, on the
     placed body. If both markers have an axis, the body is turned from the placed body's orientation
-    by the smallest rotation that makes the axes parallel, then by `angle`, rad, about the axis.
-    """
+    by the smallest rotation that makes the axes parallel, then by `angle`, rad, about the axis."""
     _, rotation = pose
     point, target = _in_space(pose, placed)
     if target is not None and other.axis is not None:

@@ -389,11 +389,10 @@ class FlatArguments:
 
 
 class _Layout:
-    """Which arrays of a part are joined by its property `FlatArguments.floats`.
+    """Which arrays of one function argument `FlatArguments.floats` joins.
 
     - `small`: for each array, whether it is joined: floats with fewer than `LARGE` elements.
-    - `others`: indices of the arrays that are not joined.
-    - `all_double`: whether all joined arrays have 64 bits.
+    - `others`: indices of the others. `all_double`: whether all joined arrays have 64 bits.
     """
 
     def __init__(self, arrays: Sequence[ArrayLike]):

@@ -26,7 +26,7 @@ _EXAMPLE = 'pass for example {"clearance": lambda scene: scene.joints["pin"].cle
 
 @dataclass(frozen=True)
 class PartSetter(AbstractLeafSetter):
-    """A `Change` that sets the whole arrays at `numbers` in a scene to the leaves of a value."""
+    """A `Change` that sets a scene's arrays, located by `numbers`, to the leaves of a value."""
 
     numbers: tuple[Number, ...]
     in_scene: ClassVar[bool] = True

@@ -47,11 +47,9 @@ class Coordinate(NamedTuple):
 
 
 class Variable(NamedTuple):
-    """A result of every lane, such as a peak force or a table of impacts.
-
-    `dims` and `shape` are names and sizes of the dimensions after that of the lanes. `attrs` are
-    further attributes, such as the `flag_values` and `flag_meanings` of a code.
-    """
+    """A result of every lane, such as a peak force or a table of impacts. `dims` and `shape` are
+    names and sizes of the dimensions after that of the lanes; `attrs` are further attributes, such
+    as the `flag_values` and `flag_meanings` of a code."""
 
     dims: tuple[str, ...] = ()
     shape: tuple[int, ...] = ()

@@ -85,8 +85,8 @@ class Work:
         return arrays
 
     def _recorded(self, ended: Ended) -> dict[str, LaneArrays]:
-        """Return by output the columns of its recorded rows, by key, with the number of rows as
-        "count". Columns of impact tables have a dimension of contacts after that of the lanes."""
+        """Return the columns by key of each section, each impact table and the saved states, with
+        the number of rows as "count". In impact tables the second axis is that of contacts."""
         logs = {name: {**rows, "count": counts} for name, (rows, counts) in ended.logs.items()}
         # A log has the rows of one section, of the saved states, or of one contact of an impact
         # table. The logs of a table's contacts are stacked to one table.

@@ -168,8 +168,7 @@ def view(
       roots if the largest force exceeds five times the median. The legend says so.
     - `centres_of_mass`: whether to add a black ball at each centre of mass.
     - `inertias`: whether to add the homogeneous solid with each body's mass and moments of inertia.
-    - `title`: title of the legend.
-    - `height`: height of the view in a notebook, pixels.
+    - `title`: of the legend. `height`: of the view in a notebook, pixels.
 
     **Raises:** `ValueError` for a motion without states or with other bodies than the scene; for an
     observation at other instants, or of a single state; and for meshes or scales that can't be

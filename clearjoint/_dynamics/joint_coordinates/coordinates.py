@@ -248,9 +248,9 @@ def _in_tree(wrench: Wrench, link: Link, axes: Matrix) -> ForceAndMoment:
 def _effective_load(
     wrench: Wrench, link: Link, axes: Matrix, central: Matrix, mass: Scalar, weight: Vector
 ) -> Twist:
-    """Return the load of wrench and weight on a link, less its inertial load at constant speeds.
-    `axes`: from the tree's axes to global ones. In the tree's axes, `central` is the inertia about
-    the centre of mass, kg m^2, and `weight` the weight per mass, m/s^2."""
+    """Return the load of wrench and weight on a link, less the one that the link's motion at
+    constant speeds requires. `axes`: from the tree's axes to global ones. In the tree's axes,
+    `central` is the inertia about the centre of mass, kg m^2, and `weight` is per mass, m/s^2."""
     force, moment = _in_tree(wrench, link, axes)
     gyroscopic = link.spin.cross(central @ link.spin) + central @ link.angular_bias
     inertial = (link.bias - weight) * mass

@@ -302,7 +302,7 @@ def as_triple_in_time(value: PyTree) -> PyTree:
 
 
 def value_at(content: SingleInTime, t: Scalar) -> Scalar:
-    """Return the value at the time `t`, s, of what a field of `single_in_time` stores."""
+    """Return the value at the time `t`, s. `content` is stored in a `single_in_time` field."""
     if not isinstance(content, AbstractFunctionOfTime):
         return content
     value = content(t)
@@ -313,12 +313,11 @@ def value_at(content: SingleInTime, t: Scalar) -> Scalar:
 
 
 def value_and_rate(function: FunctionOfTime, t: Scalar) -> tuple[Scalar, Scalar]:
-    """Return the value of a function at the time `t`, s, and its derivative by the time."""
     return value_and_slope(partial(value_at, as_function_of_time(function)), t)
 
 
 def vector_at(content: PyTree, t: Scalar) -> Vector:
-    """Return the vector at the time `t`, s, of what a field of `triple_in_time` stores."""
+    """Return the vector at the time `t`, s. `content` is stored in a `triple_in_time` field."""
     if isinstance(content, Vector):
         return content
     # Three separate components, of which at least one is a function.

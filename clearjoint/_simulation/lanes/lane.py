@@ -41,7 +41,7 @@ lane with a full buffer still knows whether more states are to be saved."""
 
 class Lane(eqx.Module):
     """State of a lane between two turns of the loop over lanes: its `run`, and the `saved` states
-    that the host has not read yet; ``None`` if the batch saves no states."""
+    that Python has not read yet; ``None`` if the batch saves no states."""
 
     run: Progress
     saved: RowBuffer[Snapshot] | None
@@ -72,7 +72,7 @@ def impact_log(name: str, joint: str, contact: str) -> str:
 
 class Task(eqx.Module):
     """Data of one lane; in a batch of L lanes, each array has an additional first axis of length L.
-    The host renews the last two whenever it has emptied the lane's buffers.
+    Python renews the last two whenever it has emptied the lane's buffers.
 
     - `varied`: a PyTree with the structure of the scene, with those leaves that differ between
       lanes, and ``None`` in place of the others.
@@ -165,7 +165,7 @@ class Common(eqx.Module):
 
     def after_turn(self, task: Task, lane: Lane) -> Lane:
         """Return a lane after one turn. The lane tries one step, unless its run has ended, the lane
-        waits for the host, or a state within its latest step is still to be saved. After that the
+        waits for Python, or a state within its latest step is still to be saved. After that the
         lane saves one state, if it has reached a time to save at."""
         system = self.system(task)
         run = self._loop(system, task).advance(lane.run, goes=self._tries_step(task, lane))
@@ -180,7 +180,7 @@ class Common(eqx.Module):
 
     def status(self, task: Task, lane: Lane) -> dict[str, PyTree]:
         """Return by name: "time", s; "runs", whether the run goes on; and "moves", whether the next
-        turn changes the lane. If not, the lane has ended or waits for the host."""
+        turn changes the lane. If not, the lane has ended or waits for Python."""
         moves = self._tries_step(task, lane)
         if lane.saved is not None:
             moves = moves | _saves(task, lane)

@@ -156,8 +156,8 @@ def _projection(
 ) -> tuple[list[Scalar], Scalar]:
     """Return speeds that move the positions out of the wall, to be added to the speeds of the
     motion, and the relative residual of the contact problem for these speeds. Gaps are linearised.
-    First in `after` are the opening velocities of the contacts after the impulses, m/s; in `sinks`,
-    the velocities towards the wall, at least zero, that the forces add in the step, m/s."""
+    Entries after those of the contacts are not used. `after`: opening velocities after the
+    impulses, m/s. `sinks`: velocities towards the wall that the forces add, at least zero, m/s."""
     stays, ends = [], []
     rows = zip(problem.contacts, closed, after, sinks, strict=False)
     for touch, shut, velocity, sink in rows:

@@ -111,10 +111,8 @@ class StepOutcome:
 
 
 class AbstractRecorder(eqx.Module, Generic[R]):
-    """Base class of recorders, which collect data of type R, the record, during a run.
-
-    `RunLoop` calls `start` once before the first step, and `after` after each attempt.
-    """
+    """Base class of recorders, which collect data of type R, the record, during a run. `RunLoop`
+    calls `start` once before the first step, and `after` after each attempt."""
 
     @abc.abstractmethod
     def start(self, start: RunStart) -> R:

@@ -126,8 +126,7 @@ def magnitudes(y: Variables) -> Variables:
 def tangent_sizes(system: System, sizes: Variables, along: Variables) -> Variables:
     """Return the numbers to which the step-size controller relates the errors of tangents. `along`
     and `sizes` are the `magnitudes` of tangents and variables. The result is `along`, to which, for
-    speeds, a share of `sizes` is added (see `SHARE_OF_SPEED`): a parameter that changes positions
-    by a hundredth per unit is expected to change speeds by about a hundredth too."""
+    speeds, a term in proportion to `sizes` is added (`SHARE_OF_SPEED` has the formula)."""
 
     # In free flight the derivative of a speed may be zero. At an onset it rises to a high peak. The
     # rate of this rise has the relative error of the tiny depth, of which few digits are known far

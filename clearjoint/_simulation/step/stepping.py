@@ -275,12 +275,10 @@ Ends: TypeAlias = tuple[Variables, Variables | None]
 def _across_discontinuities(trial: Trial, keep: Condition) -> Ends:
     """Return variables and tangents at the end of a trial step, corrected for discontinuities of
     forces (see `.saltation`, `.breakpoint_events`); not used unless the step is accepted, `keep`.
-
     The corrections change the variables by rounding errors, or by the change of the rates times the
     short time by which a step ends past an onset, with two exceptions: velocities jump where the
     angle or distance that a driver prescribes has a kink, and bristle deflections become zero in
-    open contacts. Tangents may change much.
-    """
+    open contacts. Tangents may change much."""
     system, family = trial.system, trial.family
     step, t1, y1 = trial.step, trial.t1, trial.outcome.y
     y_tangents = None if trial.tangents is None else trial.tangents.y
