@@ -72,9 +72,8 @@ def write_scene(folder: Path, scene: Scene, state: State, name: str = SCENE) -> 
 
 
 def remove_old(folder: Path, tables: Iterable[str] = (), files: Iterable[str] = ()) -> None:
-    """Remove results of an earlier computation, which a new page would also show: all figures, and
-    the tables and files whose names match one of the patterns `tables` or `files`. From a folder
-    without a summary, and thus without results, nothing is removed."""
+    """Remove earlier results, which a new page would also show: all figures, and the tables
+    and files that match the patterns. From a folder without a summary, nothing is removed."""
     if (folder / SUMMARY).is_file():
         table_files = [f"{table}.{suffix}" for table in tables for suffix in ("nc", "csv")]
         for pattern in (f"{FIGURES}/*.png", *table_files, *files):

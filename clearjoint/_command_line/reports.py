@@ -72,8 +72,7 @@ def _draw_output(folder: Path, dataset: xr.Dataset, name: str, axes: list[str]) 
 
 
 def _mark_peaks(forces: Axes, impacts: Impacts | None, joint: str) -> None:
-    """Mark the peaks of a joint's impacts as dots on the axes `forces`, whose curves go through the
-    saved states only and may miss the peaks."""
+    """Mark the peaks of a joint's impacts, which curves through the saved states may miss."""
     if impacts is None:
         return
     of_joint = impacts.joint == joint

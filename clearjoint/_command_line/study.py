@@ -219,8 +219,6 @@ class WearPart:
 
 @dataclass(frozen=True)
 class StudyParts:
-    """The sections of a study file, and its title."""
-
     title: str = ""
     run: RunPart = field(default_factory=RunPart)
     sweep: SweepPart | None = None

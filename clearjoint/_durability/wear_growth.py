@@ -187,8 +187,7 @@ class JointWear(NamedTuple):
     direct: Float[np.ndarray, "p 2 samples"]
 
     def per_cycle(self, rows: Rows) -> Rows:
-        """Return the depths per cycle, m, in row 0, and their derivatives by each parameter in the
-        other rows, from the `rows` of the depths and of their derivatives."""
+        """Return the wear per cycle, as `Rows`, from the `rows` of the worn depths."""
         per_cycle = np.array(_wear_rows(self.joint, self.rates, self.history, rows))
         per_cycle[1:] += self.direct
         return per_cycle

@@ -348,8 +348,7 @@ def require_representable(
 
 @cached_by_numbers
 def require_freedom(scene: Scene, state: State, coordinates: AbstractCoordinates) -> None:
-    """Check that the coordinates have a variable, so that something can move. The check is done
-    once for all runs of a sweep."""
+    """Raise a `ValueError` unless the coordinates have a variable, so that something can move."""
     variables, _ = round_trip(scene, state, coordinates)
     _require_something_moves(variables, coordinates)
 

@@ -51,8 +51,7 @@ def with_fields(module: Module, values: Mapping[str, object]) -> Module:
 
 
 def _ordered(names: dict[str, PyTree], part: dict[str, PyTree]) -> dict[str, PyTree]:
-    """Return the entries of `part`, also in inner dictionaries, in the order of `names`; unchanged
-    if the keys differ."""
+    """Return `part`, and its inner dictionaries, in the order of `names` unless the keys differ."""
     if names.keys() != part.keys():
         return part
     entries = ((name, inner, part[name]) for name, inner in names.items())

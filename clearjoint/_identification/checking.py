@@ -203,9 +203,9 @@ NEAR, NEAREST = 0.03, 1e-3
 
 @dataclass
 class _CountedRuns:
-    """Makes and counts the runs of `explore`. A run with derivatives by p parameters counts as
-    1 + p. `points`: number of runs without derivatives so far; `searches`: local searches so far,
-    whose runs have derivatives; `most`: limit of the count, of which `left` returns the rest."""
+    """Makes and counts the runs of `explore`: a run with derivatives by p parameters as 1 + p runs.
+    `most`: limit of the count. `points`: number of runs without derivatives so far, one for each
+    point. `searches`: local searches so far, whose runs have derivatives."""
 
     compared: Comparison
     most: float

@@ -210,8 +210,7 @@ def experiment(
     start_time: float,
     settings: Settings | None,
 ) -> Experiment:
-    """Return the `Experiment` that runs a scene for any values of its parameters, by default with
-    the settings `clearjoint.presets.derivatives`."""
+    """Return the `Experiment` of a scene; by default, `settings` are `presets.derivatives`."""
     check_parameters(parameters)
     requested = requested_by(outputs, None)
     # Residuals are at sample times, so that outputs that are recorded at steps are refused.

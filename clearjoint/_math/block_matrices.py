@@ -80,9 +80,9 @@ class _Plan:
         return [SIZE * block + row for row in range(self.sizes[group])]
 
     def factorisation(self) -> list[_Step]:
-        """Return the table of operations for `_factor`: their kind, the indices of two rows of
-        blocks, counted as in `rows`, one that changes and one that is multiplied, and the index of
-        the block by which it is multiplied. Inverses of diagonal blocks follow those in `slots`."""
+        """Return the table for `_factor`, with rows (kind, target, source, block): the row `target`
+        of a block changes by the row `source` times a block. Rows have the indices of the method
+        `rows`. The blocks are those in `slots`, then the inverses of the diagonal blocks."""
         table: list[_Step] = []
         slots, first_inverse = self.slots, len(self.slots)
         for j, column in enumerate(self._below):

@@ -166,8 +166,8 @@ class _Joining:
         return start
 
     def _element_for(self, result: Operation, call: Operation, place: int) -> Iterator[Operation]:
-        """Yield what replaces `result`, which reads a value of one single call: an operation that
-        reads the vector of the joined `call`, if none has, and one that takes element `place`."""
+        """Yield what replaces `result`, which reads a value of a single call: a read of the joined
+        `call`'s vector, unless there is one already, and a read of the vector's element `place`."""
         program, index_of_result = self._program, result.arguments[2]
         assert result.out is not None and call.out is not None
         # The first of the single calls reads the vector; the others take their elements of it.

@@ -316,8 +316,8 @@ def _dot_general(lower: Lowering, equation: Equation, first: Array, second: Arra
     out = aval_of(equation.outvars[0])
 
     def rows(array: Array, number: int, batch: Sequence[int], along: Sequence[int]) -> list:
-        """Return the elements of `array`, the operand of this `number`, as nested lists with three
-        axes: its axes `batch` joined into one, likewise its other axes, and the summed, `along`."""
+        """Return the elements of `array`, the operand with the index `number`, as nested lists with
+        three axes: one for all axes `batch`, one for the other axes, and one for all `along`."""
         shape = aval_of(equation.invars[number]).shape
         # `preferred_element_type` may be wider than the arguments, which are converted first.
         elements = (Symbol(lower.ops, value) for value in lower.values(array))

@@ -362,9 +362,8 @@ def _require_joints(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy
 
 
 def _require_covered(robot: Robot, log: RobotLog, driven_by: DrivenBy, end: float) -> None:
-    """Raise a `ValueError` unless the angles or torques that drive joints are logged from the start
-    of the log to `end`, s, the last time that a run predicts. Two samples may be missing at either
-    end, for joints that are logged at different times: so far a drive may be extrapolated."""
+    """Raise a `ValueError` unless the angles or torques that drive joints are logged to `end`, s.
+    Two samples may be missing at either end of the log: so far a drive may be extrapolated."""
     for joint, mode in driven_by.items():
         if isinstance(mode, AbstractForce):
             continue

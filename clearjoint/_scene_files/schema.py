@@ -131,8 +131,8 @@ def _any_of(ways: list[Schema]) -> Schema:
 
 def _numbers(shapes: tuple[tuple[int, ...], ...]) -> list[Schema]:
     """Return the schemas of arrays of the given shapes, whose numbers may be texts with units.
-    Without shapes, return the schemas of all arrays, and of true and false: an `Expectation` has no
-    shapes if they are unknown, nor if it is that of a flag."""
+    Without shapes, return the schemas of arrays of any shape, and of true and false, because the
+    `Expectation` of a flag has no shapes, and neither has one whose shapes are unknown."""
     if not shapes:
         return [{"type": "boolean"}, _reference(ROWS)]
     schemas = []

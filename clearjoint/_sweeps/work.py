@@ -101,8 +101,8 @@ class Chunks:
     """Function that computes a chunk of a sweep, in this process or in a worker process.
 
     - `lanes`: numbers of the lanes to run, by the index of their chunk.
-    - `trace`: returns the digests of the programs that the calling process would run; they must be
-      those of `work`. ``None`` for no check.
+    - `trace`: called in the worker, returns the digests of the programs that the worker would run,
+      which must be those of `work`; ``None`` for no check.
     """
 
     work: Work

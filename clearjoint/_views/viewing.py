@@ -214,9 +214,9 @@ def view(
 def _poses(
     scene: Scene, motion: Viewable | None, observation: Observation | None, forces: bool, most: int
 ) -> tuple[BodyPoses, Observation | None, list[str]]:
-    """Return three results: the poses of the bodies in at most `most` frames, by default in a state
-    found from the joints; if `forces`, the observation in these frames, by default computed for a
-    solution, and otherwise ``None``; and notes for the legend."""
+    """Return the poses of the bodies in at most `most` frames or, without `motion`, in a state
+    found from the joints; the observation in these frames, computed if there is none and `motion`
+    is a solution, or ``None`` without `forces` or frames; and notes for the legend."""
     if motion is None or isinstance(motion, State):
         remedy = "leave it out, or pass the solution that was observed"
         kind, expected = type(observation).__name__, "None for a single state"

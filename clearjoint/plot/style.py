@@ -198,8 +198,8 @@ def inside(
     contents: str = "observed times",
     remedy: str = "widen it, or observe at more instants",
 ) -> np.ndarray:
-    """Return a mask (N,) of the `values` in a window, of all without one. Raise a `ValueError` if
-    no value is in the window; the last three arguments are for the text of this error."""
+    """Return a mask (N,) of the `values` in `window`, all of them if it is ``None``. Raise a
+    `ValueError` if no value is in it; the last three arguments are for the text of this error."""
     first, last = (-np.inf, np.inf) if window is None else window
     mask = (values >= first) & (values <= last)
     require(window is None or mask.any(), argument, window, f"an interval with {contents}", remedy)

@@ -192,8 +192,7 @@ def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArra
 
 
 def suits_spectrum(intervals: np.ndarray) -> bool:
-    """Return whether N samples suit a spectrum: N is at least 4, and the `intervals` (N - 1,), s,
-    between them are equal up to rounding, 1e-6 of their mean."""
+    """Return whether N samples suit a spectrum: N >= 4, and equal `intervals`, (N - 1,) s."""
     if len(intervals) + 1 < FEWEST:
         return False
     mean = float(intervals.mean())

@@ -200,9 +200,9 @@ class AbstractForce(AbstractElement):
 
 @tree_dataclass
 class SideForce:
-    """Force of a contact in addition to the normal force, if penetration or stiffness also varies
-    with an angle of the joint, such as that of meshing teeth: the gradient of the stored energy by
-    this angle. Opposite forces act on the two bodies at a common point.
+    """Force of a contact in addition to the normal force, if penetration or stiffness, and with it
+    the stored energy, also varies with an angle of the joint, such as the mesh angle of gears.
+    Opposite forces act on the two bodies at a common point.
 
     - `arm_first`, `arm_second`: this point, m from each body's centre of mass in its axes.
     - `slope`: global vector whose scalar product with the velocity of the second body's point

@@ -322,7 +322,6 @@ def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) ->
 
 
 def slope_and_curvature(function: Callable[[Scalar], Scalar], x: Scalar) -> tuple[Scalar, Scalar]:
-    """Return the first and the second derivative of a function at x."""
     return value_and_slope(lambda x: value_and_slope(function, x)[1], x)
 
 

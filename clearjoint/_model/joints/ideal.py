@@ -44,8 +44,7 @@ T = TypeVar("T")
 
 
 class AbstractPairJoint(AbstractPairAtPoints, AbstractConstraint):
-    """Base class of ideal joints between a point of one body and a point of another. Its private
-    methods return the constraint rows of which the joints are composed."""
+    """Base class of ideal joints between points of two bodies, with methods for their rows."""
 
     def _ordered(self, parent: str, of_first: T, of_second: T) -> tuple[T, T]:
         """Return two values, one of each body, in the order parent, child."""

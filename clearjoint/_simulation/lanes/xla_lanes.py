@@ -88,9 +88,9 @@ class XlaLaneLoop(AbstractLaneLoop):
 
 
 class XlaFunction:
-    """A function of the data of one lane, called as function(shared, *trees), compiled by XLA for
-    many lanes. It takes and returns cells with a row, not a column, for each lane. `examples` have
-    the shapes of `trees`. The attribute `results` is the layout of the cells of a result."""
+    """A function(shared, *trees) of data shared by all lanes and PyTrees of one lane, compiled by
+    XLA for many lanes. `examples` have the shapes of `trees`. It takes and returns cells with a
+    row, not a column, for each lane. The attribute `results` is the layout of a result's cells."""
 
     def __init__(self, function: OnLane, shared: PyTree, *examples: PyTree):
         self._function, self._shared = function, shared

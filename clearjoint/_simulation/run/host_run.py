@@ -311,8 +311,7 @@ class _SavedBySegments:
         return np.pad(following, (0, SAVES_A_SEGMENT - len(following)), constant_values=end)
 
     def add(self, records: Records, sampled: tuple[SavedRows, jax.Array] | None) -> Records:
-        """Keep what a segment has saved in the buffers of `records` and in `sampled`, the last
-        result of `segment`. Return the records with empty buffers."""
+        """Keep the results `records` and `sampled` of a `segment`; return the records, emptied."""
         if sampled is not None and self.save_at is not None:
             # Only the first samples are kept. The others are at times that the run has not reached
             # yet, or belong to the filling.

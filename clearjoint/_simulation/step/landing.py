@@ -60,8 +60,8 @@ class Landing(eqx.Module):
 
     def _time_to_zero(self, gap: ContactGap, second_rate: Scalar) -> Scalar:
         """Predict the time until the penetration of a contact changes its sign, s, by a parabola.
-        The parabola is shifted so that its root is half the landing depth past the change of sign.
-        Otherwise rounding errors might leave the step on the wrong side of the event."""
+        The parabola is shifted so that its root is half of the allowed `_depth` past the event:
+        otherwise rounding errors might leave the step on the wrong side of the event."""
         inwards = _inwards(gap)
         # In the direction towards the event, `away` is the distance from it. The event is at the
         # time t with away = speed t + acceleration t^2 / 2.

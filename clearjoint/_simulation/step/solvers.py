@@ -265,8 +265,7 @@ def largest_component(tree: PyTree[Scalar]) -> jax.Array:
 
 
 def require_ordinary(solver: diffrax.AbstractSolver) -> None:
-    """Raise a `ValueError` unless a solver integrates ordinary differential equations, given as one
-    term."""
+    """Raise a `ValueError` unless a solver takes an ordinary differential equation as one term."""
     structure, kind = solver.term_structure, type(solver).__name__
     is_ordinary = isinstance(structure, type) and issubclass(diffrax.ODETerm, structure)
     expected = "a solver of ordinary differential equations without splitting"
