@@ -650,8 +650,8 @@ class _Stages:
         ]
 
     def _refuse(self, failure: str, difference: float) -> None:
-        """Set the field `failure`, or in the first stage raise an error: the run failed or, if the
-        text `failure` is empty, the halves of its cycles have too large a `difference` in wear."""
+        """Set the field `failure`, or raise an error if this is the first stage. The reason is the
+        run's `failure` or, if it is empty, the `difference` in wear of the halves of its cycles."""
         reason = f"the run of a stage failed: {failure}"
         if not failure:
             reason = f"the two halves of the measured cycles differ by {difference:.3g} in wear"
@@ -694,8 +694,8 @@ class _Stages:
         return True
 
     def _extrapolate(self, length: float) -> None:
-        """Append the number of cycles and the depths after a stage of at most `length` cycles. The
-        stage also ends at the goals `cycles` and `depth` of `wear`, and after `largest_change`."""
+        """Append the cycles and depths after a stage: up to the next prescribed `cycles`, or else
+        of `length` cycles, fewer if `cycles`, `depth` or `largest_change` of `wear` end it."""
         run = self.run
         goal = float(run.cycles[run.cycles > self.cycles[-1]].min())
         left = goal - self.cycles[-1]
@@ -864,8 +864,7 @@ def _folder(path: Path) -> Path:
 
 
 def _version(folder: Path) -> int | None:
-    """Return the inode of a folder, by which a reader notices that the store was replaced; ``None``
-    if there is no folder."""
+    """Return a folder's inode, which changes if a store is replaced; ``None`` without a folder."""
     try:
         return folder.stat().st_ino
     except FileNotFoundError:

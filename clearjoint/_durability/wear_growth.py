@@ -48,7 +48,7 @@ def contact_history(
     signals: Signals,
     cycles: float,
 ) -> History:
-    """Return the contacts of a joint that had lost `depths`, m, by its `signals` at the `times`, s.
+    """Return a joint's contacts from its `signals` at the `times`, s, when it had lost `depths`, m.
     `cycles` divides the numbers "work" (see `NUMBERS`). It is the number of cycles in `times` or,
     if histories of several spans of time are to be joined, in all spans."""
     count = INSTANTS_PER_SAMPLE * depths.shape[1]

@@ -125,9 +125,8 @@ def entry_speeds_inside(
     scene: Scene, gaps: ContactGaps, left: Scalar, start: EntrySpeeds, end: EntrySpeeds
 ) -> EntrySpeeds:
     """Return the entry speeds at an instant inside of a step, a time `left`, s, before the step's
-    end. They are `start`, the entry speeds at the step's start, except for a contact that has begun
-    between that start and the instant: its entry speed is that in `end`, at the step's end. Onsets
-    are estimated from the `gaps` at the step's end."""
+    end: those at the step's start, in `start`, but for a contact that has begun since then, that at
+    the step's end, in `end`. Onsets are estimated from the `gaps` at the step's end."""
 
     def entry_speed(name: str, label: str) -> Scalar:
         before, after, gap = start[name][label], end[name][label], gaps[name][label]

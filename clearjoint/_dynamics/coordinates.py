@@ -164,7 +164,7 @@ class AbstractCoordinates(eqx.Module):
 
     def carriers(self, scene: Scene, bodies: Collection[str]) -> frozenset[str]:
         """Return the bodies that, by motions in their joints, move `bodies` relative to each other;
-        none by default. For a contact joint, runs limit their rotations (see `rotation_rates`)."""
+        none by default. Runs limit the rotations of those that so move a contact joint's bodies."""
         return frozenset()
 
 

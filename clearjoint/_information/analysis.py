@@ -245,7 +245,7 @@ class Identifiability:
         return information.combinations(self.root, self.accuracy)
 
     def over_time(self) -> np.ndarray:
-        """Return standard deviations of coordinates, (N, p), from records up to each of `times`."""
+        """Return the `deviations`, (N, p), by the samples up to each of the N `times`."""
         # The root of the rows so far, together with the new rows, has the same information as all
         # these rows, so that each row enters only one decomposition.
         root, roots, start = np.zeros((len(self.names),) * 2), [], 0

@@ -192,7 +192,7 @@ class LeastNorm(AbstractSolver):
     where sigma is the smallest nonzero eigenvalue of S (E. Bayo, A. Avello, Singularity-free
     augmented Lagrangian algorithms, 1994). Unlike an eigenvalue decomposition, it can be
     differentiated where eigenvalues coincide. `relative_shift` is eps over the mean of the diagonal
-    of S. Unless sigma is far below that mean, three `sweeps` reduce the error to rounding errors.
+    of S. Unless sigma is far below this, three iterations (`sweeps`) leave only rounding errors.
     """
 
     relative_shift = 1e-8

@@ -220,8 +220,7 @@ class Body(AbstractReadable):
     ) -> "Body":
         """Return a homogeneous cylinder about one of the body's axes: a shaft, disc, tube or ring.
 
-        **Arguments:** `diameter`, `length`: m. `inner_diameter`: m, of the hole; zero by default.
-        `axis`: axis of symmetry, "x", "y" or "z".
+        **Arguments:** `inner_diameter`: of the hole. `axis`: of symmetry, "x", "y" or "z".
 
         >>> tube = cj.Body.cylinder(0.04, 0.5, inner_diameter=0.036, mass=0.8, axis="x")
         """

@@ -228,9 +228,9 @@ class StartInPlay(AbstractStart):
 
 @dataclass(frozen=True)
 class GearLoss:
-    """Function that sets the loss of a gear: the load of the joint friction named `friction` over
-    the torque that the gear transmits. If a force between flanks transmits it, `radius`, m, is the
-    lever of this force; otherwise `radius` is 1."""
+    """Function that sets the loss of a gear: friction over the torque that the gear transmits. Loss
+    times `radius` is the `load_ratio` of the joint friction named `friction`. `radius` is 1 or, if
+    a force between flanks transmits the torque, the lever of this force, m."""
 
     friction: str
     radius: float

@@ -142,8 +142,8 @@ def mujoco_package(location: FileLocation) -> ModuleType:
 
 
 def _compiled(path: Path) -> Model:
-    """Return MuJoCo's model of an MJCF file. If it does not compile, for example because a mesh is
-    missing, and gives all inertias, shapes and the other elements in `WITH_FILES` are left out."""
+    """Return MuJoCo's model of an MJCF file. If a file that gives all inertias does not compile, as
+    when a mesh is missing, the model lacks shapes and the other elements in `WITH_FILES`."""
     location = FileLocation(str(path))
     mujoco = mujoco_package(location)
     try:

@@ -192,8 +192,8 @@ def _points(uncertain: Mapping[str, Uncertain], draws: int, seed: int) -> np.nda
 
 
 class Estimate(NamedTuple):
-    """Derivatives of an output's mean by the nominal standardised coordinates, the standard errors
-    of the derivatives, and the degrees of freedom of these errors."""
+    """Derivatives of an output's mean by the nominal coordinates in units of sigma, their standard
+    errors, and the degrees of freedom of these errors."""
 
     derivatives: Float[np.ndarray, " p"]
     errors: Float[np.ndarray, " p"]
@@ -206,9 +206,9 @@ def estimate(
     draws: int,
     normal: np.ndarray,
 ) -> Estimate:
-    """Return the derivatives of an output's mean by the nominal standardised coordinates, from its
-    `values` at the `points` of `_points`: for the `normal` parameters, (p,) bools, by regression
-    over the first `draws` runs, which are independent; for uniform ones by the pairs of runs."""
+    """Return the derivatives of an output's mean by the nominal coordinates in units of sigma, from
+    its `values` at the `points` of `_points`: for the `normal` parameters, (p,) bools, by a fit to
+    the first `draws` runs, which are independent; for uniform ones by the pairs of runs."""
     p = points.shape[1]
     derivatives, errors, freedom = np.zeros((3, p))
     usable = np.isfinite(values[:draws])

@@ -100,7 +100,7 @@ class Uncertain:
         return ndtri(probabilities) if self.is_normal else 2.0 * probabilities - 1.0
 
     def axis(self, scene: Scene, state: State, standardised: Float[np.ndarray, " n"]) -> Axis:
-        """Return the axis of a sweep for n values of `standardised`, (coordinate - centre)/size."""
+        """Return a sweep's axis for n numbers (coordinate - centre)/size, see `centre_and_size`."""
         centre, size = self.centre_and_size(scene, state)
         scale = self.parameter.scale
         # One at a time: a user-defined scale need not accept arrays.

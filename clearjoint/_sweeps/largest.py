@@ -312,8 +312,8 @@ def lane_margins(
 ) -> LaneMargins:
     """Compute the margins at n values of a parameter, each with all draws, by one sweep.
 
-    `run` is `sweep` with all arguments but axes and outputs. `limits` has the names of `outputs`. A
-    share `quantile` of the draws must satisfy a limit. `coordinates` are values on their scale.
+    `run` is `sweep` with all arguments but axes and outputs; `limits` are by name of output. A
+    share `quantile` of the draws must satisfy each. `coordinates` are on the parameter's scale.
     """
     values = np.array([float(parameter.scale.value(u)) for u in coordinates])
     count = len(next(iter(draws.values())).values) if draws else 1

@@ -35,8 +35,7 @@ def contact_and_reaction(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw the normal force of a contact and the magnitude of an ideal joint's reaction over time.
-    The legend gives the peaks.
+    """Draw a contact's normal force and the magnitude of a joint's reaction over time, with peaks.
 
     **Arguments:** `contact`: name of the clearance joint and label of the contact, such as
     ("shoulder", "V"). `reaction`: name of the ideal joint and of the body on which its force acts.

@@ -110,7 +110,7 @@ class Instant:
 
     @property
     def last_fraction(self) -> Scalar:
-        """The fraction of the step at which `just_before` is: 1, or less if `jumps` is true."""
+        """The part of the step's time until the instant `just_before`: 1, or less if `jumps`."""
         return 1.0 if self.jumps is None else where(self.jumps, 1.0 - NEAR, 1.0)
 
     def before_and_after(self, value_of: "Callable[[Instant], Scalar]") -> tuple[Scalar, Scalar]:

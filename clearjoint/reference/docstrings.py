@@ -80,8 +80,8 @@ def _walk(parent: griffe.Module | griffe.Class) -> Iterator[griffe.Object]:
 
 
 def _constructor(cls: griffe.Class, of: type) -> griffe.Function:
-    """Return the constructor of the dataclass `of`, with the annotations of the fields as they are
-    written in the source, which griffe has read as `cls`."""
+    """Return the constructor of the dataclass `of`. The annotations are the source's, from `cls`,
+    the class as griffe has read it."""
     parameters = [griffe.Parameter("self", kind=griffe.ParameterKind.positional_only)]
     for name, parameter in inspect.signature(of).parameters.items():
         default = None if parameter.default is parameter.empty else repr(parameter.default)

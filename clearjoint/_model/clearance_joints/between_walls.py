@@ -31,9 +31,9 @@ which the slot's normal points, the upper end on the side to which the slot's ax
 class PinInSlot(AbstractFrictionJoint):
     """A cylindrical pin in a straight slot, in which the pin slides and rotates, with play across.
 
-    The pin touches one of two parallel walls half the play from the middle, and one of two flat
-    ends half the travel from the middle. The contacts are called "lower wall" and "upper wall",
-    along the normal, and "lower end" and "upper end", along the axis.
+    The pin touches one of two parallel walls when its centre is half the play from the middle, and
+    one of two flat ends when it is half the travel from there. The contacts are called "lower wall"
+    and "upper wall", along the normal, and "lower end" and "upper end", along the axis.
 
     Each contact is a line along the pin, perpendicular to axis and normal, and its force acts at
     the middle of the line. On a flat wall a line of length L has the stiffness (pi/4) E* L N/m with

@@ -125,8 +125,7 @@ class AbstractAxisJoint(AbstractPairJoint):
     axis_second: Triple = quantity("1", check=require_axis)
 
     def _tilts(self, motions: Motions) -> dict[str, Row]:
-        """Return the rows of the cosines between the first axis and the second's
-        `transverse_axes`."""
+        """Return rows of the cosines between the first axis and the second's `transverse_axes`."""
         axis, across = unit(self.axis_first), transverse_axes(unit(self.axis_second))
         return {f"tilt {k}": self._perpendicular(motions, axis, a) for k, a in enumerate(across, 1)}
 

@@ -138,8 +138,7 @@ def _smooth_step(
 
 
 def _is_shallow(contacts: list[Touch]) -> Condition:
-    """Return whether no penetration exceeds its limit, beyond which the side of the wall on which
-    the contact is would be unknown."""
+    """Return whether every penetration is below its `Touch.deepest`, if it has one."""
     shallow = jnp.asarray(True)
     for touch in contacts:
         if touch.deepest is not None:

@@ -235,9 +235,8 @@ def _attempt_of(run: Adjoint, example: Step, numbers: Numbers) -> Attempt:
 def values_at(
     run: Adjoint, values: PyTree, example: Step, outputs: Quantities, steps: Numbers, times: Numbers
 ) -> Values:
-    """Return the quantities `outputs`, (N,) each, at N `times`, s since the start of the run, for
-    `values` of the parameters. Row k of `steps`, (N, n), is the row of the result of `repeated` for
-    the step in which time k lies. `example`: any `Step` of the run."""
+    """Return the quantities `outputs`, (N,) each, at N `times`, s since the run's start. Row k of
+    `steps`, (N, n), is the row of the result of `repeated` for the step in which time k lies."""
     method, system = run.scheme.method, run.systems(values).system()
 
     def at(_: None, pair: tuple[jax.Array, Scalar]) -> tuple[None, Values]:

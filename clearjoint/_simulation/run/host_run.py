@@ -215,11 +215,11 @@ class Run:
     def on_host(
         self, step: FlatArguments, records: Records, status: Status, progress: bool, notes: Notes
     ) -> tuple[Solution, bool, bool]:
-        """Run in segments to the end, or to a failure, the limit of attempts or an interruption,
-        from the results of `begin`. The step stays flattened, since Python has no use for it.
+        """Run in segments to the end, or to a failure, the limit of attempts or an interruption.
+        `step`, `records` and `status` are the results of `begin`.
 
-        **Returns:** the solution, with the settings `notes`; whether Ctrl-C was pressed, which
-        stops the run after the present segment; and whether a journal has slid out of its bearing.
+        **Returns:** the solution, whose `settings` are the `notes`; whether Ctrl-C was pressed,
+        after which the present segment is the last; and whether a journal has slid out.
         """
         start = float(status.t)
         # The end time in the precision of the run. Rounded to float32, an end time such as 0.02 s

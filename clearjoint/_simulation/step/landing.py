@@ -77,9 +77,8 @@ class Landing(eqx.Module):
     def retry(
         self, before: ContactGaps, after: ContactGaps, t0: Scalar, t1: Scalar
     ) -> tuple[Condition, Scalar]:
-        """Return whether a step from `t0` to `t1`, s, must be repeated because it passes an event
-        by more than the tolerance, and the time, s, at which the repeated step must end. `before`,
-        `after`: contact gaps at the start and end of the step."""
+        """Return whether a step from `t0` to `t1`, s, passes an event by more than the tolerance,
+        and when, s, its repetition must end. `before`, `after`: gaps at its start and end."""
         h = t1 - t0
         # Because of rounding errors, times that differ by less than this are not distinguished.
         resolution = 4.0 * jnp.finfo(jnp.result_type(t1)).eps * jnp.maximum(jnp.abs(t1), h)

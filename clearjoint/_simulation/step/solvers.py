@@ -219,9 +219,8 @@ def _horner(coefficients: Weights, x: Scalar) -> Scalar:
 def dense_weights(method: diffrax.AbstractERK) -> Float[np.ndarray, "stages powers"]:
     """Return the polynomials b_i of the dense output y0 + h sum b_i(x) f_i of a method, with the
     rates f_i in its stages and x from 0 to 1, as coefficients, (stages, degree + 1), lowest power
-    first. diffrax does not provide the polynomials, but its interpolant is linear in the f_i. The
-    interpolant is therefore evaluated at Chebyshev nodes x with one f_i equal to 1 and the others
-    0, and a polynomial is passed through the values."""
+    first. diffrax has only an interpolant, linear in the f_i: the polynomials pass through its
+    values at Chebyshev nodes x, with one f_i equal to 1 and the others 0."""
     tableau = _tableau(method)
     stages = tableau.num_stages
     # diffrax's interpolants have at most the order of the method as degree, but methods of low

@@ -30,9 +30,8 @@ ROOT = "zarr.json"
 
 @contextmanager
 def unfinished(path: Path) -> Iterator[Path]:
-    """Yield a new path beside that of a store, at which the caller writes a folder, before it moves
-    the folder or its files to the final place. When the context ends, also by an error, what is
-    left at the new path is removed."""
+    """Yield a new path beside that of a store, at which the caller writes a folder before it moves
+    this or its files to the store. What is left there at the end, also by an error, is removed."""
     new = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
     try:
         yield new
