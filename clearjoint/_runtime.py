@@ -156,8 +156,7 @@ def threads_of_sweeps() -> int:
 
 
 def in_force() -> dict[str, Setting]:
-    """Return the settings that all processes of a sweep must share, by the names of JAX's settings
-    and of environment variables, for `adopt`."""
+    """Return the settings for `adopt`, by names of JAX's settings and of environment variables."""
     shared = {name: getattr(jax.config, name) for name in _SHARED}
     return {**shared, _NATIVE: os.environ.get(_NATIVE), _KEEP: keeps_programs()}
 

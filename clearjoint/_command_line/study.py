@@ -402,8 +402,7 @@ class Study(AbstractStudy):
                     entry.check(self.scene)
 
     def outputs_of_sweep(self, part: SweepPart) -> Requested:
-        """Return the outputs of [sweep], with sample times for quantities, and the Poincaré
-        sections of [run]."""
+        """Return the outputs of [sweep], quantities with sample times, and sections of [run]."""
         run = self.parts.run
         sections = {n: output for n, output in run.outputs.items() if isinstance(output, Section)}
         requested = Requested({**sections, **part.outputs}, Saving())

@@ -355,8 +355,8 @@ def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Argument
 
 @contextmanager
 def program_is_made_inside() -> Iterator[None]:
-    """Context in which a traced program may begin this thread's time of `seconds_of_compiling`. The
-    time ends with the context in which it began, which may be an outer one."""
+    """Context in which `seconds_of_compiling` counts this thread's time from the first tracing on
+    (see `begins_a_program`). An inner context does not end a count that began before it."""
     thread = threading.get_ident()
     is_inner = thread in _began
     before = _began.setdefault(thread, None)

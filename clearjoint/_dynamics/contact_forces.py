@@ -67,9 +67,9 @@ def contact_forces(
     """Return the forces of all contacts.
 
     `closed` says whether each contact has a force, whatever its depth (see `contact_force`); if
-    ``None``, the contacts that penetrate have a force. The present penetration rate replaces an
-    entry speed of zero if `closed` is ``None``; otherwise the contact is elastic, like one that
-    exists at the start of a run.
+    ``None``, the contacts that penetrate have a force. For an entry speed of zero, a law takes the
+    present penetration rate if `closed` is ``None``; if `closed` is given, the contact is elastic,
+    like one that exists at the start of a run.
     """
     kinds, joints = Kinds(scene), scene.contact_joints()
 

@@ -79,7 +79,7 @@ def with_common_names(element: Element) -> tuple[Element, dict[str, str]]:
     """Return an element whose bodies have names that all elements of its kind have in common, and
     a dictionary from the true names to the common ones.
 
-    **Raises:** `NotSharedError` if a body's name is not the value of a field, also of a part.
+    **Raises:** `NotSharedError` if a body's name is in no field of the element or of its parts.
     """
     names = {
         name: name if name == GROUND else f"<body {k}>"

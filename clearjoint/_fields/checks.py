@@ -274,8 +274,7 @@ def caution_unless(
 def caution_outside(
     argument: str, value: object, unit: str, least: float, most: float, remedy: str
 ) -> None:
-    """Issue an `UnusualValueWarning` about a number that is not from `least` to `most`; do nothing
-    for a number that JAX traces."""
+    """Issue an `UnusualValueWarning` about an untraced number not from `least` to `most`."""
     number = concrete(value)
     if number is not None:
         at_least, at_most = f"at least {least:g} {unit}", f"at most {most:g} {unit}"

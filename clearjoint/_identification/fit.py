@@ -283,8 +283,8 @@ class Fit(AbstractTabular):
         well, the smallest chi squared first.
 
         The chi squared of such a minimum is within the joint 95 % confidence region of the best
-        minimum. At least one coordinate is outside its 95 % interval, by the covariance, around the
-        best minimum, and likewise around every minimum before this one in the list.
+        minimum. Around the best minimum and around each earlier one in the list, the 95 % interval
+        of at least one coordinate, from the covariance there, does not contain this minimum.
         """
         minima = statistics.competing_minima(self.best.best, self._other_minima)
         return [values_at(self.parameters, minimum.coordinates) for minimum in minima]

@@ -159,8 +159,7 @@ _Model = tuple[jax.Array, jax.Array, jax.Array]
 
 
 def _residuals(y: jax.Array, model: _Model) -> tuple[jax.Array, None]:
-    """Return the residuals (M,) at the coordinates `y` by the linear model, and ``None`` for the
-    auxiliary result that optimistix expects."""
+    """Return the linear model's residuals (M,) at `y`, and ``None`` for optimistix's `aux`."""
     at, residuals, jacobian = model
     return residuals + jacobian @ (y - at), None
 

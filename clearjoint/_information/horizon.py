@@ -278,8 +278,8 @@ def _near(
 def _errors(
     run: Sensitivities, loose: Sensitivities, weights: Mapping[str, np.ndarray], p: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return bounds, (T,), of the outputs' errors over the noise, and of the relative errors of
-    derivatives by p parameters: differences from `loose`, the same run with a larger tolerance."""
+    """Return the largest errors, (T,): of outputs times `_weights`, and relative, of derivatives by
+    p parameters. Errors are differences from `loose`, the same run with a larger tolerance."""
     of_values = [np.abs(run.outputs[n] - loose.outputs[n]) * w for n, w in weights.items()]
     # Errors of derivatives are compared with the derivatives of the whole record so far, because a
     # fit uses their sum over all samples.

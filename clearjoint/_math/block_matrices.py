@@ -106,7 +106,7 @@ class _Plan:
         """Return the table for `_iterated` with `sweeps` iterations of `AbstractMatrix.solving`. A
         row (former, sign, transposed, target, block, source) means part[target] = former *
         part[target] + sign * block @ part[source], with the block transposed if `transposed` is 1.
-        First come all parts of b, then those of x (zero at first), then those of r (b at first)."""
+        The array `part` has the parts of b, then of x (zero at first), then of r (b at first)."""
         count = len(self.order)
         b, x, r = ([*range(first, first + count)] for first in (0, count, 2 * count))
         # The blocks of the matrix come first, then those of the factor, inverses, and the identity.

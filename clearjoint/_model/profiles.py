@@ -138,7 +138,7 @@ class Harmonics(AbstractProfile):
 
 
 class AbstractPeriodicSpline(AbstractProfile):
-    """Base class of periodic cubic splines with knots at `angles()` evenly spaced angles."""
+    """Base class of periodic cubic splines with evenly spaced knots, whose number is `angles()`."""
 
     @override
     def at(self, angle: NumberOrArray) -> Deviation:

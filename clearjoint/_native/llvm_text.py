@@ -172,14 +172,12 @@ class _Writer:
     # Which operations are needed, and which products are fused.
 
     def _results(self, function: int) -> list[Value]:
-        """Return the results of a pure function that any call needs; ``[]`` for other functions,
-        which return nothing."""
+        """Return the needed results of the pure function with this number; ``[]`` for others."""
         needed = sorted(self._needed_results.get(function, ()))
         return [self._program.signatures[function][1][k] for k in needed]
 
     def _mark(self, block: Block) -> bool:
-        """Mark the entries of a block, from its end backwards, by `_mark_entry`, and return whether
-        any of them has an effect other than its values."""
+        """Call `_mark_entry` from a block's end backwards; return whether any entry has effects."""
         # A list, since `any` alone would stop at the first effect and leave entries unmarked.
         effects = [self._mark_entry(entry) for entry in reversed(block)]
         return any(effects)

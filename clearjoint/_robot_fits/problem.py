@@ -116,7 +116,7 @@ class LinkInertia:
 
 @dataclass(frozen=True)
 class FlankStiffness:
-    """Function that gives the flanks of a backlash a stiffness about its axis, N m/rad."""
+    """Function that sets the stiffness of the flanks of a `Backlash`, N m/rad about its axis."""
 
     joint: str
 
@@ -384,9 +384,9 @@ def _of_start(
     robot: Robot, log: RobotLog, name: str, q: Mapping[str, float], qd: Mapping[str, float]
 ) -> dict[tuple[str, str], Parameter]:
     """Return, by joint and kind, the parameters that give the logged joint `name` a position and,
-    unless it starts at rest, a speed at the start. If a load presses the other side of its drive
-    train to no flank, and that side is not logged, its place in the play is a parameter too. `q`
-    and `qd` are positions and speeds of joints at the start."""
+    unless it starts at rest, a speed at the start. If the other side of its drive train is neither
+    logged nor pressed to a flank, that side's place in the play is a parameter too. `q` and `qd`
+    are positions and speeds of joints at the start."""
     samples, unit = log.angles[name], "rad" if is_hinge(robot, name) else "m"
     noise = UNKNOWN_NOISE if samples.noise is None else samples.noise
     follower, moved = _other_side(robot, log, name), MovedRobot(robot)

@@ -396,7 +396,7 @@ def as_reduction(quantity: Quantity | AbstractReduction, after: float | None) ->
 
 @dataclass(frozen=True)
 class _Search:
-    """Search, by sweeps of `lanes` values each, for the first violation to a relative `tolerance`.
+    """Search for the first violation, by sweeps of `lanes` values, to a relative `tolerance`.
 
     - `margins`: runs a sweep at rising coordinates, the values of `parameter` on its scale.
     - `plain`: like `margins`, with the default settings of `simulate`, with which the limits must

@@ -153,8 +153,7 @@ def _extruded(
 
 def outline(distances: Float[np.ndarray, " N"]) -> Float[np.ndarray, "N 2"]:
     """Return where rays from the origin, at the angles 0, 2 pi/N, ..., leave the region inside N
-    lines, such as tangents of a convex shape. Line k is perpendicular to ray k, at `distances[k]`
-    from the origin."""
+    lines, such as tangents. Line k is perpendicular to ray k, `distances[k]` from the origin."""
     angles = np.arange(len(distances)) * 2.0 * np.pi / len(distances)
     # A ray from the origin in the k-th direction meets the j-th line after the length d / c, where
     # d is the distance of the line from the origin, and c the cosine of the angle between the k-th

@@ -401,8 +401,7 @@ class SketchingPen(AbstractPen):
             self._add(GROUND, stand.moved(pose_at(point, frame)))
 
     def _edge(self, radius: float, profile: AbstractProfile) -> np.ndarray:
-        """Return the corners, (N, 2) m, of a drawn cross-section that deviates by `profile` from a
-        circle of the drawn `radius`, m."""
+        """Return the corners, (N, 2) m, of a circle of the drawn `radius`, m, with a `profile`."""
         angles = np.arange(CORNERS) * 2.0 * np.pi / CORNERS
         deviation = np.asarray(profile.at(angles).value, float)
         return meshes.outline(radius + self._sizes.clearance_scale * deviation)

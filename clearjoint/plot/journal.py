@@ -75,9 +75,8 @@ def eccentricity_vectors(
 
     **Arguments:** `section`: two perpendicular unit vectors across the bearing's axis, by their
     labels, such as {"X": (1, 0, 0), "Y": (0, 1, 0)}: (3,) each in global axes, or (N, 3) if the
-    bearing turns. By default the x and y axes of the bearing's own frame, which turn with the
-    bearing. With a `section`, the vector has the length of the eccentricity, but the direction to
-    the contact, which is not that to the centre if the bearing or the journal has a profile.
+    bearing turns; by default the axes x and y of the bearing's frame. With a `section`, if the
+    bearing or journal has a profile, the vector points to the contact; its length is unchanged.
 
     >>> plot.eccentricity_vectors(observed, "shoulder", "V").shape[1]
     2

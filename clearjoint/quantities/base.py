@@ -114,8 +114,8 @@ class Instant:
         return 1.0 if self.jumps is None else where(self.jumps, 1.0 - NEAR, 1.0)
 
     def before_and_after(self, value_of: "Callable[[Instant], Scalar]") -> tuple[Scalar, Scalar]:
-        """Return the number that `value_of` computes from an instant, at the end of the step that
-        ends here, just before and just after a jump; both are equal without a jump."""
+        """Return the numbers that `value_of` computes from the instants just before and just after
+        the end of the step that ends here; without a jump there, they are equal."""
         value = value_of(self)
         # The memory of sampled forces may change at the end of any step, also without `jumps`.
         if self.memory:

@@ -166,14 +166,14 @@ def at_offset(twist: Twist, offset: Vector) -> Twist:
 
 
 def constrained(columns: Sequence[Twist], load: Twist, along: Speeds) -> Twist:
-    """Return the part of a load or momentum of carried bodies that acts on their carrier, in the
-    equations for the rates r, while the joint's r are fixed. `columns`: the joint's twists, one for
-    a unit of each speed; `along`: the `product` of the load with each column.
+    """Return the part of a load or momentum of carried bodies that acts on their carrier if the
+    joint's rates r are given. `columns`: the joint's twists, one for a unit of each speed; `along`:
+    the `product` of the load with each column.
 
-    If the carrier's acceleration changes, but the joint's r do not, the carried bodies follow the
-    carrier except for its angular acceleration about free axes of the joint: a moment about these
-    axes does not act on the carrier. The result therefore has all forces, but no moments about the
-    free axes; about a screw's axis it has the moment -pitch (m/rad) times the force along the axis.
+    With given r, the carrier's angular acceleration about the joint's free axes does not turn the
+    carried bodies (see `.coordinates`): moments about these axes do not act on the carrier. The
+    result has all forces, but no moments about the free axes; about a screw's axis it has the
+    moment -pitch (m/rad) times the force along the axis.
     """
     moment = load.angular
     for column, part in zip(columns, along, strict=True):
@@ -191,13 +191,13 @@ def projected(columns: Sequence[Twist], offset: Vector, load: Twist) -> tuple[Sp
 def momenta(
     columns: Sequence[Twist], carried: Inertia, armature: Scalar | None
 ) -> tuple[list[Twist], list[Speeds], list[Twist]]:
-    """Return three lists with an entry for each column, the twist for a unit of one of the joint's
-    speeds: the momentum of the carried bodies with this twist, the products of the momentum with
-    all `columns`, and the part of the momentum that acts on the carrier (see `constrained`).
+    """Return three lists. For each of the `columns`, the twists for a unit of the joint's speeds,
+    they have the momentum of the carried bodies with this twist, the products of this momentum with
+    all `columns`, and the part of it that acts on the carrier (see `constrained`).
 
     The last two include a rotor of inertia J, the `armature`, which resists the acceleration u' =
     r - axis . (angular acceleration of the carrier): J is added to the product of a column with
-    itself, and -J axis to the carrier's part, by which `Inertia.without` adds J axis axis^T.
+    itself, and -J axis to the carrier's part. `Inertia.without` thereby adds J axis axis^T.
     """
     wholes = [carried.momentum(column) for column in columns]
     # Row k of the block has the products of the momentum for a unit of speed k.
@@ -326,8 +326,8 @@ Evaluate: TypeAlias = Callable[..., PyTree]
 
 
 def evaluation(bodies: int) -> Evaluate:
-    """Return the function that calls functions of branches, in a tree with this number of bodies:
-    directly or, in a large tree, traced once for branches of a kind (see `traced_for_a_kind`)."""
+    """Return how a tree of this number of bodies calls functions of a branch: directly or, in a
+    large tree, with one trace for all branches of a kind (see `traced_for_a_kind`)."""
     return operator.call if is_small(bodies) else _traced_once
 
 

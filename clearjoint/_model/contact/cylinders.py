@@ -354,7 +354,7 @@ class DubowskyFreudensteinCylinder(AbstractLoadByLength):
 class GoldsmithCylinder(AbstractLoadByLength):
     """Line contact of W. Goldsmith 1960, which equals that of `DubowskyFreudensteinCylinder`.
 
-    The exponent of L is printed as 1, which is dimensionally inconsistent; here it is 3.
+    The printed formula has the length L in place of L^3, which is dimensionally inconsistent.
 
     >>> law = cj.laws.Hertz(cj.laws.GoldsmithCylinder(207e9, 0.3, length=20e-3))
     >>> print(f"{law.elastic_force(extend.Gap(1e-6, 0.0, 10e-3, clearance=0.1e-3)):.0f} N")

@@ -558,7 +558,7 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
 @dataclass
 class _PulledLane:
     """A run whose cotangents are pulled back from its end. `rows`: (M, n), a `step_row` for each of
-    its steps; `first`: index of the earliest step that the lane has been given so far."""
+    its steps; `first`: index of the earliest step that `next_steps` has returned so far."""
 
     run: RecordedRun
     rows: np.ndarray

@@ -204,9 +204,8 @@ class TangentRun(eqx.Module):
     whole run of `sensitivities` and fits.
 
     - `outputs`: the quantities, by name.
-    - `times`: (N,) s, not decreasing, not before `start_time`. The run stops at `end_time`; later
-      times are not reached. But it would stop at the last of `times` if that were earlier: the last
-      must be `end_time` or later, as `padded` ensures.
+    - `times`: (N,) s, not decreasing, not before `start_time`. The last must be `end_time` or later
+      (see `padded`), or the run would stop early; those after `end_time` are not reached.
     - `recorders`: further recorders; `has_states`: whether to keep the state at each time.
     """
 
@@ -248,8 +247,7 @@ class TangentRun(eqx.Module):
 
 
 def _sampled_from(first: Step, run: TangentRun) -> Sampled:
-    """Integrate from `first`, the result of `first_step_of`. In the code, times named `own` count
-    from the start of the run."""
+    """Integrate from `first`, of `first_step_of`. Times named `own` are since the run's start."""
     method, outputs, t0 = run.scheme.method, run.outputs, run.start_time
     systems = SystemFamily(run.family, run.scheme.formulation, t0)
     system, own_end, own_times = systems.system(), run.end_time - t0, run.times - t0

@@ -49,8 +49,8 @@ def at_end(system: System, end: Scalar, t: Scalar) -> Condition:
 
 
 def dense_time(attempt: Attempt, t: Scalar) -> Scalar:
-    """Return the time, s, that must be passed to diffrax's dense output, which assumes that time is
-    uniform in the step, to obtain the state at the time t, s."""
+    """Return the time, s, at which diffrax's dense output has the state of the time t, s. They
+    differ if the attempt has a `time_map`: diffrax assumes that time is uniform in the step."""
     if attempt.time_map is None:
         return t
     length = attempt.step.t - attempt.t_start

@@ -310,8 +310,7 @@ def _write_label(
 
 
 def _values(path: Path, group: "zarr.Group", name: str) -> np.ndarray:
-    """Read an array of labels; raise a `ValueError` if its file is missing or damaged, because a
-    store can't be opened without it."""
+    """Read an array of labels; raise a `ValueError` if its file is missing or damaged."""
     array = opened(group, name)
     values, faults = read(path, array)
     for chunk, fault in faults.items():
