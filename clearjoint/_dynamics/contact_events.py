@@ -187,9 +187,8 @@ def touches(gaps: ContactGaps) -> Condition:
 
 
 def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
-    """Return the time, s, from the latest onset between two instants to the second instant;
-    infinite without an onset. The time is estimated as depth over rate, which is correct to first
-    order, and is not differentiated."""
+    """Return the time, s, from the latest onset between two instants to the second one; infinite
+    without an onset. It is depth over rate, correct to first order, and is not differentiated."""
     latest: Scalar = jnp.inf
     for start, end in gap_pairs(before, after):
         began = (start.depth <= 0.0) & (end.depth > 0.0)

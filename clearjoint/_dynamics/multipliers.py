@@ -131,7 +131,7 @@ def row_weights(bodies: Mapping[str, Body], rows: Sequence[Row]) -> list[Scalar]
 
 
 def _mean_inertia(body: Body) -> Scalar:
-    """Return the mean of a body's principal moments of inertia: a weight needs no axis."""
+    """Return the mean of a body's principal moments of inertia, kg m^2, for the weights of rows."""
     inertia = body.inertia
     if isinstance(inertia, Matrix):
         return (inertia.row_x.x + inertia.row_y.y + inertia.row_z.z) / 3.0

@@ -23,7 +23,7 @@ def with_leaves(
     structure: jax.tree_util.PyTreeDef | None = None,  # pyright: ignore
 ) -> Tree:
     """Return a scene, a state or a pair of both with other leaves, and its names in the same order;
-    `jax.tree.unflatten` and `equinox.tree_at` would sort them. `structure`: if known."""
+    `jax.tree.unflatten` and `equinox.tree_at` would sort them. `structure`: of `tree`, if known."""
     structure = jax.tree.structure(tree) if structure is None else structure
     return ordered_like(tree, jax.tree.unflatten(structure, leaves))
 

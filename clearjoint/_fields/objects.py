@@ -81,8 +81,7 @@ def quantity(
     - `shape`: (), (3,) or (4,), with finite components; any shape unless given.
     - `positive`: whether the value must be a single positive number; with `zero`, it may be zero.
     - `within`: closed interval in which the value, a single number, must be.
-    - `usual`: smallest and largest usual value of a single number; others give an
-      `UnusualValueWarning`.
+    - `usual`: interval of a single number outside which an `UnusualValueWarning` is given.
     - `check`: a function of name and value that raises a ``ValueError``, such as `require_axis`.
     - `remedy`: advice in error messages; the default is to give the value in its unit.
     - `table`: whether methods get an array of any shape as an array, for instance for

@@ -67,9 +67,8 @@ short blocks. With optimisation LLVM joins the blocks first: the machine code is
 def llvm_text(program: Operations) -> str:
     """Return a program as the text of an LLVM module with one public function, "program".
 
-    In C, the function would be declared as ``void program(double *memory)``. The address of the
-    memory is a multiple of 64. A cell has 8 bytes for each lane. `program` is changed, since what
-    nothing uses is removed.
+    In C, the function would be declared as ``void program(double *memory)``, with an address that
+    is a multiple of 64. `program` is changed, since what nothing uses is removed.
     """
     return _Writer(program).module()
 

@@ -99,7 +99,7 @@ class RobotFit(AbstractTabular):
     - `undetermined`: for each parameter that the log doesn't determine, a sentence that says why.
     - `held`: value and unit at which each undetermined parameter was held: its last estimate if the
       log excludes its start, or for a position or speed at the start of the log; else its start.
-    - `limits`: 95 % interval of each held parameter for which it begins at 0 or ends at infinity.
+    - `limits`: 95 % interval of each held parameter that may be zero or infinite by the log.
 
     ```python
     import clearjoint as cj
@@ -234,7 +234,7 @@ class RobotFit(AbstractTabular):
 
     def hysteresis(self) -> dict[str, Hysteresis]:
         """Return, by name, the `Hysteresis` of each driven joint with a logged torque and position.
-        What drives a joint, its torque or position, has no prediction: the log takes its place."""
+        The one of the two that drives the joint is not predicted: its logged values are used."""
         loops, measured = {}, self.fit.measurements.series
         for joint in self.driven_by:
             # The position of a joint that is not logged is that of its motor.

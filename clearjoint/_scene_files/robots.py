@@ -170,9 +170,9 @@ class Actuator:
 
 
 class Content(NamedTuple):
-    """Content of a robot's file. `omitted`: for each kind of content that a scene lacks, by its
-    title in messages, the names of the links, joints or other elements that have such content;
-    an empty list for content of the robot as a whole. `gravity`: m/s^2."""
+    """Content of a robot's file. `omitted`: for each kind of content that scenes can't represent,
+    by its title in messages, the names of the links, joints or other elements that have it; an
+    empty list for content of the robot as a whole. `gravity`: m/s^2."""
 
     links: list[RobotLink]
     joints: list[RobotJoint]

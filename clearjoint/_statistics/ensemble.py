@@ -46,9 +46,8 @@ so that velocities which the constraints fix get no axis."""
 def directions(scene: Scene, draws: int, seed: int) -> Float[np.ndarray, "draws v"]:
     """Return a random direction in the space of all velocities for each draw of an ensemble.
 
-    The v columns are the components x, y, z of velocity and of spin of one body after the other,
-    all standard normal. The first rows don't depend on the number of draws, so that a stored
-    ensemble can be extended.
+    The v columns, all standard normal, are x, y and z of velocity and of spin, body after body. The
+    first rows don't depend on `draws`, so that a stored ensemble can be extended.
     """
     return np.random.default_rng(seed).standard_normal((draws, 6 * len(scene.bodies)))
 

@@ -443,7 +443,7 @@ class _Search:
         return known
 
     def _confirmed(self, known: LaneMargins) -> LaneMargins:
-        """Run `plain` just below the violation, and keep the lower margins; repeat if it moves."""
+        """Lower margins below the first violation to those of `plain`, until it no longer moves."""
         if self.plain is None:  # `margins` already has the settings that the user has given
             return known
         # Lower margins, and values added before the violation, may move the first violation to

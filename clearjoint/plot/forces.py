@@ -278,9 +278,8 @@ def motion_timeline(
     window: TimeSpan | None = None,
     axes: Axes | None = None,
 ) -> Axes:
-    """Draw bars over time that show when each joint is in free flight, in impact, or following the
-    wall (the phases that `contact_phases` returns). The numbers on the right are the percentages of
-    the drawn time in these phases.
+    """Draw bars over time for the phases of each joint: free flight, impact or following the wall
+    (see `contact_phases`). Numbers on the right are the percentages of the drawn time in them.
 
     **Arguments:** `joints`: names of joints, from top to bottom; by default all with contacts.
 

@@ -187,13 +187,13 @@ class AbstractFrictionJoint(AbstractOneLawJoint):
     def _offset_at_flat_wall(
         self, normal: Triple, clearance: Single, load: Float[np.ndarray, "3"], contacts: int = 1
     ) -> Float[np.ndarray, "3"] | None:
-        """Return the displacement, (3,) m in the axes of the walls' body, by which a load presses
-        the centred second body against one of two parallel walls and into this wall; ``None`` if
-        the load presses the body against neither.
+        """Return the displacement of the second body, (3,) m in the first body's axes, from the
+        middle between two parallel walls of the first to where it rests against one of them;
+        ``None`` if the load is along the walls.
 
         **Arguments:** `normal`: of the walls, (3,), any length. `clearance`: of the centred body on
-        either side, m. `load`: force on the walls' body, (3,) N in its axes. `contacts`: number of
-        contacts that share the load.
+        either side, m. `load`: force of the second body on the first, (3,) N in the first's axes.
+        `contacts`: number of contacts that share the load.
         """
         upward = np.asarray(normal) / np.linalg.norm(normal)
         component = load @ upward

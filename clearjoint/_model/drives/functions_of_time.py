@@ -133,9 +133,8 @@ class Spline(AbstractTable):
 
     @staticmethod
     def through(times: ArrayLike, values: ArrayLike) -> "Spline":
-        """Return the natural cubic spline through a table, from SciPy's `CubicSpline`. Its second
-        derivative is continuous, and zero at both ends. JAX may not trace the arguments, since
-        SciPy can't use traced numbers."""
+        """Return the natural cubic spline through a table, from SciPy's `CubicSpline`: its second
+        derivative is continuous, and zero at both ends. JAX may not trace the arguments."""
         from scipy.interpolate import CubicSpline
 
         times, values = as_number(times, "times", "s"), as_number(values, "values")

@@ -207,7 +207,7 @@ def rotation_about(axis: Vector, angle: Scalar) -> EulerParameters:
 
 
 class AbstractTurning(AbstractMotionAtPoints):
-    """Base class of motion subspaces in which the child only rotates about one axis, perhaps with
+    """Base class of motion subspaces in which the child rotates about one axis; some also have
     translations. `axis` is a unit vector in the child's axes, and `reference` the orientation at
     angle zero, which `aligning` computes from the axis in both bodies."""
 

@@ -35,8 +35,7 @@ class ImpactCount(AbstractWindowedReduction):
     """Number of impacts of a joint: the onsets of all of its contacts together.
 
     A contact that exists at the start of the run does not count, nor does one that begins and ends
-    within one step. Contacts within one step are rare where steps end at onsets, as they do with
-    the default `landing_tolerance` of `Settings`.
+    within one step, which is rare with the default `landing_tolerance` of `Settings`.
 
     **Arguments:** `joint`: name of a joint with contacts; `after`, `until`: s, the window of time,
     by default the whole run; see `Peak`.

@@ -254,8 +254,8 @@ class Observation(eqx.Module, AbstractTabular):
 def _rows_of(
     kind: type[eqx.Module], parts: Mapping[str, PyTree], dim: str, *attributes: Mapping[str, object]
 ) -> dict[str, tuple[Any, ...]]:
-    """Return the arguments of `_stacked` for each field of the class `kind`, by the name of its
-    variable. `parts`: objects of the class, one for each label along `dim`, with those fields."""
+    """Return the arguments of `_stacked` for each field of the class `kind`, by variable. `parts`:
+    objects of the class, one for each label along `dim`; `attributes`: of all variables, if any."""
     rows = {}
     for f in fields(kind):
         series = [getattr(part, f.name) for part in parts.values()]

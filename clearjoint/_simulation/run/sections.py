@@ -51,8 +51,8 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
     - `earliest`: s, time of the scene before which crossings are ignored.
     - `channels`: pairs of a name and a quantity. A row of the record has the time of a crossing and
       the values of the quantities; with ``None``, as in lanes, a row is a `Snapshot`.
-    - `wanted`: largest number of rows in the buffer; further crossings are neither recorded nor
-      counted until it is emptied. ``None`` for `capacity`, the number for which it has room.
+    - `wanted`: number of crossings to record until the buffer of rows is emptied; further ones are
+      not counted. ``None`` for `capacity`, the size of the buffer.
     """
 
     quantity: Quantity = eqx.field(static=True)
