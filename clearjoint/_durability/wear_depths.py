@@ -117,15 +117,14 @@ def depths_from_signals(
     signals: Signals,
     samples: int,
 ) -> Float[jax.Array, "2 samples"]:
-    """Return the depths, m, that wear off the wall and off the journal at `samples` angles during
-    the `times` of `wear_depths`, s. JAX can differentiate the depths.
+    """Return the depths, m, that wear off the wall and off the journal at `samples` angles, from
+    the joint's `signals` at the times of `quadrature_times`, s. JAX can differentiate the depths.
 
     The volume that wears off in a time dt is k F v dt, with the specific wear rate k of bearing or
-    journal (`rates`, m^2/N), the normal force F at a base, an end circle of the journal, and the
-    sliding speed v there (J. F. Archard 1953).
-    The volume is distributed over the angles in proportion to the overlap of the two profiles, as
-    if the wall were an elastic foundation, and evenly over the length of the journal. The wear of
-    both bases is added.
+    journal (`rates`, m^2/N), the normal force F at a base, and the sliding speed v there (J. F.
+    Archard 1953). It is distributed over the angles in proportion to the overlap of the two
+    profiles, as if the wall were an elastic foundation, and evenly over the length of the journal.
+    The wear of both bases is added.
     """
     # The last time is repeated, so that few programs are compiled (see `TIMES_IN_PROGRAM`). The
     # added intervals have no length and add nothing to the integral. The number of times stays odd,

@@ -224,11 +224,11 @@ def grow(
     atol: Float[np.ndarray, " rows"],
     depth: float | None = None,
 ) -> "OdeSolution":
-    """Return a function of the number of cycles, 0 to `length`, that returns the depths and their
-    derivatives: an array (rows, number of parts that wear, samples), m, flattened.
+    """Return a function of the number of cycles, 0 to `length`, that returns the depths (row 0) and
+    their derivatives by parameters (other rows): (rows, parts that wear, samples) m, flattened.
 
     The contacts are those of `start` throughout, or change linearly from those of `start` to those
-    of `end`. The depths are integrated from `rows` by backward differentiation formulas, with a
+    of `end`. The initial values are `rows`. They are integrated by backward differentiation, with a
     relative tolerance and an absolute one for each row, m, until the deepest point reaches `depth`,
     m; without `depth`, over all cycles. `RuntimeError`: the integration failed.
     """

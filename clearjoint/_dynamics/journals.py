@@ -278,7 +278,7 @@ def _numbers(by_name: Mapping[str, Scalar]) -> dict[str, float]:
 # NumPy computes this function if it can, since a compilation takes longer than a single call.
 @HostFirst
 def contact_depths(scene: Scene, bodies: dict[str, BodyState]) -> ByLabel[Scalar]:
-    """Return the penetration of each contact, m, for vectors that are arrays (3,)."""
+    """Return the penetration of each contact, m. Vectors in the arguments are arrays, (3,)."""
     system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
     motions = system.motions(system.encode(unpack(bodies)))
     return {

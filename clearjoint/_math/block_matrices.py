@@ -356,7 +356,7 @@ def _product(plan: _Plan, blocks: jax.Array, vector: jax.Array) -> jax.Array:
 
 
 def _iterated(blocks: jax.Array, right: jax.Array, table: Sequence[_Step]) -> jax.Array:
-    """Return x of S x = b, for b in `right`, by a `_Plan.solution` table of indices in `blocks`."""
+    """Return x of S x = b: b in `right`, S and its factor in `blocks`, by a `_Plan.solution`."""
 
     def step(vectors: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
         former, sign, transposed, target, block, source = row

@@ -34,12 +34,9 @@ from .operations import Symbol, Value
 
 
 def _cond(lower: Lowering, equation: Equation, condition: Array, *arguments: Array) -> list[Array]:
-    """Add a branch (`jax.lax.cond`).
-
-    If the condition, a bool or the index of a branch, is known while the program is built, only
-    that branch is added. Otherwise, if both branches are short and return no large array, both are
-    executed and the results selected. In all other cases the program jumps.
-    """
+    """Add a branch (`jax.lax.cond`). If the condition, a bool or the index of a branch, is known
+    while the program is built, add only that branch. Otherwise, if both branches are short and
+    return no large array, execute both and select the results. In all other cases, jump."""
     branches = equation.params["branches"]
     ops, condition = lower.ops, scalar(condition, "a branch whose condition is an array")
     number = ops.number(condition)

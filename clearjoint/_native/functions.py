@@ -323,8 +323,7 @@ class FlatArguments:
 
     @cached_property
     def arguments(self) -> tuple[PyTree, ...]:
-        """The arguments themselves, made at the first use: a call of a program needs only their
-        arrays, so that results of one program that are arguments of the next are rarely made."""
+        """The arguments themselves, made at the first use, since programs need only the arrays."""
         return self.make()
 
     @property

@@ -182,7 +182,7 @@ class Function:
 
 @dataclass(frozen=True)
 class PureFunction:
-    """A function of machine code for a jaxpr, which takes and returns values.
+    """A function of machine code that takes and returns values; `number`: its index in the program.
 
     - `results`: arrays that the function returns, of values as they are named inside of it.
     - `computed`: the values in `results` that the function returns. The others are constants.
@@ -581,12 +581,9 @@ class Lowering:
     def _add_equation(
         self, equation: Equation, number: int, arrays: dict[Atom, Array], survey: Survey
     ) -> None:
-        """Add an equation, with the index `number` in its jaxpr, to the program, and its results to
-        `arrays`.
-
-        Arrays in memory that are read later are marked as not owned: arguments that are read again,
-        and results that share cells with these or with each other.
-        """
+        """Add an equation, of index `number` in its jaxpr, to the program, and its results to
+        `arrays`. Mark arrays in memory that are read later as not owned: arguments that are read
+        again, and results that share cells with these or with each other."""
         arguments: list[Array] = []
         read_later: dict[Atom, InMemory] = {}
         for atom in equation.invars:

@@ -29,11 +29,8 @@ Leaf = jax.Array | np.ndarray | float
 @dataclass(frozen=True)
 class Number:
     """Location of a number in a scene or a state: index of the array in the list of
-    `jax.tree.leaves`, and indices into that array, empty for the whole array.
-
-    ``location[1]`` is the location of one component, and ``location[0:2]`` the location of several
-    components, which can't be indexed further.
-    """
+    `jax.tree.leaves`, and indices into that array, empty for the whole array. ``location[1]`` is
+    that of one component, ``location[0:2]`` that of several, which can't be indexed further."""
 
     leaf: int
     component: tuple[Index, ...] = ()

@@ -66,8 +66,7 @@ def keys_of(text: str) -> tuple[str, ...]:
 
 def written(keys: Keys) -> str:
     """Return keys and indices as text: "joints.pin.axis[0]" for ("joints", "pin", "axis", 0). Keys
-    with dots, brackets, quotation marks, equals signs or characters that can't be printed are
-    quoted."""
+    with dots, brackets, quotes, equals signs or unprintable characters are quoted."""
 
     def quoted(key: str) -> str:
         is_plain = re.fullmatch(r"""[^.\[\]'"=]+""", key) and key.isprintable()

@@ -324,7 +324,7 @@ def _add_resistances(elements: Elements, friction: FrictionLaw | None) -> None:
 def friction_of(
     joint: HingeOrSlider, law: FrictionLaw, load: PyTree, **options: PyTree
 ) -> JointFriction:
-    """Return a `JointFriction` of a hinge (`load` in N m) or slider (N), with further `options`."""
+    """Return friction in a joint: the ratio by `law` times `load`, N m (hinge) or N (slider)."""
     ends = joint.first, joint.second
     if isinstance(joint, RevoluteJoint):
         return JointFriction(*ends, law, load, joint.axis_first, 1.0, **options)

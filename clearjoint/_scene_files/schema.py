@@ -84,8 +84,7 @@ class Catalogue:
         return _any_of(ways)
 
     def _references(self, families: tuple[type, ...]) -> list[Schema]:
-        """Return references to the definitions of all makers (classes and static methods that files
-        may name) of objects of the classes `families`. Add the definitions that are missing."""
+        """Return references to definitions, added if missing, of all makers of the `families`."""
         # A user-defined class has two names; the last one, with its module, names its definition.
         names: dict[Maker, list[str]] = {}
         for name, make in makers(families, self.classes).items():

@@ -233,13 +233,10 @@ def estimate(
 
 def _regression(z: np.ndarray, y: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the coefficients of the p standardised coordinates z (runs, p) in a regression of the
-    output y (runs,), and the standard errors of the coefficients, (p,) each.
-
-    The regressors are polynomials of one coordinate up to degree 3, those of Hermite for normal and
-    of Legendre for uniform distributions, and products of two coordinates. They are orthogonal
-    under the distribution of z, so that the expectation of the coefficient of z does not depend on
-    the other regressors.
-    """
+    output y (runs,), and their standard errors, (p,) each. The regressors are polynomials of one
+    coordinate up to degree 3, those of Hermite for normal and of Legendre for uniform
+    distributions, and products of two coordinates. They are orthogonal under the distribution of z,
+    so that the expectation of the coefficient of z does not depend on the other regressors."""
     p = z.shape[1]
     square = np.where(normal, z**2 - 1.0, 1.5 * z**2 - 0.5)
     cube = np.where(normal, z**3 - 3.0 * z, 2.5 * z**3 - 1.5 * z)

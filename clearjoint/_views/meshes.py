@@ -176,11 +176,8 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def as_mesh(argument: str, value: MeshLike) -> Mesh:
-    """Return a user's mesh after checks; errors call it `argument`.
-
-    **Raises:** `ValueError` for a missing file, another type, and wrong arrays; the errors of
-    trimesh for a file that it can't read.
-    """
+    """Return a user's mesh after checks; errors call it `argument`. Raise a `ValueError` for a
+    missing file, another type or wrong arrays; trimesh raises its own for a file it can't read."""
     remedy = "give a file that trimesh reads, a trimesh object, or (vertices in m, faces)"
     # A file becomes an object with triangles, and such an object becomes a pair of arrays.
     if isinstance(value, str | Path):

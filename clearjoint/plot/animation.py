@@ -84,9 +84,8 @@ def animate_journal(
     """Write a GIF file in which the journal moves in its bearing, base V on the left, base W on the
     right, dark in contact and light in flight. Clearance and eccentricity are enlarged.
 
-    **Arguments:** `file`: path of the file, with the suffix ".gif". `instants`: (M,) times, s, one
-    for each frame, which shows the nearest observed time. `section`: directions as in
-    `eccentricity_vectors`. `frames_per_second`: in the animation.
+    **Arguments:** `file`: path, with the suffix ".gif". `instants`: (M,) times, s, one for each
+    frame, which shows the nearest observed time. `section`: as in `eccentricity_vectors`.
 
     >>> plot.animate_journal(observed, "shoulder", 0.5e-3, "journal.gif", np.linspace(0, 0.02, 5))
     """

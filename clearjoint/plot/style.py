@@ -310,7 +310,7 @@ def time_axis(
 
 
 def _prefixed(values: np.ndarray, unit: str) -> tuple[int, str]:
-    """Return the power of ten of the prefix, 0 without one, and the text of the unit with it."""
+    """Return the power of ten of the prefix that suits `values`, or 0, and the unit with it."""
     text = unit.replace("^2", "²").replace("^3", "³")
     first = unit.split("/")[0]  # a prefix scales the numerator: mm/s for m/s
     largest = np.abs(values[np.isfinite(values)]).max(initial=0.0)

@@ -156,8 +156,8 @@ def _require(condition: Condition, label: str, message: str) -> None:
 
 
 def _positions(joint: AbstractContactJoint, motions: Motions, together: bool) -> list[Motions]:
-    """Motions at which the joint is tested: the given ones; with each contact at its onset, and
-    `PENETRATION` deeper; if `together`, with coincident attachment points; all of these at rest."""
+    """Motions at which the joint is tested, each also at rest: the given ones; with each contact at
+    its onset, and `PENETRATION` deeper; if `together`, with coincident attachment points."""
     moving, scalar = [motions], unpack(joint)
     # A shift of the second body along the normal increases the penetration by its length.
     for label, contact in scalar.contacts(motions).items():

@@ -88,8 +88,8 @@ class Target:
 
 
 class Cloud(NamedTuple):
-    """Points in the box, with the results of `Curves` over the times up to which they have been
-    run, and the logarithms of their prior density."""
+    """Points in the box of a `Target`, with chi squared over the first 0, 1, 2, ... sample times,
+    as from `Curves`, up to those that have been run, and the logarithms of their prior density."""
 
     points: Points
     curves: Float[np.ndarray, "n T"]

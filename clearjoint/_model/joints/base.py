@@ -374,11 +374,9 @@ class AbstractContactJoint(AbstractElement):
     def anchor(self) -> tuple[str, Vector, Vector] | None:
         """Return the name of a body that the joint connects with the ground, and two points near
         each other: of the body, m from its centre of mass in its axes, and of the ground, m from
-        the origin; ``None``, the default, if there are no such points.
-
-        The vector between the points may replace the body's position as an integration variable:
-        computed as a difference of large coordinates, this vector would lose digits.
-        """
+        the origin; ``None``, the default, if there are no such points. The vector between them may
+        replace the body's position as an integration variable, since a difference of large
+        coordinates would lose digits."""
         return None
 
     def rows(self, motions: Motions, t: Scalar) -> dict[str, Row]:

@@ -152,8 +152,8 @@ class Common(eqx.Module):
         return RunLoop(self.scheme.method, system, task.end_time, recorders)
 
     def begun(self, task: Task) -> Lane:
-        """Return a lane before its first step. It takes none, with the result code `not_assembled`,
-        if its state violates the constraints or the run's coordinates cannot represent it."""
+        """Return a lane before its first step. If its state violates the constraints, or the run's
+        coordinates cannot represent it, its result code is `not_assembled` and it takes no step."""
         # A compiled lane cannot raise an error. The result code ends this lane, and the others run.
         method, scene, t0 = self.scheme.method, self.scene(task), self.start_time
         fits = assembled(scene, task.state, t0, self.scheme.formulation.coordinates)

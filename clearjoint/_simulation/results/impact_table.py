@@ -104,8 +104,6 @@ def beyond_law_ranges(scene: Scene, impacts: Impacts) -> list[str]:
     """Report contacts that were deeper than the range of validity of their contact law, beyond
     which its forces are not reliable.
 
-    **Arguments:** `scene`: the scene that was simulated; `impacts`: the table of its impacts.
-
     **Returns:** one sentence for each exceeded limit, with the joint, the contact, the law, the
     limit and the largest penetration; an empty list if there is none.
 

@@ -150,8 +150,8 @@ class Strobe:
         return None
 
     def _decays(self, multiple: int, count: int) -> bool:
-        """Return whether the largest change since `multiple` periods earlier is, in the last
-        `count` periods, less than half of that in `count` periods up to 3/4 of the motion."""
+        """Return whether the largest `change` since `multiple` periods earlier more than halves,
+        from the `count` periods up to 3/4 of the motion to its last `count` periods."""
         changes = self.change(multiple)
         earlier = changes[: 3 * len(changes) // 4][-count:]
         return bool(changes[-count:].max() < 0.5 * earlier.max(initial=0.0))

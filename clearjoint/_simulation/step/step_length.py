@@ -81,8 +81,8 @@ def lengths_after_contacts(
 
 
 def length_after_breakpoints(step: Step, t1: Scalar, keep: Condition, proposed: Scalar) -> Scalar:
-    """Return `full_length` of the next `Proposal`, s, in a run whose steps do not end at contact
-    events. The arguments are those of `lengths_after_contacts`."""
+    """Return the length, s, of the next step if no event cuts it short, in a run whose steps do not
+    end at contact events. The arguments are those of `lengths_after_contacts`."""
     is_cut = t1 - step.t < CUT * step.proposal.full_length
     return jnp.where(keep, _uncut(step.proposal, is_cut, proposed), proposed)
 

@@ -100,7 +100,7 @@ class Step(eqx.Module):
 
     - `entry_speeds`: m/s, by joint and contact, of contacts whose law uses entry speeds.
     - `second_rates`: second time derivative of each penetration at t, m/s^2, by joint and contact;
-      zero if the solver keeps no rates.
+      zero unless the solver is an `UnrolledExplicit`.
     - `result`: result code of the run; `attempts`, `accepted`: numbers of trial steps, and of those
       that were accepted, since the start of the run.
     - `tangents`: derivatives of the state; ``None`` in runs without tangents.
