@@ -121,8 +121,8 @@ class Combination:
 
     - `weights`: weights of the coordinates, scaled so that the largest magnitude is 1.
     - `standard_deviation`: of an estimate of the sum; infinite if the data don't determine it.
-    - `shares`: share of each parameter's variance that the uncertainty of this sum causes: NaN or
-      infinite if the data don't determine the sum, otherwise zero for an infinite variance.
+    - `shares`: share of each parameter's variance that the uncertainty of this sum causes; zero if
+      this variance is infinite. If the data don't determine the sum, all are NaN or infinite.
     """
 
     weights: Float[np.ndarray, " p"]

@@ -57,9 +57,9 @@ def gram_matrix(first: Rows, second: Rows) -> AbstractMatrix:
 class _Plan:
     """Places of the blocks of a symmetric matrix and of its factor, and the operations on them.
 
-    - `order`: the groups of rows in their order of elimination. All other indices of groups are
-      places in this order.
-    - `sizes`: the number of rows of each group.
+    - `order`: the groups of rows, one for each row of blocks, in their order of elimination. All
+      other indices of groups are places in this order.
+    - `sizes`: the number of rows of each group, at most `SIZE`.
     - `slots`: index of each stored block by its place (row, column), on or below the diagonal, also
       of blocks that are zero in the matrix but not in its factor (fill-in).
     - `entries`: the places of the blocks of the matrix itself.

@@ -64,7 +64,7 @@ class Memory:
         numbers_of(self.floats, region.dtype)[region.cells] = np.asarray(array).reshape(-1, 1)
 
     def read(self, region: Region) -> np.ndarray:
-        """Return the array in a region, if the memory has one lane: a view for a 64-bit dtype."""
+        """Return the array in a region of a memory of one lane: a view for float64 and int64."""
         numbers = numbers_of(self.floats, region.dtype)[region.cells]
         return numbers.reshape(region.shape).astype(region.dtype, copy=False)
 

@@ -333,8 +333,8 @@ def fit_robot(
     - `grow`: ends of growing windows, s, as in `identify`; () for none. By default a fit with poor
       residuals is repeated with windows from `fit_horizon`, for starts that are wrong by a factor
       of two. If a drive train's place in its play is unknown at the start, windows from 1/64 of
-      the log on are tried too. At last the fit is repeated from plays that are a fifth smaller, or
-      a quarter larger, and, for each play, with this one nearly zero.
+      the log on are tried too. At last the fit is repeated from other plays: all a fifth smaller,
+      all a quarter larger, and each in turn nearly zero.
 
     **Raises:** `ValueError` for names, units and modes that don't fit robot and log, for a
     torque or position that drives a joint and is missing in a part of the log, for noise that is

@@ -396,9 +396,9 @@ def _statistics(
 def _quantile_errors(
     runs: Float[np.ndarray, "... draws"], levels: Float[np.ndarray, " q"]
 ) -> Float[np.ndarray, "... q"]:
-    """Return standard errors of the quantiles, at q levels, of `runs` over the draws, in which NaN
-    is a failed run. A standard error is NaN if fewer than two runs succeeded, and for a level p
-    whose distance from 0 or 1 is below sqrt(p (1 - p)/n), for n successful runs."""
+    """Return the standard errors of the quantiles of `runs`, at q levels, over the draws. Failed
+    runs are NaN, and are left out. An error is NaN if fewer than two runs succeeded, and for a
+    level p whose distance from 0 or 1 is below sqrt(p (1 - p)/n), for n successful runs."""
     # The share of n draws below the true quantile has a binomial distribution with the standard
     # deviation sqrt(p (1 - p)/n). Half the distance between the quantiles at the levels one
     # deviation below and above is therefore the standard error of a quantile.

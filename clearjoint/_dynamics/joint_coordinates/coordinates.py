@@ -352,7 +352,8 @@ def _walk(trees: Sequence[Sequence[TreeBranch]]) -> Walk:
 
 
 def written_out(branches: Iterable[TreeBranch]) -> Walk:
-    """Return branches, parents first, as a `Walk` that traces each function for every branch."""
+    """Return branches, given parents first, as a `Walk` that evaluates functions by direct calls:
+    JAX traces them again for every branch."""
     return [(branch, operator.call) for branch in branches]
 
 

@@ -131,7 +131,8 @@ class ImpossiblePriorError(ArithmeticError):
 def draw(
     target: Target, number: int, generator: Generator, on_step: OnStep = lambda count: None
 ) -> Drawn:
-    """Draw `number` points from the posterior `target`, by steps along the record.
+    """Draw `number` points from the posterior `target`, by steps along the record. After each step
+    or round, `on_step` is called with the number of sample times in the likelihood.
 
     **Raises:** `ImpossiblePriorError`; `FloatingPointError` if, in a step or round, the likelihood
     is zero at each point; `numpy.linalg.LinAlgError` if so few distinct points have a weight that

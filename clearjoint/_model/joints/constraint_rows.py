@@ -306,7 +306,7 @@ def _unit_velocities() -> list[tuple[Velocities, Velocities]]:
 
 def distance_row(components: Iterable[Row], length: Scalar, motions: Motions) -> Row:
     """Return the row (x^2 + y^2 + ... - length^2)/(2 length), m, which holds a vector at a length.
-    The vector's components x, y, ..., m, are the values of rows without `time_rate`."""
+    The values of `components` are x, y, ..., m; these rows must not have a `time_rate`."""
     # The squared length is differentiable everywhere. Dividing by 2 length gives a row in m, whose
     # derivative along the vector is 1, so that the multiplier is the force in N.
     value, bias = -0.5 * length, 0.0

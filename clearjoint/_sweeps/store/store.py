@@ -106,7 +106,8 @@ def _text(part: Part) -> str:
 
 
 def _lost(stored: Contents, wanted: Layout, matches: np.ndarray) -> Iterator[str]:
-    """Yield a line for each axis with values that `wanted` lacks; one for all lanes it lacks."""
+    """Yield a line for each axis with stored values that `wanted` lacks, and one line for all
+    stored lanes that it lacks. `matches`: as in `differences`."""
     values = {axis.name: axis.values for axis in wanted.axes}
     # An axis that the wanted sweep lacks altogether has no line here, since its unit, one of the
     # compared parts, already has one.
