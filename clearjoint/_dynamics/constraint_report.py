@@ -216,8 +216,8 @@ def free_motions(scene: Scene, bodies: dict[str, BodyState]) -> Motions:
 
 def _norm(row: Row) -> Scalar:
     """Return the norm of a row's Jacobian in absolute coordinates; one if the norm is zero, as in a
-    singular position. The same row in other coordinates is divided by this norm, so that a row that
-    these coordinates nearly satisfy by themselves stays small, and counts as dependent."""
+    singular position. `start_rows` divides the row in other coordinates by this norm. If these
+    coordinates nearly satisfy the row by themselves, it stays small, and counts as dependent."""
     wrenches = [wrench for name, wrench in row.jacobian.items() if name != GROUND]
     square = sum(v.dot(v) for wrench in wrenches for v in (wrench.force, wrench.moment))
     return square_root(where(square > 0.0, square, 1.0))

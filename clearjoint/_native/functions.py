@@ -172,9 +172,9 @@ def _indices(cells: Iterable[slice]) -> np.ndarray:
 def _joined_cells(
     regions: Sequence[Region | None], sizes: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the cells of all `regions`, in one array, and for each cell the index of its element
-    in the array that joins arrays of the given `sizes`, one for each region. An array whose region
-    is ``None`` is not in memory, but counts in these indices."""
+    """Return the memory cells of several arrays and, for each cell, the index of its number in the
+    concatenation of the arrays. Each array has a region and a size; one with the region ``None`` is
+    not in memory and has no cells, but is part of the concatenation."""
     pairs = zip(regions, np.cumsum(sizes).tolist(), strict=True)
     used = [(r.cells, slice(end - r.size, end)) for r, end in pairs if r is not None]
     return _indices(cells for cells, _ in used), _indices(elements for _, elements in used)

@@ -307,9 +307,9 @@ def ensemble(
 def require_distinct_names(
     requested: Requested, endings: Collection[str], taken: Collection[str] = ()
 ) -> None:
-    """Raise a `ValueError` if two results of statistics would have one name, so that one of them
-    would be lost. The names are those `taken`, and for each output with one number in each run, or
-    one at each sample time, its name with each of the `endings` after an underscore."""
+    """Raise a `ValueError` if two results of statistics would have the same name, so that one of
+    them would be lost. An output with one number in each run, or one at each sample time, has a
+    result for each of the `endings`, such as "force_mean". `taken`: other names in the dataset."""
     reductions, sections = requested.reductions.items(), requested.sections
     outputs = [result_name(name, part) for name, r in reductions for part in r.units()]
     outputs += [*requested.quantities, *(result_name(name, "count") for name in sections)]

@@ -275,11 +275,12 @@ def sweep(
       are NaN. Sweeps can't save every step, and save impacts only by an `ImpactTable`.
     - `path`: folder of a Zarr store, which is written chunk by chunk. If it is the store of this
       sweep, only missing or damaged lanes are computed, so that axes, further values of an axis,
-      and outputs can be added later, but no axis of a vector with a component of exactly 0 or 1. A
-      store recognises its sweep by the numbers of its lanes and the programs that JAX traces, not
-      by source texts or names. `open_sweep(path)` and ``xarray.open_zarr(path)`` read the store,
-      also of an unfinished sweep. A process that is killed loses the running lanes and, of ended
-      ones, about one second of computing; on a slow disk, also lanes of incomplete chunks.
+      and outputs can be added later. An axis of a vector can't be added if a component of this
+      vector in `scene` is exactly 0 or 1. A store recognises its sweep by the numbers of its lanes
+      and the programs that JAX traces, not by source texts or names. `open_sweep(path)` and
+      ``xarray.open_zarr(path)`` read the store, also of an unfinished sweep. A process that is
+      killed loses the running lanes and, of ended ones, about one second of computing; on a slow
+      disk, also lanes of incomplete chunks.
     - `executor`: a `concurrent.futures.Executor` or a `dask.distributed.Client` that computes the
       chunks; by default threads of this process share the lanes. Processes must be spawned, not
       forked, and a script must make the executor below ``if __name__ == "__main__":``, as

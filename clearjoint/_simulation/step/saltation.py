@@ -123,8 +123,8 @@ def _changes(before: ContactGap, after: ContactGap) -> Condition:
 
 
 def any_changes(scene: Scene, before: ContactGaps, after: ContactGaps) -> Condition:
-    """Return whether any contact whose force, or the force's slope over the penetration, may jump
-    begins or ends between two instants; `before` and `after` are the contact gaps at these."""
+    """Return whether a contact begins or ends between two instants, with the gaps `before` and
+    `after`. Only contacts whose force, or its slope over the penetration, may jump are checked."""
     jumping = _jumping_contacts(scene)
     count = sum(map(len, jumping.values()))
     return any_of(

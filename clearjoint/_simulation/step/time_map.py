@@ -134,6 +134,6 @@ class WithinContact(AbstractTimeMap):
         return jnp.where(root + change >= 0.0, alike, proposed)
 
     def _initial_slope(self) -> Scalar:
-        """Return the slope of the map at the start of the step: 0 at an onset, below 1 after it, 1
-        if time is uniform, and up to 2 before the end of a contact."""
+        """Return the derivative of `elapsed` by x at the start of the step: 0 at an onset, below 1
+        after it, 1 if time is uniform, and up to 2 before the end of a contact."""
         return 2.0 * self.start / (self.start + self.end)
