@@ -402,7 +402,8 @@ class Study(AbstractStudy):
                     entry.check(self.scene)
 
     def outputs_of_sweep(self, part: SweepPart) -> Requested:
-        """Return the outputs of [sweep], quantities with sample times, and sections of [run]."""
+        """Return the outputs of [sweep] and the sections of [run]. Quantities among them are to be
+        evaluated at the times at which [run] saves states."""
         run = self.parts.run
         sections = {n: output for n, output in run.outputs.items() if isinstance(output, Section)}
         requested = Requested({**sections, **part.outputs}, Saving())

@@ -694,8 +694,8 @@ class _Stages:
         return True
 
     def _extrapolate(self, length: float) -> None:
-        """Append the cycles and depths after a stage: up to the next prescribed `cycles`, or else
-        of `length` cycles, fewer if `cycles`, `depth` or `largest_change` of `wear` end it."""
+        """Append the cycles and depths at the end of a stage: after `length` cycles, or earlier if
+        `cycles`, `depth` or `largest_change` of `wear` end it; or at prescribed `cycles`."""
         run = self.run
         goal = float(run.cycles[run.cycles > self.cycles[-1]].min())
         left = goal - self.cycles[-1]

@@ -535,8 +535,8 @@ class Fit(AbstractTabular):
 
     @property
     def _other_minima(self) -> list[RunMisfit]:
-        """Minima in which searches other than the best one have ended, converged or, where chi
-        squared is rough, stalled."""
+        """Minima that searches other than the best one have found: they converged there or, where
+        chi squared is rough, stalled."""
         searches = (*self.searches, *(() if self.check is None else self.check.searches))
         in_minimum = Ending.CONVERGED, Ending.STALLED
         return [s.best for s in searches if s is not self.best and s.ending in in_minimum]

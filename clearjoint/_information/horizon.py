@@ -278,8 +278,9 @@ def _near(
 def _errors(
     run: Sensitivities, loose: Sensitivities, weights: Mapping[str, np.ndarray], p: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the largest errors, (T,): of outputs times `_weights`, and relative, of derivatives by
-    p parameters. Errors are differences from `loose`, the same run with a larger tolerance."""
+    """Return two errors at each time, (T,): the largest one of an output times its weight; and the
+    largest relative one of the derivatives by one of p parameters, over the record so far. Errors
+    are differences from `loose`, the same run with a larger tolerance. `weights`: of `_weights`."""
     of_values = [np.abs(run.outputs[n] - loose.outputs[n]) * w for n, w in weights.items()]
     # Errors of derivatives are compared with the derivatives of the whole record so far, because a
     # fit uses their sum over all samples.

@@ -423,7 +423,8 @@ def continuous(samples: Logged, is_angle: bool) -> Float[np.ndarray, " N"]:
 
 
 def _other_side(robot: Robot, log: RobotLog, name: str) -> str | None:
-    """Return a joint's motor, or a motor's joint; ``None`` if it has none, or a logged one."""
+    """Return the motor of the joint `name`, or the joint of the motor `name`. Return ``None`` if
+    there is no such motor or joint, or if the log has its positions."""
     motors = robot._motors()
     other = (motors | {motor: joint for joint, motor in motors.items()}).get(name)
     return None if other in log.angles else other

@@ -656,8 +656,8 @@ def _with_ideal_joints(scene: Scene) -> tuple[Scene, list[str]]:
 
 
 def _places(scene: Scene) -> list[trees.Place]:
-    """Return the places of a scene's bodies in trees of joints, parents first, and bodies of the
-    same depth in the order of the scene, not by name, as JAX has sorted them."""
+    """Return the places of a scene's bodies in trees of joints, parents first. Bodies of the same
+    depth are in the order of the scene, although `unpack` has sorted them by name."""
     places = trees.topology(unpack(scene)).places
     depths = {GROUND: 0}
     for body, place in places.items():

@@ -326,8 +326,8 @@ Evaluate: TypeAlias = Callable[..., PyTree]
 
 
 def evaluation(bodies: int) -> Evaluate:
-    """Return how a tree of this number of bodies calls functions of a branch: directly or, in a
-    large tree, with one trace for all branches of a kind (see `traced_for_a_kind`)."""
+    """Return the `Evaluate` for a tree of this number of bodies. It calls a function directly or,
+    in a large tree, traces it once for all arguments of a kind (see `traced_for_a_kind`)."""
     return operator.call if is_small(bodies) else _traced_once
 
 
@@ -463,7 +463,8 @@ def tree_solver(
 def along_columns(
     links: Sequence[Link], parents: Parents, loads: LinkLoads, evaluate: Sequence[Evaluate]
 ) -> list[Speeds]:
-    """Return the generalised forces of `loads` in each link's joint. `evaluate`: see `Evaluate`."""
+    """Return, for each link, the generalised forces in its joint, one for each of the joint's
+    speeds, due to `loads` on the link and on all that it carries. `evaluate`: for each link."""
     totals = dict(loads)
     forces: list[Speeds] = [[0.0] * len(link.columns) for link in links]
     # Each link comes after its parent. Links are visited by falling index, so that all loads on a

@@ -167,10 +167,10 @@ def _past_samples(
     differentiated: bool,
 ) -> Variables:
     """Return the variables at the end t, s, of a step, with new memories of the forces that sample
-    the motion at t. For each key of a force's `instants`, `sampled` has whether the latest instant
-    is at t, and its time. If an instant depends on parameters, the sampled motion, and the time for
-    which the changed forces have acted at t, have derivatives, which are added if `differentiated`.
-    `before` and `after` are times just before and just after t, s."""
+    the motion at t. `before` and `after` are times just before and just after t, s. `sampled`:
+    result of `sampled_instants`. If an instant depends on parameters, so do the sampled motion, and
+    the time for which the changed forces have acted at t; if `differentiated`, the result has these
+    derivatives."""
     # System, variables and entry speeds without derivatives, for the rates. The times since the
     # instants are zero except for rounding, and so are their products with derivatives of rates.
     fixed, still, speeds = constant((system, y, entry_speeds))
