@@ -158,7 +158,8 @@ def function_from_csv(
     **Arguments:**
 
     - `column`: name of the column of values, whose header may contain the unit: "torque [N cm]".
-    - `unit`: SI unit of the function, to which values are converted; also of a header without unit.
+    - `unit`: SI unit of the function, to which values are converted. Values in a column whose
+      header has no unit are in this unit.
     - `kind`: `PiecewiseLinear`, or `PiecewiseConstant` for switched values.
     - `path`, `time`, `time_unit`, `options`: as in `read_csv`.
 

@@ -84,13 +84,13 @@ Control: TypeAlias = Callable[[jax.Array], jax.Array]
 
 
 class FileJoint(NamedTuple):
-    """A joint or fixed tendon of the file, with its XML `element`: the counterpart of a joint of
-    the scene, or that on which an element of the scene acts.
+    """A joint or fixed tendon of the file, with its XML `element`. It has a counterpart in the
+    scene: a joint, or an element that acts on the file's joint or tendon.
 
-    `sign` is 1 if the coordinate of that joint, or the position of that element, grows with the
-    position in the file, else -1. The other fields are for the pose of the file: `axis`, (3,) in
-    global axes, of the file's joint or of the element; `position` in the file, rad or m; and
-    `start`, the coordinate of the scene's joint, ``None`` for a tendon or a free joint.
+    `sign` is 1 if the coordinate or position of the counterpart grows with the position in the
+    file, else -1. The other fields are for the pose of the file: `axis`, (3,) in global axes, of
+    the file's joint or of the acting element; `position` in the file, rad or m; and `start`, the
+    coordinate of the scene's joint, ``None`` for a tendon or a free joint.
     """
 
     element: Element

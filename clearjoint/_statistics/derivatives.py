@@ -234,7 +234,7 @@ def estimate(
 def _regression(z: np.ndarray, y: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the coefficients of the p standardised coordinates z (runs, p) in a regression of the
     output y (runs,), and their standard errors, (p,) each. The regressors are polynomials of one
-    coordinate up to degree 3, those of Hermite for normal and of Legendre for uniform
+    coordinate up to degree 3, those of Hermite for `normal`, (p,), and of Legendre for uniform
     distributions, and products of two coordinates. They are orthogonal under the distribution of z,
     so that the expectation of the coefficient of z does not depend on the other regressors."""
     p = z.shape[1]

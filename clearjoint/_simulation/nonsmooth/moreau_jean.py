@@ -126,8 +126,8 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
 def _smooth_step(
     rigid: Rigid, variables: MotionVariables, t: Scalar, middle_time: Scalar, h: Scalar
 ) -> tuple[MotionVariables, MotionVariables]:
-    """Return variables of the motion without contact forces, with positions in the middle of the
-    step, at `middle_time`, s, twice: with the speeds at the start of the step, and at its end."""
+    """Return the variables without contact forces, with positions in the middle of the step, at
+    `middle_time`, s: first with the speeds at the start of the step, then with those at its end."""
     # `predicted` has estimated speeds in the middle of the step. Evaluated at these, forces that
     # depend on speeds are integrated to second order.
     half = 0.5 * h

@@ -147,9 +147,9 @@ def look_at_tangents(
     method: Method, system: System, attempt: Attempt, t: Scalar, entry_speeds: EntrySpeeds
 ) -> tuple[Variables, EntrySpeeds]:
     """Return the derivatives of variables and entry speeds at a time t, s since the start of the
-    run, in the accepted step of an `attempt`: inside the step those of the dense output, and at its
-    end those of the stored state. `entry_speeds`: their values at t, by `look_inside`, whose
-    correction that satisfies the constraints is not differentiated."""
+    run, in the accepted step of an `attempt`: at its end those of the stored state, and inside it
+    those of the dense output, without the correction by which `look_inside` satisfies the
+    constraints. `entry_speeds`: their values at t, from `look_inside`."""
     t1, inside, at_t1 = attempt.step.t, attempt.tangents, attempt.step.tangents
     assert inside is not None and at_t1 is not None
     dense = method.solver.interpolation_cls(t0=attempt.t_start, t1=t1, **inside.information)
@@ -247,7 +247,8 @@ class TangentRun(eqx.Module):
 
 
 def _sampled_from(first: Step, run: TangentRun) -> Sampled:
-    """Integrate from `first`, of `first_step_of`. Times named `own` are since the run's start."""
+    """Return the results of a run that starts from `first`, the result of `first_step_of`. Times
+    in `own_end` and `own_times` are since the run's start."""
     method, outputs, t0 = run.scheme.method, run.outputs, run.start_time
     systems = SystemFamily(run.family, run.scheme.formulation, t0)
     system, own_end, own_times = systems.system(), run.end_time - t0, run.times - t0
