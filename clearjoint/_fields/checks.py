@@ -371,8 +371,9 @@ def _child(tree: PyTree, key: str | int) -> PyTree:
 
 
 def _check_here(tree: PyTree) -> None:
-    """Call the checks of a module's class and its base classes. While `conditions_of` runs, a check
-    is omitted if it fails because it needs known values."""
+    """Call the checks of an Equinox module's class and its base classes, but not of its fields;
+    there are none if `tree` is no such module. While `conditions_of` runs, a check is omitted if it
+    fails because it needs known values."""
     if isinstance(tree, eqx.Module):
         for cls in type(tree).__mro__:
             if check := vars(cls).get("__check_init__"):

@@ -300,7 +300,7 @@ class NumberSetter(AbstractLeafSetter):
 
 
 def require_apart(argument: str, changes: Mapping[str, Change], scene: Scene, state: State) -> None:
-    """Raise a `ValueError` if two changes, by name, set the same number, of which the earlier one
+    """Raise a `ValueError` if two of the `changes`, by name, set the same number: the earlier one
     would have no effect. Users' functions are not checked. `argument`: name for the message."""
     names = list(changes)
     # For each array that is changed, the position in `names` of the change of each of its numbers.

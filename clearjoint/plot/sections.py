@@ -164,8 +164,9 @@ def bifurcation(
 
     **Arguments:**
 
-    - `section`, `channel`: names of the `Section` and of its recorded quantity to draw. An output
-      "a_b" without a section, sampled once a period, is drawn for the names "a" and "b".
+    - `section`, `channel`: names of the `Section` and of its recorded quantity to draw. Instead of
+      a section, an output that is sampled once a period can be drawn: for its name "a_b", pass "a"
+      and "b".
     - `number`: whether colours show the crossings' numbers, from 1 on; useful if the motion decays.
 
     >>> drawn = plot.bifurcation(found, "turns", "x")

@@ -110,7 +110,8 @@ class Instant:
 
     @property
     def last_fraction(self) -> Scalar:
-        """The part of the step's time until the instant `just_before`: 1, or less if `jumps`."""
+        """Fraction of the step, as in `inside`, at the instant `just_before`: 1, or slightly less
+        if quantities may jump at the step's end (see `jumps`)."""
         return 1.0 if self.jumps is None else where(self.jumps, 1.0 - NEAR, 1.0)
 
     def before_and_after(self, value_of: "Callable[[Instant], Scalar]") -> tuple[Scalar, Scalar]:

@@ -53,8 +53,9 @@ class RigidRun(eqx.Module):
 
 
 class RigidStop(eqx.Module):
-    """State of a run at a stop, a time to save at or the end: `bodies`, with arrays for vectors,
-    and `totals` of each contact so far. For n stops, arrays have an additional first axis, (n,)."""
+    """State of a run at one of its stops, which are the times to save at and the end. `bodies` have
+    arrays for vectors; `totals` are those of each contact so far. For n stops, arrays have an
+    additional first axis, (n,)."""
 
     bodies: dict[str, BodyState]
     totals: dict[str, dict[str, ContactTotals]]
