@@ -809,8 +809,9 @@ class _Store:
     digest: str
 
     def write(self, result: "xr.Dataset", contacts: Mapping[str, tuple]) -> None:
-        """Replace the store by a new one with a `result` of `wear` and the `contacts` of `_Stages`.
-        At any time, even after the process is killed, `_folder` returns a complete store."""
+        """Replace the store by one with a `result` of `wear` and the variables `contacts`, those
+        that `_Stages.contacts` returns. At any time, even after the process is killed, `_folder`
+        returns a complete store."""
         old = _old(self.path)
         remove_abandoned(self.path)
         with unfinished(self.path) as new:

@@ -187,9 +187,9 @@ def shares(
     time. In the bearing's frame, `x`, `y` are the base's eccentricity, m, and `axes` the journal's.
 
     At each angle, max(penetration + onset + extra, 0), m, is divided by its sum over all angles.
-    The penetration is the overlap in this direction less the clearance, and the onset the distance
-    of the surfaces at which the force begins. A contact may be so narrow that it lies between two
-    angles. The extra depth therefore gives even a contact without penetration a half-width of one
+    The penetration is positive where the surfaces overlap, and the onset is the distance of the
+    surfaces at which the force begins. A contact may be so narrow that it lies between two angles.
+    The extra depth therefore gives even a contact without penetration a half-width of one
     spacing s of the angles, rad. It is r s^2/2, the gap of two circles at one spacing from the
     deepest point, where the room r is the clearance changed by the profiles' mean deviations, m.
     """

@@ -272,7 +272,7 @@ def _block(blocks: jax.Array, index: jax.Array) -> jax.Array:
 
 
 def _row(array: jax.Array, index: jax.Array) -> jax.Array:
-    """Return a row of a block, or a part of a vector, (SIZE,); `index`: among those of `array`."""
+    """Return row `index` of all blocks in a flat `array`, or part `index` of a vector, (SIZE,)."""
     return jax.lax.dynamic_slice_in_dim(array, index * SIZE, SIZE)
 
 

@@ -464,8 +464,9 @@ def _lowest(*fits: Fit) -> Fit:
 def _windows(
     fit: Fit, parameters: Mapping[str, Parameter], problem: RobotProblem, settings: Settings
 ) -> list[float]:
-    """Return ends of growing windows, s, the first a little before the horizon of runs with the
-    estimates of `fit`, or before the end of the log. `parameters`: the free parameters."""
+    """Return the ends, s, of growing windows of the log (see `_doubled`). The first window is a
+    little shorter than the log up to the horizon of runs with the estimates of `fit`, or is a
+    sixteenth of the log if these runs fail. `parameters`: the free parameters."""
     parameters = _of_runs(parameters)
     # Wrong starts: of the kinds in `KINDS` by a factor of two, of others by one unit of the scale.
     uncertainty = {
