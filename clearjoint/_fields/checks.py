@@ -344,8 +344,9 @@ def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Pa
     paths: list[Path] = []
 
     def collect(tree: PyTree, path: Path) -> tuple[bool, bool]:
-        """Add the paths of the modules to check in `tree`, which is at `path`, to `paths`. Return
-        whether a leaf outside dictionaries, lists and tuples has changed, and whether any has."""
+        """Add to `paths` the paths of the modules to check in `tree`, which is at `path`. Return
+        whether a leaf in no dictionary, list or tuple of `tree` has changed, and whether any leaf
+        has."""
         if isinstance(tree, eqx.Module):
             names = [f.name for f in fields(tree) if not f.metadata.get("static", False)]
             changes = [collect(getattr(tree, name), (*path, name)) for name in names]

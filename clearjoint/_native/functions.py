@@ -388,7 +388,7 @@ class FlatArguments:
 
 
 class _Layout:
-    """Which arrays of one function argument `FlatArguments.floats` joins.
+    """Which arrays of a function's argument are joined in `FlatArguments.floats`.
 
     - `small`: for each array, whether it is joined: floats with fewer than `LARGE` elements.
     - `others`: indices of the others. `all_double`: whether all joined arrays have 64 bits.

@@ -77,7 +77,7 @@ def written(keys: Keys) -> str:
 
 
 def existing(content: object, keys: Sequence[str | int]) -> Keys:
-    """Return as many first `keys` as lead to an entry of `content`, with indices as integers."""
+    """Return the longest start of `keys` that exists in `content`, with indices as integers."""
     steps: list[str | int] = []
     for key in keys:
         if isinstance(content, Mapping) and key in content:

@@ -236,7 +236,7 @@ def report(
     - `file`: path of the page, with the suffix ".png" or ".pdf"; not written by default.
     - `title`: by default "Run of" and the names of the bodies.
     - `quantity`: whose spectrum is drawn, with its SI `unit` if it declares none; by default the
-      component that changes most of the last body's velocity or, if this is constant, its spin.
+      component of the last body's velocity that changes most; of its spin if that is constant.
 
     **Raises:** `ValueError` for another suffix, and for results that are not a `Solution`.
 

@@ -191,9 +191,9 @@ def projected(columns: Sequence[Twist], offset: Vector, load: Twist) -> tuple[Sp
 def momenta(
     columns: Sequence[Twist], carried: Inertia, armature: Scalar | None
 ) -> tuple[list[Twist], list[Speeds], list[Twist]]:
-    """Return three lists. For each of the `columns`, the twists for a unit of the joint's speeds,
-    they have the momentum of the carried bodies with this twist, the products of this momentum with
-    all `columns`, and the part of it that acts on the carrier (see `constrained`).
+    """Return three lists, each with one entry for each of the `columns`, which are the twists for a
+    unit of each joint speed: the momentum of the carried bodies with this twist; the products of
+    this momentum with all `columns`; its part that acts on the carrier (see `constrained`).
 
     The last two include a rotor of inertia J, the `armature`, which resists the acceleration u' =
     r - axis . (angular acceleration of the carrier): J is added to the product of a column with

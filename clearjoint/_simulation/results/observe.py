@@ -239,7 +239,7 @@ class Observation(eqx.Module, AbstractTabular):
         This is the change, since the first time, of the mechanical plus the dissipated energy less
         the supplied one, and zero for an exact solution. Without the ledger, it is the change of
         the mechanical energy. At `interpolated` times, whose states are less accurate, the result
-        is interpolated between ends of steps; without any, it has the error of these states.
+        is interpolated between the other times; if there are none, it has these states' error.
         """
         losses = ("normal damping", "friction", "film", "stabilisation")
         dissipated = sum(self.energies.get(name, 0.0) for name in losses)

@@ -636,7 +636,7 @@ class Integrand(eqx.Module):
 
 
 def integrands_of(reductions: Mapping[str, AbstractReduction]) -> dict[str, Integrand]:
-    """Return the integrands of reductions, by names that no output can have."""
+    """Return the integrands of reductions, by names with a slash, which no output's name has."""
     return {
         f"{name}/integral {k}": Integrand(quantity)
         for name, reduction in reductions.items()

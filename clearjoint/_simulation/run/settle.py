@@ -35,7 +35,7 @@ SECTION = "settle"
 
 
 class Settling(enum.Enum):
-    """How a motion settled. Each member's value describes it in words; a steady motion is at rest.
+    """How a motion settled. Each member's value describes it in words; `STEADY` means at rest.
 
     >>> cj.Settling.UNSETTLED.value
     'not settled'
