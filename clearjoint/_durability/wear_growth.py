@@ -48,9 +48,9 @@ def contact_history(
     signals: Signals,
     cycles: float,
 ) -> History:
-    """Return a joint's contacts from its `signals` at the `times`, s, when it had lost `depths`, m.
-    `cycles` divides the numbers "work" (see `NUMBERS`). It is the number of cycles in `times` or,
-    if histories of several spans of time are to be joined, in all spans."""
+    """Return the contacts of a joint that has lost `depths`, m, from its `signals` at `times`, s.
+    The result's "work" (see `NUMBERS`) is that in `times` divided by `cycles`: the number of cycles
+    in `times` or, if histories of several spans of time are to be joined, in all spans."""
     count = INSTANTS_PER_SAMPLE * depths.shape[1]
     bases = []
     for base in BASES:

@@ -217,7 +217,8 @@ def drivers_are_smooth(
 
 
 def is_reached(system: System, instant: Scalar, t: Scalar) -> Condition:
-    """Return whether t is at or after an `instant`, or is earlier only by a rounding error."""
+    """Return whether t is at or after an `instant`, or is earlier only by a rounding error. Both
+    are in s since `System.origin`."""
     return ~_is_after(system.origin, system.scene_time(instant), system.scene_time(t))
 
 

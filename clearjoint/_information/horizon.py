@@ -24,7 +24,7 @@ from .._fields.cautions import warn_the_user
 from .._fields.checks import require, require_positive
 from .._model.bodies import State
 from .._model.scene import Scene
-from .._parametrisation.parameter import Parameter, coordinates_of, values_at
+from .._parametrisation.parameter import Parameter, check_parameters, coordinates_of, values_at
 from .._simulation.run.sensitivities import Sensitivities, sensitivities
 from .._simulation.step import presets
 from .._simulation.step.settings import Settings, settings_or
@@ -200,6 +200,7 @@ def fit_horizon(
     inf
     """
     tight = settings_or(settings, presets.derivatives)
+    check_parameters(parameters)
     names, keys = sorted(parameters), sorted(uncertainty)
     require(names == keys, "uncertainty", keys, f"one for each of {names}", "name all of them")
     for name, size in uncertainty.items():

@@ -184,7 +184,8 @@ def _check_names(argument: str, element: AbstractElement, bodies: Mapping[str, B
 
 
 def _check_distances(argument: str, element: AbstractElement, bodies: Mapping[str, Body]) -> None:
-    """Warn of points that are far from their body's centre of mass; their unit may be wrong."""
+    """Warn of an element's points that are far from their body's centre of mass; their unit may be
+    wrong. `argument`: the element in warnings, such as "joints['pin']"."""
     for name, body, point in element.attachments():
         # A point of the ground may be anywhere.
         numbers = (bodies[body], point) if body in bodies else ()

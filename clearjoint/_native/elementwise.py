@@ -115,8 +115,9 @@ def _divide(a: Symbol, b: Symbol) -> Symbol:
 def _whole_division(
     name: str, a: Symbol, b: Symbol, by_zero: Symbol, by_minus_one: Symbol
 ) -> Symbol:
-    """Return the quotient or remainder of integers, with the given results if b is 0 or -1: LLVM
-    leaves division by 0, and division of the least integer by -1, undefined."""
+    """Return the quotient or remainder of integers, by the operation `name`; `by_zero` if b is 0,
+    and `by_minus_one` if b is -1. LLVM leaves division by 0, and division of the least integer by
+    -1, undefined."""
     # For these divisors the operation divides by one, and its result is not used.
     is_zero, is_minus_one = b.compare("eq", 0), b.compare("eq", -1)
     quotient = a.emit(name, (is_zero | is_minus_one).select(b.like(1), b))

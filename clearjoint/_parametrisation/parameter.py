@@ -209,8 +209,9 @@ class Bounded(AbstractScale):
 
     @override
     def interval(self, coordinate: float, half: float, rising: bool) -> tuple[float, float]:
-        """Return the default interval if `half` is at most `WIDTH`; otherwise the value plus and
-        minus `half` times its derivative by the coordinate, cut off at the bounds."""
+        """Return the values at ``coordinate - half`` and ``coordinate + half`` if `half` is at most
+        1.96 (a standard deviation of 1). Otherwise, return the value plus and minus `half` times
+        its derivative by the coordinate, cut off at the bounds."""
         if half <= WIDTH:
             return super().interval(coordinate, half, rising)
         value, change = float(self.value(coordinate)), half * float(self.slope(coordinate))

@@ -70,6 +70,8 @@ may fit as well, or better, but a search from a larger play stops in a minimum o
 SHORTEST = 1.0 / 64.0
 """Share of the log in the first window if a start in a play is unknown. Over the whole log, chi
 squared has minima at wrong places; the right one shows in the beginning."""
+UNKNOWN_HORIZON = 1.0 / 16.0
+"""Share of the log in the first window if the horizon of a fit is unknown."""
 PART = 0.3
 """A parameter is named if its weight in an undetermined combination is above this share of the
 smaller of two weights: that of the parameter in question, and the largest of the others."""
@@ -466,8 +468,10 @@ def _windows(
 ) -> list[float]:
     """Return the ends, s, of growing windows of the log (see `_doubled`). The first window is a
     little shorter than the log up to the horizon of runs with the estimates of `fit`, or is a
-    sixteenth of the log if these runs fail. `parameters`: the free parameters."""
+    sixteenth of the log if these runs fail, or only delays are free. `parameters`: the free ones."""
     parameters = _of_runs(parameters)
+    if not parameters:
+        return _doubled(problem, UNKNOWN_HORIZON)
     # Wrong starts: of the kinds in `KINDS` by a factor of two, of others by one unit of the scale.
     uncertainty = {
         name: math.log(2.0) if problem.subjects.get(name, ("", ""))[1] in KINDS else 1.0
@@ -483,7 +487,7 @@ def _windows(
         # Length of the first window, a little below the horizon.
         length = 0.9 * (min(limits.single_shot, end) - start)
     except SimulationError:  # The run with the estimates fails, so that the horizon is unknown.
-        return _doubled(problem, 1.0 / 16.0)
+        return _doubled(problem, UNKNOWN_HORIZON)
     return _doubled(problem, length / (end - start))
 
 

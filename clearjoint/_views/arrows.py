@@ -23,8 +23,9 @@ MODE_NAMES = {
 
 
 class Arrows(NamedTuple):
-    """Arrows of forces. `parts`: their solids; `scale`: length over force, m/N, of the largest
-    force's arrow without the limit `LONGEST`; `note`: the legend's text on the scale."""
+    """Arrows of forces. `parts`: their solids; `note`: the legend's text on the scale; `scale`:
+    length over force, m/N, of arrows that the limit `LONGEST` does not shorten. If lengths are not
+    proportional to forces, it is that of the largest force's arrow."""
 
     parts: list[DrawnPart]
     scale: float

@@ -65,6 +65,8 @@ def test_the_report_names_limits_guesses_and_the_worth_of_longer_records(found):
 
 def test_errors():
     probe = {"probe": cj.Sensor(JournalOffset("pin", "x"), [0.01], 5e-6)}
+    with pytest.raises(ValueError, match="`parameters` must be at least one"):
+        cj.fit_horizon(*START, {}, probe, uncertainty={})
     with pytest.raises(ValueError, match="`uncertainty`.*'clearance'"):
         cj.fit_horizon(*START, PARAMETERS, probe, uncertainty={})
     with pytest.raises(ValueError, match=r"`uncertainty\['clearance'\]`.*positive"):

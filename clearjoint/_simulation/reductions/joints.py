@@ -87,9 +87,9 @@ class ImpactCount(AbstractWindowedReduction):
 
 class LossTally(NamedTuple):
     """Tally of a reduction of losses. `begin`, `time`: start of the run and end of the latest step,
-    s. `at_begin`, `at_end`: energies, J, dissipated until the window begins and until it ends or,
-    while that instant lies ahead, until `time`. If the window is the whole run, `at_begin` is the
-    energy at `begin`, and `time` and `at_end` are ``None``."""
+    s. `at_begin`, `at_end`: energies, J, dissipated up to the start and up to the end of the
+    window. While the start or the end lies ahead, its energy is that up to `time`. If the window is
+    the whole run, `at_begin` is the energy at `begin`, and `time` and `at_end` are ``None``."""
 
     begin: Scalar
     at_begin: Scalar

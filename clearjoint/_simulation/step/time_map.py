@@ -121,9 +121,9 @@ class WithinContact(AbstractTimeMap):
 
     @override
     def next_length(self, proposed: Scalar, keep: Condition) -> Scalar:
-        """Apply the ratio `proposed` over `length`, by which the controller changes the length, to
-        the difference of the square roots at both ends of the step, because rates are smooth in
-        these roots. If the next step would then pass the contact's end, return `proposed`."""
+        """Return the length of a next step that changes the square root by `proposed` over `length`
+        times as much as this step does, because rates are smooth in this root. If such a step would
+        pass the contact's end, return `proposed`."""
         change = proposed / self.length * (self.end - self.start)
         # The square root at the start of the next step.
         root = jnp.where(keep, self.end, self.start)

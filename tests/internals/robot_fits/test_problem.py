@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 import clearjoint as cj
+from clearjoint._robot_fits.fit_robot import _windows
 from clearjoint._robot_fits.problem import robot_problem
 from studies.robots.geared_joint import URDF
 from tests.support.rig import rig
@@ -133,3 +134,12 @@ def test_links_start_with_their_logged_motors(mode, tmp_path):
         for name in start:
             change = problem.parameters[f"{name} motor start position"].variation.make
             assert change.load == pytest.approx(float(held[name]))
+
+
+def test_windows_without_a_parameter_of_the_run_begin_with_a_sixteenth_of_the_log():
+    times = SimpleNamespace(times=lambda: np.array([1.0, 1.2, 2.0]))
+    problem: Any = SimpleNamespace(log=SimpleNamespace(start=1.0), measurements=times)
+    fit: Any = None
+    delay = {"delay": cj.Parameter.delay("elbow position")}
+    windows = _windows(fit, delay, problem, cj.presets.identification)
+    np.testing.assert_allclose(windows, [1.0625, 1.125, 1.25, 1.5])
