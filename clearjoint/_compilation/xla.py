@@ -185,11 +185,12 @@ _shared_by_call: ContextVar[SharedFunctions | None] = ContextVar("call", default
 
 @contextmanager
 def one_call(shared: SharedFunctions | None = None) -> Iterator[None]:
-    """Context of a call of the package that makes several programs, which share the functions that
-    `traced_for_a_kind` traces: tracing these again took a tenth of the time to the first answer for
-    a humanoid with servos. Later calls trace anew, because a global variable that a function reads
-    may have changed. `shared`: dictionary of these functions, empty at first, which calls that
-    belong together pass; by default that of a context around this one, or a new dictionary."""
+    """Context of one call of the package. The programs that are made in it share the functions that
+    `traced_for_a_kind` traces. For a humanoid with servos, tracing these again took a tenth of the
+    time to the first answer. Later calls trace anew, because a global variable that a function
+    reads may have changed. `shared`: dictionary that keeps these functions, empty at first. Calls
+    that may share them pass the same dictionary. By default it is that of a context around this
+    one, or a new one."""
     if shared is None:
         shared = _shared_by_call.get()
     token = _shared_by_call.set({} if shared is None else shared)

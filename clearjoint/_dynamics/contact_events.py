@@ -124,9 +124,10 @@ def approaches_unknown(scene: Scene, start: ContactGaps, given: EntrySpeeds) -> 
 def entry_speeds_inside(
     scene: Scene, gaps: ContactGaps, left: Scalar, start: EntrySpeeds, end: EntrySpeeds
 ) -> EntrySpeeds:
-    """Return the entry speeds at an instant inside of a step, a time `left`, s, before the step's
-    end: those at the step's start, in `start`, but for a contact that has begun since then, that at
-    the step's end, in `end`. Onsets are estimated from the `gaps` at the step's end."""
+    """Return the entry speeds at an instant inside of a step, a time `left`, s, before its end. The
+    entry speed of a contact that has begun in the step before this instant is that in `end`, at the
+    step's end; all others are those in `start`, at the step's start. Onsets are estimated from the
+    `gaps` at the step's end."""
 
     def entry_speed(name: str, label: str) -> Scalar:
         before, after, gap = start[name][label], end[name][label], gaps[name][label]

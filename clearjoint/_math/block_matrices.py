@@ -80,9 +80,10 @@ class _Plan:
         return [SIZE * block + row for row in range(self.sizes[group])]
 
     def factorisation(self) -> list[_Step]:
-        """Return the table for `_factor`, with rows (kind, target, source, block): the row `target`
-        of a block changes by the row `source` times a block. Rows have the indices of the method
-        `rows`. The blocks are those in `slots`, then the inverses of the diagonal blocks."""
+        """Return the table for `_factor`, a list of operations (kind, target, source, block). Each
+        changes one row of a block, `target`, by the row `source` times the block `block`; `kind` is
+        `_UPDATE`, `_DIVIDE` or `_FACTORISE`. Indices of rows are those of the method `rows`. The
+        blocks are those in `slots`, then the inverses of the diagonal blocks."""
         table: list[_Step] = []
         slots, first_inverse = self.slots, len(self.slots)
         for j, column in enumerate(self._below):

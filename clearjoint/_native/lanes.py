@@ -187,8 +187,8 @@ def made_lane_loop(
     status: Callable[[PyTree, PyTree, PyTree], dict[str, PyTree]],
     trees: tuple[PyTree, PyTree, PyTree],
 ) -> LaneLoop:
-    """Return the `LaneLoop` of the arguments `trees` (`shared`, `own` and `state`): made earlier in
-    this process, loaded from disk, or compiled."""
+    """Return the `LaneLoop` with the arguments `step`, `status` and `trees` (its `shared`, `own`
+    and `state`): made earlier in this process, loaded from disk, or compiled."""
     key = step, FlatArguments.of(trees).key
     # The lock makes other threads wait for a loop that is being compiled.
     with program_is_made_inside(), _LOOPS_LOCK:

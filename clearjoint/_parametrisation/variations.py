@@ -232,7 +232,8 @@ class AbstractGroupedChange(abc.ABC):
 
 
 class AbstractLeafSetter(AbstractGroupedChange):
-    """A `Change` that only sets `numbers` of the scene, if `in_scene`, or of the state."""
+    """A `Change` that only sets numbers of the scene, if `in_scene` is true, or else of the state.
+    `numbers`: their locations."""
 
     numbers: tuple[Number, ...]
     in_scene: bool

@@ -468,7 +468,7 @@ def _windows(
 ) -> list[float]:
     """Return the ends, s, of growing windows of the log (see `_doubled`). The first window is a
     little shorter than the log up to the horizon of runs with the estimates of `fit`, or is a
-    sixteenth of the log if these runs fail, or only delays are free. `parameters`: the free ones."""
+    sixteenth of the log if these runs fail or only delays are free. `parameters`: those free."""
     parameters = _of_runs(parameters)
     if not parameters:
         return _doubled(problem, UNKNOWN_HORIZON)

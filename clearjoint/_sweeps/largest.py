@@ -443,7 +443,8 @@ class _Search:
         return known
 
     def _confirmed(self, known: LaneMargins) -> LaneMargins:
-        """Lower margins below the first violation to those of `plain`, until it no longer moves."""
+        """Run `plain` at values just below the first violation, and take its margins where they are
+        smaller; repeat this until the first violation no longer moves."""
         if self.plain is None:  # `margins` already has the settings that the user has given
             return known
         # Lower margins, and values added before the violation, may move the first violation to

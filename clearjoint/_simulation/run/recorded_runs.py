@@ -400,7 +400,8 @@ class Seeds(NamedTuple):
 
     def steps(self, rows: np.ndarray, first: int, last: int, room: int) -> PulledSteps:
         """Return the steps `first` to `last` - 1 of the run with their cotangents. `rows`: the
-        `step_row` of each of them, then padding; `room`: largest number of them with cotangents."""
+        `step_row` of each of them, then padding. `room`: number of rows that the result has for
+        cotangents, at least the number of these steps in which outputs are evaluated."""
         # Row 0 of `added` stays zero, for steps without cotangents; hence `order + 1`. A step in
         # which outputs are evaluated at several times gets the sum of these cotangents.
         added = np.zeros((room + 1, self.pulled.shape[1]))

@@ -127,7 +127,8 @@ class Trial(eqx.Module):
 
 
 def time_map_of(method: Method, step: Step, t1: Scalar) -> AbstractTimeMap | None:
-    """Return the time map that places the stages of a step from `step` to `t1`, s; or ``None``."""
+    """Return the time map that places the stages of a step from `step` to `t1`, s; ``None`` if time
+    is uniform in the step."""
     # Only if steps end at contact events does an onset coincide with the start of a step.
     if method.landing is None or not step.contact_gaps:
         return None

@@ -206,7 +206,7 @@ def programs(common: Common, state: State) -> dict[str, str]:
         return Task(numbers.tree, state, end_time, end_time, None, wanted)
 
     def step(numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
-        """Return, by `RUN`, a lane after one step, and its outcome if it ends before this step."""
+        """Return, by `RUN`, `lane` after one step, and the outcome of a run that ends at `lane`."""
         task = task_of(numbers, end_time)
         return {RUN: (run.after_turn(task, lane), run.outcome(task, lane))}
 
