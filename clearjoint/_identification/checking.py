@@ -493,9 +493,10 @@ def _extent(explored: Exploration, lowest: RunMisfit) -> Point:
 def _small_posterior(
     compared: Comparison, box: Box, number: int, lowest: float, most_runs: int, bar: ProgressBar
 ) -> Posterior | None:
-    """Return the posterior for a uniform prior in a box, of `POINTS` times `number` points (that of
-    the exploration's first round); ``None`` if it has `warnings`, misses the smallest known chi
-    squared, `lowest`, by over `RISE`, needs over `most_runs`, or has too few possible points."""
+    """Return the posterior for a uniform prior in a box, with `POINTS` times `number` points. The
+    first round of the exploration had `number` points. Return ``None`` if the posterior has
+    `warnings`, misses `lowest`, the smallest known chi squared, by over `RISE`, needs over
+    `most_runs` runs, or has too few possible points."""
     before = bar.n  # The bar has counted the other runs of the check so far.
 
     def on_step(time: float, runs: int) -> None:

@@ -305,7 +305,8 @@ def _sums_of_products(
 
 
 def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
-    """Return the blocks of L and inverses of its diagonal blocks, for L L^T in `blocks`."""
+    """Return the blocks of L, where L L^T is the matrix in `blocks`, and after them the inverses of
+    L's diagonal blocks, in one flat array. The diagonal blocks of L themselves are not computed."""
     # The inverse W of L in a diagonal block is computed row by row. With the rows of W that are
     # known, and zeros in the others, W times row i of the block is row i of L without its diagonal
     # element. Rows beyond those of a group are those of the identity.

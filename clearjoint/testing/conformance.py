@@ -74,8 +74,9 @@ def evaluated(name: str, function: Callable[..., Scalar], law: PyTree, *points: 
 
 
 def ensure_finite_slopes(function: Callable[..., Scalar], law: PyTree, **points: Points) -> None:
-    """Raise an `AssertionError` unless all derivatives of a scalar function of a law and of further
-    numbers, by the parameters of the law and by the numbers in `points`, are finite."""
+    """Raise an `AssertionError` unless all derivatives of a scalar function are finite. Its
+    arguments are a law and one number from each of the `points`, by name. The derivatives are by
+    the parameters of the law and by these numbers, at each of the N points."""
     arguments = jax.tree.map(jnp.asarray, law), *points.values()
     # Derivatives by all arguments at once. The law is the same at all points.
     gradient = eqx.filter_grad(lambda arguments: function(*arguments))

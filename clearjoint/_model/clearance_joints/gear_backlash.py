@@ -52,8 +52,8 @@ class LineOfCentres:
     height: Scalar
 
     def angle_in(self, gear: Motion, axis: Vector) -> Scalar:
-        """Return the angle of the line of centres, rad in [-pi, pi], about the `axis` of a gear, in
-        the axes of its body, from the first of the `transverse_axes` of this axis."""
+        """Return the angle of the line of centres about the axis of a gear, rad in [-pi, pi]. The
+        `axis` is in the axes of the gear's body; the first of its `transverse_axes` is at zero."""
         start, quarter = transverse_axes(unit(axis))
         line = gear.components(self.along)
         return polar_angle(line.dot(quarter), line.dot(start))

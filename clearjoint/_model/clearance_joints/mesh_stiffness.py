@@ -68,7 +68,8 @@ class TeethInMesh(AbstractMeshStiffness):
     - `contact_ratio`: n + d, above 1.
     - `transition`: fraction of the mesh cycle in which the number of pairs changes from 10 % to 90
       % of a step, 0.01 to 0.4, and at most d and 1 - d. In the formula, w is 2 pi `transition`/2.2.
-    - `middle`: rad, phi_0, the middle of the contact of the larger number of pairs; 0 by default.
+    - `middle`: rad, phi_0, the mesh angle phi in the middle of the contact of the larger number of
+      pairs; 0 by default.
 
     >>> teeth = cj.profiles.TeethInMesh(1.6)
     >>> print(f"{teeth.factor(0.0):.3f}, {teeth.factor(np.pi):.3f}")  # 2/1.6, 1/1.6

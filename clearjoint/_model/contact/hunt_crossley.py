@@ -112,10 +112,10 @@ def _logarithm_along(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[S
 
 
 def _relation(y: Scalar, e: Scalar) -> Scalar:
-    """Return a residual that increases with y and is zero for y = -ln(1 - chi e), with the damping
-    factor chi for the restitution e. For it, chi (1 + e) = ln[(1 + chi)/(1 - chi e)]: x - ln(1 + x)
-    is the same for x = chi and x = -chi e. The residual is the difference of the square roots of
-    twice these two values, divided by chi and thus without the trivial root chi = 0."""
+    """Return a residual that increases with y and is zero for y = -ln(1 - chi e). The damping
+    factor chi delivers the restitution e if chi (1 + e) = ln[(1 + chi)/(1 - chi e)], that is, if
+    x - ln(1 + x) is the same for x = chi and x = -chi e. The residual is the difference of the
+    square roots of twice these two values, divided by chi to remove the trivial root chi = 0."""
     chi_e = -jnp.expm1(-y)
     # The logarithm for x = -chi e is -y itself: computed from chi e, it would lose digits.
     return e * _chord(-chi_e, -y) - _chord(chi_e / e, jnp.log1p(chi_e / e))

@@ -254,8 +254,9 @@ class Observation(eqx.Module, AbstractTabular):
 def _rows_of(
     kind: type[eqx.Module], parts: Mapping[str, PyTree], dim: str, *attributes: Mapping[str, object]
 ) -> dict[str, tuple[Any, ...]]:
-    """Return the arguments of `_stacked` for each field of the class `kind`, by variable. `parts`:
-    objects of the class, one for each label along `dim`; `attributes`: of all variables, if any."""
+    """Return the arguments of `_stacked` for each field of the class `kind`, by name of the field's
+    variable in the dataset. `parts`: objects of the class, one for each label along `dim`;
+    `attributes`: none, or one dictionary of further attributes, which all these variables get."""
     rows = {}
     for f in fields(kind):
         series = [getattr(part, f.name) for part in parts.values()]
