@@ -83,10 +83,10 @@ class AbstractScale(abc.ABC):
         """Return the ends of the confidence interval of an estimated value.
 
         By default these are the values at ``coordinate - half`` and ``coordinate + half``, where
-        `half` is the half width of the coordinate's interval. A scale whose coordinate runs to
-        infinity if the data say that a value is at an end of its range, such as a friction of zero,
-        overrides this method, because the derivative of the value by the coordinate then vanishes.
-        `rising` tells which end: the upper one if the fit has moved the coordinate up.
+        `half` is the half width of the coordinate's interval. A scale overrides this method if its
+        coordinate runs to infinity where the data put a value at an end of its range, such as a
+        friction of zero, because the derivative of the value by the coordinate vanishes there.
+        `rising`: whether the fit has moved the coordinate up, so that this end is the upper one.
         """
         return float(self.value(coordinate - half)), float(self.value(coordinate + half))
 

@@ -83,8 +83,8 @@ class AbstractSceneFamily(eqx.Module):
         return self.effects()[0]
 
     def effects(self) -> tuple[PyTree[bool], int | None]:
-        """Return in the scene's structure whether a parameter may change each leaf, and how many of
-        the first changes give the scene, since later ones change only the state (``None``: all)."""
+        """Return, in the structure of the scene, whether a parameter may change each leaf; and the
+        number of changes in `pairs` up to the last one that changes the scene, ``None`` for all."""
         # A user's function may change any leaf. JAX traces the functions here without computing
         # numbers, and each leaf that depends on a parameter becomes a tracer.
         effects: list[tuple[PyTree[bool], int]] = []
