@@ -412,8 +412,8 @@ class CycleRun:
         self, scene: Scene, state: State, depths: Float[np.ndarray, "joints 2 samples"]
     ) -> "_Measured":
         """Run a stage from `state`; return the wear per cycle, its derivatives and the final state.
-        If the run failed, the wear is zero; if that of the derivatives failed, these are zero; the
-        result's `failure` says why. `depths`: m, that the joints in `scene` have lost."""
+        If the run fails, the wear is zero; if the second run, for the derivatives, fails, these are
+        zero. The result's `failure` says why. `depths`: m, that the joints in `scene` have lost."""
         # The measured cycles begin after those in which the motion settles.
         begin = self.start_time + self.settle * self.cycle
         middle, end = (begin + part * self.measured * self.cycle for part in (0.5, 1.0))

@@ -163,8 +163,8 @@ class AbstractCoordinates(eqx.Module):
         return {}
 
     def carriers(self, scene: Scene, bodies: Collection[str]) -> frozenset[str]:
-        """Return the bodies that, by motions in their joints, move `bodies` relative to each other;
-        none by default. Runs limit the rotations of those that so move a contact joint's bodies."""
+        """Return the bodies whose joints can move `bodies` relative to each other; none by default.
+        A step limits their rotations if `bodies` are the two bodies of a contact joint."""
         return frozenset()
 
 

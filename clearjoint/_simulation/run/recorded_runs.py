@@ -568,8 +568,8 @@ class _PulledLane:
 
     def next_steps(self, left: int, room: int) -> tuple[PulledSteps, int]:
         """Return the steps to pull back through next, and their number, at most `LANE_ROWS`: the
-        `left` steps that remain of the previous call, and steps before them. `room`: largest number
-        of these steps that have cotangents of outputs."""
+        `left` steps that remain of the previous call, and steps before them. `room`: number of rows
+        that the result has for cotangents, as in `Seeds.steps`."""
         last = self.first + left
         self.first = max(0, last - LANE_ROWS)
         rows = np.zeros((LANE_ROWS, self.rows.shape[1]))
