@@ -336,8 +336,8 @@ PARTS = tuple(part.name for part in fields(StudyParts))
 
 
 class AbstractStudy:
-    """A file about computations: its `parts`, with a title; its `location`, which errors name; and
-    `started`, the value of `time.perf_counter` when the file was read, s."""
+    """What was read from a study file: `parts`, a dataclass of its entries, such as `StudyParts`,
+    with a `title`; the file's `location`, for errors; `started`, `time.perf_counter` then, s."""
 
     parts: PyTree
     location: documents.FileLocation

@@ -186,7 +186,8 @@ class System(eqx.Module):
         closed: Closed | None = None,
         bristles: Bristles = NO_BRISTLES,
     ) -> tuple[MotionVariables, dict[str, Scalar]]:
-        """Return the variables' time derivatives, and the `powers`; arguments as in `dynamics`."""
+        """Return the variables' time derivatives, and the powers of the energy ledger, W, from the
+        method `powers`. Arguments as in `dynamics`."""
         dynamics = self.dynamics(variables, entry_speeds, t, closed, bristles)
         powers = self.powers(dynamics, t)
         return dynamics.variable_rates, powers
@@ -273,8 +274,8 @@ class System(eqx.Module):
         rows: Sequence[Row],
         rotors: Sequence[tuple[Row, Scalar]] = (),
     ) -> ConstraintEquations:
-        """Return the equations for the multipliers of constraint rows and of `rotors`, which the
-        method `rotors` returns. Without them, the equations ignore the rotors' inertia."""
+        """Return the equations for the multipliers of constraint rows and of `rotors`, without
+        which they ignore the rotors' inertia. `mechanics`, `rotors`: from the methods so named."""
         rows = [*rows, *(row for row, _ in rotors)]
         return ConstraintEquations(
             mechanics,

@@ -174,9 +174,9 @@ def _select(index: Symbol, *cases: Symbol) -> Symbol:
 
 
 def convert(a: Symbol, letter: str) -> Symbol:
-    """Convert a value to the kind "f", "i", "w" or "b" (see `.operations`) by its `letter`. A float
-    that becomes an integer loses its fraction; one beyond the integers' range becomes the nearest
-    integer, and NaN becomes zero. An int64 that becomes an int32 keeps its lower 32 bits."""
+    """Convert a value to a kind: `letter` "f" (float64), "i" (int64), "w" (int32) or "b" (bool). A
+    float that becomes an integer loses its fraction; one beyond the integers' range becomes the
+    nearest integer, and NaN zero. An int64 that becomes an int32 keeps its lower 32 bits."""
     old = a.letter
     if old == letter:
         return a

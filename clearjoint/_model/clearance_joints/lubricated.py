@@ -226,8 +226,8 @@ class LubricatedJoint(AbstractContactJoint):
         """Return the input of the film law, with a limited eccentricity ratio.
 
         **Arguments:** components are global. `axis`: of the bearing, a unit vector. `eccentricity`:
-        of a base, m. `velocity`: its rate, m/s, as an observer in the rotating axes of
-        `FilmGap.rate` sees it. `spin`: of the journal relative to the bearing about `axis`, rad/s.
+        of a base, m. `velocity`: its rate, m/s, in axes that rotate at half the sum of both spins.
+        `spin`: of the journal relative to the bearing about `axis`, rad/s.
         """
         dry = self.dry
         offset, rate = eccentricity * (1.0 / dry.clearance), velocity * (1.0 / dry.clearance)
