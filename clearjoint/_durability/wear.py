@@ -715,9 +715,9 @@ class _Stages:
         self.depths.append(depths)
 
     def _grown(self, length: float, end: list[JointWear] | None = None) -> tuple[np.ndarray, float]:
-        """Return the depths after `length` cycles from the last stage in `rates` on, and the number
-        of cycles, which is smaller if the depths reach the goal `run.depth` before. With `end`, the
-        wear of each joint in a run after these cycles, return the corrected depths."""
+        """Return the depths `length` cycles after the start of the last stage in `rates`, or where
+        they reach the goal `run.depth` before, and the number of cycles until then. With `end`, the
+        wear of each joint in a run after `length` cycles, return the corrected depths."""
         run, stage = self.run, len(self.rates) - 1
         rows, per_cycle, pressed = self.depths[stage], self.rates[stage], self._pressed()
         rtol = INTEGRATION * run.stage_error
@@ -727,7 +727,8 @@ class _Stages:
         curves, reached = [], length
         for j, wear in enumerate(self.wears):
             sizes, size = np.abs(per_cycle[:, j]).max(axis=(1, 2)), per_cycle[0, j].max()
-            # Scale of the depth: the penetration; of a derivative: its change as that wears off.
+            # The absolute tolerances are `rtol` times these scales. That of the depth is the
+            # penetration; that of a derivative, its change while the depth grows by as much.
             scales = pressed[j] * np.where(sizes > 0.0, sizes / (size or 1.0), 1.0)
             wear_at_end = end[j] if end else None
             curves.append(grow(wear, wear_at_end, rows[:, j], length, rtol, rtol * scales, until))
@@ -942,7 +943,7 @@ def _digest(scene: Scene, state: State, run: CycleRun) -> str:
     ]
     texts = [
         f"_{named!r}",  # with the name that the class had when the first stores were written
-        repr(run.cycles.tolist()),
+        repr(run.cycles.tolist()),  # the text of the run does not contain this field
         str(jax.tree.structure((scene, state))),
     ]
     parts: list[str | bytes] = [ADDRESS.sub("", text) for text in texts]

@@ -107,7 +107,8 @@ def _wear(
     depths: Float[jax.Array, "2 samples"],
 ) -> Float[jax.Array, "2 samples"]:
     """Return the depths of bearing and journal, m per cycle, that the contacts in `history`, a
-    `History`, wear off a joint that has lost `depths`, m, already. `joint` is the unworn joint."""
+    `History`, wear off a joint that has lost `depths`, m, already. `joint` is the unworn joint, and
+    `rates` are the wear rates of bearing and journal, m^2/N."""
     # Each of the `NUMBERS`, (bases * instants,): the wear of both bases is added.
     x, y, contact_angle, *axes, work = history.swapaxes(0, 1).reshape(len(NUMBERS), -1)
     axes = PlanarAxes(*axes)

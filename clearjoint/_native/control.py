@@ -140,7 +140,8 @@ def _branch(
                 ]
                 first_results[:] = results
             # Later operations read the same cells whichever branch was executed. So `no`, which is
-            # added second, must leave its arrays in the cells of `yes`. It may if these are owned.
+            # added second, must leave its arrays in the cells of `yes`. It may if these are owned;
+            # if they are not, both branches are added anew, with `copies`.
             if not all(old.owned for _, old in _moved(results, first_results)):
                 raise _DifferentArraysError
             _move_to(lower, first_results, results)

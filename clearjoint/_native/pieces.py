@@ -57,6 +57,7 @@ class Division:
 
     def divide(self, block: Block) -> None:
         """Replace long sequences in a block by calls of pieces."""
+        # A `_Pieces` stands for each long sequence until `_call` replaces it by calls of pieces.
         self._cut(block)
         if not self.pieces:
             return

@@ -329,13 +329,14 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
         if log.angles[n].times[0] > log.start:
             q[n], qd[n] = map(float, value_and_rate(positions[n], log.start))
     for name in log.angles:
-        # In `Robot.state` a motor starts as its joint does; here, an unlogged joint as its motor.
+        # A joint that is not logged starts like its motor. The reverse case needs no line here:
+        # `Robot.state` starts a motor like its joint.
         link = _other_side(robot, log, name)
         if link in robot.joints:
             q[link], qd[link] = q[name], qd[name]
     for name in log.angles:
-        # The start of any other joint is known only as accurately as a single sample, so that it is
-        # a parameter.
+        # The start of a joint or motor that does not follow the log is known only as accurately as
+        # a single sample, so that it is a parameter.
         if name not in following:
             parameters |= _of_start(robot, log, name, q, qd)
     subjects = {f"{joint} {kind}": (joint, kind) for joint, kind in parameters}
@@ -558,8 +559,8 @@ def _friction_name(robot: Robot, joint: str, kind: str) -> str:
 def _with_friction(
     robot: Robot, joint: str, kind: str, start: float | None, guess: float | None, unit: str
 ) -> tuple[Robot, Parameter]:
-    """Return the robot, with a joint's friction or damping `kind`, of `RESISTANCES`, added if it is
-    missing, and its parameter. Only "link friction" acts on the link's side of a drive train. The
+    """Return the robot and the parameter of a joint's resistance of a `kind` in `RESISTANCES`; a
+    missing resistance is added. Only "link friction" acts on the link's side of a drive train. The
     first guess is `start`, or else the robot's number, if positive, or else `guess`."""
     name, damper = _friction_name(robot, joint, kind), _damper(robot, joint)
     damper = damper if kind == "damping" else None
@@ -573,20 +574,20 @@ def _with_friction(
     present = robot.scene.joints.get(name)
     is_known = damper is not None or getattr(present, number, None) is not None
     known = float(as_number(path(robot.scene))) if is_known else 0.0
-    size = start if start is not None else known if known > 0.0 else guess  # of the start
+    first = start if start is not None else known if known > 0.0 else guess
     expected = "given, since the robot has none and the log no torque of the joint"
     remedy = f'pass {{"{kind}": start}}'
-    require(size is not None, f"find[{joint!r}][{kind!r}]", size, expected, remedy)
-    parameter = Parameter(path, Log(), value=size, unit=unit)
+    require(first is not None, f"find[{joint!r}][{kind!r}]", first, expected, remedy)
+    parameter = Parameter(path, Log(), value=first, unit=unit)
     if is_known:
         return robot, parameter
     # A friction always has a load, so that it is the viscosity that is missing.
     if isinstance(present, JointFriction):
-        joints = {**robot.scene.joints, name: replace(present, viscosity=size)}
+        joints = {**robot.scene.joints, name: replace(present, viscosity=first)}
         return replace(robot, scene=replace(robot.scene, joints=joints)), parameter
     ideal = robot.scene.joints[joint if kind == "link friction" else motor_of(robot, joint)]
     assert isinstance(ideal, HingeOrSlider)
-    load, viscosity = (0.0, size) if kind == "damping" else (size, None)
+    load, viscosity = (0.0, first) if kind == "damping" else (first, None)
     friction = friction_of(ideal, COULOMB, load, viscosity=viscosity)
     return robot.with_elements({name: friction}), parameter
 

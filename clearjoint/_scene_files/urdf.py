@@ -37,7 +37,8 @@ def read_urdf(path: Path) -> Content:
     for entry in robot:
         if entry.tag not in READ:
             # Materials belong to the visual shapes, which messages list already.
-            omitted |= {} if entry.tag == "material" else {f"<{entry.tag}>": []}
+            if entry.tag != "material":
+                omitted.setdefault(f"<{entry.tag}>", [])
             continue
         at = location.at(entry.tag, len(links) if entry.tag == "link" else len(joints))
         name = _attribute(entry, "name", at)

@@ -43,7 +43,7 @@ class Uncertain:
     Exactly one of the last three must be given.
 
     **Raises:** `ValueError` for none or several of these three, a size that is not positive, and
-    bounds that don't rise.
+    bounds that don't rise or are infinite.
 
     >>> path = lambda scene: scene.joints["shoulder"].clearance
     >>> cj.Uncertain(path, deviation=5e-6).deviation
@@ -73,8 +73,8 @@ class Uncertain:
                 require_positive(name, sizes[name], "give the size of the variation")
         if between is not None:
             bounds = np.asarray(between, float)
-            rising = bounds.shape == (2,) and bool(bounds[0] < bounds[1])
-            require(rising, "between", between, "two rising bounds", "pass (low, high)")
+            rising = bounds.shape == (2,) and bool(-np.inf < bounds[0] < bounds[1] < np.inf)
+            require(rising, "between", between, "two rising, finite bounds", "pass (low, high)")
             sizes["between"] = float(bounds[0]), float(bounds[1])
         # The class is frozen, so its fields are set in the dictionary of the object.
         vars(self).update(parameter=chosen, **sizes)

@@ -115,7 +115,7 @@ def _check_drag(film: AbstractFilm, *sizes: float) -> None:
 
 
 def _check_slopes(force: Force, film: AbstractFilm) -> None:
-    # The smooth states are turned too, since a number that is zero would get a step of zero below.
+    # The states in `SMOOTH` have zeros, which would get steps of zero below, so they are turned.
     states, smooth = _states(), _rotated(jnp.asarray(SMOOTH), 0.3)
     slopes_at, forces_at = _at_all(jax.jacfwd(force, argnums=1)), _at_all(force)
     finite = jnp.isfinite(slopes_at(film, states))

@@ -156,6 +156,11 @@ def test_one_warning_lists_omitted_contents(read):
     assert "inertia of the fixed links of base; <gazebo>." in text
 
 
+def test_an_element_of_the_robot_does_not_hide_that_of_a_link(read):
+    _, (text,) = read('<link name="stand"/>', '<link name="stand"><gazebo/></link>')
+    assert "<gazebo> of stand" in text
+
+
 @pytest.mark.parametrize(
     ("old", "new", "play", "message"),
     [

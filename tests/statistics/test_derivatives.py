@@ -106,7 +106,8 @@ def test_a_logarithmic_scale_gives_derivatives_by_the_logarithm():
         ({}, "exactly one"),
         ({"deviation": 1.0, "half_width": 1.0}, "exactly one"),
         ({"deviation": -1.0}, "`deviation` must be positive"),
-        ({"between": (2.0, 1.0)}, "`between` must be two rising bounds"),
+        ({"between": (2.0, 1.0)}, "`between` must be two rising, finite bounds"),
+        ({"between": (2.0, np.inf)}, "`between` must be two rising, finite bounds"),
     ],
 )
 def test_bad_distributions_are_refused(size, message):

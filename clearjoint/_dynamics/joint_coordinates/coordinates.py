@@ -93,7 +93,8 @@ class JointMechanics(AbstractMechanics):
         # In a free tree, all bodies fall alike: rates are relative to free fall, and gravity is
         # added to the accelerations (`_falls`). In a tree on the ground, gravity is a load on each
         # body (`_weights`). Both are accelerations, m/s^2, in the axes of the branch's tree, whose
-        # rotation matrix to global axes is in `_axes`. All these lists have an entry per branch.
+        # rotation matrix to global axes is in `_axes`. `_central` has the inertias about centres of
+        # mass, kg m^2, in the tree's axes. All these lists have an entry per branch.
         self._axes: list[Matrix] = []
         self._falls: list[Vector] = []
         self._weights: list[Vector] = []
@@ -109,7 +110,7 @@ class JointMechanics(AbstractMechanics):
             self._weights += [weight] * len(tree)
             self._tree_of += [number] * len(tree)
             # A small tree gets a mass matrix, whose inertias refer to one point. In a large one,
-            # links of a kind are functions that are traced once, without names of bodies.
+            # `_link` is traced once for all links of a kind, whose names are left out for this.
             evaluate, one_point = evaluation(len(tree)), is_small(len(tree))
             for branch in tree:
                 parent = self._index.get(branch.parent)

@@ -370,13 +370,15 @@ class MassMatrix(AbstractTreeSolver):
         # inertia of the link and of all bodies that it carries, as far as their joints transmit it.
         for k in reversed(range(len(links))):
             columns, first_row, parent = links[k].columns, self._firsts[k], self._parents[k]
-            # By speed: carried momentum, its products with `columns`, and its part on the carrier.
+            # For a unit of each speed of link k: the momentum of all that the joint carries, its
+            # products with `columns`, and its part that acts on the carrier.
             wholes, block, rests = momenta(columns, carried[k], links[k].armature)
             for j, rest in enumerate(rests):
                 # A row ends at the diagonal: its last j + 1 entries are products with columns of
                 # link k itself. The entries before them are products with columns of its carriers.
                 matrix[first_row + j][first_row:] = block[j][: j + 1]
                 self._fill_row(matrix[first_row + j], parent, rest)
+            # With the unknowns r, inertia about the joint's axes does not act on the carrier.
             if parent is not None:
                 carried[parent] = carried[parent] + carried[k].without(columns, wholes, rests)
         self._factors = Factorisation(matrix)
@@ -464,7 +466,8 @@ def along_columns(
     links: Sequence[Link], parents: Parents, loads: LinkLoads, evaluate: Sequence[Evaluate]
 ) -> list[Speeds]:
     """Return, for each link, the generalised forces in its joint, one for each of the joint's
-    speeds, due to `loads` on the link and on all that it carries. `evaluate`: for each link."""
+    speeds, due to `loads` on the link and on all that it carries. `evaluate`: for each link, the
+    `evaluation` of its tree, which calls functions of the link."""
     totals = dict(loads)
     forces: list[Speeds] = [[0.0] * len(link.columns) for link in links]
     # Each link comes after its parent. Links are visited by falling index, so that all loads on a

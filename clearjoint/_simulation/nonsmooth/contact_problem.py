@@ -183,8 +183,8 @@ class ContactProblem:
         self, system: System, mechanics: AbstractMechanics, contacts: Sequence[Touch], t: Scalar
     ):
         # These rows are not the contacts' directions, `self.rows`, but the constraint equations of
-        # ideal joints. If they are redundant, the joints' own impulses are those of least norm, for
-        # which `constraint_equations` weights the rows: it would otherwise add N s to N m s.
+        # ideal joints. If they are redundant, the joints' own impulses are those of least norm.
+        # `constraint_equations` weights the rows, since the norm would otherwise add N s to N m s.
         rows = flattened(system.rows(mechanics.motions, t))
         rotors = system.rotors(mechanics.motions)
         projected = [mechanics.projected(row.jacobian) for row in rows]

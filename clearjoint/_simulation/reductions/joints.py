@@ -276,6 +276,7 @@ class ArchardWear(AbstractWindowedReduction):
         if not window.is_whole:
             a, b = window.fractions(before, now.time)
             at_start = self._rates(now.inside(a))
+            # At the latest just before a jump at the end of the step, as above.
             at_end = self._rates(now.inside(jnp.minimum(b, now.last_fraction)))
             length, middle = length * (b - a), now.inside(0.5 * (a + b))
         # Simpson's rule: rates at both ends and in the middle of the part in the window.

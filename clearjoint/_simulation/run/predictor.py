@@ -77,6 +77,7 @@ class Predictor:
         numbers, changes = parts_of(scene, state, paths)
         self.values: dict[str, PyTree] = numbers
         scene, state = with_arrays((scene, state))
+        # Derivatives along this random direction choose the steps of a run (see `guard_direction`).
         direction = guard_direction(paths, numbers)
         family = DirectedScene(
             values=numbers, direction=direction, base=(scene, state), changes=changes, patterns=()
@@ -86,8 +87,8 @@ class Predictor:
         self._runs: OrderedDict[bytes, RecordedRun] = OrderedDict()
         # Functions that the programs of values and gradients share (see `one_call`).
         self._traced: SharedFunctions = {}
-        # Made when needed, by whether constraints are redundant, for which the equations of motion
-        # are solved in another way.
+        # Recorders, made when needed. The key says whether constraints are redundant: the equations
+        # of motion are then solved in another way.
         self._recorders: dict[bool, Recorder] = {}
         self._shapes = {n: jax.ShapeDtypeStruct(times.shape, float) for n in outputs.quantities}
         for name, reduction in outputs.reductions.items():

@@ -104,7 +104,8 @@ def compares_time(part: AbstractFunctionOfTime | AbstractElement) -> bool:
 
 
 def _recently_compared(part: AbstractFunctionOfTime | AbstractElement) -> bool:
-    # The result of `compares_time`, which is kept in `_COMPARES` for parts of the same structure.
+    # Return the result of `compares_time` that `_COMPARES` has for a part of the same structure. If
+    # it has none, search the program of this part, and add the result.
     flat = FlatArguments.of((fold_constants(with_arrays(part)),))
     # A part with numbers that JAX traces is searched at each call, and its result is not kept.
     compares = None if flat.traced else _COMPARES.recent(flat.key)
