@@ -394,8 +394,8 @@ class Study(AbstractStudy):
         return float(end)
 
     def check_elements(self, named: Mapping[str, Output], *keys: str) -> None:
-        """Raise a `ValueError` if the scene lacks an element that one of the outputs `named` (by
-        name) refers to. `keys` lead to the outputs' table in the file, as "run", "outputs"."""
+        """Raise a `ValueError` if the scene lacks an element to which an output refers. `named`:
+        the outputs by name. `keys` lead to their table in the file, as "run", "outputs"."""
         for name, entry in named.items():
             with self.location.at(*keys, name).in_errors():
                 if isinstance(entry, AbstractQuantity | RECORDED):

@@ -245,7 +245,8 @@ def _rounding(origin: Scalar | None, at: Scalar) -> jax.Array:
 
 
 def _passed(system: System, table: Increasing, t: Scalar) -> jax.Array:
-    """Return the number of breakpoints of a table that are not after the time t of the scene, s."""
+    """Return the number of breakpoints of a table that are not after t. Times are the scene's, s,
+    compared up to `_rounding`, which uses the origin of the `system`."""
     times = jax.lax.stop_gradient(jnp.asarray(table.times, dtype=float))
     # Of a breakpoint that counts as equal to t, the rounding error is that of t.
     return jnp.searchsorted(times, t + _rounding(system.origin, t), side="right")

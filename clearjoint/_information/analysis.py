@@ -70,7 +70,8 @@ Sensors = Mapping[str, Sensor | Series] | Measurements
 
 
 def as_sensors(sensors: Sensors, scene: Scene) -> dict[str, Sensor]:
-    """Return sensors by name; a series becomes a sensor with its channel, times and noise."""
+    """Return sensors by name, after a check of their channels in the `scene`. A series becomes a
+    sensor with its channel, times and noise."""
     by_name = sensors.series if isinstance(sensors, Measurements) else sensors
     remedy = 'pass for example {"probe": cj.Sensor(channel, times, noise)}'
     filled = isinstance(by_name, Mapping) and len(by_name) > 0

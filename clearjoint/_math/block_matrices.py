@@ -226,8 +226,8 @@ def _support(row: Sequence[Scalar]) -> set[int]:
 
 def _groups(columns: Sequence[set[int]]) -> list[list[int]]:
     """Return lists of at most `SIZE` consecutive rows, each list for one row of blocks. `columns`
-    has the columns of blocks in which each row has entries. A row joins the list before it if more
-    than half of their columns are common, as in one joint, lest blocks couple unrelated rows."""
+    has the columns of blocks in which each row has entries. A row joins the list before it if they
+    share over half of all their columns, as in one joint, lest blocks couple unrelated rows."""
     groups: list[list[int]] = []
     union: set[int] = set()  # the columns of the rows in the last list
     for row, row_columns in enumerate(columns):

@@ -293,7 +293,8 @@ def _round_body(axis: str, mass: Number, about: Number, across: Number) -> Body:
 
 
 def _box_density(mass: float, inertia: np.ndarray) -> float:
-    """Return the density, kg/m^3, of the homogeneous box with a body's mass and inertia."""
+    """Return the density, kg/m^3, of the homogeneous box with a body's mass, kg, and `inertia`,
+    kg m^2: three principal moments or the matrix, (3, 3)."""
     moments = np.linalg.eigvalsh(inertia) if inertia.ndim == 2 else inertia
     # A box with the sides a, b, c has the moments I_a = m (b^2 + c^2)/12, and so on. Hence a^2 is
     # (6/m) (I_a + I_b + I_c - 2 I_a). Rounding may make it negative.

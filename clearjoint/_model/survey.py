@@ -70,7 +70,7 @@ def _without_axis(item: object) -> object:
 
 
 def survey(scene: Scene) -> SurveyingPen:
-    """Return a `SurveyingPen` with the markers, pairs and bores of a scene's joints and forces."""
+    """Return a `SurveyingPen` on which all joints and forces of a scene have been drawn."""
     pen = SurveyingPen()
     for element in (*scene.joints.values(), *scene.forces.values()):
         element.draw(pen)

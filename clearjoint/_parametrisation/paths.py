@@ -121,7 +121,8 @@ def set_in_leaves(leaves: list[PyTree], numbers: Sequence[Number], value: Leaf) 
 
 
 def require_fits(leaves: list[PyTree], numbers: Sequence[Number], value: Leaf) -> None:
-    """Raise a `ValueError` unless the numbers exist among `leaves` and have the value's shape."""
+    """Raise a `ValueError` unless the `numbers`, which are locations, exist in `leaves` and have
+    the shape of `value`."""
     for number in numbers:
         shape = _shape(leaves[number.leaf], number.component)
         expected = f"of shape {shape}, as the number it replaces"

@@ -363,8 +363,8 @@ def _require_joints(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy
 
 
 def _require_covered(robot: Robot, log: RobotLog, driven_by: DrivenBy, end: float) -> None:
-    """Raise a `ValueError` unless the angles or torques that drive joints are logged to `end`, s.
-    Two samples may be missing at either end of the log: so far a drive may be extrapolated."""
+    """Raise a `ValueError` unless the angles or torques that drive joints are logged from the start
+    of the log to `end`, s. Two samples may be missing at either end: drives are extrapolated."""
     for joint, mode in driven_by.items():
         if isinstance(mode, AbstractForce):
             continue
@@ -459,8 +459,9 @@ def _load_at_start(
 
 
 def _smoothed(robot: Robot, joint: str, samples: Logged) -> Spline:
-    """Return a cubic spline through samples or, if their noise is known, one of few pieces that
-    misses them by their noise (P. Dierckx, *Curve and Surface Fitting with Splines*, 1993)."""
+    """Return a cubic spline through `samples` of the angle or displacement of a robot's `joint` or,
+    if their noise is known, one of few pieces that misses them by their noise (P. Dierckx, *Curve
+    and Surface Fitting with Splines*, 1993). Angles are without jumps by a revolution."""
     from scipy.interpolate import CubicSpline, UnivariateSpline
 
     _require_unit(f"log.angles[{joint!r}]", samples, "rad" if is_hinge(robot, joint) else "m")

@@ -75,8 +75,8 @@ def eccentricity_vectors(
 
     **Arguments:** `section`: two perpendicular unit vectors across the bearing's axis, by their
     labels, such as {"X": (1, 0, 0), "Y": (0, 1, 0)}: (3,) each in global axes, or (N, 3) if the
-    bearing turns; by default the axes x and y of the bearing's frame. With a `section`, if the
-    bearing or journal has a profile, the vector points to the contact; its length is unchanged.
+    bearing turns; by default the axes x and y of the bearing's frame. With a `section` and a
+    profile of bearing or journal, the vector is the eccentricity in the direction of the contact.
 
     >>> plot.eccentricity_vectors(observed, "shoulder", "V").shape[1]
     2

@@ -156,8 +156,8 @@ def _require(condition: Condition, label: str, message: str) -> None:
 
 
 def _positions(joint: AbstractContactJoint, motions: Motions, together: bool) -> list[Motions]:
-    """Motions at which the joint is tested, each also at rest: the given ones; with each contact at
-    its onset, and `PENETRATION` deeper; if `together`, with coincident attachment points."""
+    """Return motions for the tests: the given ones; two for each contact, at its onset and
+    `PENETRATION` deeper; if `together`, one with coincident attachment points; all also at rest."""
     moving, scalar = [motions], unpack(joint)
     # A shift of the second body along the normal increases the penetration by its length.
     for label, contact in scalar.contacts(motions).items():

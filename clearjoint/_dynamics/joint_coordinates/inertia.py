@@ -229,8 +229,8 @@ class LoadedJoint:
 
     - `columns`, `offset`: as in the `Link` of the carried body.
     - `factors`: of D = columns^T M columns plus armature, with the inertia M of the carried bodies.
-    - `rests`: for each column, the part of the carried bodies' momentum that acts on the carrier,
-      the last result of `momenta`; empty for a root.
+    - `rests`: for each column, the part of the carried bodies' momentum with this twist that the
+      joint transmits to the carrier (the last result of `momenta`); empty for a root.
     - `gains`: D^-1 `rests`. Their products with the carrier's acceleration are subtracted from the
       rates r that the joint has while the carrier does not accelerate.
     """

@@ -455,9 +455,9 @@ _begun, _outcome = Native(Common.begun), Native(Common.outcome)
 def _columns(
     shared: tuple[Common, str, Snapshot | ImpactRow], task: Task, rows: Numbers
 ) -> dict[str, Numbers]:
-    """Return the columns (R, ...) of a log by name, for the R `rows` (R, n) of a block, each with
-    the n numbers of one record. `shared` has the common data, the name of the log, and an example
-    of a record, of which only structure and shapes are used. `task`: the task of the lane."""
+    """Convert R `rows` of a log, (R, n), each with the n numbers of a record, to the log's columns,
+    (R, ...) by name. `shared` has the common data, the name of the log, and an example of a record,
+    of which only structure and shapes are used. `task`: the task of the lane."""
     common, name, example = shared
     leaves, structure = jax.tree.flatten(example)
     # Some columns are quantities such as a contact force, which depend on the lane's scene too.

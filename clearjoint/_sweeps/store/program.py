@@ -211,8 +211,9 @@ def programs(common: Common, state: State) -> dict[str, str]:
         return {RUN: (run.after_turn(task, lane), run.outcome(task, lane))}
 
     def impact_tables(numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
-        """Return for each variable of the impact tables what its table has recorded after one step:
-        the same for all variables of a table, because a digest covers the whole table."""
+        """Return for each variable of the impact tables what its table has recorded after one step
+        of `lane`: the same for all variables of a table, because a digest covers the whole table.
+        `numbers`: of the lane's scene."""
         # A row is still wanted in each log, so that the code that records an impact is traced.
         task = task_of(numbers, end_time, dict.fromkeys(lane.buffers(), 1))
         after = with_impacts.after_turn(task, lane)
