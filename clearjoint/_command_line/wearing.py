@@ -62,7 +62,7 @@ def check_wear_section(study: Study, part: WearPart) -> None:
 
 
 def _arguments(part: WearPart) -> dict[str, Any]:
-    """Return the entries of the section that are arguments of `clearjoint.wear`."""
+    """Return the entries of the section [wear], `part`, that are arguments of `clearjoint.wear`."""
     others = ("start", "preset", "settings")
     return {name: entry for name, entry in vars(part).items() if name not in others}
 

@@ -496,7 +496,7 @@ def _small_posterior(
     """Return the posterior for a uniform prior in a box, with `POINTS` times `number` points. The
     first round of the exploration had `number` points. Return ``None`` if the posterior has
     `warnings`, misses `lowest`, the smallest known chi squared, by over `RISE`, needs over
-    `most_runs` runs, or has too few possible points."""
+    `most_runs` runs, or has too few points with a likelihood above zero."""
     before = bar.n  # The bar has counted the other runs of the check so far.
 
     def on_step(time: float, runs: int) -> None:

@@ -505,8 +505,8 @@ class Lowering:
         return out
 
     def _by_one_loop(self, closed: core.ClosedJaxpr, arguments: list[Array]) -> list[Array]:
-        """Add a jaxpr that `xla.elementwise` has made, or a derivative of one, by one loop over the
-        elements for each result. If its equations do not allow this, add them one by one."""
+        """Add a jaxpr that `xla.elementwise` has made, or a derivative of one: for each result, add
+        one loop over its elements. If the equations do not allow this, add them one by one."""
         results: list[Array] = []
         for out in closed.jaxpr.outvars:
             # The jaxpr of this result alone, and which arguments it needs. Others may have another

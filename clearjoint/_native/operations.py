@@ -32,8 +32,9 @@ class Operation:
     Most operations are pure, such as "fadd": they only compute `out` from the arguments.
     `.llvm_text` lists them. The others are
 
-    - "load", which reads the cell `number`, plus the argument if there is one;
-    - "store", which writes the first argument to the cell `number`, plus the second, if any;
+    - "load", which reads a cell: its index is `number`, or `number` plus the argument if any;
+    - "store", which writes the first argument to a cell: its index is `number`, or `number` plus
+      the second argument if any;
     - "call", which executes the function `number` of the program. The function reads its arguments
       from memory and writes its results there.
 
@@ -532,7 +533,8 @@ class Operations:
         return False
 
     def width_of(self, function: int) -> int:
-        """Return the number of elements of a function's values."""
+        """Return the number of elements of each value in the function with the index `function`:
+        the number of lanes or, if the function is one of vectors, the number of calls."""
         return self._widths.get(function, self.width)
 
     def called(self, function: int, arguments: list[Value]) -> list[Value]:

@@ -155,7 +155,8 @@ class AbstractStart(AbstractGroupedChange):
 
     @abc.abstractmethod
     def set_in(self, numbers: "StartNumbers", scene: Scene, value: Scalar) -> None:
-        """Set the positions or speeds in `numbers` that follow from the `value` of this change."""
+        """Set the positions or speeds in `numbers` that follow from the `value` of this change and
+        from the drive trains in `scene`, such as their play."""
 
     @staticmethod
     @override

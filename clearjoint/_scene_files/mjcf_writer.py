@@ -511,8 +511,8 @@ class MjcfWriter:
 
     def _equate(self, name: str, ends: list[FileJoint], coefficients: np.ndarray) -> None:
         """Couple two `ends`, joints or tendons: the first one's displacement from the pose of the
-        file is a polynomial of the second one's, with `coefficients` from the constant on. Hold a
-        single end at the displacement that is the only coefficient."""
+        file is a polynomial of the second one's, with `coefficients` from the constant on. If there
+        is only one end, hold it at the displacement `coefficients[0]`."""
         # MuJoCo couples two joints or two tendons, not one of each.
         tags = {end.element.tag for end in ends}
         if len(tags) > 1 or len(coefficients) > LARGEST_DEGREE + 1:

@@ -221,9 +221,10 @@ def _columns_by_setters(
 def _columns_by_functions(
     scene: Scene, state: State, changes: Mapping[str, Change], values: Values, bad: dict[int, str]
 ) -> Columns:
-    """Return the numbers of the leaves that axes change, by a call of their functions for every
-    lane. If a function raises a `ValueError`, or changes more than numbers, the lane gets an error
-    message in `bad`, and has the leaves of `scene` and `state`."""
+    """Return the numbers of the leaves that axes change, (lanes, ...), by index of the leaf. In
+    every lane, call the `changes` with the `values` of their axes. If one raises a `ValueError`,
+    or changes a structure or shape, the lane gets an error message in `bad`, and has the leaves of
+    `scene` and `state`."""
     base, structure = jax.tree.flatten((scene, state))
     rows: list[list[PyTree]] = []
     for lane in range(len(next(iter(values.values())))):

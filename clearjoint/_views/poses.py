@@ -25,7 +25,7 @@ class BodyPoses:
         return pose[:, :3, :3] @ np.asarray(local, dtype=float) + pose[:, :3, 3]
 
     def direction(self, body: str, local: np.ndarray) -> Float[np.ndarray, "N 3"]:
-        """Return the unit vectors of a direction, `local` (3,) in body axes."""
+        """Return the unit vectors, in global axes, of a direction, `local` (3,) in body axes."""
         vector = np.asarray(local, dtype=float)
         return self.poses[body][:, :3, :3] @ (vector / np.linalg.norm(vector))
 

@@ -119,8 +119,9 @@ def _check_slopes(
     joint_and_motions: Callable[[jax.Array], tuple[AbstractContactJoint, Motions]],
 ) -> None:
     """Check that the derivatives of the contacts' penetrations by each parameter of a joint agree
-    with finite differences. `point`: vector of all parameters of the joint and all numbers of the
-    motions, from which `joint_and_motions` makes joint and motions again."""
+    with finite differences. `parameters`: the joint with only its arrays of floats, and ``None``
+    for other leaves. `point`: vector of these parameters and all numbers of the motions, from which
+    `joint_and_motions` makes joint and motions again."""
     leaves = jax.tree.leaves(parameters)
     sizes = jnp.concatenate([jnp.full(leaf.size, jnp.max(jnp.abs(leaf))) for leaf in leaves])
     # A row for each parameter: the change of the point in which it alone changes, by the largest

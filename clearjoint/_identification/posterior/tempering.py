@@ -112,8 +112,8 @@ class Drawn:
 
     - `log_evidence`: logarithm of the mean of exp(-chi squared / 2) over the prior, with its
       standard error `error`.
-    - `effective`: effective number of the weighted runs from which the points were drawn; `steps`:
-      number of steps along the record before.
+    - `effective`: effective number of the weighted runs from which the points were drawn.
+    - `steps`: number of steps in which the record entered the likelihood.
     """
 
     points: Points

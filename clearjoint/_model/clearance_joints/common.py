@@ -214,8 +214,8 @@ class AbstractFrictionJoint(AbstractOneLawJoint):
         ahead = max(float(law.onset_offset()) for law in laws)
 
         def excess(logarithm: float) -> float:
-            """Return the logarithm of force over load from that of a depth: a nearly linear
-            function for a power law, and zero at the depth that is sought."""
+            """Return the logarithm of force over load at the depth with the given `logarithm`: for
+            a power law a nearly linear function. It is zero at the depth that is sought."""
             gap = self._gap(np.exp(logarithm) - ahead, 0.0)
             force = sum(float(law.elastic_force(gap)) for law in laws)
             # The bound keeps the logarithm finite where the force is zero.

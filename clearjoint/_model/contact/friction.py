@@ -258,8 +258,9 @@ class AbstractBristleFriction(AbstractConverting):
     contact's first body. Only the component of z perpendicular to the normal acts. Friction is the
     normal force times a vector `ratio`. The rate of z must be zero without slip, so that a sticking
     contact doesn't drift.
-    In the formulas v is the slip, m/s, the tangential velocity of the second body relative to the
-    first, F_t the friction force and F_n the normal force.
+
+    In the formulas of the laws, v is the slip, m/s, the tangential velocity of the second body
+    relative to the first; F_t is the friction force and F_n the normal force.
 
     ```python
     import clearjoint as cj

@@ -71,10 +71,11 @@ class AbstractDriveAboutAxis(AbstractNamedPair, AbstractDrive):
 class AbstractRotationDriver(AbstractDrive, AbstractConstraint):
     """Base class of ideal drivers: the second body's angle follows a function of time.
 
-    The Lagrange multiplier of its one constraint is the driving moment in N m, positive if it
-    pushes the second body towards larger angles; `observe(...).reactions[driver]` contains it, and
-    the energy ledger of a run lists its work as "supplied". Angles are taken modulo 2 pi, so that
-    the number of revolutions is unlimited. If the angle has kinks, return their times from the
+    A subclass defines `angle` and declares the fields below; `orientation` has the Euler parameters
+    of the second body in the first at angle zero. The Lagrange multiplier of the one constraint is
+    the driving moment in N m, positive if it pushes the second body towards larger angles;
+    `observe(...).reactions[driver]` contains it, and the energy ledger lists its work as
+    "supplied". Angles are taken modulo 2 pi. If the angle has kinks, return their times from the
     method `breakpoints`: an impulse of the driver makes velocities jump there. A run ends with
     `RESULTS.not_followed` if the mechanism can't follow the driver.
 

@@ -231,8 +231,8 @@ def _shifted(cells: PyTree, by: int) -> PyTree:
 
 @dataclass
 class _LaneSlot:
-    """A lane in a column: `number`, its index in the batch, and by log the arrays of rows,
-    (n, numbers), that were read so far."""
+    """A lane in a column. `number`: its index in the batch. `rows`: by the name of a log, a table
+    that the lane records, the arrays of rows, (n, numbers), that were read so far."""
 
     number: int
     rows: dict[str, list[np.ndarray]] = field(default_factory=lambda: defaultdict(list))

@@ -288,8 +288,9 @@ class Run:
 
 
 class _SavedBySegments:
-    """What the segments of a run have saved: the `SavedRows` at the first `count` of the times
-    `save_at`, (N,) s, ``None`` if nothing is saved at times; states after steps; and impacts."""
+    """What the segments of a run have saved: rows at times, states after steps, and impacts.
+    `save_at`: the times to save at, (N,) s, or ``None``. `count`: how many of these times have
+    been reached, and have their `SavedRows`."""
 
     def __init__(self, save_at: Numbers | None) -> None:
         self.save_at = save_at

@@ -491,9 +491,9 @@ def _through(
     serve: Callable[[int, PyTree], _LaneData | None],
 ) -> None:
     """Run a lane for each of the `starts`, in the columns of a `LaneLoop`, which explains `step`,
-    `status` and `shared`. When it stops, `serve` gets the number and state of each lane that needs
-    the host now or soon (status "soon"). It returns the data with which the lane goes on, or
-    ``None`` if the lane has ended; the next lane then gets the column."""
+    `status` and `shared`. Whenever the loop stops, `serve` is called with the number and state of
+    each lane that needs the host now or soon (status "soon"). `serve` returns the data with which
+    the lane goes on, or ``None`` to end the lane; the next lane then gets the column."""
     first = next(starts)
     loop = made_lane_loop(step, status, (shared, *first))
     own_cells, state_cells = map(Cells, first)

@@ -158,7 +158,7 @@ class RejectedSteps:
 
 
 def rejections_of(record: RejectionRecord, origin: float = 0.0) -> Rejections:
-    """Return the table of a record. `origin`, s, is that of the `System`."""
+    """Return the table of a record. `origin`: `System.origin`, s, which is added to the starts."""
     start, length, numbers = (np.asarray(column) for column in record.rows.filled())
     reasons = np.array([REASONS[int(k)].value for k in numbers], dtype=object)
     counts = {reason.value: int(record.counts[reason]) for reason in REASONS}

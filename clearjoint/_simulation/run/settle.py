@@ -150,8 +150,9 @@ class Strobe:
         return None
 
     def _decays(self, multiple: int, count: int) -> bool:
-        """Return whether the largest `change` since `multiple` periods earlier more than halves,
-        from the `count` periods up to 3/4 of the motion to its last `count` periods."""
+        """Return whether the `change` since `multiple` periods earlier decays: its largest value in
+        the last `count` periods is below half of that in the `count` periods before 3/4 of the
+        motion."""
         changes = self.change(multiple)
         earlier = changes[: 3 * len(changes) // 4][-count:]
         return bool(changes[-count:].max() < 0.5 * earlier.max(initial=0.0))

@@ -66,8 +66,8 @@ def with_integrand_jumps(
 
 
 def _since_events(trial: Trial, system: System, y: Variables) -> tuple[Scalar, Condition]:
-    """Return the time, s, from the event at which the step ends to this end, zero without an event;
-    and whether there is an event."""
+    """Return the time, s, from the event at which the step ends to this end, the mean for several
+    events, zero for none; and whether there is an event. `y`: variables at the end of the step."""
     step, after = trial.step, system.contact_gaps(y.motion)
     events = list(since_breakpoints(system, step.t, trial.t1).values())
     events += [time_since_event(before, gap) for before, gap in gap_pairs(step.contact_gaps, after)]

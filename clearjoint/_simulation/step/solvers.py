@@ -177,7 +177,8 @@ def _by_leaf(function: Callable[..., Scalar], numbers: PyTree[Scalar], *trees: Y
 
 
 def _rates_by_fraction(rates: Y, x: float, time_map: AbstractTimeMap | None) -> Y:
-    """Return `rates`, dy/dt, times the slope of the step's time map at x; unchanged without map."""
+    """Return `rates`, dy/dt, times the slope of the step's time map at the fraction x of the step,
+    0 to 1; unchanged without a time map."""
     return rates if time_map is None else _by_leaf(multiply, time_map.slope(x), rates)
 
 

@@ -294,7 +294,8 @@ def _write(path: Path, contents: Contents) -> None:
 def _write_label(
     path: Path, group: "zarr.Group", coordinate: Coordinate, dim: str, chunk: int
 ) -> None:
-    """Write an array of labels along the dimension `dim`, in chunks of the length `chunk`."""
+    """Write an array of labels along the dimension `dim`, in chunks of the length `chunk`, to the
+    Zarr `group` in the folder `path`."""
     values = coordinate.values
     attributes: dict[str, Any] = dict(coordinate.attributes)
     array = group.create_array(
