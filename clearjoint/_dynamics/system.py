@@ -58,8 +58,8 @@ class System(eqx.Module):
       `clearjoint.extend.unpack`).
     - `formulation`: coordinates, stabilisation and solver.
     - `origin`: the scene's time, s, at which the methods' time t is zero; ``None`` if t is the
-      scene's time. A run that starts at a large time has an origin, so that t is near zero, where
-      floating-point numbers are dense enough for the shortest steps.
+      scene's time. In runs with derivatives it is the start of the run, so that t is near zero,
+      where floating-point numbers are dense enough for the shortest steps.
 
     In all methods, `variables` are those of the formulation's coordinates, t is in s since
     `origin`, `entry_speeds` are penetration rates at the onsets of the present contacts, m/s (zero
