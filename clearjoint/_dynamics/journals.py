@@ -160,8 +160,8 @@ def with_ideal(scene: Scene, ideal: IdealJoints) -> Scene:
 
 
 def require_in_bearings(scene: Scene, by_joint: ByLabel[Scalar], rates: ByLabel[Scalar]) -> None:
-    """Check the two results of `starting_contacts` for an initial state: the penetrations, m, of
-    contacts `by_joint`, and the `rates`, m/s, of contacts without a known entry speed.
+    """Check the two results of `starting_contacts` for an initial state: `by_joint`, penetrations
+    of all contacts, m, and `rates`, m/s, those of closed contacts without a known entry speed.
 
     **Raises:** `ValueError` if a contact is deeper than its limit in the joint's `deepest`.
 

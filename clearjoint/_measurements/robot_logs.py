@@ -249,8 +249,8 @@ def _logged(
     times: Float[np.ndarray, " N"],
     missing: Missing,
 ) -> Logged:
-    # The units that the table's header, the name of the column and the `LogColumn` have. Without
-    # any, numbers are in `of`, an SI unit that is given if `factor` changes their dimension.
+    # The units in the table's header, in the name of the column and in the `LogColumn`. Without
+    # any, numbers are in `spec.of`, the SI unit before `spec.factor` changes their dimension.
     written = content.unit, split_header(spec.column)[1], spec.unit
     unit = next((unit for unit in (*written, spec.of) if unit is not None), None)
     if unit is None:

@@ -567,7 +567,8 @@ class NativeFunction:
         stopwatch = Stopwatch()
         traced = program_of(of_arrays, flat.arrays)
         stopwatch.end("tracing")
-        # A single tangent is a number, and more than `LONGEST_PACKED` are an array like any other.
+        # From 2 to `LONGEST_PACKED` tangents are computed as one vector. With 0 they are not: a
+        # single tangent is a number, and more tangents are an array like any other.
         tangents = traced.tangents if 1 < traced.tangents <= LONGEST_PACKED else 0
         program = NativeProgram(traced.jaxpr, tangents, stopwatch)
         return program, Result(result[0])

@@ -246,8 +246,8 @@ class Operations:
             block, scope, depth = self.block, -1, len(self._outside)
             if depth:
                 # An operation is moved out of functions that compute none of its operands, so that
-                # all calls share its result. The operands are computed in the `depth` outermost
-                # functions: the operation moves to the block around the next one.
+                # all calls share its result. It is then inside of the `depth` outermost functions,
+                # as its innermost operand is: in the block around the next function.
                 depth = max(self._depths.get(value, 0) for value in arguments)
                 if depth < len(self._outside):
                     block, scope = self._outside[depth]

@@ -472,7 +472,8 @@ def _windows(
     parameters = _of_runs(parameters)
     if not parameters:
         return _doubled(problem, UNKNOWN_HORIZON)
-    # Wrong starts: of the kinds in `KINDS` by a factor of two, of others by one unit of the scale.
+    # Possible errors of the starts, in the coordinate of each parameter's scale: for the kinds in
+    # `KINDS` log(2), a factor of two on the scale `Log`, for others, such as start positions, 1.
     uncertainty = {
         name: math.log(2.0) if problem.subjects.get(name, ("", ""))[1] in KINDS else 1.0
         for name in parameters
@@ -547,9 +548,9 @@ def _away_from_starts(
         scale, coordinate = alone.scales[k], float(alone.coordinates[k])
         value = float(alone.values[k])
         half = WIDTH * float(alone.deviations[k]) * widening.get(name, 1.0)
-        rises = value > starts[name]
-        low, high = scale.interval(coordinate, half, rises)
-        if isinstance(scale, Log) and not rises:
+        rising = value > starts[name]  # whether the fit has moved the value up
+        low, high = scale.interval(coordinate, half, rising)
+        if isinstance(scale, Log) and not rising:
             # A parameter that may be zero, such as a friction, has a force proportional to it, so
             # the interval is linear in the value. The start is above it: only the upper end counts.
             low, high = 0.0, value * (1.0 + half)

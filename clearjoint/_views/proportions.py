@@ -114,8 +114,8 @@ def equivalent_solid(body: Body) -> BodySolid:
         across, along = moments[equal[0] - 1], moments[equal[0]]
         radius = np.sqrt(2.0 * along / mass)
         length = np.sqrt(max(12.0 * across / mass - 3.0 * radius**2, 0.0))
-        third = frame_about(axes[:, equal[0]])
-        return BodySolid(third, np.array([2.0 * radius, 2.0 * radius, length]), True)
+        frame = frame_about(axes[:, equal[0]])  # the cylinder is about its third axis
+        return BodySolid(frame, np.array([2.0 * radius, 2.0 * radius, length]), True)
     # A box with the sides a, b, c has the moment m (b² + c²) / 12 about the axis along a. The sum
     # of all three moments less twice this moment is m a² / 6. The sign of the determinant makes the
     # axes from `eigh` right-handed.

@@ -423,7 +423,8 @@ def inverse_dynamics(
         links[name] = link = branch.link(links.get(parent), variables[name], one_point=False)
         # The axes of a tree are those of its root.
         axes[name] = axes.get(parent, motions[name].rotation)
-        # The acceleration is the carrier's, plus that in the joint at the given rates.
+        # The acceleration due to the given rates is the carrier's, plus that in the joint. The part
+        # at constant speeds is accounted for in `effective`.
         twists[name] = at_offset(twists[parent], link.offset)
         if isinstance(branch, JointedBranch) and branch.joint in rates:
             for column, rate in zip(link.columns, rates[branch.joint], strict=True):

@@ -276,8 +276,8 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
         t0, t1, laws = step_outcome.before.t, step_outcome.after.t, now.scene.laws()
         lands = step_outcome.method.landing is not None
         ends = self._instants(step_outcome.method, system, now, step_outcome.after)
-        # All contacts of the scene count, so that the impacts of a joint have the same bits whether
-        # those of other joints are recorded or not.
+        # If a scene has many contacts, they share one trace of the function. Contacts of all joints
+        # count, so that the bits of impacts do not depend on which joints are recorded.
         count = sum(map(len, laws.values()))
 
         def contact_after(name: str, label: str) -> ContactRecord:

@@ -78,10 +78,10 @@ def decide_step(
     decision = _with_smooth_drivers(_controller_decision(trial), trial)
     if method.rotating:
         decision = _with_limited_rotation(decision, trial)
-    # Length of the next step. The controller's proposal assumes that the next step has the same
-    # time map (see `.time_map`) as this one, which corrects this, since the next may have another.
     # The next step begins where this one ends, or where it began if it is rejected. `full_length`
-    # is the length that it would have if no event cut it short.
+    # is the length that it would have if no event cut it short. The controller proposes a length
+    # for a step with the time map (see `.time_map`) of this step. This map corrects the length,
+    # since the next step may have another map.
     full_length = decision.t_next - jnp.where(decision.keep, t1, step.t)
     if trial.time_map is not None:
         full_length = trial.time_map.next_length(full_length, decision.keep)
