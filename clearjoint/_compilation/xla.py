@@ -338,8 +338,9 @@ def seconds_of_compiling() -> float:
 
 
 def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Wrap a function for JAX to trace. `seconds_of_compiling` counts from the tracing, if it is
-    within the context `program_is_made_inside`, to the end of this context."""
+    """Wrap a function for JAX to trace. When the tracing begins, so does the time that
+    `seconds_of_compiling` returns. It ends with the context `program_is_made_inside`; outside of
+    such a context, it does not begin."""
 
     @wraps(function)
     def traced(*arguments: Arguments.args, **options: Arguments.kwargs) -> Result:

@@ -990,10 +990,10 @@ def _with_depths(
 ) -> Scene:
     """Return the scene of `_with_splines` with material removed from its bearings and journals.
 
-    Row 0 of `depths` has the removed depths, m, and each further row their derivatives by one
-    parameter. With further rows, the new profiles are `MovingSpline`s, which the parameters move
-    along these derivatives; without them, they are `PeriodicSpline`s. A part whose profile isn't a
-    spline with one knot for each angle doesn't wear, and is unchanged.
+    Row 0 of `depths` has the removed depths at even angles, m, and each further row their
+    derivatives by one parameter. With further rows, the new profiles are `MovingSpline`s, which the
+    parameters move along these derivatives; without them, they are `PeriodicSpline`s. A part whose
+    profile isn't a spline with as many knots as angles doesn't wear, and is unchanged.
     """
 
     def worn_off(name: str, k: int, profile: AbstractProfile | None) -> AbstractProfile | None:

@@ -55,9 +55,10 @@ class Kinds:
         """Return ``function(element, motions, *others)``, traced once for each kind of elements if
         the class has many.
 
-        The function must be the same object in all calls, for instance one of a module. Its result
-        may contain names of the element's bodies as leaves, but not as keys of dictionaries, since
-        JAX would sort these by other names. `others` have no names of bodies.
+        The function must be the same object in all calls, for instance one of a module. It may be
+        called with other names of bodies (see `with_common_names`). In its result, names of bodies
+        may be leaves, where the true ones are put back, but not keys of dictionaries. `others` have
+        no names of bodies.
         """
         if are_many(self._counts[type(element)]):
             # An error that only the other names cause is avoided by calling the function with the

@@ -66,8 +66,9 @@ class Starts:
 
 
 def half_widths(spread: float | Mapping[str, float], names: Sequence[str]) -> Point:
-    """Return half the width, in each coordinate, of the box around a guess: the number `spread` or,
-    of a dictionary, the entry of the parameter, 0 if there is none. `names`: all parameters."""
+    """Return half the width, in each coordinate, of the box around a guess. `spread` is this number
+    or has it by name of the parameter, with 0 for parameters that it lacks. `names`: all
+    parameters, in the order of the coordinates."""
     if not isinstance(spread, Mapping):
         return np.full(len(names), float(spread))
     _require_known("spread", spread, names)

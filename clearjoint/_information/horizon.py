@@ -279,9 +279,10 @@ def _near(
 def _errors(
     run: Sensitivities, loose: Sensitivities, weights: Mapping[str, np.ndarray], p: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return two errors at each time, (T,): the largest one of an output times its weight; and the
-    largest relative one of the derivatives by one of p parameters, over the record so far. Errors
-    are differences from `loose`, the same run with a larger tolerance. `weights`: of `_weights`."""
+    """Return two errors of a run at each time, (T,): the largest error of an output, divided by its
+    noise; and the largest relative error of the derivatives by one of the first p parameters, in
+    the record so far. Errors are differences from `loose`, the same run with a larger tolerance.
+    `weights`: the result of `_weights`."""
     of_values = [np.abs(run.outputs[n] - loose.outputs[n]) * w for n, w in weights.items()]
     # Errors of derivatives are compared with the derivatives of the whole record so far, because a
     # fit uses their sum over all samples.

@@ -581,9 +581,10 @@ class Lowering:
     def _add_equation(
         self, equation: Equation, number: int, arrays: dict[Atom, Array], survey: Survey
     ) -> None:
-        """Add an equation, of index `number` in its jaxpr, to the program, and its results to
-        `arrays`. Mark arrays in memory that are read later as not owned: arguments that are read
-        again, and results that share cells with these or with each other."""
+        """Add an equation, of index `number` in the jaxpr of the `survey`, to the program, and its
+        results to `arrays`. Mark arrays in memory that are read later as not owned, so that no rule
+        overwrites them: arguments that are read again, and results that share cells with these or
+        with each other."""
         arguments: list[Array] = []
         read_later: dict[Atom, InMemory] = {}
         for atom in equation.invars:

@@ -210,8 +210,9 @@ class Bounded(AbstractScale):
     @override
     def interval(self, coordinate: float, half: float, rising: bool) -> tuple[float, float]:
         """Return the values at ``coordinate - half`` and ``coordinate + half`` if `half` is at most
-        1.96 (a standard deviation of 1). Otherwise, return the value plus and minus `half` times
-        its derivative by the coordinate, cut off at the bounds."""
+        1.96, as for a coordinate with a standard deviation of 1 or less. Otherwise, return the
+        value plus and minus `half` times its derivative by the coordinate, cut off at the bounds.
+        `rising` is not used."""
         if half <= WIDTH:
             return super().interval(coordinate, half, rising)
         value, change = float(self.value(coordinate)), half * float(self.slope(coordinate))

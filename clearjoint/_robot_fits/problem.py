@@ -149,7 +149,8 @@ class MovedRobot:
 
 @dataclass(frozen=True)
 class AbstractStart(AbstractGroupedChange):
-    """Function that changes the start positions or speeds of joints of the robot in `moved`."""
+    """Base class of functions that change positions or speeds of joints at the start. `moved` has
+    the robot, which computes the bodies' states from these numbers."""
 
     moved: MovedRobot
 

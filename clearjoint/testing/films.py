@@ -99,7 +99,8 @@ def _states() -> jax.Array:
 
 
 def _rotated(rows: jax.Array, angle: float = 1.1) -> jax.Array:
-    """Turn the plane vectors in rows, (N, 2) or (N, 4), by an angle, rad, arbitrary by default."""
+    """Turn plane vectors, one in each row, (N, 2), or two, (N, 4), by an angle, rad. The default
+    angle is arbitrary."""
     c, s = np.cos(angle), np.sin(angle)
     return (rows.reshape(len(rows), -1, 2) @ jnp.asarray([[c, s], [-s, c]])).reshape(rows.shape)
 

@@ -530,9 +530,10 @@ class ClearanceJoint(AbstractCentredJoint):
         return Vector(offset.dot(x_axis), offset.dot(y_axis), offset.dot(axis))
 
     def relative_angle(self, motions: Motions) -> Row:
-        """Return the journal's angle about the bearing's axis, rad in [-pi, pi], as a `Row`. It is
-        zero if the bodies' frames differ by the shortest rotation that makes the axes parallel, or
-        antiparallel if `bearing_axis` and `journal_axis` enclose more than 170 degrees."""
+        """Return the journal's angle about the bearing's axis, rad in [-pi, pi], as a `Row`. The
+        angle is zero after this rotation of the journal's body from the orientation of the
+        bearing's body: the shortest one that makes the axes parallel, or antiparallel if
+        `bearing_axis` and `journal_axis` enclose more than 170 degrees."""
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
         axes = self.bearing_axis, self.journal_axis
         return relative_angle_row(self.pair(), bearing, journal, *axes)

@@ -315,9 +315,9 @@ class Slider(AbstractMotionAtPoints):
 
 
 def aligning(first: Vector, second: Vector) -> EulerParameters:
-    """Return Euler parameters, of any norm, of a rotation from the second unit vector to the first.
-    For equal vectors they are exactly proportional to (1, 0, 0, 0). This rotation is defined
-    for opposite vectors too, unlike the shortest one."""
+    """Return Euler parameters, of any norm, of a rotation from the second unit vector to the z axis
+    and on to the first (see `_from_zeta`). Unlike the shortest rotation, it is defined for opposite
+    vectors too. For equal vectors the result is exactly proportional to (1, 0, 0, 0)."""
     return composed(_from_zeta(first), conjugate(_from_zeta(second)))
 
 

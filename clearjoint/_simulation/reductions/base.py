@@ -218,7 +218,8 @@ class AbstractWindowedReduction(AbstractReduction):
 
     @override
     def instants(self, results: Mapping[str, Scalar], span: tuple[float, float]) -> Times:
-        """Return the start and the end, s, of that part of the window that the run covers."""
+        """Return the start and the end, s, of that part of the window that lies in the run's
+        `span`. `results` are not used."""
         for name in ("after", "until"):
             edge, remedy = getattr(self, name), "give a time in s, which derivatives hold fixed"
             require(not callable(edge), name, edge, "a number in reverse mode", remedy)

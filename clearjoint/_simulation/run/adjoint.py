@@ -188,8 +188,8 @@ def _linear_step(
 
 
 def _row_of(example: Step, row: jax.Array) -> tuple[Step, Scalar]:
-    """Return the start of a step and its end time, s, from `row`, the numbers of a `step_row`.
-    Fields that a `step_row` leaves out, except tangents, are taken from `example`."""
+    """Return the start of a step and its end time, s, from `row`, the numbers of a `step_row`. The
+    tangents are ``None``; other fields that a `step_row` leaves out are those of `example`."""
     recorded, t1 = like(step_row(example, example.t), row)
     return eqx.combine(recorded, replace(example, tangents=None)), t1
 

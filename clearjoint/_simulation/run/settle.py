@@ -59,6 +59,7 @@ class Settled:
       with ``simulate(scene, settled.state, end_time, start_time=settled.time)``. With a `period`,
       and if no run failed, the simulated time is a whole number of periods; if all drivers and
       loads have this period, a further run may start from `state` at `start_time` instead.
+    - `start_time`: s, the argument of `settle`.
     - `periods`: number of periods, or of times between crossings of the section, that were
       simulated in runs without a failure.
     - `multiple`: number of these periods in one period of the motion; ``None`` unless periodic.
