@@ -188,7 +188,8 @@ class JointWear(NamedTuple):
     direct: Float[np.ndarray, "p 2 samples"]
 
     def per_cycle(self, rows: Rows) -> Rows:
-        """Return the wear per cycle, as `Rows`, from the `rows` of the worn depths."""
+        """Return the wear per cycle, m, in row 0, and its derivatives by parameters in the others.
+        `rows`: the depths that have worn off, m, and their derivatives, in the same form."""
         per_cycle = np.array(_wear_rows(self.joint, self.rates, self.history, rows))
         per_cycle[1:] += self.direct
         return per_cycle

@@ -295,7 +295,8 @@ def _read(path: str | Path, options: dict[str, Any]) -> "pd.DataFrame":
 
 
 def _read_parquet(path: str | Path, options: dict[str, PyTree]) -> "pd.DataFrame":
-    """Read a Parquet file; a column "state" of lists becomes the columns "state.0", "state.1", …"""
+    """Read a Parquet file, with the `options` of `pandas.read_parquet`. A column "state" of lists
+    becomes the columns "state.0", "state.1", …"""
     import pandas as pd
 
     try:

@@ -37,10 +37,10 @@ SPELLING = 'write for example "mm", "deg", "N m", "m/s^2", "g_0" or "1"'
 
 
 def to_si(unit: str, si: str | None) -> tuple[float, str]:
-    """Return the factor that converts values from a unit, any that pint knows, to the SI unit `si`,
-    and this SI unit; by default a combination of SI base units. Raise a `ValueError` for a unit of
-    another dimension, without a constant factor (dB, degrees Celsius), in Hz for an angular speed,
-    of more than `LONGEST` characters, or with large powers."""
+    """Return the factor that converts values from `unit` to the SI unit `si`, and this SI unit; by
+    default, it is a combination of SI base units. Raise a `ValueError` if pint doesn't know `unit`;
+    if it has another dimension, no constant factor (dB, degrees Celsius), large powers or more than
+    `LONGEST` characters; or if it contains Hz, but `si` is a unit of angular speed."""
     import pint  # Importing it takes a quarter of a second, so it is imported only when needed.
 
     registry = pint.get_application_registry()

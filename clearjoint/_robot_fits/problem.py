@@ -243,9 +243,9 @@ class GearLoss:
 
 
 def wind_up(scene: Scene, follower: str, leader: str, load: Scalar) -> Scalar:
-    """Return by how much, rad, the `follower` is ahead of the `leader`, the two sides of a drive
-    train, while the motor holds the link by the torque `load`, N m. Without load this is zero: the
-    follower is in the middle of the play."""
+    """Return by how much, rad, the joint `follower` is ahead of the joint `leader`, while the motor
+    holds the link by the torque `load`, N m. One is the joint of a link, the other that of its
+    motor. Without load the result is zero: the follower is in the middle of the play."""
     # Under a positive load the motor is ahead of the link.
     joint, sign = (follower, -1.0) if motor_name(follower) == leader else (leader, 1.0)
     backlash = scene.joints.get(backlash_name(joint))

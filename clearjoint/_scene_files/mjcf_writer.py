@@ -328,7 +328,8 @@ class MjcfWriter:
         self._limit(name, on, joint.law, offset, joint.play, joint.radius)
 
     def ends_of_slot(self, name: str, joint: PinInSlot, on: FileJoint) -> None:
-        """Limit the slider `on` by the ends of its slot. Unlike the pin, it has no play across."""
+        """Limit the slider `on` by the ends of the slot. The slider has no play across the slot,
+        unlike the pin of the scene."""
         if joint.travel is None:  # a slot without ends
             raise NoCounterpartError
         slot, pin = (self._motions[body] for body in joint.pair())

@@ -139,8 +139,9 @@ class Lanes:
         return unpack(self.expanded(joints, varied), leading=1)
 
     def expanded(self, tree: PyTree, varied: PyTree) -> PyTree:
-        """Return `tree`, a part of `scene`, with arrays (lanes, ...) as leaves. Here `varied` is
-        the same part of `scenes`; where it has ``None``, the number in `tree` is repeated."""
+        """Return `tree`, a part of `scene`, with arrays (lanes, ...) as leaves. They are those of
+        the argument `varied`, the same part of `scenes` (not of the field `varied`). Where it has
+        ``None``, the leaf of `tree` is repeated for all lanes."""
         count = len(jax.tree.leaves(self.states)[0])
         numbers, others = eqx.partition(tree, eqx.is_array_like)
         same = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (count, *np.shape(leaf))), numbers)

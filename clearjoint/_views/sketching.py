@@ -187,8 +187,8 @@ class SketchingPen(AbstractPen):
 
     @override
     def load(self, marker: Marker, force: Triple | Callable[[jax.Array], Triple]) -> None:
-        """Add a load to `loads`, with its force in each frame; in a single state, at time zero. The
-        arrow of the load is made later, when the scale of forces is known."""
+        """Add a load to `loads`, with its force in each frame. A view of a single state shows the
+        force at time zero. The arrow is made later, when the scale of forces is known."""
         points = self._poses.point(marker.body, marker.point)
         if callable(force):
             times = np.zeros(1) if self._poses.times is None else self._poses.times

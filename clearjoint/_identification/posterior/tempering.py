@@ -72,7 +72,8 @@ first 0 to T times, (n, T + 1), infinite from the first sample on that a run mis
 class Target:
     """Posterior to draw from: likelihood exp(-chi squared / 2), prior in the box `low` to `high`.
 
-    - `curves`: function that makes runs; `count`: number of sample times of the record.
+    - `curves`: function that runs points and returns chi squared over growing parts of the record
+      (see `Curves`). `count`: number of sample times of the record.
     - `log_prior`: logarithm of the prior density at points in the box, up to a constant.
     """
 

@@ -77,8 +77,8 @@ class StepEnd(eqx.Module):
 
 
 def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> StepEnd:
-    """Take one step of length h, s, from the time t, s. A driver or load with a breakpoint at t has
-    the value that holds after it; there must be no breakpoint inside the step."""
+    """Move the system `rigid` by one step of length h, s, from the time t, s. A driver or load with
+    a breakpoint at t has the value that holds after it; no breakpoint may be inside the step."""
     # Motion without contact, from which the gaps in the middle of the step follow.
     system, middle_time = rigid.system, t + 0.5 * h
     # At a breakpoint, the time just after it.

@@ -610,8 +610,9 @@ def _gradients_in_lanes(
 
 
 def _parts_of(name: str, reduction: AbstractReduction) -> dict[str, Quantity]:
-    """Return the quantities on whose values the differentiated results of a reduction depend, by
-    names that no output has: those `observed`, and the integrals of the `integrands`."""
+    """Return the quantities on which the differentiated results of a reduction depend: those
+    `observed`, and the integrals of the `integrands`. Their names begin with the `name` of the
+    reduction's output and a slash, which no output's name contains."""
     observed = {f"{name}/{k}": quantity for k, quantity in enumerate(reduction.observed())}
     integrals = {key: _Work(key) for key in integrands_of({name: reduction})}
     return {**observed, **integrals}

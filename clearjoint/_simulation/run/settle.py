@@ -139,8 +139,8 @@ class Strobe:
     def multiple(self, largest: int, tolerance: float) -> int | None:
         """Return the smallest number m of periods, up to `largest`, after which the motion repeats:
         in each of the last max(m, `CONFIRMING`) periods, the `change` since m periods earlier is at
-        most `tolerance`. Return ``None`` if there is no such m, or if the change since a smaller
-        number of periods earlier decays, as that of a vibration that dies away."""
+        most `tolerance`. Return ``None`` if there is no such m, or if a vibration dies away: the
+        `change` since fewer than m periods earlier decays."""
         for multiple in range(1, largest + 1):
             needed = max(multiple, CONFIRMING)
             changes = self.change(multiple) if len(self.rows) > multiple else np.zeros(0)

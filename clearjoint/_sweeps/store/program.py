@@ -276,8 +276,8 @@ class _Outputs:
     def values(
         self, numbers: PyTree, row: Snapshot, inside: Snapshot, tallies: dict[str, PyTree]
     ) -> dict[str, PyTree]:
-        """Return all values that are computed at the end of a step, by variable. `tallies` has what
-        the reductions have accumulated before."""
+        """Return, for each variable of the sweep's results by name, the values that are computed
+        for it at the end of a step. `tallies` has what the reductions have accumulated before."""
         now, computed = self.instant(numbers, row, inside), {}
         for name, reduction in self.common.reductions.items():
             start, tally = reduction.start(now), tallies[name]
