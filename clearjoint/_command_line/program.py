@@ -312,8 +312,9 @@ def _compute(
     out: Path | None,
     **options: str | None,
 ) -> None:
-    """Call the `function` of a `command` with the study in `file`, and exit. Entries of the study
-    are replaced by `changes`, "path=value" each, those of its section `command` by `options`."""
+    """Call the `function` of a `command` with the study in `file` and the folder `out`, by default
+    results/STUDY/COMMAND, and exit. `changes`, "path=value" each, replace entries of the study;
+    `options` replace entries of the section with the command's name."""
     folder = out or Path("results") / file.stem / command
     given = {name: value for name, value in options.items() if value is not None}
     # The last change of an entry counts: an option prevails over --set.

@@ -289,9 +289,9 @@ def cycles_to_depth(found: "xr.Dataset", depth: float, joint: str, part: Part = 
 
 
 def _reached(cycles: np.ndarray, depths: np.ndarray, depth: float) -> tuple["CubicSpline", float]:
-    """Return the cubic spline through `depths`, m, over `cycles`, the number of cycles before each
-    stage, and the number of cycles at which the spline first reaches `depth`, m, which the last of
-    `depths` must reach."""
+    """Return the cubic spline through `depths`, m, at `cycles`, the numbers of cycles before the
+    stages. Return also the number of cycles at which the spline first reaches `depth`, m. The last
+    of `depths` must be at least `depth`."""
     from scipy.interpolate import CubicSpline
 
     spline = CubicSpline(cycles, depths)

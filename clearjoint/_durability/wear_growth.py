@@ -75,7 +75,8 @@ def _unworn(
     joint: ClearanceJoint, depths: jax.Array, x: jax.Array, y: jax.Array, axes: PlanarAxes
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Return the angle of the contact, rad, of a journal with the centre at `x` and `y`, m, and the
-    x and y, m, that the centre would have in this contact if the joint had not lost `depths`."""
+    x and y, m, that the centre would have in this contact if the joint had not lost `depths`, (2,
+    samples) m, of bearing and journal. `axes`: the journal's, in the bearing's cross-section."""
 
     def angle_at(x: Scalar, y: Scalar, axes: PlanarAxes) -> Scalar:
         profiles = joint.bearing_profile, joint.journal_profile

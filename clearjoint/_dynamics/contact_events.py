@@ -200,7 +200,7 @@ def time_since_onset(before: ContactGaps, after: ContactGaps) -> Scalar:
 
 
 def begins_at_start(gaps: ContactGaps) -> jax.Array:
-    """Return whether a contact begins at the start of a run, with a depth in (0, `TOUCHING`]."""
+    """Return whether any contact begins at the start of a run, with a depth in (0, `TOUCHING`]."""
     return any_of((gap.depth > 0.0) & _at_the_wall(gap) for gap in _all_gaps(gaps))
 
 

@@ -168,12 +168,13 @@ def _residuals(y: jax.Array, model: _Model) -> tuple[jax.Array, None]:
 def _advance(
     y: jax.Array, arrays: PyTree, model: _Model, limits: jax.Array, tolerance: jax.Array
 ) -> tuple[jax.Array, PyTree, jax.Array, jax.Array]:
-    """Compute one step of the search, in scaled coordinates. `y`: best point before the latest one;
-    `model`: linear model at the latest one; `arrays`: those of the solver's state, first ``None``;
-    `limits`: largest changes in a step; `tolerance`: the `decrement` below which the search ends.
+    """Compute one step of the search, in scaled coordinates. `model`: linear model at the point
+    evaluated last; `y`: best of the points before it; `arrays`: those of the solver's state, first
+    ``None``; `limits`: largest changes in a step; `tolerance`: length of the Gauss-Newton step, in
+    standard deviations (see `decrement`), below which the search ends.
 
-    **Returns:** the best point, which may be the latest; the new arrays, of which `y_eval` is the
-    next point to evaluate; whether the search ends; and the `decrement` at the best point.
+    **Returns:** the best point, which may be the one evaluated last; the new arrays, of which
+    `y_eval` is the next point to evaluate; whether the search ends; the best point's `decrement`.
     """
     # The damping decreases if chi squared has decreased by at least 0.7 times what the linear model
     # predicts. With optimistix' own cutoff of 0.99, it would decrease only after an almost exact

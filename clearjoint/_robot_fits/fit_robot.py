@@ -101,7 +101,7 @@ class RobotFit(AbstractTabular):
     - `undetermined`: for each parameter that the log doesn't determine, a sentence that says why.
     - `held`: value and unit at which each undetermined parameter was held: its last estimate if the
       log excludes its start, or for a position or speed at the start of the log; else its start.
-    - `limits`: 95 % interval of each held parameter that may be zero or infinite by the log.
+    - `limits`: 95 % intervals of held parameters, only those that begin at 0 or end at infinity.
 
     ```python
     import clearjoint as cj

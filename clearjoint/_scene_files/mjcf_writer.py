@@ -453,8 +453,9 @@ class MjcfWriter:
     def _sites(
         self, name: str, pair: PyTree, first: PyTree, second: PyTree, turn: PyTree = trees.UPRIGHT
     ) -> list[str]:
-        """Add sites at the points `first` and `second`, (3,) m in body axes, of the two bodies of
-        the `pair`, the first with the orientation `turn` in its body; return the sites' names."""
+        """Add the sites "`name` first" and "`name` second", and return their names. They are at the
+        points `first` and `second`, (3,) m in body axes, of the two bodies of `pair`, a joint or a
+        force. The first site has the orientation `turn` in its body."""
         ends = ((pair.first, "first", first, turn), (pair.second, "second", second, trees.UPRIGHT))
         for body, end, point, orientation in ends:
             _child(self._bodies[body], "site", name=f"{name} {end}", pos=point, quat=orientation)

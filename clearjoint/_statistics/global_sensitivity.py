@@ -111,8 +111,8 @@ def _groups(p: int, draws: int, seed: int) -> np.ndarray:
 
     A group has two independent points A and B, and for each parameter the point A with this
     parameter's coordinate from B. Groups come one after the other, so that a larger `draws` appends
-    to the runs of a stored sweep. Of `RANDOMISATIONS` independently scrambled Sobol sequences (at
-    most `draws`), the points of group i come from sequence i modulo their number.
+    to the runs of a stored sweep. With n = min(`RANDOMISATIONS`, `draws`) independently scrambled
+    Sobol sequences, group i takes its points from sequence i modulo n.
     """
     randomisations = min(RANDOMISATIONS, draws)
     seeds = np.random.SeedSequence(seed).generate_state(randomisations)

@@ -195,9 +195,10 @@ def momenta(
     unit of each joint speed: the momentum of the carried bodies with this twist; the products of
     this momentum with all `columns`; its part that acts on the carrier (see `constrained`).
 
-    The last two include a rotor of inertia J, the `armature`, which resists the acceleration u' =
-    r - axis . (angular acceleration of the carrier): J is added to the product of a column with
-    itself, and -J axis to the carrier's part. `Inertia.without` thereby adds J axis axis^T.
+    The last two include a rotor of inertia J, the `armature`. It resists u' = r - axis . (angular
+    acceleration of the carrier), where axis is the angular part of the column: J is added to the
+    product of a column with itself, and -J axis to the part that acts on the carrier.
+    `Inertia.without`, which subtracts this part times axis^T, thus adds J axis axis^T.
     """
     wholes = [carried.momentum(column) for column in columns]
     # Row k of the block has the products of the momentum for a unit of speed k.

@@ -275,7 +275,8 @@ class RecordedRun:
     def _require_still_instants(self, cotangents: dict[str, np.ndarray]) -> None:
         """Raise a `ValueError` if an instant that the run has found, such as the time of a peak, is
         at a contact event or at a breakpoint that depends on the parameters. There, unlike at a
-        smooth peak, a shift of the instant changes the value to first order."""
+        smooth peak, a shift of the instant changes the value to first order. Reductions without
+        nonzero `cotangents`, which are by name of the result, are not checked."""
         expected = "a peak that is smooth, or at a fixed time"
         remedy = "take the difference of two runs"
         for name, reduction in self.recorder.run.reductions.items():

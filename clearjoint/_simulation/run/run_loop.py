@@ -216,7 +216,8 @@ def begin_run(
     method: Method, system: System, state: State, t0: Scalar, t_end: Scalar, first_step: Scalar
 ) -> Step:
     """Return the complete state of a run before its first step, which has the length `first_step`,
-    s. Entry speeds, bristles, memories and ledger that `state` lacks are initialised."""
+    s. What `state` lacks is initialised: entry speeds, bristles, memories and, with an energy
+    ledger, `work`."""
     motion = system.encode(unpack(state.bodies))
     work = state.work if system.formulation.ledger else {}
     y = Variables(motion, work, unpack(state.bristles), state.memory)
