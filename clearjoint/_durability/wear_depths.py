@@ -97,7 +97,8 @@ def wear_depths(
 
     **Returns:** the depths that wear off the wall and off the journal at `samples` evenly spaced
     angles, (2, samples) m; the largest penetration at an end of the journal, m, and the largest sum
-    of the normal forces at both ends, N, (2,); and `SIGNALS` at the times.
+    of the normal forces at both ends, N, (2,); and the numbers from which the wear follows, such as
+    normal forces, at each of the times, by the names `SIGNALS`.
     """
     assert solution.steps is not None, "`wear` saves all steps"
     values = values_along(scene, solution, AllSignals(joint), solution.steps.between(times))

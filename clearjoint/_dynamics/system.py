@@ -274,8 +274,9 @@ class System(eqx.Module):
         rows: Sequence[Row],
         rotors: Sequence[tuple[Row, Scalar]] = (),
     ) -> ConstraintEquations:
-        """Return the equations for the multipliers of constraint rows and of `rotors`, without
-        which they ignore the rotors' inertia. `mechanics`, `rotors`: from the methods so named."""
+        """Return the equations for the multipliers of the constraint `rows` and of the rows in
+        `rotors`. Without `rotors`, the equations ignore the inertia of rotors. `mechanics` and
+        `rotors` are results of the methods of the same names."""
         rows = [*rows, *(row for row, _ in rotors)]
         return ConstraintEquations(
             mechanics,

@@ -85,8 +85,9 @@ class Work:
         return arrays
 
     def _recorded(self, ended: Ended) -> dict[str, LaneArrays]:
-        """Return the columns by key of each section, each impact table and the saved states, with
-        the number of rows as "count". In impact tables the second axis is that of contacts."""
+        """Return what is recorded by each section, by each impact table and of the states, by name.
+        Each of these has its columns by their keys and, as "count", the number of rows of each
+        lane. In impact tables, the second axis of the arrays is that of contacts."""
         logs = {name: {**rows, "count": counts} for name, (rows, counts) in ended.logs.items()}
         # A log has the rows of one section, of the saved states, or of one contact of an impact
         # table. The logs of a table's contacts are stacked to one table.

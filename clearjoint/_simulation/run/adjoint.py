@@ -155,8 +155,9 @@ def begun(run: Adjoint, values: PyTree) -> tuple[Step, PyTree]:
 def segment(
     run: Adjoint, values: PyTree, step: Step, tallies: PyTree
 ) -> tuple[Step, PyTree, RowBuffer[jax.Array]]:
-    """Continue a run from `step` and `tallies` to its end, a failure, the limit of attempts, or a
-    full buffer of `ROWS` steps. Return the new step and tallies, and a buffer of `step_row`s."""
+    """Continue a run from `step`, with the `tallies` of its reductions, to its end, a failure, the
+    limit of attempts, or a full buffer of `ROWS` steps. Return the new step and tallies, and a
+    buffer of `step_row`s."""
     loop = run.loop(values, ROWS)
     rows = loop.recorders[STEPS].start(RunStart(loop, step))
 

@@ -66,9 +66,10 @@ class Sampled(eqx.Module):
       coordinates of the parameters on their scales, such as logarithms.
     - `reached`: (N,), whether the run reached each time. Other rows are meaningless.
     - `time`: s, end of the run, a time of the scene.
-    - `amplification`: (p,), |v| T/|x| for each parameter: v is the largest derivative of any speed,
-      T, s, the time from then to the end of the run, and x the largest derivative of any position
-      since then. The relative error of x is at most that of v times this number.
+    - `amplification`: (p,), v T/x for each parameter. v is the largest derivative of any speed, in
+      magnitude. T is the time, s, from the instant of v to the end of the run. x is the largest
+      derivative of any position from that instant on, in magnitude. The number bounds the relative
+      error of x, divided by the relative error of v.
     - `states`: those at the N times, or ``None``; `records`: those of the run's recorders. Impacts
       have times since the start of the run, and crossings times of the scene.
     """
@@ -247,10 +248,10 @@ class TangentRun(eqx.Module):
 
 
 def _sampled_from(first: Step, run: TangentRun) -> Sampled:
-    """Return the results of a run that starts from `first`, the result of `first_step_of`. Times
-    in `own_end` and `own_times` are since the run's start."""
+    """Return the results of a run that starts from `first`, the result of `first_step_of`."""
     method, outputs, t0 = run.scheme.method, run.outputs, run.start_time
     systems = SystemFamily(run.family, run.scheme.formulation, t0)
+    # The loop counts times from the start of the run.
     system, own_end, own_times = systems.system(), run.end_time - t0, run.times - t0
     all_recorders = {LATEST: LatestAttempt(), PEAK: TangentPeakRecorder(), **run.recorders}
     # JAX would otherwise trace an attempt again wherever `loop` calls it.

@@ -206,7 +206,8 @@ def programs(common: Common, state: State) -> dict[str, str]:
         return Task(numbers.tree, state, end_time, end_time, None, wanted)
 
     def step(numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
-        """Return, by `RUN`, `lane` after one step, and the outcome of a run that ends at `lane`."""
+        """Return, by the key `RUN`, a pair: `lane` after one step, and the outcome of a run that
+        ends at `lane`. `numbers`: of the lane's scene."""
         task = task_of(numbers, end_time)
         return {RUN: (run.after_turn(task, lane), run.outcome(task, lane))}
 
