@@ -90,7 +90,8 @@ def _unworn(
 
 def _shift(depths: jax.Array, angles: jax.Array, axes: PlanarAxes) -> tuple[jax.Array, jax.Array]:
     """Return by how much the journal's centre moves, m, along the bearing's axes x and y, if the
-    `depths` wear off while penetration and `angles` of the contact, rad, remain the same."""
+    `depths`, (2, samples) m, of bearing and journal wear off. The penetration and the `angles` of
+    the contact from the bearing's x axis, rad, remain the same."""
     wall, journal = PeriodicSpline.through(depths[0]), PeriodicSpline.through(-depths[1])
     worn = JournalInBearing(0.0, 0.0, wall, journal, axes)
     # The overlap of the two parts at the contact remains, and remains the largest one: the worn

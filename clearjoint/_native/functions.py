@@ -338,7 +338,7 @@ class FlatArguments:
 
     @property
     def tree_structure(self) -> PyTree:
-        """The structure of the argument of a part; the argument must be no `ConstantFolded`."""
+        """The structure of the single argument, if this is a part and not a `ConstantFolded`."""
         assert isinstance(self.key, _Key)
         return self.key.parts[0]
 

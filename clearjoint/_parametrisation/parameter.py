@@ -86,7 +86,7 @@ class AbstractScale(abc.ABC):
         `half` is the half width of the coordinate's interval. A scale overrides this method if its
         coordinate runs to infinity where the data put a value at an end of its range, such as a
         friction of zero, because the derivative of the value by the coordinate vanishes there.
-        `rising`: whether the fit has moved the coordinate up, so that this end is the upper one.
+        `rising`: whether a coordinate that runs to infinity runs up, to the upper end of the range.
         """
         return float(self.value(coordinate - half)), float(self.value(coordinate + half))
 

@@ -62,9 +62,9 @@ NO_ERRORS = SensorErrors()
 def with_sensor_errors(
     sensors: SensorErrors, values: Rows, derivatives: Rows, elapsed: Row, coordinates: Row
 ) -> tuple[dict[str, jax.Array], dict[str, jax.Array]]:
-    """Return the readings of all sensors, (T,) each, and their derivatives by the coordinates,
-    (T, p) each, from the quantities, `values`, and their `derivatives`, of the same shapes, at the
-    times `elapsed` since the start, (T,) s."""
+    """Return the readings of all sensors, (T,) each, and their derivatives, (T, p) each, by the
+    `coordinates` of all p parameters of the run. The quantities, `values`, and their `derivatives`
+    have the same shapes; `elapsed`: (T,) s, their times since the start of the run."""
     readings, slopes = jax.tree.map(jnp.asarray, (dict(values), dict(derivatives)))
     # Without duplicates, since a sensor may have several errors.
     with_errors = dict.fromkeys(name for _, error in sensors.errors for name in error.series)
@@ -90,7 +90,7 @@ def readings_of_runs(
     coordinates: Float[jax.Array | np.ndarray, "n p"],
 ) -> dict[str, jax.Array]:
     """Return the readings of all sensors in n runs, (n, T) each, from the quantities, `values`, at
-    the times `elapsed`, s, since the start."""
+    the times `elapsed`, s, since the start. `coordinates`: of all p parameters in each run."""
 
     # The readings in one run, (T,) each.
     def of_run(values: Rows, coordinates: Row) -> dict[str, jax.Array]:

@@ -118,7 +118,8 @@ def phase_portrait(
 ) -> Axes:
     """Draw the time derivative of a quantity over the quantity itself: a closed curve for a
     periodic motion. A dot marks the start, a square the end. Angles continue beyond a full turn.
-    The quantity must be a function of positions, such as an angle or a penetration.
+    The quantity must be a function of positions, such as an angle or a penetration. `unit` and
+    `trajectory` are as for `series`.
 
     >>> axes = plot.phase_portrait(scene, swing, x)
     """

@@ -83,8 +83,9 @@ class Inertia:
         return Inertia(self.mass, coupling, angular)
 
     def minus_outer(self, first: Twist, second: Twist) -> "Inertia":
-        """Return this inertia minus the outer product of two twists. Lower triangles of mass and
-        angular part are mirrored, since the sum of all products to subtract is symmetric."""
+        """Return this inertia minus the outer product of two twists. The caller subtracts
+        products whose sum is symmetric. So only the lower triangles of the mass and the angular
+        part are computed; their entries are copied to the upper triangles."""
         return Inertia(
             _minus_symmetric(self.mass, first.linear, second.linear),
             self.coupling.minus_outer(first.angular, second.linear),

@@ -152,7 +152,8 @@ class FreeBranch:
         return velocity + axes @ spin.cross(self.anchor[0])
 
     def after_displacement(self, state: BodyState, changes: Speeds, axes: Matrix) -> BodyState:
-        """Return the state after a displacement, m, and a rotation vector, rad, in body `axes`."""
+        """Return the state after a displacement of the centre of mass, m, and a rotation vector,
+        rad: the six `changes`, in body axes. `axes`: matrix from body to global axes."""
         rotation = Vector(*changes[3:])
         shift = self._shift(axes, axes @ Vector(*changes[:3]), rotation)
         orientation = turned(state.orientation, rotation)

@@ -210,7 +210,8 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
         self, memory: ForceMemory, angle: Scalar, speed: Scalar, motions: Motions, t: Scalar
     ) -> tuple[Scalar, dict[str, Scalar]]:
         """Return the torque, N m, that the servo commands at a sample, and the changed entries of
-        its memory. `angle`, rad, and `speed`, rad/s, are those of the encoder."""
+        its memory. `angle`, rad, and `speed`, rad/s, are those of the encoder; `motions` give the
+        motor's speed, for the torque limits at which the integral stops growing."""
         changed: dict[str, Scalar] = {}
         goal, goal_speed = value_and_rate(self.target, t)
         # In a period, the goal follows the target by at most the speed limit times the period.

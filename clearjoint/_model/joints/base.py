@@ -100,8 +100,9 @@ class AbstractElement(AbstractConverting):
         return tuple((point, getattr(self, body), getattr(self, point)) for point, body in fields)
 
     def draw(self, pen: AbstractPen) -> None:
-        """Draw the element with a pen; by default a marker at each point of `attachments`. If
-        `load` or `view` guesses a state, both markers of a symbol such as a pin coincide in it."""
+        """Draw the element with a pen; by default a marker at each point of `attachments`. Where
+        `load` or `view` guesses a state, it places each body such that the two markers of a symbol
+        that connects it, such as a pin, coincide."""
         for _, body, point in self.attachments():
             pen.mark(Marker(body, point))
 

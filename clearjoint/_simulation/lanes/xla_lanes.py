@@ -89,8 +89,9 @@ class XlaLaneLoop(AbstractLaneLoop):
 
 class XlaFunction:
     """A function(shared, *trees) of data shared by all lanes and PyTrees of one lane, compiled by
-    XLA for many lanes. `examples` have the shapes of `trees`. It takes and returns cells with a
-    row, not a column, for each lane. The attribute `results` is the layout of a result's cells."""
+    XLA for many lanes. `examples` have the shapes of `trees`. A call takes the cells of `trees` and
+    returns those of the results, in both cases with a row, not a column, for each lane. The
+    attribute `results` is the layout of the cells of one lane's result."""
 
     def __init__(self, function: OnLane, shared: PyTree, *examples: PyTree):
         self._function, self._shared = function, shared

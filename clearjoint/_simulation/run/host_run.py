@@ -255,7 +255,8 @@ class Run:
     def _solution(
         self, step: FlatArguments, records: Records, saved: "_SavedBySegments", notes: Notes
     ) -> tuple[Solution, bool]:
-        """Return the solution of a run that has ended, and whether a journal has slid out."""
+        """Return the solution of a run that has ended, and whether a journal has slid out. `step`:
+        the last one; `notes`: the `settings` of the solution."""
         reductions, tallies = self.requested.reductions, records[REDUCTIONS]
         arguments = self.scheme, self.folded_scene, reductions, tallies, step, self.end
         # `in_parts` takes the flattened step, and flattens both results: `tree` is the PyTree.

@@ -275,8 +275,9 @@ def _batch_shape(examples: PyTree, arrays: PyTree) -> tuple[int, ...]:
 
 
 def _elements_of(examples: PyTree, arrays: PyTree, shape: tuple[int, ...]) -> list[PyTree]:
-    """Return the elements of a batch, in row-major order, each a PyTree like `examples`. `arrays`
-    is like `examples` with axes of the batch in front, which are broadcast to `shape`."""
+    """Return the elements of a batch, in row-major order, each with the structure and the shapes of
+    the PyTree `examples`. The leaves of `arrays` have axes of the batch in front of the axes of an
+    element. These axes are broadcast to `shape`."""
 
     def flat(example: PyTree, array: ArrayLike) -> np.ndarray:
         of_element = np.shape(example)

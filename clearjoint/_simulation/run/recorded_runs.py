@@ -311,7 +311,8 @@ class RecordedRun:
 
     @property
     def places(self) -> np.ndarray:
-        """Indices in the run, (N,), of the steps in which quantities are evaluated."""
+        """Indices in the run of the steps in which quantities are evaluated, (N,): one for each of
+        the N times of evaluation, so that indices may repeat."""
         return self._samples.places
 
     def is_kept(self) -> bool:
