@@ -105,9 +105,9 @@ def wear(
     cycles of a stage, the depths then grow with the forces, sliding speeds and directions of the
     contacts of this run, while the pressure follows the wall. This is integrated by an implicit
     method, so that the depth of a stage may be many times the elastic penetration. A run with the
-    new profiles follows. With contacts that change linearly over the cycles of the stage, from the
-    contacts of the run before it to those of the run after it, the depths are integrated again. If
-    this corrects them by more than `stage_error`, the stage is repeated with fewer cycles.
+    new profiles follows. The depths are then integrated again, with contacts that change linearly
+    over the cycles of the stage, from those of the run before it to those of the run after it. If
+    this corrects the depths by more than `stage_error`, the stage is repeated with fewer cycles.
 
     **Arguments:**
 
@@ -130,10 +130,10 @@ def wear(
       that are measured, even. Their first and second half must agree to the relative `tolerance`:
       in the sum of the depths that wear off each joint, and in the sum of the derivatives with
       respect to each parameter. A motion that is not periodic needs many measured cycles.
-    - `stage_error`: largest correction of the depths of a stage, relative to the joint's largest
-      depth plus its penetration from the onset of the force. The corrected depths have a smaller
-      error. For differences between results take 1e-4, since the integration has a relative error
-      of about a fiftieth of `stage_error`.
+    - `stage_error`: largest correction of the depths of a stage, relative to the sum of the joint's
+      largest depth and its largest penetration, measured from where the force begins. The corrected
+      depths have a smaller error. For differences between results take 1e-4, since the integration
+      has a relative error of about a fiftieth of `stage_error`.
     - `largest_change`: largest change of depth in a stage, m; by default not limited. A stage has
       at most twice the cycles of the stage before, and the depth changes by a fifth of the
       penetration in the first stage.

@@ -169,9 +169,9 @@ class AbstractCoordinates(eqx.Module):
 
 
 def anchors(scene: Scene) -> dict[str, tuple[Vector, Vector]]:
-    """Return for each body with an anchor (see `AbstractContactJoint.anchor`), by the first such
-    joint, the point on the body, m in body axes, and the point on the ground, m. The vector between
-    them, as a variable, keeps digits that a difference of global positions would lose."""
+    """Return the two points of each anchor (see `AbstractContactJoint.anchor`), by body: on the
+    body, m in body axes, and on the ground, m. The first anchor of a body counts. The vector
+    between the points, as a variable, keeps digits that a difference of global positions loses."""
     points = {}
     for joint in scene.contact_joints().values():
         anchor = joint.anchor()

@@ -55,8 +55,8 @@ _UNSIGNED, _LARGEST_UINT32 = np.dtype("uint32"), (1 << 32) - 1
 
 
 class UnsupportedPrimitiveError(NotImplementedError):
-    """Raised for a primitive, or a use of one, without a rule, for arrays of an unsupported type,
-    and for a program that LLVM rejects."""
+    """Raised if there is no rule for a primitive or for the way it is used, if the type of an array
+    is not supported, and if LLVM rejects the program."""
 
     def __init__(self, what: str, location: str = ""):
         super().__init__(f"{what}, in {location}" if location else what)
@@ -72,8 +72,8 @@ class Packed:
 
 @dataclass(frozen=True)
 class InMemory:
-    """An array in memory from the cell `start` on, which may be overwritten if it is `owned`,
-    because nothing else reads its cells."""
+    """An array in memory from the cell `start` on, with elements of a `kind` (see `.operations`).
+    It may be overwritten if it is `owned`, because nothing else then reads its cells."""
 
     start: int
     shape: tuple[int, ...]

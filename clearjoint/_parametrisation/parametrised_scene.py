@@ -84,7 +84,8 @@ class AbstractSceneFamily(eqx.Module):
 
     def effects(self) -> tuple[PyTree[bool], int | None]:
         """Return, in the structure of the scene, whether a parameter may change each leaf; and the
-        number of changes in `pairs` up to the last one that changes the scene, ``None`` for all."""
+        number of leading changes in the list from `pairs` that the scene needs, ``None`` for all.
+        """
         # A user's function may change any leaf. JAX traces the functions here without computing
         # numbers, and each leaf that depends on a parameter becomes a tracer.
         effects: list[tuple[PyTree[bool], int]] = []
@@ -114,8 +115,8 @@ class ParametrisedScene(AbstractSceneFamily):
     - `changes`, `scales`: function that sets the value of each parameter, and its scale. Arrays of
       a function that is a PyTree are arguments of compiled programs.
     - `directions`: (n, p), coordinates of n directions of derivatives; ``None``: each parameter's.
-    - `in_scene`: how many of the first `changes` are needed for the scene, because the others
-      change only the initial state; ``None`` for all.
+    - `in_scene`: number of leading `changes` that the scene needs, because the others change only
+      the initial state; ``None`` for all.
     """
 
     values: Coordinates

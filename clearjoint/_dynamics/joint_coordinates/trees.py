@@ -75,7 +75,8 @@ class Link:
     armature: Scalar | None = None
 
     def load(self, force: Vector, moment: Vector) -> Twist:
-        """Return a load about the reference point from force and moment at the centre of mass."""
+        """Return force and moment at the centre of mass as a load about the reference point, in the
+        form of a `Twist`: `angular` is the moment, N m, and `linear` the force, N."""
         return Twist(moment + self.arm.cross(force), force)
 
 

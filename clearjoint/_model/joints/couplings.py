@@ -120,9 +120,10 @@ class JointCoupling(AbstractConstraint):
     a cam that drives a follower. The coupling holds neither joint: add both to the scene too. Its
     Lagrange multiplier is the moment (N m) or force (N) on the second body of the follower.
 
-    A leader's angle is taken within half a revolution. Only if the follower is a hinge with a whole
-    number of revolutions for each revolution of the leader, the leader may turn further; otherwise
-    a run ends there with `RESULTS.not_followed`. For gears of any ratio, use `GearJoint`.
+    A hinge's angle is taken between -pi and pi. A hinge as leader may turn further only if the
+    `function` has the same value at both ends or, for a hinge as follower, values that differ by
+    whole revolutions. Otherwise a run ends there with `RESULTS.not_followed`. For gears of any
+    ratio, use `GearJoint`.
 
     **Arguments:**
 

@@ -65,8 +65,8 @@ def andrews_squeezer() -> tuple[Scene, State]:
 
     Seven bodies move in the XY plane. A motor drives the crank K1 with a constant torque, from
     rest. A rod K2 connects the crank to the point P, where three chains meet: K3 from the pivot B,
-    loaded by a spring, K5 and K4, and K7 and K6 from the pivot A. The crank makes two and a half
-    revolutions in 30 ms. There is no gravity, and no constraint is redundant.
+    loaded by a spring; and K5 with K4, and K7 with K6, both from the pivot A. The crank makes two
+    and a half revolutions in 30 ms. There is no gravity, and no constraint is redundant.
 
     Source: W. Schiehlen (ed.), Multibody Systems Handbook, 1990, and E. Hairer, G. Wanner, Solving
     Ordinary Differential Equations II, section VII.7. The initial state is that of the Test Set for

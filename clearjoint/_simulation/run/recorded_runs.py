@@ -561,7 +561,8 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
 @dataclass
 class _PulledLane:
     """A run whose cotangents are pulled back from its end. `rows`: (M, n), a `step_row` for each of
-    its steps; `first`: index of the earliest step that `next_steps` has returned so far."""
+    its steps; `seeds`: the cotangents that come from its outputs; `first`: index of the earliest
+    step that `next_steps` has returned so far."""
 
     run: RecordedRun
     rows: np.ndarray

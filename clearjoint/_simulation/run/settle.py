@@ -202,8 +202,8 @@ def strobe_of(states: State, phases: int) -> Strobe:
 
 
 def stillness(states: State, last: int) -> float:
-    """Return how much a motion still varies: the largest range of a component over the `last`
-    states, divided by the result of `ranges` for its array, such as velocities, for all states."""
+    """Return how much a motion still varies: the largest range of a component in the `last` states,
+    relative to the largest range of its array, such as velocities, in all states (`ranges`)."""
     parts = columns(states)
     sizes = ranges(parts)
     return max(

@@ -37,7 +37,7 @@ class _Decision(NamedTuple):
     - `t_next`: end of the next trial, s.
     - `made_jump`: whether the rates may jump at the start of the next trial.
     - `controller_state`, `controller_result`: new state and result of the step-size controller.
-    - `rejected`: by `Rejection`, whether it rejects the trial; at most one is true.
+    - `rejected`: whether the trial is rejected, by reason (`Rejection`); at most one is true.
     """
 
     keep: Flag
