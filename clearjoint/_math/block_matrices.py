@@ -76,7 +76,8 @@ class _Plan:
         self.entries = [(i, j) for i, j in places if i == j or i in neighbours[j]]
 
     def rows(self, group: int, block: int) -> list[int]:
-        """Return the indices, counted over all blocks, of the rows of `group` in a `block`."""
+        """Return the indices of the rows of `group` in the block with the index `block`. Rows of
+        all blocks, `SIZE` in each, are counted from the first row of block 0 on."""
         return [SIZE * block + row for row in range(self.sizes[group])]
 
     def factorisation(self) -> list[_Step]:

@@ -138,7 +138,7 @@ class Harmonics(AbstractProfile):
 
 
 class AbstractPeriodicSpline(AbstractProfile):
-    """Base class of periodic cubic splines with evenly spaced knots, whose number is `angles()`."""
+    """Base class of periodic cubic splines with evenly spaced knots; `angles` returns how many."""
 
     @override
     def at(self, angle: NumberOrArray) -> Deviation:

@@ -156,9 +156,10 @@ class Log(AbstractScale):
     @override
     def interval(self, coordinate: float, half: float, rising: bool) -> tuple[float, float]:
         """Return the values at ``coordinate - half`` and ``coordinate + half``, with zero as the
-        lower end if `half` exceeds 1. If `half` exceeds 9.8 (a standard deviation of 5), the value
-        v is about zero or, if `rising`, infinite. The data then depend about linearly on v or 1/v,
-        and the interval is from 0 to v (1 + half), or from v / (1 + half) to infinity."""
+        lower end if `half` exceeds 1. If `half` exceeds 9.8 (a standard deviation of 5), the
+        coordinate has run to infinity: up if `rising`, else down. The estimate v is then infinite
+        or zero in practice, and the data depend about linearly on 1/v or v, so that the interval
+        is from v / (1 + half) to infinity, or from 0 to v (1 + half)."""
         if half <= 1.0:
             return super().interval(coordinate, half, rising)
         value = float(self.value(coordinate))

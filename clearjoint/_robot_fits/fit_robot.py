@@ -587,7 +587,7 @@ def _reason(
     flanks: Callable[[], Mapping[str, set[str]]],
 ) -> str:
     """Return a sentence on why the log does not determine the parameter `name`, whose index in
-    `report` is `k`. `flanks` returns the result of `_touched`."""
+    `report` is `k`. `flanks` returns, by joint, the labels of touching contacts (`_touched`)."""
     joint, kind = problem.subjects.get(name, ("", name))
     head = f"{_subject(name, problem)} cannot be determined"
     # The run that tells which flanks touch is only made if flanks may be the reason.

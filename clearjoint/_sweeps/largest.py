@@ -511,10 +511,10 @@ class _Search:
         )
 
     def _interval(self, known: LaneMargins) -> tuple[float, float]:
-        """Return two values between which the first violation begins, by the confidence intervals
-        of the margins. The lower is the last value before the first interval that reaches below
-        zero, or the smallest if no value is before it. The upper is the first value whose whole
-        interval is below zero, or the largest if there is none."""
+        """Return two values of the parameter (not coordinates) between which the first violation
+        begins, by the confidence intervals of the margins. The lower is the last value before the
+        first interval that reaches below zero, or the smallest if no value is before it. The upper
+        is the first value whose whole interval is below zero, or the largest if there is none."""
         possible, certain = first_violation(known.low), first_violation(known.high)
         values = self._values(known)
         return values[max(possible - 1, 0)], values[min(certain, len(values) - 1)]

@@ -75,7 +75,7 @@ class HasJournal(Protocol):
 
     def journal_offset(self, motions: Motions, base: str | None = None) -> Vector:
         """Return the vector from the bearing's centre to a base or, for ``None``, to the journal's
-        centre, m, in the axes of `ClearanceJoint.journal_offset`."""
+        centre, m, in the bearing's frame (see `clearjoint.quantities.JournalOffset`)."""
         ...
 
 

@@ -116,7 +116,8 @@ def four_bar(
 
 
 def _state(lengths: tuple[float, ...], angle: float, speed: float) -> State:
-    """Return the ideal linkage's state at an angle, rad, and a speed, rad/s, of the crank."""
+    """Return the state of the ideal planar linkage at an angle, rad, and a speed, rad/s, of the
+    crank; `lengths` as in `four_bar`."""
     crank, coupler, rocker, base = lengths
     # In the XY plane: the rocker's fixed end, the crank's moving end, and the rocker pin.
     foot = np.array([base, 0.0])

@@ -153,10 +153,10 @@ def _projection(
     sinks: Sequence[Scalar],
     h: Scalar,
 ) -> tuple[list[Scalar], Scalar]:
-    """Return speeds that move the positions out of the wall, to be added to the speeds of the
-    motion, and the relative residual of the contact problem for these speeds. Gaps are linearised.
-    Entries after those of the contacts are not used. `after`: opening velocities after the
-    impulses, m/s. `sinks`: velocities towards the wall that the forces add, at least zero, m/s."""
+    """Return a change of the speeds that moves the positions out of the wall, and only lasts for
+    this step, and the relative residual of the contact problem for it. Gaps are linearised.
+    `after`: opening velocities after the impulses, m/s. `sinks`: velocities towards the wall that
+    the forces add, at least zero, m/s. Both begin with one for each contact; others are unused."""
     stays, ends = [], []
     rows = zip(problem.contacts, closed, after, sinks, strict=False)
     for touch, shut, velocity, sink in rows:

@@ -172,8 +172,8 @@ class TimeSpan:
         return (time >= self.start) & (time < self.end)
 
     def fractions(self, begin: Scalar, end: Scalar) -> tuple[Scalar, Scalar]:
-        """Return where the part in the window of a step from `begin` to `end`, s, begins and ends,
-        as fractions of the step, 0 to 1; both are equal if no part of the step is in the window."""
+        """Return where the window begins and ends within a step from `begin` to `end`, s, as
+        fractions of the step, 0 to 1; both are equal if no part of the step is in the window."""
         length = jnp.where(end > begin, end - begin, 1.0)
         at_start, at_end = (self.start - begin) / length, (self.end - begin) / length
         return jnp.clip(at_start, 0.0, 1.0), jnp.clip(at_end, 0.0, 1.0)

@@ -272,10 +272,11 @@ def pulled_outputs(
     times: Numbers,
     cotangents: dict[str, Numbers],
 ) -> tuple[jax.Array, PyTree]:
-    """Pull cotangents back through the linear map from the tangents of steps, and the direction of
-    the parameters, to the derivatives of quantities at N times in these steps. Return for each time
-    the cotangents of the `StepTangents` of its step, (N, m), and those of the direction, summed
-    over all times. `cotangents`: (N,) for each quantity; other arguments as in `values_at`."""
+    """Pull back cotangents of the derivatives of quantities at N times. These derivatives depend
+    linearly on the tangents of the steps in which the times lie, and on the direction of the
+    parameters. Return for each time the cotangents of the `StepTangents` of its step, (N, m), and
+    those of the direction, summed over all times. `cotangents`: (N,) for each quantity; other
+    arguments as in `values_at`."""
     method, zeros = run.scheme.method, jax.tree.map(jnp.zeros_like, values)
 
     # Pulls the cotangents at one time back. `total`: those of the direction at earlier times.
