@@ -156,7 +156,8 @@ def threads_of_sweeps() -> int:
 
 
 def in_force() -> dict[str, Setting]:
-    """Return the settings for `adopt`, by names of JAX's settings and of environment variables."""
+    """Return those settings of this process that `adopt` takes over in another one, by names of
+    JAX's settings and of environment variables."""
     shared = {name: getattr(jax.config, name) for name in _SHARED}
     return {**shared, _NATIVE: os.environ.get(_NATIVE), _KEEP: keeps_programs()}
 

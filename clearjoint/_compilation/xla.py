@@ -96,7 +96,7 @@ class _Program:
     """What is known of a program that JAX is tracing.
 
     - `shared`: functions that `traced_for_a_kind` has traced for this program, or for an earlier
-      program of the same call.
+      program in the same context `one_call`.
     - `tangents`: number of parameters by which the program differentiates variables; 0 for none.
     """
 

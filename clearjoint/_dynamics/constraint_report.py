@@ -216,8 +216,9 @@ def free_motions(scene: Scene, bodies: dict[str, BodyState]) -> Motions:
 
 def _norm(row: Row) -> Scalar:
     """Return the norm of a row's Jacobian in absolute coordinates; one if the norm is zero, as in a
-    singular position. `start_rows` divides the row in other coordinates by this norm. If these
-    coordinates nearly satisfy the row by themselves, it stays small, and counts as dependent."""
+    singular position. `start_rows` divides the row's Jacobian in the chosen coordinates by it. The
+    quotient is small if these coordinates nearly satisfy the row, which then counts as dependent.
+    """
     wrenches = [wrench for name, wrench in row.jacobian.items() if name != GROUND]
     square = sum(v.dot(v) for wrench in wrenches for v in (wrench.force, wrench.moment))
     return square_root(where(square > 0.0, square, 1.0))

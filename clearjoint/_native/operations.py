@@ -67,7 +67,7 @@ class Branch:
 
     @property
     def arguments(self) -> tuple[Value, ...]:
-        """Values that the branch uses, except for those that only its blocks use."""
+        """The condition, and the values that `outs` may become."""
         return (self.condition, *self.yes_values, *self.no_values)
 
     @property

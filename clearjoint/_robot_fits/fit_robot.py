@@ -467,8 +467,9 @@ def _windows(
     fit: Fit, parameters: Mapping[str, Parameter], problem: RobotProblem, settings: Settings
 ) -> list[float]:
     """Return the ends, s, of growing windows of the log (see `_doubled`). The first window is a
-    little shorter than the log up to the horizon of runs with the estimates of `fit`, or is a
-    sixteenth of the log if these runs fail or only delays are free. `parameters`: those free."""
+    little shorter than the longest record that a fit can use, by `fit_horizon` at the estimates of
+    `fit`. If a run with these estimates fails, or if only delays are free, the first window is a
+    sixteenth of the log. `parameters`: those that are free."""
     parameters = _of_runs(parameters)
     if not parameters:
         return _doubled(problem, UNKNOWN_HORIZON)

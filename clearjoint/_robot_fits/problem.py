@@ -211,8 +211,8 @@ class StartOfJoint(AbstractStart):
 @dataclass(frozen=True)
 class StartInPlay(AbstractStart):
     """Function that places `follower`, the side of a drive train that is not logged, in the play of
-    `backlash` at the start. The value is -1 at the lower end of the play, 1 at the upper end, and 0
-    in the middle, which is at the position of `joint`, the logged side."""
+    `backlash` at the start. It takes a value from -1, the lower end of the play, to 1, the upper
+    end; 0 is the middle, which is at the position of `joint`, the logged side."""
 
     joint: str
     follower: str

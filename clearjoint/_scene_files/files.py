@@ -245,8 +245,8 @@ def load(path: FilePath, classes: Classes = ()) -> tuple[Scene, State]:
 
 
 def first_difference(first: object, second: object, location: FileLocation) -> FileLocation | None:
-    """Return where two objects at `location` first differ, ``None`` if they are equal: floats and
-    arrays bit by bit, arrays also in shape and dtype."""
+    """Return the location of the first difference between two objects at `location`; ``None`` if
+    they are equal. Floats and arrays must agree bit by bit, arrays also in shape and dtype."""
     # An array of NumPy may equal one of JAX, and dictionaries of different types may be equal. All
     # other objects differ if their types do.
     are_arrays = isinstance(first, ARRAYS) and isinstance(second, ARRAYS)

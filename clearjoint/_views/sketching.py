@@ -432,8 +432,8 @@ class SketchingPen(AbstractPen):
         self._moving.append(DrawnPart(self.element, mesh, between(starts, ends, 1.0), METAL))
 
     def _hold(self, *markers: Marker, around: float = 0.0) -> None:
-        """Extend the hull of each marker's body to the marker's point. With `around`, it ends at a
-        circle of this radius, m, about the point, on the side of the body's centre of mass."""
+        """Extend the hull of each marker's body to the marker's point or, with `around`, only to
+        the point at this distance, m, from it, on the side of the body's centre of mass."""
         self.drawn.add(self.element)
         for marker in markers:
             point = np.asarray(marker.point, dtype=float)

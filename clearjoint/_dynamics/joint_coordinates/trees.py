@@ -133,7 +133,8 @@ class FreeBranch:
         return free_motion(state, self.anchor)
 
     def link(self, parent: Link | None, state: BodyState, one_point: bool) -> Link:
-        """Return the body as the root link of its tree, about its centre of mass."""
+        """Return the body as the root link of its tree, about its centre of mass. The argument
+        `one_point` of `JointedBranch.link` has no effect here."""
         axes = UNIT_X, UNIT_Y, UNIT_Z
         columns = *(Twist(ZERO, axis) for axis in axes), *(Twist(axis, ZERO) for axis in axes)
         gradient = _gradient(state.spin, ZERO)

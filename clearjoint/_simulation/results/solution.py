@@ -370,7 +370,7 @@ class Solution(AbstractReadable, AbstractTabular):
 
     @property
     def states(self) -> State:
-        """The `State` at the N `times`; `AttributeError` if there are none."""
+        """The `State` at the requested `times`, (N,); `AttributeError` if there are none."""
         return self._requested().states
 
     @override

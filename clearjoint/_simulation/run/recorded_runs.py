@@ -570,9 +570,10 @@ class _PulledLane:
     first: int
 
     def next_steps(self, left: int, room: int) -> tuple[PulledSteps, int]:
-        """Return the steps to pull back through next, and their number, at most `LANE_ROWS`: the
-        `left` steps that remain of the previous call, and steps before them. `room`: number of rows
-        that the result has for cotangents, as in `Seeds.steps`."""
+        """Return the steps to pull back through next, and their number. They are the `left` steps
+        that remain of the previous call, and steps before them, together at most `LANE_ROWS`.
+        `room`: number of rows for cotangents, at least that of these steps where outputs are
+        evaluated."""
         last = self.first + left
         self.first = max(0, last - LANE_ROWS)
         rows = np.zeros((LANE_ROWS, self.rows.shape[1]))
