@@ -676,7 +676,8 @@ class _Stages:
         return np.maximum(pressed, LEAST_PENETRATION)
 
     def _cycles_to_change(self, change: float) -> float:
-        """Number of cycles until a joint's worn depth has changed by `change` times `_pressed`."""
+        """Return after how many cycles any joint's worn depth has changed by `change` times the
+        joint's largest penetration (see `_pressed`); infinite without wear."""
         fastest = self.rates[-1][0].max(axis=(1, 2))
         # A joint that does not wear takes infinitely many; 1 avoids a division by its rate of zero.
         cycles = change * self._pressed() / np.where(fastest > 0.0, fastest, 1.0)

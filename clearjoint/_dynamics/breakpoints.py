@@ -255,10 +255,10 @@ def _passed(system: System, table: Increasing, t: Scalar) -> jax.Array:
 def _extreme(
     system: System, t: Scalar, function: Callable[[jax.Array], jax.Array], after: bool
 ) -> Scalar | None:
-    """Return the smallest value of an increasing function at the breakpoints after t or, without
-    `after`, its largest value at the others. All times are the scene's. The value is infinite
-    without such breakpoints, ``None`` in a scene without any breakpoint, and not differentiated,
-    since the solution does not depend on where steps end."""
+    """Return the smallest value of an increasing function of time at the breakpoints after t or,
+    without `after`, its largest value at those not after t. All times are the scene's. The value is
+    infinite if there is no such breakpoint, and ``None`` if the scene has none at all. It is not
+    differentiated, since the solution does not depend on where steps end."""
     # `choice` takes the extreme of several values, and `none` stands for no breakpoint.
     choice, none = (jnp.minimum, jnp.inf) if after else (jnp.maximum, -jnp.inf)
     extreme: jax.Array | None = None

@@ -340,8 +340,8 @@ def is_of_package(kind: type) -> bool:
 
 @lru_cache(maxsize=256)
 def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Path]:
-    """Return the paths of the modules that `recheck_changes` checks in a tree, inner ones first.
-    `structure`, `changed`: as there, of the tree and of each leaf."""
+    """Return the paths of the modules that `recheck_changes` checks if it gets this `structure` and
+    `changed`, inner ones first."""
     paths: list[Path] = []
 
     def collect(tree: PyTree, path: Path) -> tuple[bool, bool]:

@@ -394,8 +394,8 @@ class LikelihoodCheck:
         return self.test.passed
 
     def widening(self, best: RunMisfit) -> float:
-        """Return the factor, 1 or more, by which distances of the ends of intervals from `best`
-        differ between the exploration and the covariance of `best`: the largest of all ends."""
+        """Return the largest factor, 1 or more, by which an end of an interval is farther from
+        `best`, or nearer to it, by the exploration than by the covariance of `best`."""
         assert self.exploration is not None
         half = np.sqrt(RISE * np.diag(best.covariance))
         low, high = self.exploration.intervals()

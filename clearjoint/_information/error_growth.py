@@ -80,8 +80,8 @@ def penetrations(scene: Scene) -> dict[str, Quantity]:
 
 def sizes(derivatives: Mapping[str, np.ndarray], names: Mapping[str, Quantity]) -> np.ndarray:
     """Return the root mean square displacement of the points, (T, p), per unit of each of p
-    parameters, from the derivatives of outputs, (T, p) by name. `names` has the names of those that
-    are coordinates of points: the result of `points`."""
+    parameters, from the derivatives of outputs, (T, p) by name. `names`: the result of `points`,
+    whose keys are the names of the outputs to use."""
     # The mean is over coordinates; three of them make a point, hence the factor 3.
     squares = [derivatives[name] ** 2 for name in names]
     return np.sqrt(3.0 * np.mean(squares, axis=0))

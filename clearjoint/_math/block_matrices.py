@@ -274,7 +274,8 @@ def _block(blocks: jax.Array, index: jax.Array) -> jax.Array:
 
 
 def _row(array: jax.Array, index: jax.Array) -> jax.Array:
-    """Return row `index` of all blocks in a flat `array`, or part `index` of a vector, (SIZE,)."""
+    """Return row `index` of a flat `array` of blocks, (SIZE,), where rows are counted through all
+    blocks. In a vector, a row is a part of `SIZE` numbers."""
     return jax.lax.dynamic_slice_in_dim(array, index * SIZE, SIZE)
 
 

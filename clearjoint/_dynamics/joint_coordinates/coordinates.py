@@ -144,7 +144,8 @@ class JointMechanics(AbstractMechanics):
         return self._rates({}, self._by_link(forces))
 
     def _rates(self, loads: LinkLoads, forces: Sequence[Speeds]) -> Speeds:
-        """Return the rates r that loads on links, and generalised forces in their joints, cause."""
+        """Return the rates r that the `loads` on links, and generalised `forces` in joints, cause.
+        The latter have an entry for each link, with a force for each speed of its joint."""
         rates: list[Speeds] = []
         # As in `_solvers`, i to j - 1 are the links of one tree.
         for (i, j), solver in zip(pairwise(self._starts), self._solvers, strict=True):

@@ -328,8 +328,9 @@ Evaluate: TypeAlias = Callable[..., PyTree]
 
 
 def evaluation(bodies: int) -> Evaluate:
-    """Return the `Evaluate` for a tree of this number of bodies. It calls a function directly or,
-    in a large tree, traces it once for all arguments of a kind (see `traced_for_a_kind`)."""
+    """Return the `Evaluate` with which functions are called for a tree of this number of bodies. In
+    a large tree, it traces a function only once for all arguments that differ only in the numbers
+    of arrays (see `traced_for_a_kind`)."""
     return operator.call if is_small(bodies) else _traced_once
 
 

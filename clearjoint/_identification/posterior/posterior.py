@@ -187,7 +187,7 @@ def drawn_posterior(
     """
     begun, runs, failed = time.perf_counter(), 0, 0
 
-    def curves(points: Points, count: int) -> Float[np.ndarray, "n T+1"]:
+    def curves(points: Points, count: int) -> Float[np.ndarray, "n counts"]:
         # The function `curves` of the target, which makes runs; here it also counts them.
         nonlocal runs, failed
         if runs + len(points) > most_runs:

@@ -63,7 +63,7 @@ Weights = Float[np.ndarray, " n"]
 OnStep = Callable[[float], None]
 """Function that is called after each step along the record and each round of importance sampling,
 with the number of sample times in the likelihood."""
-Curves = Callable[[Points, int], Float[np.ndarray, "n T+1"]]
+Curves = Callable[[Points, int], Float[np.ndarray, "n counts"]]
 """Function that runs points (n, p) over the first T sample times, and returns chi squared over the
 first 0 to T times, (n, T + 1), infinite from the first sample on that a run misses."""
 
@@ -94,7 +94,7 @@ class Cloud(NamedTuple):
     `log_priors` are the logarithms of the points' prior density."""
 
     points: Points
-    curves: Float[np.ndarray, "n T+1"]
+    curves: Float[np.ndarray, "n counts"]
     log_priors: Float[np.ndarray, " n"]
 
     def taken(self, indices: np.ndarray) -> "Cloud":
@@ -267,7 +267,7 @@ def evaluated(target: Target, points: Points, ahead: int) -> Cloud:
     return Cloud(points, target.curves(points, ahead), target.log_prior(points))
 
 
-def next_count(curves: Float[np.ndarray, "n T+1"], reached: float) -> float:
+def next_count(curves: Float[np.ndarray, "n counts"], reached: float) -> float:
     """Return the number of sample times in the likelihood after the next step, from the number
     `reached` before it. `curves`: chi squared of n points, in column k over the first k times.
 

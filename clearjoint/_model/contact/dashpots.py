@@ -123,7 +123,8 @@ class AbstractTunedDashpotLaw(AbstractDashpotLaw):
 
 
 class AbstractClampedDashpotLaw(AbstractTunedDashpotLaw):
-    """Base class of laws that would deliver the requested restitution if the force could pull."""
+    """Base class of laws whose damping would deliver the requested restitution if the force could
+    pull. Since the force is clamped at zero, they deliver a higher one."""
 
     def delivered_restitution(self) -> Scalar:
         """Return rebound speed over entry speed of a free impact of the effective mass."""

@@ -192,8 +192,9 @@ def relative_angle_row(
     names: Pair, first: Motion, second: Motion, axis_first: Vector, axis_second: Vector
 ) -> Row:
     """Return the angle of the second body relative to the first about a common axis, rad in [-pi,
-    pi], as a row. It is right-handed about the first body's axis, and zero after the shortest
-    rotation from parallel frames that makes the axes parallel (antiparallel if nearly opposite)."""
+    pi], as a row. It is right-handed about the first body's axis. To reach angle zero, turn the
+    second body from parallel frames by the shortest rotation that makes the axes parallel; if they
+    are nearly opposite in parallel frames, by the shortest that makes them antiparallel."""
     a, b = unit(axis_first), unit(axis_second)
     start, _ = transverse_axes(a)
     # `direction` is `start`, which is perpendicular to a, after the shortest rotation from a to b:

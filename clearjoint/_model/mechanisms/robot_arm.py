@@ -129,7 +129,7 @@ class Lump:
 
 
 def lumps() -> list[Lump]:
-    """Return the lump of each link of the arm; the third includes the wrist."""
+    """Return mass, centre and inertia of each link of the arm; the third includes the wrist."""
     single = [Lump(link.mass, np.array(link.centre), np.diag(link.inertia)) for link in ARM]
     # The wrist is fixed to the third link.
     parts = [single[2]]

@@ -171,9 +171,9 @@ class _Programs:
     A log is a table that a lane records, such as the impacts of a contact; `log` is its name.
 
     - `own_cells`: layout of a lane's `Task`; `own`: a `Task` with the indices of its cells.
-    - `begin`, `outcome`, `columns[log]`: make the compiled functions that compute lanes' first
-      states, their outcomes, and the columns of a log's table from blocks of the log's rows. Each
-      thread makes its own, because two threads must not call the same function at a time.
+    - `begin`: makes a compiled function that computes the first states of lanes. Likewise `outcome`
+      for their outcomes, and `columns[log]` for the columns of a log's table from blocks of its
+      rows. Each thread makes its own, since two threads must not call one function at a time.
     - `buffers[log]`: indices of the cells of a buffer's rows, (rows, numbers), and of the cell that
       counts them.
     - `blocks[log]`: number of rows that are converted at once, and of numbers in each row.
