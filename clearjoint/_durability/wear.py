@@ -695,8 +695,9 @@ class _Stages:
         return True
 
     def _extrapolate(self, length: float) -> None:
-        """Append the cycles and depths at the end of a stage: after `length` cycles, or earlier if
-        `cycles`, `depth` or `largest_change` of `wear` end it; or at prescribed `cycles`."""
+        """Append the cycles and depths at the end of a stage of `length` cycles, or of fewer if
+        `cycles`, `depth` or `largest_change` of `wear` end it. If `cycles` is an array, only its
+        next number or `depth` ends the stage."""
         run = self.run
         goal = float(run.cycles[run.cycles > self.cycles[-1]].min())
         left = goal - self.cycles[-1]

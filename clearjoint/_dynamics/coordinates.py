@@ -164,7 +164,7 @@ class AbstractCoordinates(eqx.Module):
 
     def carriers(self, scene: Scene, bodies: Collection[str]) -> frozenset[str]:
         """Return the bodies whose joints can move `bodies` relative to each other; none by default.
-        A step limits their rotations if `bodies` are the two bodies of a contact joint."""
+        A run calls it for each contact joint, and limits the rotations of the result in a step."""
         return frozenset()
 
 

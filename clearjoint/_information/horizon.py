@@ -298,9 +298,10 @@ def _errors(
 
 
 def offsets(uncertainty: Float[np.ndarray, " p"]) -> Float[np.ndarray, "guesses p"]:
-    """Return the offset of each wrong guess from the truth: with each parameter wrong alone, in
-    both directions, then, for several parameters, with all wrong together, in every combination of
-    signs or, for more than `ALL_CORNERS` parameters, in eight random combinations."""
+    """Return the offset of each wrong guess from the truth. A wrong parameter is off by plus or
+    minus its `uncertainty`. First each parameter is wrong alone; then, if there are several, all
+    are wrong together, in every combination of signs or, for more than `ALL_CORNERS` parameters, in
+    eight random combinations."""
     p, directions = len(uncertainty), (1.0, -1.0)
     signs = [sign * row for row in np.eye(p) for sign in directions]
     # With a single parameter, all parameters together would be the same guesses again.

@@ -201,7 +201,8 @@ def _angle_over_sine(squared_sine: Scalar, cosine: Scalar) -> Scalar:
 
 
 def _curvature(squared_angle: Scalar, stretch: Scalar, cosine: Scalar) -> Scalar:
-    """Return a `RotationVector`'s field `factor`. `stretch`: the angle divided by its sine."""
+    """Return (1 - (angle/2) cot(angle/2))/angle^2, the `factor` of a `RotationVector`. `stretch`:
+    the angle divided by its sine."""
     # cot(angle/2) is (1 + cosine)/sine. Near zero the difference would cancel, so a series is used.
     near = squared_angle < 100.0 * SMALL
     a = jnp.where(near, squared_angle, 0.0)

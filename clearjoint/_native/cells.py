@@ -93,7 +93,8 @@ class Cells:
         return self._tree([np.arange(self.size)[r.cells].reshape(r.shape) for r in self._regions])
 
     def rows(self, trees: PyTree) -> Float[np.ndarray, "n {self.size}"]:
-        """Return the rows of n PyTrees, given as one of arrays (n, ...); no row without arrays."""
+        """Return the rows of n PyTrees, which `trees` has as one PyTree of arrays (n, ...). If it
+        has no array, there is no row."""
         leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(eqx.filter(trees, eqx.is_array))]
         floats = np.zeros((len(leaves[0]) if leaves else 0, self.size))
         for leaf, region in zip(leaves, self._regions, strict=True):

@@ -229,9 +229,9 @@ def _logarithm_of(x: Symbol) -> tuple[Symbol, Symbol]:
 
 
 def _exponential_of(x: Symbol, x_low: Symbol | float) -> tuple[Symbol, Symbol, Symbol]:
-    """Return r, p and an integer whose last bits are those of n, for exp(x + x_low) = 2**n (1 + r +
-    p), where `x_low` is the low part of the argument: n is the integer nearest to x/log(2), r the
-    rounded x + x_low - n log(2), and p = exp(r) - 1 - r plus the rounding error of r."""
+    """Return r, p and an integer with the last bits of n, where exp(x + x_low) = 2**n (1 + r + p).
+    `x_low` is the low part of the argument, and n is the integer nearest to x/log(2). r is x +
+    x_low - n log(2), rounded, and p is exp(r) - 1 - r plus the rounding error of r."""
     # `shifted` has n in its last bits, and `minus` is -n as a float.
     shifted = x * (1.0 / math.log(2.0)) + _ROUNDING
     minus = -(shifted - _ROUNDING)

@@ -165,6 +165,7 @@ class RepeatedCall:
 class Function:
     """A function of machine code for a jaxpr, which exchanges values with its callers in memory.
 
+    - `number`: its index in the program.
     - `parameters`: the first cell of each value that differs between calls. The caller writes it.
     - `places`: the arguments that differ between calls, as arrays inside the function. If they are
       in memory, the caller copies its arrays to their cells.

@@ -194,7 +194,8 @@ def parametrised(
     scene: Scene, state: State, parameters: Mapping[str, Parameter], values: Coordinates
 ) -> ParametrisedScene:
     """Return a scene and its initial state as functions of p parameters, whose coordinates are
-    `values`, (p,). Errors of sensors are refused: replace them by `readings.in_scene` first."""
+    `values`, (p,). Parameters that are errors of sensors, such as a bias, are refused: replace them
+    by `readings.in_scene` first."""
     # A Python number would be a constant of the program, which would be compiled anew for each
     # value of the number.
     scene, state = with_arrays((scene, state))

@@ -105,8 +105,9 @@ def disturbed_axes(
     The result has the given `axes` and an axis, with a name such as "disturbed velocity x of arm",
     for each component of a velocity or spin that the disturbance changes in any lane. `size` and
     `along` are as in `disturbed_velocities`. Groups of `draws` successive lanes must have equal
-    values of `axes`. If `draws` is 1 and `axes` change only numbers of the scene, the constraints
-    of `scene` serve all lanes, so that the numbers must differ little from its own.
+    values of `axes`. A disturbance satisfies the constraints of the lane's scene. But if `draws` is
+    1 and `axes` change only numbers of the scene, all lanes use the constraints of `scene`, so that
+    the numbers must differ little from its own.
     """
     # Axes that change only numbers of the scene leave the initial state as it is. With one draw
     # for each value, every lane has its own numbers and would need its own Jacobian and singular

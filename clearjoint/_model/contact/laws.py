@@ -96,7 +96,8 @@ class Limit(NamedTuple):
 
 
 def exceeded(limits: tuple[Limit, ...], quantity: str) -> list[str]:
-    """Return a sentence for each limit of a `quantity` whose value is outside its range."""
+    """Return a sentence for each of the `limits` of the named `quantity`, such as "penetration",
+    whose `value` is outside its range."""
     sentences = []
     for limit in limits:
         numbers = [concrete(number) for number in (limit.value, limit.least, limit.most)]

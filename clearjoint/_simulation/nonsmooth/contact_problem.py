@@ -261,8 +261,9 @@ class ContactProblem:
         the opening velocity that the last change of the friction impulses would cause. Each of the
         first two is divided by the largest velocity at closed contacts that its impulses have to
         change, the third by the larger of these velocities (see also `ROUNDED` and `NEGLIGIBLE`).
-        `aims`: as for `normal_impulses`; `slips`: slip velocities without impulses, m/s, in the
-        order of the slip directions in `rows`.
+        `aims`: for each contact, its opening velocity without impulses less the smallest one that
+        is allowed, m/s; `slips`: slip velocities without impulses, m/s, in the order of the slip
+        directions in `rows`.
         """
         if not slips:  # without friction
             return self.normal_impulses(closed, aims)

@@ -166,11 +166,11 @@ def _past_samples(
     after: Scalar,
     differentiated: bool,
 ) -> Variables:
-    """Return the variables at the end t, s, of a step, with new memories of the forces that sample
-    the motion at t. `before` and `after` are times just before and just after t, s. `sampled`:
-    result of `sampled_instants`. If an instant depends on parameters, so do the sampled motion, and
-    the time for which the changed forces have acted at t; if `differentiated`, the result has these
-    derivatives."""
+    """Return the variables `y` at the end t, s, of a step, with new memories of the forces that
+    sample the motion at t. `sampled`: result of `sampled_instants`; `before`, `after`: times just
+    before and just after t, s. If an instant depends on parameters, the sampled motion depends on
+    them, and so does the time for which the changed forces have acted at t. The result has these
+    derivatives if `differentiated`."""
     # System, variables and entry speeds without derivatives, for the rates. The times since the
     # instants are zero except for rounding, and so are their products with derivatives of rates.
     fixed, still, speeds = constant((system, y, entry_speeds))

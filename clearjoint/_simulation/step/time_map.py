@@ -121,9 +121,9 @@ class WithinContact(AbstractTimeMap):
 
     @override
     def next_length(self, proposed: Scalar, keep: Condition) -> Scalar:
-        """Return the length of a next step that changes the square root by `proposed` over `length`
-        times as much as this step does, because rates are smooth in this root. If such a step would
-        pass the contact's end, return `proposed`."""
+        """Return the length of a next step, s, in which the square root changes `proposed`/`length`
+        times as much as in this step, because rates are smooth in this root. If such a step would
+        pass the contact's end, return `proposed`. `keep`: whether this step is accepted."""
         change = proposed / self.length * (self.end - self.start)
         # The square root at the start of the next step.
         root = jnp.where(keep, self.end, self.start)
