@@ -237,17 +237,16 @@ def search_with_damping(
         limits, end_at = on_device(step_limits * scales), on_device(tolerance)
         while True:
             # optimistix gets the linear model at the latest point, even if it rejects that point:
-            # it reads the residuals there to decide, and keeps the model of the best point in its
-            # state.
+            # it reads the residuals there to decide. Its state, of which `arrays` are the arrays,
+            # keeps the model of the best point.
             model = on_device(latest.coordinates * scales), *_triangular(latest, scales)
             y, arrays, done, length = _advance(y, arrays, model, limits, end_at)
             accepted = int(arrays.num_steps_since_acceptance) == 0
             best = latest if accepted else best
             # The step size of optimistix is the inverse of the damping.
             number, trust = len(iterations), float(arrays.search_state.step_size)
-            iteration = Iteration(
-                number, accepted, latest.chi_squared, latest.coordinates, float(length), trust
-            )
+            run = latest.chi_squared, latest.coordinates
+            iteration = Iteration(number, accepted, *run, decrement=float(length), trust=trust)
             iterations.append(iteration)
             on_iteration(iteration)
             lowest.append(best.chi_squared)

@@ -218,7 +218,7 @@ def read_bytes(path: Path, most: int) -> bytes:
 
 def parse(text: str, suffix: str, file: str) -> Document:  # without the key `SCHEMA`
     try:
-        # Such a key is refused before tomllib, which would take too long, parses the text.
+        # tomllib would take too long for a key with very many dots, so such a text is not parsed.
         is_deep = suffix == ".toml" and DEEP_KEY.search(text) is not None
         if suffix == ".json":
             content = _parsed_json(text)

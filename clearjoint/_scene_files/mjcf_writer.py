@@ -413,7 +413,7 @@ class MjcfWriter:
         kind, lever = (SLIDE, 1.0) if joint.radius is None else (HINGE, float(joint.radius))
         on = self._between(name, kind, joint, joint.axis)
         law, load = joint.friction, float(joint.load)
-        # MuJoCo's dry friction does not depend on the speed: that at 1 m/s or rad/s is taken.
+        # MuJoCo's dry friction does not depend on the speed: that at a slip of 1 m/s is taken.
         sliding = -float(law.force(load, Vector(1.0, 0.0, 0.0)).x)
         if getattr(law, "breakaway", 0.0) > getattr(law, "kinetic", math.inf):
             self.omitted["friction at rest above that in sliding"].append(name)

@@ -287,6 +287,7 @@ class _Part(NamedTuple):
 
 
 def _parts(scene: Scene, solution: Solution, record: xr.DataArray) -> list[_Part]:
+    # `record`: values over time of the quantity whose spectrum is drawn.
     # The motion to draw: states at and between the ends of the steps, or else the saved states.
     if solution.steps is not None and len(solution.steps) > 1:
         path = solution.steps.between()

@@ -273,8 +273,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
 
     def _mesh_cycle(self, line: LineOfCentres, first: Motion, second: Motion) -> AtFlank:
         """Return the function that adds the rate of the transmission error and the factor of the
-        stiffness to the gap of a flank. The gap's depth already contains the transmission error,
-        which `displacement` subtracts."""
+        stiffness to the gap of a flank, and returns it with the `SideForce`. The given depth
+        already contains the transmission error, which `displacement` subtracts."""
         error, stiffness = self.transmission_error, self.stiffness
         # Nothing varies over the mesh cycle.
         if error is None and stiffness is None:

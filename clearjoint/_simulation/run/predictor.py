@@ -239,7 +239,7 @@ class Predictor:
             run = Adjoint(
                 scheme=replace(scheme, method=method, formulation=formulation),
                 family=self._family,
-                # Only reductions whose instants the run finds need a tally.
+                # Only reductions such as `Peak` are updated in steps, to find their instants.
                 reductions={n: o for n, o in reductions.items() if o.finds_instants},
                 origin=np.asarray(start, float),
                 end=np.asarray(end, float),

@@ -325,7 +325,7 @@ def _across_discontinuities(trial: Trial, keep: Condition) -> Ends:
         # derivatives of a branch. To transpose a branch, JAX divides it twice into a linear part
         # and the rest, unless the branch is a call of a function, whose division JAX keeps.
         is_transposed = family is not None and family.is_transposed
-        correct = traced_once(partial(corrected, contacts_corrected), is_transposed)
+        correct = traced_once(partial(corrected, contacts_corrected), recomputes=is_transposed)
         ends = jax.lax.cond(changes, correct, lambda ends: ends, ends)
     if corrects_breakpoints or y1.bristles:
         ends = corrected(others_corrected, ends)
