@@ -245,8 +245,9 @@ def search_with_damping(
             best = latest if accepted else best
             # The step size of optimistix is the inverse of the damping.
             number, trust = len(iterations), float(arrays.search_state.step_size)
-            run = latest.chi_squared, latest.coordinates
-            iteration = Iteration(number, accepted, *run, decrement=float(length), trust=trust)
+            iteration = Iteration(
+                number, accepted, latest.chi_squared, latest.coordinates, float(length), trust
+            )
             iterations.append(iteration)
             on_iteration(iteration)
             lowest.append(best.chi_squared)

@@ -750,9 +750,9 @@ class Lowering:
         # `build` fills the two lists of the function.
         function, count_before = PureFunction(0, [], []), self._count_of_elementary
         number = self.ops.pure_function(kinds, partial(build, function.results, function.computed))
-        # The count decides which elementary functions become calls (see `_elementary`). A function
-        # of vectors begins with the same count, so that its operations, and with them the bits of
-        # results, are those of the function of numbers.
+        # A function of vectors computes several calls at once. It begins with the same count, which
+        # decides what becomes a call (see `_elementary`), so that its operations, and with them the
+        # bits of results, are those for one call. If it can't be built, calls remain single.
         self._count_of_elementary = count_before
         with suppress(UnsupportedPrimitiveError):
             # The lists that it fills are not used: its results correspond to those of `function`.

@@ -146,7 +146,9 @@ def find_maker(
 
 @cache
 def arguments(make: Maker) -> dict[str, Expectation]:
-    make = CHECKED.get(make, make)  # the reader, too, calls the function that checks the arguments
+    """Return what a file may give for each argument of a class or static method, by name."""
+    # For some classes, the reader calls a function in place of the constructor (see `CHECKED`).
+    make = CHECKED.get(make, make)
     kind = make if isinstance(make, type) else _hints(make)["return"]  # class of the made object
     # For a field and an argument of the same name, the annotation of the field counts.
     hints = _hints(kind.__init__ if make is kind else make) | _hints(kind)

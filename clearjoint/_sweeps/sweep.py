@@ -56,7 +56,8 @@ if TYPE_CHECKING:
 def variables_of(
     scene: Scene, requested: Requested
 ) -> tuple[dict[str, Variable], tuple[Coordinate, ...]]:
-    """Return the variables of a sweep by name, and the labels of dimensions other than the axes."""
+    """Return descriptions of the results that a sweep stores for each lane, by name, and the labels
+    of their dimensions, such as names of bodies, besides those of the sweep's axes."""
     # By the CF conventions, these two attributes give the name of each integer result code.
     codes = {"pending": PENDING, **result_numbers()}
     flags = {"flag_values": [*codes.values()], "flag_meanings": " ".join(codes)}

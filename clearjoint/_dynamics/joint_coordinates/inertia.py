@@ -183,8 +183,9 @@ def constrained(columns: Sequence[Twist], load: Twist, along: Speeds) -> Twist:
 
 
 def projected(columns: Sequence[Twist], offset: Vector, load: Twist) -> tuple[Speeds, Twist]:
-    """Return the generalised forces of a `load` on a carried body in its joint, one for each
-    column; and the load on the carrier, about a point from which `offset` leads to the load's."""
+    """Return two effects of a `load` on a carried body: the generalised force for each of the
+    joint's `columns`; and the part of the load that acts on the carrier (see `constrained`), about
+    a point from which `offset` leads to the point of `load`."""
     along = [product(column, load) for column in columns]
     return along, load_about(constrained(columns, load, along), offset)
 

@@ -320,7 +320,8 @@ class RecordedRun:
 
     def gradient(self, seeds: "Seeds") -> PyTree:
         """Return the derivatives by all parameters of the sum of outputs, weighted by `seeds`."""
-        # After the last step, cotangents are zero: those in `seeds` are added in the steps below.
+        # After the last step, cotangents of the tangents are zero: those in `seeds` are added in
+        # the steps below. `total`, of the parameters, begins with the outputs' direct dependence.
         zeros = np.zeros(_count_of_tangents(self.example))
         now = Pulled(count=np.asarray(0), cotangents=zeros, total=seeds.total)
         # Index in the run of the first step of the segment.
@@ -632,7 +633,7 @@ class _Work(eqx.Module):
 
 
 class Integrand(eqx.Module):
-    """A quantity that is integrated with the state, as a `Formulation` takes it."""
+    """A quantity with the arguments of `Formulation.integrands`, to be integrated over time."""
 
     quantity: Quantity = eqx.field(static=True)
 
