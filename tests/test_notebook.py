@@ -8,6 +8,8 @@ import matplotlib.pyplot as plt
 import nbformat
 import pytest
 
+from tests.support.slow import slow_but
+
 FOLDER = Path(__file__).resolve().parents[1] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 EXPECTED = {
@@ -61,9 +63,6 @@ EXPECTED = {
     ),
 }
 """What each notebook prints, among other things, in both settings."""
-COSTLY = set(EXPECTED) - {"start_here"}
-"""What they call has tests of its own: sweeps with sections, fits, `fit_horizon`, derivatives of
-wear, checks of classes that users define, backlash of robots, settings."""
 
 
 def code(file):
@@ -127,11 +126,9 @@ def test_links_lead_somewhere(file):
     assert [link for link in links if not (FOLDER / link).exists()] == []
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=pytest.mark.slow if name in COSTLY else ()) for name in EXPECTED],
-)
+@pytest.mark.parametrize("name", slow_but(["start_here"], EXPECTED))
 def test_runs_in_its_quick_setting(name, monkeypatch, capsys):
+    """What the others call has tests of its own."""
     monkeypatch.setenv("CLEARJOINT_QUICK", "1")
     assert lacking(name, monkeypatch, capsys) == []
 

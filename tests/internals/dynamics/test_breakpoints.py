@@ -13,6 +13,7 @@ from clearjoint._dynamics.breakpoints import (
     since_breakpoints,
 )
 from tests.support.programs import inside
+from tests.support.slow import slow
 
 BODIES = {"rod": cj.Body(1.0, (0.1, 0.1, 0.1))}
 
@@ -37,10 +38,7 @@ def found(system, start, t):
     )
 
 
-SLOW = [pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 40)]
-
-
-@pytest.mark.parametrize("seed", [0, *SLOW])
+@pytest.mark.parametrize("seed", [0, *map(slow, range(1, 40))])
 def test_bisection_finds_what_looking_at_all_finds(seed):
     """At random times, and within a few rounding errors of a breakpoint."""
     rng = np.random.default_rng(seed)

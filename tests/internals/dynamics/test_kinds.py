@@ -21,6 +21,7 @@ from clearjoint._simulation.run import host_run, impact_recorder
 from clearjoint.extend import pack, unpack
 from studies.benchmark.backlash_chain import SPAN, chain
 from tests.support.elements import elements
+from tests.support.slow import slow, slow_but
 from tests.support.symmetry_transformations import renamed
 
 SAMPLE = ["backlash", "bushing"]
@@ -74,14 +75,8 @@ def _is_gap(node: Any) -> bool:
     return hasattr(node, "depth")
 
 
-@pytest.mark.parametrize("seed", [3, pytest.param(11, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=() if name == "bushing" else pytest.mark.slow)
-        for name in elements()
-    ],
-)
+@pytest.mark.parametrize("seed", [3, slow(11)])
+@pytest.mark.parametrize("name", slow_but(["bushing"], elements()))
 def test_functions_of_a_kind_give_the_results_of_written_out_elements(name, seed, monkeypatch):
     scene, state = several(name, seed)
     monkeypatch.setattr(xla, "FEWEST", 1)

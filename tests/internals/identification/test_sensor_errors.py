@@ -20,14 +20,13 @@ from tests.identification.test_sensor_errors import (
     probe_of,
     reading,
 )
+from tests.support.slow import slow
 
 DELAYS = 0.0, 0.1, -0.05
 """s: none, one longer than the first samples last, and a clock that is early."""
 
 
-@pytest.mark.parametrize(
-    "seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 10))]
-)
+@pytest.mark.parametrize("seed", [0, *map(slow, range(1, 10))])
 def test_values_and_derivatives_are_those_of_the_closed_form(seed):
     """Random errors in random order, in single runs and in runs side by side."""
     generator = np.random.default_rng(seed)

@@ -7,6 +7,7 @@ import pytest
 import clearjoint as cj
 from clearjoint._dynamics.breakpoints import drivers_are_smooth
 from tests.support.shaft import ON_SHAFT, ORIGIN, SHAFT, Z, shaft, turned
+from tests.support.slow import slow
 
 FORMULATION = cj.extend.Formulation(cj.AbsoluteCoordinates())
 
@@ -28,15 +29,8 @@ def test_a_distance_that_jumps_is_not_smooth(jump, smooth):
     assert is_smooth(scene) == smooth
 
 
-@pytest.mark.parametrize("at_middle", [pytest.param(0.0, marks=pytest.mark.slow), np.pi])
-@pytest.mark.parametrize(
-    ("turns", "smooth"),
-    [
-        pytest.param(0.0, True, marks=pytest.mark.slow),
-        (1.0, True),
-        pytest.param(0.5, False, marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize("at_middle", [slow(0.0), np.pi])
+@pytest.mark.parametrize(("turns", "smooth"), [slow(0.0, True), (1.0, True), slow(0.5, False)])
 def test_an_angle_that_jumps_by_a_revolution_is_smooth(turns, smooth, at_middle):
     """Also where the angle passes half a revolution, so that its principal value jumps."""
     jump = 2.0 * np.pi * turns

@@ -19,6 +19,7 @@ from clearjoint._native import NativeFallbackWarning
 from clearjoint._native.compiled import _reported
 from tests.support.one_body import one_body
 from tests.support.oscillator import on_spring
+from tests.support.slow import slow_but
 
 SPRUNG = on_spring("mass")
 SPEED = cj.quantities.Velocity("mass", "x")
@@ -98,17 +99,11 @@ CALLS = {
     "`free_impact`": lambda: cj.free_impact(cj.laws.Hertz(1e6), 1.0, 0.1),
     "other calls inside of `jax.jit`, `jax.vmap` or `jax.grad`": inside_of_jit,
 }
-SLOW = {
-    "`simulate` with an explicit solver, or a controller of diffrax",
-    "`simulate` with an implicit solver",
-    "`free_impact`",
-    "`simulate_nonsmooth`",
-    "`simulate` with states, steps, impacts and outputs saved",
-    "`observe`",
-    "other calls inside of `jax.jit`, `jax.vmap` or `jax.grad`",
-    "`predictor` and its gradients, also called inside of `jax.jit`, `jax.vmap` or `jax.grad`",
-}
-"""Calls that compile for seconds."""
+FAST = (
+    "`simulate` with joint or absolute coordinates, any stabilisation, the energy ledger",
+    *("`sweep`", "`sensitivities`"),
+)
+"""The others compile for seconds."""
 README = Path(native.__file__).with_name("README.md").read_text(encoding="utf-8")
 TABLE = dict(re.findall(r"^\| (.*) \| (LLVM|XLA) \|$", README, re.MULTILINE))
 
@@ -117,9 +112,7 @@ def test_the_table_of_native_calls_is_complete():
     assert list(TABLE) == list(CALLS)
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in CALLS]
-)
+@pytest.mark.parametrize("name", slow_but(FAST, CALLS))
 def test_the_table_is_correct(name, monkeypatch):
     by_xla = []
 

@@ -30,6 +30,7 @@ from clearjoint.extend import quantity
 from tests.internals.support.fake_sweep import complete, identical, layout, opened, results
 from tests.support.dask_workers import dask_client
 from tests.support.processes import printed, started
+from tests.support.slow import slow
 
 SPAWN = multiprocessing.get_context("spawn")
 MANY = layout(axes=(Coordinate("clearance", np.linspace(1e-4, 1e-3, 58), "m"),))
@@ -97,9 +98,7 @@ def settings(chunk):
     return {"words": words, "pid": np.array(os.getpid()), "threads": threads}
 
 
-@pytest.mark.parametrize(
-    "kind", ["processes", pytest.param("two_dask_workers", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("kind", ["processes", slow("two_dask_workers")])
 def test_workers_get_the_settings_of_this_process(kind, request):
     found = {}
     run_chunks(settings, [0], request.getfixturevalue(kind), found.__setitem__)
@@ -390,18 +389,6 @@ def test_interrupt_cancels_what_waits_and_leaves_what_is_stored(store):
         release.set()
     assert list(store.missing()) == list(range(1, 12))
     assert {0, 1} <= set(begun) <= {0, 1, 2}
-
-
-def test_threads_share_the_task_itself():
-    lock, memory = threading.Lock(), SweepMemory(MANY)
-
-    def task(chunk):
-        with lock:
-            return results_of(chunk)
-
-    with ThreadPoolExecutor(2) as executor:
-        swept(task, executor, memory)
-    identical(memory.dataset(), complete(MANY))
 
 
 def test_forking_pools_are_refused():

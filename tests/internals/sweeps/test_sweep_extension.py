@@ -22,6 +22,7 @@ from tests.internals.support.fake_sweep import (
     results,
     written,
 )
+from tests.support.slow import slow_but
 
 pytestmark = pytest.mark.filterwarnings("error")
 CLEARANCE, RESTITUTION = layout().axes
@@ -44,22 +45,13 @@ def axes(clearance=CLEARANCE.values, restitution=RESTITUTION.values):
 
 
 FURTHER = {
-    "behind": axes(clearance=[*CLEARANCE.values, 2e-3]),
     "before": axes(clearance=[5e-5, *CLEARANCE.values]),
-    "between": axes(restitution=[0.1, 0.3, 0.5, 0.9]),
     "in both, in any order": axes([2e-3, *CLEARANCE.values[::-1]], [0.9, 0.2, 0.5, 0.1]),
     "twice": axes(restitution=[0.1, 0.5, 0.9, 0.9]),
 }
-FAST = {"in both, in any order", "twice"}
 
 
-@pytest.mark.parametrize(
-    "further",
-    [
-        pytest.param(further, id=name, marks=() if name in FAST else pytest.mark.slow)
-        for name, further in FURTHER.items()
-    ],
-)
+@pytest.mark.parametrize("further", FURTHER.values(), ids=FURTHER)
 def test_further_values_leave_the_lanes_there_are(path, further):
     before, positions = open_sweep(path), "by_lane/position/c/*/*/*"
     files = contents(path, positions)
@@ -123,10 +115,11 @@ def same_lanes(found: xr.Dataset, before: xr.Dataset) -> None:
 
 
 def test_further_lanes_join_a_chunk_that_was_not_full(path):
-    store = opened(path, layout(**FURTHER["behind"]))
+    behind = layout(**axes(clearance=[*CLEARANCE.values, 2e-3]))
+    store = opened(path, behind)
     assert store.missing() == {2: [12, 13, 14]}
     compute(store)
-    identical(open_sweep(path), complete(layout(**FURTHER["behind"])))
+    identical(open_sweep(path), complete(behind))
 
 
 def test_a_further_axis_takes_the_lanes_that_it_has(tmp_path):
@@ -187,13 +180,7 @@ def test_further_variables_are_pending_until_their_lanes_have_run_again(path):
         opened(path, layout())
 
 
-@pytest.mark.parametrize(
-    "steps",
-    [
-        pytest.param(steps, marks=() if steps % 24 == 12 else pytest.mark.slow)
-        for steps in range(0, 40, 3)
-    ],
-)
+@pytest.mark.parametrize("steps", slow_but([12, 36], range(0, 40, 3)))
 def test_killed_while_it_is_extended_the_store_reads_as_before_or_after(path, steps, monkeypatch):
     before = open_sweep(path)
     left = [steps]

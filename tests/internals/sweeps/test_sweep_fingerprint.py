@@ -1,15 +1,11 @@
 """Fingerprints of programs: digests of the traced operations, equal for equal programs."""
 
 import os
-from fractions import Fraction
-from functools import partial
-from operator import itemgetter
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline
 
 from clearjoint._sweeps.store.program import fingerprints
 from tests.support.processes import printed
@@ -21,67 +17,10 @@ def digest(function):
     return fingerprints(lambda x: {"y": function(x)}, X)[0]["y"]
 
 
-def made(code: str, **names):
-    """What a piece of code calls `f`; its source can't be found."""
-    exec(code, names)
-    return names["f"]
-
-
-def keyword(gain):
-    def f(x, *, gain=gain):
-        return gain * x
-
-    return f
-
-
-def captured(numbers):
-    return lambda x: float(sum(sorted(numbers))) * x
-
-
-class Slotted:
-    __slots__ = ("gain",)
-
-    def __init__(self, gain):
-        self.gain = gain
-
-    def __call__(self, x):
-        return self.gain * x
-
-
-def tabled(values):
-    spline = CubicSpline(np.arange(4.0), values)
-    return lambda x: jnp.polyval(jnp.asarray(spline.c[:, 0]), x)
-
-
-HELPER = "def helper(x): return {} * x\ndef f(x): return helper(x)"
-BASE = "class B:\n  gain = {}\n  def g(self, x): return self.gain * x\nclass C(B): pass\nf = C().g"
-PROPERTY = (
-    "class C:\n  @property\n  def gain(self): return {}\n  def g(self, x): return self.gain * x\n"
-    "f = C().g"
-)
-SWITCH = "class C:\n  memory = {}\ndef f(x): return 2.0 * x if C.memory else x"
-TEXT = "def f(x): return GAIN * x"
-
-
 @pytest.mark.parametrize(
     ("one", "same", "other"),
     [
-        (made(TEXT, GAIN=2.0), made(TEXT, GAIN=2.0), made(TEXT, GAIN=3.0)),
-        (made(HELPER.format(2.0)), lambda other: 2.0 * other, made(HELPER.format(3.0))),
-        (made(BASE.format(2.0)), made(BASE.format(2.0)), made(BASE.format(3.0))),
-        (made(PROPERTY.format(2.0)), made(BASE.format(2.0)), made(PROPERTY.format(3.0))),
-        (made(SWITCH.format(True)), made(SWITCH.format(1)), made(SWITCH.format(False))),
-        (keyword(2.0), keyword(2.0), keyword(3.0)),
-        (captured({1.0, 2.0}), captured({2.0, 1.0}), captured({1.0, 3.0})),
-        (captured([Fraction(1, 2)]), captured([Fraction(2, 4)]), captured([Fraction(1, 3)])),
-        (Slotted(2.0), Slotted(2.0), Slotted(3.0)),
-        (tabled([0, 1, 4, 9]), tabled([0, 1, 4, 9]), tabled([0, 1, 4, 8])),
-        (partial(jnp.power, 2.0), lambda x: jnp.power(2.0, x), partial(jnp.power, 3.0)),
-        (
-            lambda x: itemgetter("a")({"a": x, "b": 2 * x}),
-            lambda x: itemgetter("a")({"b": x, "a": x}),
-            lambda x: itemgetter("b")({"a": x, "b": 2 * x}),
-        ),
+        (lambda x: 2.0 * x, lambda other: jnp.multiply(2.0, other), lambda x: 3.0 * x),
         (lambda x: jnp.sin(x), jax.jit(jnp.sin), jax.jit(jnp.cos)),
         (
             lambda x: x * np.arange(3.0),

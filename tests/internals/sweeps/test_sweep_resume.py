@@ -25,6 +25,7 @@ from tests.internals.support.fake_sweep import layout
 from tests.support.dask_workers import dask_client
 from tests.support.processes import started
 from tests.support.rotor import END, OUTPUTS, SAMPLED, rotor, spin, stiffness_axis, swept
+from tests.support.slow import slow
 
 STIFFNESS = np.linspace(1.0, 100.0, 20)
 CHUNK = 3
@@ -173,9 +174,7 @@ def test_lanes_of_chunks_that_are_not_complete_are_stored_too(monkeypatch):
         assert written[2:] == [{2: [7]}]
 
 
-@pytest.mark.parametrize(
-    "error", [KeyboardInterrupt, pytest.param(TimeoutError, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("error", [KeyboardInterrupt, slow(TimeoutError)])
 def test_lanes_whose_writing_is_interrupted_are_written_at_the_end(path, few, error):
     """As by a second Ctrl-C, or by a time limit."""
     left = [error]

@@ -21,7 +21,6 @@ from clearjoint._sweeps.store.metadata import contents_of, create
 from clearjoint._sweeps.store.program import RUN, Identity, row_digests
 from clearjoint._sweeps.store.store import SweepMemory, SweepStore
 from tests.internals.support.fake_sweep import (
-    SETTINGS,
     by_lane,
     complete,
     compute,
@@ -50,29 +49,6 @@ def partial(path):
     store = opened(path, layout())
     compute(store, (0, 2))
     return store
-
-
-def test_labels_follow_from_the_axes():
-    found = complete(layout())
-    assert found["position"].dims == ("clearance", "restitution", "time", "component")
-    assert found["position"].attrs == {"units": "m", "long_name": "of arm"}
-    assert found["clearance"].attrs == {"units": "m"}
-    assert found.attrs == SETTINGS
-    # Lane 7 of four clearances by three restitutions is the third clearance, second restitution.
-    at = {"clearance": 7e-4, "restitution": 0.5}
-    lane = found.sel(at, method="nearest")
-    assert lane["steps"] == 1007
-    expected = np.random.default_rng(7).random((5, 3))
-    np.testing.assert_array_equal(lane["position"], expected)
-    np.testing.assert_array_equal(lane["position"].sel(component="y"), expected[:, 1])
-
-
-def test_zipped_axes_label_the_lanes():
-    axes = (Coordinate("clearance", [1e-4, 2e-4], "m"), Coordinate("restitution", [0.5, 0.9]))
-    found = complete(layout(axes=axes, zipped=True))
-    assert found["steps"].dims == ("lane",)
-    assert found["restitution"].dims == ("lane",)
-    assert found["clearance"].values.tolist() == [1e-4, 2e-4]
 
 
 @pytest.mark.parametrize("changes", [{}, {"zipped": True, "axes": (Coordinate("c", range(7)),)}])
