@@ -36,11 +36,7 @@ EXPECTED = {
         " lanes have the crank's period",
         "the peak force goes about with clearance^",
     ),
-    "fit_to_data": (
-        "2 series to 0.1 s: converged",
-        ", p = 0\n",
-        "standard errors off the truth",
-    ),
+    "fit_to_data": ("2 series to 0.1 s: converged", ", p = 0\n", "standard errors off the truth"),
     "what_data_can_tell": (
         "the first 30 ms alone: {'restitution': ",
         "y alone can tell: {'restitution': True",

@@ -11,10 +11,7 @@ import xarray as xr
 
 import clearjoint as cj
 from clearjoint._durability import wear as wear_module
-from clearjoint._durability.wear_depths import (
-    SIGNALS,
-    depths_from_signals,
-)
+from clearjoint._durability.wear_depths import SIGNALS, depths_from_signals
 from clearjoint._durability.wear_derivatives import MovingSpline
 from tests.durability.test_wear import (
     CLEARANCE,

@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._dynamics.breakpoints import (
-    FEW,
-    next_breakpoint,
-    one_sided_time,
-    since_breakpoints,
-)
+from clearjoint._dynamics.breakpoints import FEW, next_breakpoint, one_sided_time, since_breakpoints
 from tests.support.programs import inside
 from tests.support.slow import slow
 

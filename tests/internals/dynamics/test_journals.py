@@ -8,7 +8,6 @@ import pytest
 
 import clearjoint as cj
 from clearjoint._dynamics.journals import depths, slid_out, warn_of_journals_outside
-from clearjoint._fields.checks import as_number
 from clearjoint._simulation.run.host_run import segment_compiled
 from clearjoint._simulation.run.run_checks import check_structure
 from clearjoint._sweeps.axes import lanes_of
@@ -50,17 +49,6 @@ def test_a_resting_journal_lies_along_the_wall_where_gravity_presses_it(first, g
     found = np.array([*depths(scene, state)["pin"].values()])
     assert (found > 1e-9).all() and (found < 1e-6).all()
     np.testing.assert_allclose(end_of(state)[1][:2], 0.0, atol=1e-3)
-
-
-@pytest.mark.slow
-def test_a_slider_crank_left_at_its_guess_is_assembled_and_runs():
-    scene, exact = cj.mechanisms.slider_crank(angle=0.7, gravity=(0.0, -9.81, 0.0))
-    rod = exact.bodies["rod"]
-    position = as_number(rod.position) + np.array([0.01, -0.02, 0.0])
-    moved = cj.body_state(position, rod.orientation, rod.velocity, rod.spin)
-    state = cj.assemble(scene, cj.State({**exact.bodies, "rod": moved}))
-    assert max(depths(scene, state)["slider pin"].values()) == pytest.approx(-CLEARANCE)
-    assert cj.simulate(scene, state, 1e-3).result == cj.RESULTS.successful
 
 
 def test_a_run_warns_of_a_journal_that_has_left_its_bearing():

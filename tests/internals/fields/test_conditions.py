@@ -1,8 +1,9 @@
-"""Traced numbers are refused like known ones."""
+"""Traced numbers are refused like known ones, by checks that do not need known numbers."""
 
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -77,3 +78,21 @@ def test_traced_numbers_are_refused_like_known_ones(name, everything, admissible
     assert [*zip(labels, ~admissible[name], strict=True)] == [*zip(labels, refused, strict=True)]
     accepted = [label for label, no in zip(labels, refused, strict=True) if not no]
     assert all(np.isfinite(value) for _, value in accepted)
+
+
+class Blade(cj.extend.AbstractFriction):
+    """A friction whose check needs known numbers."""
+
+    coefficient: float
+
+    def __check_init__(self):
+        if self.coefficient < 0.0:
+            raise ValueError("negative")
+
+    def ratio(self, slip_speed):
+        return self.coefficient * jnp.tanh(slip_speed / 1e-3)
+
+
+def test_checks_that_need_known_numbers_are_left_out():
+    found = jax.eval_shape(lambda blade: conditions_of(lambda: recheck(blade)), Blade(0.1))
+    assert found == []

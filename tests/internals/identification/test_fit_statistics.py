@@ -18,6 +18,7 @@ from clearjoint._identification.levenberg_marquardt import Search, WindowSearch
 from clearjoint._identification.residuals import UNREACHED, RunMisfit
 from clearjoint._information import fisher_information as information
 from clearjoint.results import Iteration
+from tests.support.one_body import one_body
 
 COUNT, NOISE = 200, 0.1
 TIMES = np.linspace(0.01, 2.0, COUNT)
@@ -165,14 +166,6 @@ def test_whiteness_and_normality_have_the_probabilities_they_claim():
     assert statistics.normality(np.exp(draws[0])) < 1e-6
 
 
-def test_report():
-    text = str(line(noise=0.05))
-    lines = text.splitlines()
-    assert lines[0] == "Fit of 200 samples in 1 series to 2 s: converged, 1 runs"
-    assert lines[3].split() == ["offset", "1.0000", "0.0071", "0.98609", "1.0139", "m"]
-    assert "chi squared" in text and "p (white)" in text and "Warning: Residuals are" in text
-
-
 def test_figures_of_a_fit():
     fit = line()
     above, below = plot.fitted(fit)[:, 0]
@@ -245,9 +238,8 @@ def test_a_fine_fit_needs_no_advice():
 def test_predicted_angles_are_in_the_revolution_of_the_measured_ones(low):
     """Also the advice about a late sensor is the same for angles that jump by a revolution."""
     torque = cj.DriveTorque("ground", "rotor", (0, 0, 1), cj.Polynomial((0.0, 1.2)))
-    rotor = cj.Body(1.0, (0.01, 0.01, 0.01))
-    scene = cj.Scene({"rotor": rotor}, forces={"drive": torque})
-    state, times = cj.State({"rotor": cj.body_state((0, 0, 0))}), np.linspace(0.03, 1.0, 60)
+    scene, state = one_body("rotor", forces={"drive": torque}, inertia=(0.01, 0.01, 0.01))
+    times = np.linspace(0.03, 1.0, 60)
     # The closed form, late by 0.02 s.
     angles = 20.0 * (times - 0.02) ** 3 + 2e-3 * np.random.default_rng(0).normal(size=60)
     angles = angles if low is None else (angles - low) % (2.0 * np.pi) + low

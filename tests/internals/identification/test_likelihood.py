@@ -102,13 +102,7 @@ class Rough:
     def intervals(self, start, generator):
         found = self.descend(np.array([start]))
         explored = checking.explore(
-            self,
-            found,
-            [found.covariance, np.eye(1)],
-            np.array([20.0]),
-            200,
-            math.inf,
-            generator,
+            self, found, [found.covariance, np.eye(1)], np.array([20.0]), 200, math.inf, generator
         )
         return found, explored
 

@@ -9,14 +9,7 @@ from clearjoint._math.block_matrices import BlockMatrix
 from clearjoint._math.linear_solvers import Exact, Factorisation, LeastNorm, ScalarMatrix, inner
 from clearjoint._math.rotations import euler_parameter_rates, transverse_axes
 from clearjoint._math.vectors import add, multiply, subtract
-from clearjoint.extend import (
-    UNIT_X,
-    UNIT_Y,
-    UNIT_Z,
-    normalised,
-    pack,
-    rotation_matrix,
-)
+from clearjoint.extend import UNIT_X, UNIT_Y, UNIT_Z, normalised, pack, rotation_matrix
 from tests.math.test_vectors import RANDOM, A, Q, equations, parameters, rotation, vector
 
 
@@ -110,18 +103,6 @@ def test_exact_solution_of_a_regular_system(n, pattern, solved):
     s = positive_definite(n, lambda n: np.asarray(pattern(n), dtype=bool))
     b = RANDOM.normal(size=n)
     np.testing.assert_allclose(solved(Exact(), s, b), np.linalg.solve(s, b), rtol=1e-12)
-
-
-def test_factorisation_of_a_sparse_matrix_is_sparse():
-    def cost(pattern, n=6):
-        def solve(x):
-            rows = [[x if pattern(n)[i, j] else 0.0 for j in range(i + 1)] for i in range(n)]
-            return Factorisation(rows).solve([x] * n)
-
-        return equations(solve, 1.0)
-
-    assert cost(np.eye) == 2 * 6
-    assert cost(np.eye) < cost(tridiagonal) < cost(full) / 2
 
 
 def singular_system(rank, n):

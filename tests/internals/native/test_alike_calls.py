@@ -141,26 +141,6 @@ def test_parameters_are_read_together_from_memory(in_memory, monkeypatch):
     assert_equal(together(given), alone(given))
 
 
-def test_memory_is_read_and_written_in_order(in_memory, monkeypatch):
-    """Calls that are joined need what a function in memory has computed from earlier ones."""
-    n, call = 8, shared(force)
-
-    @jax.jit
-    def turned(x):
-        return tuple(jnp.sin(2.0 * x[j]) for j in range(n))
-
-    def run(x, v, k):
-        for _ in range(3):
-            x = jnp.stack([call(x[j], v[j], k[j])[0] for j in range(n)])
-            x = 0.5 * jnp.stack(turned(x))
-        return x
-
-    given = arguments(n, 6)
-    together, alone = programs(run, given, monkeypatch)
-    assert calls_at_once(together) >= 3
-    assert_equal(together(given), alone(given))
-
-
 def random_program(seed):
     """A function of numbers that calls functions of elements, and one in memory, in random order,
     each with any of the numbers so far; some in branches and loops."""

@@ -1,8 +1,10 @@
 """Long programs that are divided into pieces, and functions that exchange arrays in memory."""
 
+import pickle
 from contextlib import suppress
 from functools import partial
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -168,3 +170,19 @@ def test_other_trees_are_not_stacked():
     numbers = [1.0] * 60
     assert stacked(numbers) is numbers
     assert unstacked(numbers) is numbers
+
+
+class Pair(eqx.Module):
+    first: jax.Array
+    second: jax.Array
+
+
+def test_a_pickled_copy_has_the_same_structure():
+    """A run whose first program is loaded from disk, and whose second one is made, needs this."""
+    tree = [Pair(jnp.asarray(float(k)), jnp.asarray(-0.5 * k)) for k in range(FEWEST)]
+    original = stacked(tree)
+    copy = pickle.loads(pickle.dumps(original))
+    assert isinstance(original, Stacked) and isinstance(copy, Stacked)
+    assert jax.tree.structure(copy) == jax.tree.structure(original)
+    np.testing.assert_array_equal(copy.array, original.array)
+    assert [float(pair.second) for pair in unstacked(copy)] == [-0.5 * k for k in range(FEWEST)]

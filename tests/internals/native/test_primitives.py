@@ -352,32 +352,6 @@ def test_loops_and_branches(x):
         assert_as_xla(control, x, 15, RANDOM.uniform(size=(count, 2)), ulp=64)
 
 
-def overwritten(x, k, chosen):
-    """Large arrays that are updated in place, and other arrays in the same cells."""
-    one, end = jnp.ones(1), len(x)
-    tail = lax.slice(x, (1,), (end,))
-
-    def exchange(_, carries):
-        whole = lax.concatenate([carries[1], jnp.zeros(1)], 0)
-        return lax.dynamic_update_slice(whole, one, (k,)), lax.slice(carries[0], (1,), (end,))
-
-    exchanged, part = lax.fori_loop(0, 2, exchange, (x * 2.0, x[1:]))
-    either = lax.cond(
-        chosen, lambda z: z[5], lambda z: lax.dynamic_update_slice(z, one, (k,))[5], x * 3.0
-    )
-    # Nothing reads x after this update, but the tail is read as a result.
-    updated = lax.dynamic_update_slice(x, one, (k,))
-    results = {"tail": tail, "updated": updated, "either": either}
-    swapped = lax.cond(chosen, lambda a, b: (a, b), lambda a, b: (b, a), x * 5.0, x * 7.0)
-    return {**results, "exchanged": exchanged, "part": part, "a": swapped[0], "b": swapped[1]}
-
-
-@pytest.mark.parametrize("chosen", [True, False])
-def test_arrays_updated_in_place_leave_their_views_alone(chosen):
-    x = RANDOM.uniform(2.0, 3.0, 100)
-    assert_as_xla(overwritten, x, np.asarray(5), np.asarray(chosen))
-
-
 @pytest.mark.parametrize("size", [60, 300])
 def test_fixed_arguments_of_bound_functions_are_the_same_in_all_calls(size):
     def moved(table, k):
@@ -386,39 +360,6 @@ def test_fixed_arguments_of_bound_functions_are_the_same_in_all_calls(size):
     table, ks = np.ones(size), np.arange(5)
     found = NativeFunction(moved).rows((table, ks[0]), [None, ks])
     np.testing.assert_array_equal(found, size - 1.0)
-
-
-def products(a, b, k):
-    """Large products of small arrays, in a loop and in a branch, and blocks without elements."""
-    return {
-        "halved": lax.fori_loop(0, 3, lambda _, x: 0.5 * x, a @ b),
-        "either": lax.cond(k > 1, lambda: a @ b, lambda: jnp.ones((8, 8))),
-        "empty": jnp.take(jnp.zeros((3, 0)), jnp.stack([k, k + 1]), axis=0),
-    }
-
-
-@pytest.mark.parametrize("k", [0, 2])
-def test_large_products_of_small_arrays(k):
-    a, b = RANDOM.normal(size=(8, 4)), RANDOM.normal(size=(4, 8))
-    # XLA adds the products in another order.
-    assert_as_xla(products, a, b, np.asarray(k), ulp=256)
-
-
-def given_twice(chosen, x):
-    """Branches of which one returns an array twice, and the other two arrays."""
-    branches = [(lambda a, b: (a, a)), (lambda a, b: (a * 2.0, b * 3.0)), (lambda a, b: (b, a))]
-    results = [
-        lax.cond(chosen, yes, no, x * 1.5, x + 1.0)
-        for yes in branches
-        for no in branches
-        if yes is not no
-    ]
-    return {str(k): one for k, one in enumerate(jax.tree.leaves(results))}
-
-
-@pytest.mark.parametrize("chosen", [True, False])
-def test_branches_may_give_one_array_for_several_results(chosen):
-    assert_as_xla(given_twice, np.asarray(chosen), RANDOM.uniform(size=100))
 
 
 def test_results_do_not_share_memory():

@@ -1,4 +1,4 @@
-"""Units and values at a path, and paths that lead to no number."""
+"""Units and values at a path, paths that lead to no number, and the number of tangents."""
 
 from typing import Any, ClassVar
 
@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from clearjoint._compilation.xla import program_of
 from clearjoint._fields.checks import recheck, recheck_changes
+from clearjoint._parametrisation.parametrised_scene import parametrised
 from clearjoint._parametrisation.paths import unit_at, value_at
 from clearjoint.extend import quantity
 from tests.parametrisation import test_parameters
@@ -73,3 +75,24 @@ def recheck_difference(tree, base):
     leaves, structure = jax.tree.flatten(tree)
     changed = zip(leaves, jax.tree.leaves(base), strict=True)
     recheck_changes(tree, structure, tuple(a is not b for a, b in changed))
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_the_number_of_tangents_is_told(count):
+    scene, state = cj.mechanisms.double_pendulum()
+    paths = (
+        lambda scene: scene.joints["shoulder"].clearance,
+        lambda scene: scene.joints["shoulder"].law.restitution,
+        lambda scene: scene.joints["shoulder"].bearing_radius,
+        lambda scene: scene.joints["shoulder"].journal_length,
+        lambda scene: next(iter(scene.bodies.values())).mass,
+    )
+    parameters = {str(k): cj.Parameter(path) for k, path in enumerate(paths[:count])}
+    family = parametrised(scene, state, parameters, np.ones(count))
+
+    def derivatives(t):
+        play = lambda scene: (scene.joints["shoulder"].clearance * t, None)  # noqa: E731
+        return family.with_derivatives(play, (), ())[2]
+
+    assert program_of(derivatives, 0.0).tangents == count
+    assert program_of(lambda t: 2.0 * t, 0.0).tangents == 0

@@ -15,12 +15,17 @@ from studies.robots.geared_joint import URDF
 from tests.support.rig import rig
 
 
+def logged(times, angles, torques, noise=2e-4, **options):
+    """The log of the elbow: angles, rad, with their noise, and torques, N m."""
+    table = pd.DataFrame({"t": times, "q [rad]": angles, "tau [N m]": torques})
+    columns = {"elbow": cj.LogColumn("q", noise=noise)}, {"elbow": cj.LogColumn("tau", noise=0.1)}
+    return cj.RobotLog.read(table, angles=columns[0], torques=columns[1], **options)
+
+
 def test_a_joint_that_follows_its_log_starts_with_the_rate_of_the_log(tmp_path):
     """Also if its first positions differ by less than their noise, so that it counts as at rest."""
     robot, times = rig(tmp_path), np.arange(100) / 200.0
-    table = pd.DataFrame({"t": times, "q [rad]": 0.01 * times, "tau [N m]": 0.0 * times})
-    columns = {"elbow": cj.LogColumn("q", noise=2e-4)}, {"elbow": cj.LogColumn("tau", noise=0.1)}
-    log = cj.RobotLog.read(table, angles=columns[0], torques=columns[1])
+    log = logged(times, 0.01 * times, 0.0 * times)
     problem = robot_problem(robot, log, {}, {"elbow": "angle"})
     assert abs(problem.robot.speeds(problem.state)["elbow"] - 0.01) < 1e-9
     cj.simulate(problem.scene, problem.state, 0.1, progress=False)  # refuses other speeds
@@ -33,14 +38,11 @@ def test_a_joint_that_follows_its_log_starts_with_the_rate_of_the_log(tmp_path):
 def test_what_drives_is_logged_at_times_of_its_own(mode, first, last, tmp_path):
     """It may miss two samples at the start and at the end; more are refused."""
     robot, times = rig(tmp_path), 3.0 + np.arange(100) / 200.0
-    tables = {"q [rad]": 0.1 * times**3, "tau [N m]": 2.0 * times}
-    driven, measured = [*tables] if mode == "angle" else [*tables][::-1]
+    tables = {"angle": 0.1 * times**3, "torque": 2.0 * times}
+    driven = mode.removeprefix("held ")
     tables[driven] = np.where(np.arange(100) < first, np.nan, tables[driven])
     tables[driven] = np.where(np.arange(100) >= 100 - last, np.nan, tables[driven])
-    columns = {"elbow": cj.LogColumn("q", noise=2e-4)}, {"elbow": cj.LogColumn("tau", noise=0.1)}
-    table = pd.DataFrame({"t": times, **tables})
-    options = {"angles": columns[0], "torques": columns[1], "missing": "drop"}
-    log = cj.RobotLog.read(table, **options)
+    log = logged(times, *tables.values(), missing="drop")
     if max(first, last) > 2:
         part = "angles" if mode == "angle" else "torques"
         message = rf"`log.{part}\['elbow'\]` must be from 0 to 0.495 s, since it drives 'elbow'"
@@ -64,9 +66,7 @@ def test_loops_of_hysteresis_go_on_over_revolutions(low, tmp_path):
     times = np.arange(100) / 20.0
     angles = 2.0 + 7.0 * np.sin(times)
     jumping = angles if low is None else (angles - low) % (2.0 * np.pi) + low
-    table = pd.DataFrame({"t": times, "q [rad]": jumping, "tau [N m]": np.cos(times)})
-    columns = {"elbow": cj.LogColumn("q", noise=2e-3)}, {"elbow": cj.LogColumn("tau", noise=0.1)}
-    log = cj.RobotLog.read(table, angles=columns[0], torques=columns[1])
+    log = logged(times, jumping, np.cos(times), noise=2e-3)
     problem = robot_problem(rig(tmp_path), log, {}, {"elbow": "torque"})
     fit: Any = SimpleNamespace(
         measurements=problem.measurements, residuals={"elbow position": 3.0 * np.cos(5.0 * times)}
@@ -96,9 +96,7 @@ def test_resistances_of_zero_start_as_those_that_are_missing(present, kinds, tmp
     """In any order: a damping that the robot lacks is added with a friction of zero."""
     law, times = cj.frictions.RegularisedCoulomb(1.0, 1e-4), np.arange(100) / 200.0
     robot = rig(tmp_path).with_drive("elbow", cj.Drive(armature=0.02, law=law, **present))
-    table = pd.DataFrame({"t": times, "q [rad]": 0.4 * times, "tau [N m]": 10.0 * times})
-    columns = {"elbow": cj.LogColumn("q", noise=2e-4)}, {"elbow": cj.LogColumn("tau", noise=0.1)}
-    log = cj.RobotLog.read(table, angles=columns[0], torques=columns[1])
+    log = logged(times, 0.4 * times, 10.0 * times)
     parameters = robot_problem(robot, log, {"elbow": kinds}, {"elbow": "torque"}).parameters
     # A tenth of the largest torque, and this over the largest speed.
     assert parameters["elbow friction"].value == pytest.approx(0.1 * 4.95)

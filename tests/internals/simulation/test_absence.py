@@ -12,6 +12,7 @@ import clearjoint as cj
 from clearjoint._dynamics import system as dynamics
 from clearjoint._dynamics.bristles import initial_bristles
 from clearjoint._dynamics.contact_events import uses_entry_speed
+from clearjoint._math.vectors import fold_constants
 from clearjoint._simulation.run.host_run import begin
 from clearjoint._simulation.step.discontinuities import may_have_undeclared_jump
 from clearjoint._simulation.step.landing import Landing
@@ -260,3 +261,17 @@ def test_ground_is_not_in_the_state():
     assert set(step.y.motion) == {"rod"}
     assert len(jax.tree.leaves(step.y)) == 13
     assert len(jax.tree.leaves(started(FREE).contact_gaps)) == 0
+
+
+def test_a_tree_solves_no_constraints(monkeypatch):
+    """Neither stabilisation nor projection nor multipliers are traced."""
+    monkeypatch.setattr(dynamics, "ConstraintEquations", None)
+    scene, state = cj.mechanisms.double_pendulum()
+    scene, bodies = unpack(fold_constants(scene)), unpack(state.bodies)
+    system = System(scene, Formulation(cj.JointCoordinates(), cj.Projection()))
+    variables, entry_speeds = system.encode(bodies), {"shoulder": {"V": 0.1, "W": 0.1}}
+    assert system.dynamics(variables, entry_speeds, 0.0).multipliers == {}
+    assert not system.is_constrained(0.0)
+    absolute = System(scene, Formulation(cj.AbsoluteCoordinates()))
+    assert absolute.is_constrained(0.0)
+    assert system.project(variables, 0.0) is variables

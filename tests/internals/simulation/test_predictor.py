@@ -17,6 +17,7 @@ from clearjoint._native import NativeFallbackWarning, UnsupportedPrimitiveError
 from clearjoint._parametrisation.parts import parts_of
 from clearjoint._result_codes import RESULTS
 from clearjoint._simulation.run import adjoint, recorded_runs
+from tests.internals.simulation.test_sensitivity import PARAMETERS
 from tests.internals.simulation.test_sensitivity import POSITION as REFERENCE
 from tests.internals.simulation.test_sensitivity import TIMES as REFERENCE_TIMES
 from tests.support.catalogue_scenes import catalogue_scenes
@@ -108,15 +109,9 @@ def test_gradients_are_those_of_forward_mode(name):
 
 def test_gradients_are_those_of_the_event_exact_solver():
     """The table of derivatives in quadruple precision (see `test_sensitivity`)."""
-    joint = "shoulder"
-    paths = {
-        "clearance": cj.Parameter(lambda s: s.joints[joint].clearance, cj.Log()),
-        "stiffness": cj.Parameter(lambda s: s.joints[joint].law.stiffness.young_modulus, cj.Log()),
-        "restitution": lambda s: s.joints[joint].law.restitution,
-    }
     outputs = {"y": cj.quantities.Position("arm 2", "y")}
     scene, state = cj.mechanisms.double_pendulum()
-    predict = cj.predictor(scene, state, 0.1, paths, outputs, REFERENCE_TIMES, SETTINGS)
+    predict = cj.predictor(scene, state, 0.1, PARAMETERS, outputs, REFERENCE_TIMES, SETTINGS)
     by = jax.jacrev(predict)(predict.values)["y"]
     values = predict.values
     found = [by["clearance"] * values["clearance"], by["stiffness"] * values["stiffness"]]
@@ -398,20 +393,17 @@ def test_numbers_of_a_network_are_its_arrays():
 @pytest.mark.parametrize(
     ("values", "message"),
     [
+        (3.0, r"values.*dictionary with .*'start', 'stiffness'"),
         ({"stiffness": 100.0}, r"values.*dictionary with .*'start', 'stiffness'"),
         ({"stiffness": 100.0, "start": np.zeros(3)}, r"values\['start'\].*shapes"),
         ({"stiffness": np.nan, "start": 0.1}, "stiffness"),
     ],
 )
 def test_wrong_values_are_refused(predict, values, message):
-    with pytest.raises(ValueError, match=message):
-        predict(values)
-
-
-@pytest.mark.parametrize("values", [{"stiffness": 100.0}, 3.0])
-def test_values_of_another_form_are_refused_by_or_nan_too(predict, values):
-    with pytest.raises(ValueError, match=r"values.*dictionary with .*'start', 'stiffness'"):
-        predict.or_nan(values)
+    """But numbers that a scene refuses are those of a failed run for line searches."""
+    for call in (predict,) if message == "stiffness" else (predict, predict.or_nan):
+        with pytest.raises(ValueError, match=message):
+            call(values)
 
 
 @pytest.mark.parametrize(
@@ -449,10 +441,12 @@ def short():
 
 
 def test_a_run_that_fails_raises_what_simulate_raises(short):
+    """Or has outputs of NaN, for line searches."""
     with pytest.raises(cj.SimulationError, match="step limit was reached"):
         jax.grad(lambda values: jnp.sum(short(values)["x"]))(short.values)
     with pytest.raises(RuntimeError, match="step limit was reached"):
         jax.jit(short)(short.values)
+    assert np.isnan([*jax.jit(short.or_nan)(short.values).values()]).all()
     with pytest.raises(cj.SimulationError, match="step limit was reached") as failed:
         short(short.values)
     # The state that it reached.
@@ -499,8 +493,3 @@ def test_minimise_trains_a_network():
     assert found.coordinates.shape == (17,)
     assert found.objective < 0.05 * found.history[0]
     assert found.estimates["network"].layers[0].weight.shape == (4, 2)
-
-
-def test_a_run_that_fails_is_nan_for_line_searches(short):
-    outputs = jax.jit(short.or_nan)(short.values)
-    assert all(bool(jnp.isnan(row).all()) for row in outputs.values())

@@ -8,6 +8,7 @@ from scipy import stats
 import clearjoint as cj
 from clearjoint._statistics.global_sensitivity import _groups, _indices
 from tests.support.at_end import AtEnd
+from tests.support.one_body import one_body
 
 A, B = 7.0, 0.1
 
@@ -32,8 +33,7 @@ def closed_form():
 
 def indices(**options):
     # No number of the scene is 0 or 1, which would be folded as a constant.
-    scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, gravity=(0.3, 0.2, 0.1))
-    state = cj.State({"ball": cj.body_state((0.0, 0.0, 0.0))})
+    scene, state = one_body("ball", inertia=(1e-3, 1e-3, 1e-3), gravity=(0.3, 0.2, 0.1))
     uncertain = {
         name: cj.Uncertain(lambda scene, k=k: scene.gravity[k], between=(-np.pi, np.pi))
         for k, name in enumerate("xyz")

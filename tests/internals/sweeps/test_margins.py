@@ -15,6 +15,7 @@ from clearjoint._sweeps.largest import (
     limit_margins,
 )
 from clearjoint.quantities import ContactForce, Eccentricity
+from tests.support.one_body import bearing, one_body
 
 MASS, GRAVITY, STIFFNESS = 7.0, 9.81, 1e8
 LARGEST = {"eccentricity": 0.5e-3, "force": 150.0}
@@ -210,11 +211,9 @@ def test_unsupported_arguments_are_refused(case):
 @pytest.fixture(scope="module")
 def drop():
     """A mass that falls in its bearing, without damping: scene and state."""
-    law, sizes = cj.laws.Hertz(STIFFNESS), {"bearing_radius": 10e-3, "journal_length": 20e-3}
-    pin = cj.ClearanceJoint("ground", "mass", clearance=0.3e-3, law=law, **sizes)
-    body = cj.Body(MASS, (1e-2, 1e-2, 1e-2))
-    scene = cj.Scene({"mass": body}, {"pin": pin}, gravity=(0.0, -GRAVITY, 0.0))
-    return scene, cj.State({"mass": cj.body_state((0.0, 0.0, 0.0))})
+    pin = bearing(cj.laws.Hertz(STIFFNESS), "mass", clearance=0.3e-3)
+    body = {"mass": MASS, "inertia": (1e-2, 1e-2, 1e-2), "gravity": (0.0, -GRAVITY, 0.0)}
+    return one_body("mass", {"pin": pin}, **body)
 
 
 RANGE = {"between": (0.05e-3, 1e-3)}

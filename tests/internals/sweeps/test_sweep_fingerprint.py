@@ -1,14 +1,11 @@
 """Fingerprints of programs: digests of the traced operations, equal for equal programs."""
 
-import os
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from clearjoint._sweeps.store.program import fingerprints
-from tests.support.processes import printed
 
 X = jnp.linspace(0.0, 1.0, 3)
 
@@ -82,21 +79,3 @@ class Doubles:
 def test_callbacks_which_nothing_can_be_traced_of_are_refused(function):
     with pytest.raises(ValueError, match=r"`path` must be None .*\(pure_callback"):
         digest(lambda x: jax.pure_callback(function, x, x))
-
-
-IN_ANOTHER = """
-import tests.conftest
-tests.conftest.cj.configure()  # as `pytest_configure` does
-from tests.support import rotor
-from tests.internals.sweeps.test_sweep_program import of
-print(sorted(of(*rotor.rotor(), rotor.OUTPUTS).items()))
-"""
-
-
-@pytest.mark.slow
-def test_digests_are_equal_in_another_process():
-    from tests.internals.sweeps.test_sweep_program import of
-    from tests.support.rotor import OUTPUTS, rotor
-
-    there = printed(IN_ANOTHER, env={**os.environ, "PYTHONHASHSEED": "7"})
-    assert there.strip() == str(sorted(of(*rotor(), OUTPUTS).items()))

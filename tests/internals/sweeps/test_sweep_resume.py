@@ -2,7 +2,6 @@
 
 import multiprocessing
 import os
-import re
 import shutil
 import signal
 import time
@@ -24,7 +23,7 @@ from clearjoint._sweeps.work import Work
 from tests.internals.support.fake_sweep import layout
 from tests.support.dask_workers import dask_client
 from tests.support.processes import started
-from tests.support.rotor import END, OUTPUTS, SAMPLED, rotor, spin, stiffness_axis, swept
+from tests.support.rotor import END, OUTPUTS, rotor, swept
 from tests.support.slow import slow
 
 STIFFNESS = np.linspace(1.0, 100.0, 20)
@@ -63,14 +62,6 @@ def interrupted(path, chunks: int) -> None:
     with pytest.MonkeyPatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr(SweepStore, "write", write)
         stored(path=path)
-
-
-@pytest.fixture(scope="module")
-def begun(tmp_path_factory):
-    """A store with one chunk of its sweep."""
-    path = tmp_path_factory.mktemp("begun") / "sweep.zarr"
-    interrupted(path, 1)
-    return path
 
 
 @pytest.fixture
@@ -117,13 +108,8 @@ def test_further_values_are_computed_and_no_others(path, few, computed):
     xr.testing.assert_identical(cj.open_sweep(path), found)
 
 
-def test_results_go_into_netcdf(few, path):
-    """Of format 3, in whose names there are neither quotes nor slashes."""
-    file = path.with_suffix(".nc")
-    few.to_netcdf(file, engine="scipy")
-    with xr.open_dataset(file, engine="scipy") as found:
-        xr.testing.assert_equal(found.load(), few)
-        assert found.attrs["scene.bodies.rotor.mass"] == "1.0"
+def test_names_of_notes_have_neither_quotes_nor_slashes():
+    """Nor have those in netCDF of format 3."""
     noted = layout(notes={"output a/b of 'arm' ": "x"})
     assert list(noted.notes) == ["output a_b of _arm_"]
     alike = layout(notes={"a'b": "1", "a_b": "2", "a/b": "3"})
@@ -249,27 +235,6 @@ def test_a_process_that_is_interrupted_stores_what_had_ended_and_ends_in_order(p
     assert process.returncode == -signal.SIGINT
     codes = cj.open_sweep(path)["result"].values
     assert (codes < 0).any() and set(np.flatnonzero(codes == 0)) == set(ended)
-
-
-@pytest.mark.slow
-def test_store_of_other_settings_is_refused_with_all_differences(begun):
-    before, (scene, state) = cj.open_sweep(begun), rotor()
-    scene = cj.set_value(scene, lambda s: s.bodies["rotor"].mass, 2.0)
-    axes = {"stiffness": stiffness_axis(STIFFNESS[:5])}
-    outputs = {**OUTPUTS, "largest": cj.Peak(spin, "m")}
-    options = {"zipped": True, "progress": False, "chunk": CHUNK, "path": begun}
-    with pytest.raises(ValueError) as refused:
-        cj.sweep(scene, state, 2.0, axes, outputs, cj.Settings(rtol=1e-7), SAMPLED, **options)
-    for difference in (
-        "end_time: stored 1.0, now 2.0",
-        "setting rtol: stored 1e-06, now 1e-07",
-        "axis stiffness: 15 of 20 stored values are not among",
-        r"bodies\.rotor\.mass: stored 1\.0, now 2\.0",
-        "output largest: stored .*angle.*now .*spin",
-        "variable largest: stored .*units rad.*now .*units m",
-    ):
-        assert re.search(difference, str(refused.value)), difference
-    xr.testing.assert_identical(cj.open_sweep(begun), before)
 
 
 @pytest.mark.slow
