@@ -2,11 +2,9 @@
 
 import jax.numpy as jnp
 import numpy as np
-import pytest
 from scipy.spatial.transform import Rotation
 
-from clearjoint._math.block_matrices import BlockMatrix
-from clearjoint._math.linear_solvers import Exact, Factorisation, LeastNorm, ScalarMatrix, inner
+from clearjoint._math.linear_solvers import Factorisation, inner
 from clearjoint._math.rotations import euler_parameter_rates, transverse_axes
 from clearjoint._math.vectors import add, multiply, subtract
 from clearjoint.extend import UNIT_X, UNIT_Y, UNIT_Z, normalised, pack, rotation_matrix
@@ -57,78 +55,6 @@ def test_transverse_axes_complete_a_right_handed_frame():
 def test_transverse_axes_of_z_are_x_and_y():
     first, second = transverse_axes(UNIT_Z)
     np.testing.assert_array_equal([pack(first), pack(second)], [pack(UNIT_X), pack(UNIT_Y)])
-
-
-def positive_definite(n, pattern):
-    """A random symmetric positive definite matrix; entries off the pattern are zero."""
-    dense = RANDOM.normal(size=(n, n))
-    return np.where(pattern(n), dense + dense.T, 0.0) + 3 * n * np.eye(n)
-
-
-def full(n):
-    return np.ones((n, n), dtype=bool)
-
-
-def arrow(n):
-    i, j = np.indices((n, n))
-    return (i == j) | (i == 0) | (j == 0)
-
-
-def tridiagonal(n):
-    i, j = np.indices((n, n))
-    return np.abs(i - j) <= 1
-
-
-def lower_triangle(matrix):
-    """As nested lists, zeros structural."""
-    return [[float(matrix[i, j]) for j in range(i + 1)] for i in range(len(matrix))]
-
-
-def unrolled(solver, s, b):
-    return np.array(solver.solving(ScalarMatrix(lower_triangle(s)))(list(b)))
-
-
-def in_blocks(solver, s, b):
-    rows = [[float(x) for x in row] for row in s]
-    return np.array(solver.solving(BlockMatrix(rows, np.eye(len(s)).tolist()))(list(b)))
-
-
-both_forms = pytest.mark.parametrize("solved", [unrolled, in_blocks])
-
-
-@both_forms
-@pytest.mark.parametrize("pattern", [full, arrow, tridiagonal, np.eye])
-@pytest.mark.parametrize("n", [1, pytest.param(2, marks=pytest.mark.slow), 6])
-def test_exact_solution_of_a_regular_system(n, pattern, solved):
-    s = positive_definite(n, lambda n: np.asarray(pattern(n), dtype=bool))
-    b = RANDOM.normal(size=n)
-    np.testing.assert_allclose(solved(Exact(), s, b), np.linalg.solve(s, b), rtol=1e-12)
-
-
-def singular_system(rank, n):
-    """A matrix J J^T whose rows repeat each other, and a right side in its range."""
-    j = RANDOM.normal(size=(n, rank)) @ RANDOM.normal(size=(rank, rank + 2))
-    s = j @ j.T
-    return s, s @ RANDOM.normal(size=n)
-
-
-@both_forms
-@pytest.mark.parametrize(("rank", "n"), [(1, 2), (3, 5), (4, 6), (5, 5)])
-def test_least_norm_solution_of_a_singular_system(rank, n, solved):
-    s, b = singular_system(rank, n)
-    assert np.linalg.matrix_rank(s) == rank
-    x = solved(LeastNorm(), s, b)
-    expected = np.linalg.lstsq(s, b, rcond=1e-10)[0]
-    np.testing.assert_allclose(s @ x, b, rtol=0.0, atol=1e-10 * np.abs(b).max())
-    np.testing.assert_allclose(x, expected, rtol=0.0, atol=1e-5 * np.abs(expected).max())
-
-
-@both_forms
-def test_least_norm_solution_where_the_system_is_nearly_singular_as_well(solved):
-    basis = np.linalg.qr(RANDOM.normal(size=(3, 3)))[0]
-    s = basis @ np.diag([1.0, 1e-6, 0.0]) @ basis.T
-    expected = basis @ [1.0, 1.0, 0.0]
-    np.testing.assert_allclose(solved(LeastNorm(), s, s @ expected), expected, atol=1e-5)
 
 
 def test_ordered_factorisation_of_an_arrow_matrix_has_no_fill_in():
