@@ -1,5 +1,7 @@
-"""Traced numbers are refused like known ones, by checks that do not need known numbers."""
+"""Checks of numbers: those of traced numbers, which are refused like known ones, and those that
+warn."""
 
+import warnings
 from typing import Any
 
 import jax
@@ -11,6 +13,7 @@ import clearjoint as cj
 from clearjoint._fields.cautions import quiet
 from clearjoint._fields.checks import conditions_of, recheck
 from clearjoint._simulation.run.run_checks import check_numbers
+from clearjoint._sweeps.axes import lanes_of
 from tests.internals.scene_files.test_round_trips import ELEMENTS, example
 from tests.scene_files.test_round_trips import BODIES, STATE
 
@@ -96,3 +99,23 @@ class Blade(cj.extend.AbstractFriction):
 def test_checks_that_need_known_numbers_are_left_out():
     found = jax.eval_shape(lambda blade: conditions_of(lambda: recheck(blade)), Blade(0.1))
     assert found == []
+
+
+def test_repeated_checks_and_traced_numbers_give_no_warning():
+    """Neither the checks of a run, nor lanes of a sweep, nor traced numbers."""
+    with pytest.warns(cj.UnusualValueWarning):
+        soft = cj.laws.RavnStiffness(207, 0.3)
+    scene, state = cj.mechanisms.double_pendulum(law=cj.laws.Hertz(soft))
+    change = cj.Axis.change(lambda scene, state, m: (_with_mass(scene, m), state), [7e3, 8e3])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        recheck(scene)
+        lanes = lanes_of(scene, state, {"mass": change}, {"mass": np.array([7e3, 8e3])})
+        jax.jit(lambda modulus: cj.laws.RavnStiffness(modulus, 0.3).young_modulus)(207.0)
+        jax.vmap(lambda mass: cj.Body(mass, (1.0, 1.0, 1.0)).mass)(np.array([1e9, 1e10]))
+    assert not lanes.bad
+
+
+def _with_mass(scene, mass):
+    arm = cj.Body(mass, (0.0010, 0.5855, 0.5855))
+    return cj.Scene({**scene.bodies, "arm 2": arm}, scene.joints, gravity=scene.gravity)
