@@ -46,7 +46,7 @@ TESTS = [
     "tests/sweeps/test_sweep_failures.py",
     "tests/sweeps/test_sweep_lanes.py",
     "tests/sweeps/test_sweep_saving.py",
-    "tests/internals/sweeps/test_sweep_failures.py",
+    "tests/internals/sweeps/test_sweep_axes.py",
     "tests/internals/sweeps/test_sweep_lanes.py",
     "tests/test_conformance.py",
     "tests/test_first_contact.py",

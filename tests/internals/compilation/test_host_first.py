@@ -1,6 +1,7 @@
-"""`HostFirst`: functions computed by NumPy, and compiled only if they need JAX."""
+"""`HostFirst`: functions computed by NumPy, compiled only if they need JAX; whether JAX traces."""
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import jax
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint._compilation.xla import HostFirst
+from clearjoint._compilation.xla import HostFirst, is_tracing
 from clearjoint._dynamics import constraint_report
 from clearjoint._math.smoothing import cosine, polar_angle, sine, where
 from clearjoint._simulation.run import run_checks
@@ -97,3 +98,33 @@ def test_numpy_computes_the_checks_of_a_start(monkeypatch):
     tried = {f.__wrapped__.__name__: [*f._by_numpy.values()] for f in found.values()}
     assert tried["start_values"]
     assert {name for name, worked in tried.items() if not all(worked)} == set()
+
+
+TRANSFORMED = {
+    "jit": lambda f: jax.jit(f)(1.0),
+    "vmap": lambda f: jax.vmap(f)(jnp.ones(2)),
+    "grad": lambda f: jax.grad(f)(1.0),
+    "jvp": lambda f: jax.jvp(f, (1.0,), (1.0,)),
+    "eval_shape": lambda f: jax.eval_shape(f, 1.0),
+}
+
+
+@pytest.mark.parametrize("name", TRANSFORMED)
+def test_functions_are_traced_inside_of_transformations_only(name):
+    found = []
+
+    def square(x):
+        found.append(is_tracing())
+        return x * x
+
+    TRANSFORMED[name](square)
+    assert found == [True] and not is_tracing()
+
+
+def test_another_thread_is_not_traced():
+    def in_a_thread(x):
+        with ThreadPoolExecutor(1) as pool:
+            assert not pool.submit(is_tracing).result()
+        return x
+
+    jax.jit(in_a_thread)(1.0)

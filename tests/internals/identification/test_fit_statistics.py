@@ -16,7 +16,6 @@ from clearjoint._identification import goodness_of_fit as statistics
 from clearjoint._identification.identify import warn_of
 from clearjoint._identification.levenberg_marquardt import Search, WindowSearch
 from clearjoint._identification.residuals import UNREACHED, RunMisfit
-from clearjoint._information import fisher_information as information
 from clearjoint.results import Iteration
 from tests.support.one_body import one_body
 
@@ -142,15 +141,6 @@ def test_the_least_seen_direction():
     assert blind.deviation > 1e10
     absent = statistics.directions(np.array([[1.0, 0.0], [2.0, 0.0]]))[0]
     np.testing.assert_allclose(absent.change, [0.0, 1.0], atol=1e-6)
-
-
-def test_covariance_is_the_inverse_of_the_information():
-    jacobian = np.random.default_rng(0).standard_normal((30, 4)) * [1e-3, 1.0, 1e4, 3.0]
-    expected = np.linalg.inv(jacobian.T @ jacobian)
-    found = information.covariance(jacobian)
-    deviations = np.sqrt(np.diag(expected))
-    scaled = found / np.outer(deviations, deviations)
-    np.testing.assert_allclose(scaled, information.correlation(expected), rtol=0.0, atol=1e-9)
 
 
 @pytest.mark.slow

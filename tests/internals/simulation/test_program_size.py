@@ -22,22 +22,9 @@ from clearjoint._simulation.step.method import Scheme
 from clearjoint._simulation.step.step_state import Variables
 from clearjoint._simulation.step.stepping import MANY_OPERATIONS, shapes_of
 from clearjoint._simulation.step.trial_step import rates_of
-from tests.support.one_body import ORIGIN, Z, hinge
+from studies.benchmark.chain import ideal_chain
 
 SPAN = (0.0, 1.0, 1e-6)
-
-
-def _chain(rods):
-    """Rods in a row along X with hinges about Z and Y alternately."""
-    bodies, joints, states = {}, {}, {}
-    before, end = "ground", ORIGIN
-    for k in range(rods):
-        name, axis = f"rod {k}", (Z, (0.0, 1.0, 0.0))[k % 2]
-        bodies[name] = cj.Body(1.0, (1e-4, 3e-3, 3e-3))
-        states[name] = cj.body_state(((k + 0.5) * 0.2, 0.0, 0.0))
-        joints[f"hinge {k}"] = hinge(before, name, end, (-0.1, 0.0, 0.0), axis)
-        before, end = name, (0.1, 0.0, 0.0)
-    return cj.Scene(bodies, joints, gravity=(0.0, -9.81, 0.0)), cj.State(states)
 
 
 def _begun(scene, state):
@@ -48,7 +35,7 @@ def _begun(scene, state):
 
 
 def _begun_with_derivatives(scene, state):
-    parameters = {"mass": cj.Parameter(lambda s: s.bodies["rod 0"].mass)}
+    parameters = {"mass": cj.Parameter(lambda s: s.bodies["rod 1"].mass)}
     values = jnp.asarray(coordinates_of(scene, state, parameters))
     family = parametrised(scene, state, parameters, values)
     scheme = derivative_scheme(scene, state, cj.presets.derivatives)
@@ -60,7 +47,7 @@ def _begun_with_derivatives(scene, state):
 def test_a_large_program_causes_a_warning_before_it_is_compiled(monkeypatch):
     """The limit is between chains of two and three rods, lower with derivatives."""
     monkeypatch.setattr(stepping, "MANY_OPERATIONS", 300)
-    shorter, longer = _chain(2), _chain(3)
+    shorter, longer = ideal_chain(2), ideal_chain(3)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         _begun(*shorter)

@@ -1,20 +1,26 @@
-"""Lengths of steps after events, and the sizes that errors of derivatives are compared with."""
+"""Lengths of steps after events, the sizes that errors of derivatives are compared with, and result
+codes and errors of trial steps."""
 
 from types import SimpleNamespace
 
+import diffrax
 import jax
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
-from clearjoint import AbsoluteCoordinates, Body, Scene, State, body_state
+import clearjoint as cj
 from clearjoint._dynamics.contact_events import ContactGap
+from clearjoint._simulation.step import acceptance
 from clearjoint._simulation.step.step_length import (
     length_after_breakpoints,
     lengths_after_contacts,
     tangent_sizes,
 )
 from clearjoint._simulation.step.step_state import Variables
+from clearjoint._simulation.step.trial_step import REJECTED_ERROR
 from clearjoint.extend import Formulation, System, unpack
+from tests.support.one_body import one_body
 
 FULL, ENTRY = 1e-3, 3e-5
 OPEN = {"pin": {"V": ContactGap(jnp.asarray(-1e-4), jnp.asarray(0.1))}}
@@ -68,11 +74,11 @@ def test_a_contact_begins_with_twice_the_length_of_the_last_one_at_most():
 def test_derivatives_of_speeds_count_at_least_as_a_share_of_the_speeds(scale, largest):
     """A fifth of the speeds times the largest derivative of a position over the largest position,
     here a length or an Euler parameter; the derivatives alone where all positions are zero."""
-    scene = Scene({"ball": Body(1.0, (1.0, 1.0, 1.0))})
-    system = System(unpack(scene), Formulation(AbsoluteCoordinates()))
+    scene, _ = one_body("ball")
+    system = System(unpack(scene), Formulation(cj.AbsoluteCoordinates()))
 
     def variables(position, velocity):
-        state = State({"ball": body_state(position, velocity=velocity)})
+        _, state = one_body("ball", position=position, velocity=velocity)
         return Variables(system.encode(unpack(state.bodies)), {})
 
     sizes = variables((4.0 * scale, -8.0 * scale, 0.0), (3.0, 0.0, -5.0))
@@ -84,3 +90,46 @@ def test_derivatives_of_speeds_count_at_least_as_a_share_of_the_speeds(scale, la
     none = jax.tree.map(jnp.zeros_like, sizes)
     motion = tangent_sizes(system, none, along).motion["ball"]
     assert [*motion.velocity] == pytest.approx([0.0, 0.5, 0.25], rel=1e-12)
+
+
+ULP = np.spacing(1.0)
+
+
+@pytest.mark.parametrize(
+    ("ahead", "end", "expected"),
+    [
+        (ULP, 2.0, "step_too_small"),
+        (2 * ULP, 2.0, "step_too_small"),
+        (4 * ULP, 2.0, "successful"),
+        (ULP, 1.0, "successful"),
+    ],
+)
+def test_steps_must_advance_before_the_end(ahead, end, expected, monkeypatch):
+    """A step ends at 1 s, and the next one `ahead` of that; at the end of the run it is not
+    taken."""
+    monkeypatch.setattr(acceptance, "one_sided_time", lambda system, start, t: t)
+    now, success = jnp.asarray(1.0), diffrax.RESULTS.successful
+    system = SimpleNamespace(constraints_violated=lambda motion, t: None)
+    outcome = SimpleNamespace(y=SimpleNamespace(motion=None))
+    step = SimpleNamespace(t=jnp.asarray(0.5), result=cj.RESULTS.successful)
+    start = {"system": system, "step": step, "gaps": {}}
+    ended = {"t1": now, "finite": jnp.asarray(True), "outcome": outcome, "solver_result": success}
+    trial = SimpleNamespace(**start, **ended)
+    decision = acceptance._Decision(jnp.asarray(True), now + ahead, False, None, success, {})
+    found = acceptance._result(trial, decision, jnp.asarray(end))
+    assert bool(found == getattr(cj.RESULTS, expected))
+
+
+def test_a_wrapped_controller_has_the_tolerance_of_the_inner_one():
+    inner = diffrax.PIDController(rtol=1e-9, atol=1e-12)
+    wrapped = diffrax.ClipStepSizeController(inner, jump_ts=jnp.asarray([0.1]))
+    for controller, expected in (
+        (inner, 1e-9),
+        (wrapped, 1e-9),
+        (diffrax.ConstantStepSize(), acceptance.DEFAULT_RTOL),
+    ):
+        assert acceptance._relative_tolerance(controller) == expected
+
+
+def test_rejected_errors_fit_into_single_precision():
+    assert np.isfinite(np.float32(REJECTED_ERROR))

@@ -1,15 +1,22 @@
-"""Axes of a sweep: numbers of the scene, components, initial states, and whole scenes."""
+"""Axes of a sweep: numbers of the scene, components, initial states, and whole scenes; constraints
+of all lanes, and the warning of lanes without a result."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import equinox as eqx
 import jax
 import numpy as np
+import pytest
+import xarray as xr
 
 import clearjoint as cj
 from clearjoint._sweeps.axes import lanes_of
+from clearjoint._sweeps.sweep import _warn_of_failures, checked_starts
+from clearjoint.extend import result_numbers
 from tests.support.dropped_rod import dropped_rod
+from tests.sweeps.test_sweep_failures import ABSOLUTE, distances, held_at_two_points
 
 
 def test_a_change_that_makes_the_scene_anew_varies_only_what_differs():
@@ -64,3 +71,25 @@ def test_tables_in_the_joints_of_all_lanes_stay_tables():
     joint = lanes_of(scene, state, axes, {"clearance": values}).contact_joints()["pin"]
     np.testing.assert_array_equal(joint.clearance, values)
     np.testing.assert_array_equal(joint.law.depths, [Tabled(1e9).depths] * 2)
+
+
+@pytest.mark.parametrize("lowest, redundant", [(0.0, True), (0.1, False)])
+def test_constraints_of_all_lanes_decide_whether_they_depend_on_each_other(lowest, redundant):
+    """Not those of the first alone, and not those of a lane that nothing runs."""
+    values = np.array([0.2, 1e-6, lowest, 0.3])
+    lanes = lanes_of(*held_at_two_points(0.2), {"d": distances(values)}, {"d": values})
+    lanes, found = checked_starts(lanes, 0.0, ABSOLUTE)
+    assert found == redundant and set(lanes.bad) == {1}
+
+
+def test_pending_lanes_have_not_failed():
+    """Another process may discard lanes that this one has computed."""
+    none_bad = SimpleNamespace(bad={})
+    limit = result_numbers()["max_steps_reached"]
+    for codes, text in (
+        ([-1, 0, -1], "^2 of 3 lanes are pending: .*same arguments"),
+        ([-1, limit, 0], "^1 of 3 lanes failed: 1 max_steps_reached.*1 of 3 lanes are pending"),
+    ):
+        with pytest.warns(UserWarning, match=text) as caught:
+            _warn_of_failures(xr.Dataset({"result": ("lane", codes)}), none_bad, 0.0, None)
+        assert caught[0].filename == __file__

@@ -246,21 +246,6 @@ def test_the_time_of_a_frame_has_the_unit_of_the_run(time, whole, text):
     assert _time_text(time, whole) == text
 
 
-@pytest.mark.slow
-def test_a_solution_is_observed_and_shown():
-    scene, state = cj.mechanisms.double_pendulum()
-    times = np.linspace(0.0, 0.2, 41)
-    solution = cj.simulate(scene, state, 0.2, cj.presets.preview, save=cj.Saving(times))
-    view = cj.view(scene, solution, frames=21)
-    assert len(view.times) == 21
-    assert {part.name for part in view.parts if part.colour == FORCE} <= {"pin V", "pin W"} | {
-        f"{name} {base}" for name in scene.joints for base in "VW"
-    }
-    without = cj.simulate(scene, state, 0.01, cj.presets.preview)
-    with pytest.raises(ValueError, match="save=Saving"):
-        cj.view(scene, without)
-
-
 def test_sixty_bodies_have_different_colours():
     given = colours([f"body {k}" for k in range(60)])
     assert len(set(given.values())) == 61  # with the ground
