@@ -161,7 +161,7 @@ assert not xla_bridge.backends_are_initialized(), "an import started a backend"
 
 
 LOADED_WHEN_FIRST_USED = {
-    *("matplotlib", "optax", "pandas", "pint", "numcodecs", "scipy", "tomlkit", "xarray", "zarr")
+    *("matplotlib", "optax", "pandas", "pint", "numcodecs", "scipy", "tomlkit", "xarray", "zarr"),
 }
 """Packages that a run of one scene has no need of, and that take as long as all else together."""
 

@@ -552,7 +552,7 @@ CASES: dict[str, tuple[Case, float]] = {
 """The calls that are made, by the names of the public functions, and how far numbers may be apart
 relative to the largest one of their array."""
 WITHOUT_NAMES = {
-    *("body_state", "carried_journal", "configure", "free_impact", "rotation", "scene_schema")
+    *("body_state", "carried_journal", "configure", "free_impact", "rotation", "scene_schema"),
 }
 """Public functions whose arguments and results have no names that a user chooses."""
 FEW = "constraint_report", "design", "load, save", "parameters, set_value"
