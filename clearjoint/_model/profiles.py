@@ -138,7 +138,7 @@ class Harmonics(AbstractProfile):
 
 
 class AbstractPeriodicSpline(AbstractProfile):
-    """Base class of periodic cubic splines with evenly spaced knots; `angles` returns how many."""
+    """Base class of periodic cubic splines with N evenly spaced knots; `angles` returns N."""
 
     @override
     def at(self, angle: NumberOrArray) -> Deviation:

@@ -273,8 +273,8 @@ class Operations:
                 half = _RANGE[kind]
                 number = (int(number) + half) % (2 * half) - half
             return self.constant(kind, number)
-        # Most operations have operands that are neither known numbers nor vectors, which may repeat
-        # a known number. The rules for these three operations do not apply then.
+        # Mostly the operands are scalars and not known; a vector may repeat a known number. The
+        # rules for "fmul" and "fdiv" do not apply then, and "fma" has none.
         is_unknown = kind == "f" and known.count(None) == len(known)
         if is_unknown and name in ("fmul", "fdiv", "fma"):
             return None

@@ -154,8 +154,9 @@ class Reader:
             named = re.match(r"Argument `([^`]+)`", str(error))
             keys = existing(content, split(named[1] if named else ""))
             raise ValueError(f"{location.at(*keys)}: {error}") from error
-        # Not every constructor checks the classes of its arguments. Where objects are allowed,
-        # ``None``, numbers or options may be allowed too; these are no objects of the classes.
+        # Not every constructor checks the classes of its arguments. Some convert them, so what is
+        # stored is checked. Where objects are allowed, ``None``, tables of entries by name, numbers
+        # or options may be allowed too; these are no objects of the classes.
         for name, item in values.items():
             allowed, stored = signature[name], getattr(made, name, None)
             is_no_object = (

@@ -324,7 +324,8 @@ def _add_resistances(elements: Elements, friction: FrictionLaw | None) -> None:
 def friction_of(
     joint: HingeOrSlider, law: FrictionLaw, load: PyTree, **options: PyTree
 ) -> JointFriction:
-    """Return friction in a joint: the ratio by `law` times `load`, N m (hinge) or N (slider)."""
+    """Return friction in a joint: `load`, N m (hinge) or N (slider), times the ratio by `law`.
+    `options`: further arguments of `JointFriction`."""
     ends = joint.first, joint.second
     if isinstance(joint, RevoluteJoint):
         return JointFriction(*ends, law, load, joint.axis_first, 1.0, **options)

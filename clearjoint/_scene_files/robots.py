@@ -418,7 +418,8 @@ def _balanced(inertial: Inertial) -> Inertial:
 def _require_possible(
     tensor: np.ndarray, carrier: Carrier, names: Collection[str], location: FileLocation
 ) -> None:
-    """Refuse an inertia `tensor`, kg m^2, that no body can have. `names`: links with inertia."""
+    """Refuse a carrier's inertia `tensor`, kg m^2, if no body can have it. The message lists
+    `names`, those of the carrier's links that have an inertia, if there are several."""
     moments = np.linalg.eigvalsh(tensor)
     at = location.at(carrier.links[0])
     links = f" of links {', '.join(names)} together" if len(names) > 1 else ""

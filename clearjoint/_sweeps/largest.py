@@ -472,7 +472,8 @@ class _Search:
 
     def _inspected(self, known: LaneMargins) -> LaneMargins:
         """Divide intervals in which a violation may hide (see `LaneMargins.doubtful`), until none
-        is wider than the tolerance, the margins only fall, or `INSPECTIONS` sweeps are made."""
+        is wider than the tolerance, `INSPECTIONS` sweeps are made, or all margins are seen to fall
+        as the coordinate rises."""
         for _ in range(INSPECTIONS):
             doubtful = known.doubtful() & (self._widths(known) > self.tolerance)
             # Margins that only fall have no violation before the first one.

@@ -201,16 +201,16 @@ class AbstractForce(AbstractElement):
 
 @tree_dataclass
 class SideForce:
-    """Force of a contact in addition to the normal force, if penetration or stiffness, and with it
-    the stored energy, also varies with an angle of the joint, such as the mesh angle of gears.
-    Opposite forces act on the two bodies at a common point.
+    """Force of a contact beside its normal force. A contact has one if its penetration or stiffness
+    varies with an angle of the joint too, such as the mesh angle of gears. Opposite forces act on
+    the two bodies at a common point.
 
     - `arm_first`, `arm_second`: this point, m from each body's centre of mass in its axes.
     - `slope`: global vector whose scalar product with the velocity of the second body's point
       relative to the first body's point is the rate of the penetration due to the angle; a normal
       force F causes the force -F `slope` on the second body.
-    - `elastic`: force on the second body, N in global axes, due to the change of the stored energy
-      at constant penetration.
+    - `elastic`: force on the second body, N in global axes, since the stored energy varies with the
+      angle at constant penetration.
     """
 
     arm_first: Vector

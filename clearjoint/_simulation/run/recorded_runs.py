@@ -440,8 +440,8 @@ def _goes_on(run: Adjoint, step: Step) -> bool:
 
 
 def _without_rows(segment: _Segment, start: Step, times: np.ndarray) -> _Segment:
-    """Return a segment that begins at `start`, with rows only of steps that contain `times`, s, and
-    of its first step, which derivatives of the initial state need in a run's first segment."""
+    """Return the segment with rows only of steps that contain `times`, s, and of its first step,
+    for derivatives of the initial state. The others can be computed again from `start`."""
     assert segment.rows is not None
     picked = np.unique([0, *np.searchsorted(segment.ends, times)])
     # Times after the segment lie in steps of later segments, and pick its last step here.

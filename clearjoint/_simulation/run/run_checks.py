@@ -293,8 +293,8 @@ class _Starts:
         ``None`` if a condition of `_passes` fails, if redundancy is uncertain, or without a native
         program: the caller must then check in Python. `arguments`: the result of `flat_start`.
         Raise a `ValueError` for numbers that the scene can't have."""
+        # The scene, also flattened. The program takes its exact zeros and ones as constants.
         scene, unfolded = arguments.arguments[0], arguments.parts[0]
-        # The program takes the scene's exact zeros and ones as constants.
         arguments = FlatArguments.joined((flattened(folded(unfolded)), *arguments.parts[1:]))
         self._seen[arguments.key] += 1
         if not is_native():
@@ -317,9 +317,9 @@ class _Starts:
             return None
         # The native program leaves out the checks of the scene's numbers.
         self._recheck(scene, unfolded)
-        # The search for redundant constraints depends only on `reduced`, the derivatives of the
-        # constraint equations, so its results are cached by them. Without a limit, the cache would
-        # grow with each start whose constraints differ.
+        # A constraint is redundant if its row of `reduced`, the derivatives of the constraint
+        # equations, is near the span of the rows before it. The distances are cached by `reduced`.
+        # Without a limit, the cache would grow with each start whose constraints differ.
         distances = self._distances.setdefault(arguments.key, {})
         if len(distances) >= KEPT:
             distances.clear()

@@ -79,9 +79,9 @@ def decide_step(
     if method.rotating:
         decision = _with_limited_rotation(decision, trial)
     # The next step begins where this one ends, or where it began if it is rejected. `full_length`
-    # is the length that it would have if no event cut it short. The controller proposes a length
-    # for a step with the time map (see `.time_map`) of this step. This map corrects the length,
-    # since the next step may have another map.
+    # is the length that it would have if no event cut it short. The controller proposes it as if
+    # the next step had the same time map as this one (see `.time_map`). Where the maps differ,
+    # `next_length` corrects the proposal.
     full_length = decision.t_next - jnp.where(decision.keep, t1, step.t)
     if trial.time_map is not None:
         full_length = trial.time_map.next_length(full_length, decision.keep)
@@ -109,7 +109,7 @@ def decide_step(
         if may_have_undeclared_jump(scene):
             jumps = keep & has_undeclared_jump(trial)
             result = RESULTS.where(jumps, RESULTS.force_jumped, result)
-        # The torque of a torsional spring, for example, changes its side at half a revolution.
+        # Likewise if a force is reversed at once, as a torsional spring's torque at half a turn.
         jumps = changes_side(trial)
         if jumps is not None:
             result = RESULTS.where(keep & jumps, RESULTS.force_jumped, result)

@@ -98,8 +98,8 @@ class SystemFamily(eqx.Module):
     def with_derivatives(
         self, function: Callable[..., Value], primals: Trees, tangents: Trees
     ) -> tuple[Value, Value]:
-        """Return the value of a function of the system and of `primals`, and its derivatives with
-        respect to the parameters. `tangents` are the derivatives of `primals`."""
+        """Return ``function(system, *primals)`` and its derivatives by the parameters. `tangents`
+        are those of `primals`. Arrays of both derivatives have a first axis for the parameters."""
         value, _, derivatives = self.with_auxiliary(
             lambda *arguments: (function(*arguments), None), primals, tangents
         )

@@ -58,6 +58,7 @@ def move(file: Path, to: Path) -> None:
 
 
 def write_dataset(path: Path, results: "xr.Dataset") -> None:
+    """Write results to a new folder as a Zarr group."""
     from zarr.codecs import Crc32cCodec, ZstdCodec
 
     # Other programs read these files too. By Zarr's CRC they recognise a damaged file; they do not
@@ -73,7 +74,7 @@ def write_dataset(path: Path, results: "xr.Dataset") -> None:
             zarr_format=3,
             consolidated=True,
             encoding={str(name): codecs for name in results.variables},
-            # Zarr would omit the file of an empty chunk, and that of an older grid would stay.
+            # Zarr would omit the file of an empty chunk, and `write_grid` would keep an old one.
             write_empty_chunks=True,
         )
 

@@ -66,8 +66,8 @@ def _settings(layout: Layout) -> dict[str, Part]:
 
 
 def _parts(layout: Layout) -> dict[str, Part]:
-    """Return the parts of a layout other than its settings, by their names in messages: units of
-    axes, values and units of coordinates, and the `_outline` of each variable."""
+    """Return what `differences` compares of a layout besides its settings, by the names it prints:
+    units of axes, values and units of coordinates, and the `_outline` of each variable."""
     parts: dict[str, Part] = {f"unit of axis {axis.name}": axis.unit for axis in layout.axes}
     parts |= {f"coordinate {c.name}": c.values for c in layout.coordinates}
     parts |= {f"unit of coordinate {c.name}": c.unit for c in layout.coordinates}
