@@ -53,7 +53,7 @@ def sweep(study: Study, folder: Path) -> CommandResult:
             raise
         dataset, code = open_sweep(folder / STORE), INTERRUPTED
     summary, line = _summary(dataset, code)
-    remove_old(folder)
+    remove_old(folder)  # figures of an earlier result
     write_summary(folder, "sweep", study, summary)
     if code == INTERRUPTED:
         pending = summary["lanes pending"]

@@ -44,7 +44,7 @@ def wear(study: Study, folder: Path) -> CommandResult:
     write_scene(folder, study.scene, study.state)
     write_scene(folder, worn(study.scene, dataset), final_state(dataset), WORN_SCENE)
     summary, line = _summary(dataset, part, code)
-    remove_old(folder)
+    remove_old(folder)  # figures of an earlier result
     write_summary(folder, "wear", study, summary)
     if code == INTERRUPTED:
         say("interrupted: run the same command to continue")

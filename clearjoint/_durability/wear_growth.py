@@ -64,6 +64,7 @@ def contact_history(
         instants = np.interp(work_at_instants, done, times[::2])
         names = [f"{base} x", f"{base} y", *PlanarAxes._fields]
         x, y, *axes = (np.interp(instants, times, np.asarray(signals[name])) for name in names)
+        # The angles of the contacts, and where the centre would be in them without the `depths`.
         angles, x, y = _unworn(joint, jnp.asarray(depths), x, y, PlanarAxes(*axes))
         work_per_cycle = np.full(count, done[-1] / (count * cycles))
         bases.append(np.stack([x, y, angles, *axes, work_per_cycle]))

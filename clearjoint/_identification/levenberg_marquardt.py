@@ -243,7 +243,8 @@ def search_with_damping(
             y, arrays, done, length = _advance(y, arrays, model, limits, end_at)
             accepted = int(arrays.num_steps_since_acceptance) == 0
             best = latest if accepted else best
-            # The step size of optimistix is the inverse of the damping.
+            # `length`, that of the Gauss-Newton step, is the iteration's `decrement`. The step size
+            # of optimistix is the inverse of the damping.
             number, trust = len(iterations), float(arrays.search_state.step_size)
             iteration = Iteration(
                 number, accepted, latest.chi_squared, latest.coordinates, float(length), trust

@@ -168,7 +168,7 @@ def _delayed(
     """Return the run `sampled`, which has all outputs at all `instants`, with each output only at
     the T sample times minus its own delay. In the result, outputs are NaN at times that the run did
     not reach, and `reached` is true throughout."""
-    rising, _, indices, inside = instants
+    sampled_times, _, indices, inside = instants
     delay_of = {name: k for k, (_, names) in enumerate(runs.sensors.delays) for name in names}
     values, derivatives = {}, {}
     for name, output in runs.base.outputs.items():
@@ -182,13 +182,13 @@ def _delayed(
         # The three rows of delay k, (T,) each; row 0 is that of the times without delay.
         at, before, after = indices[1 + 3 * k : 4 + 3 * k]
         # The derivative with respect to the delay is minus the rate of the output, from a central
-        # difference. Before the start the state is constant, so the rate is zero.
+        # difference. Before the start (not `inside`) the state is constant, so the rate is zero.
         change = output_values[after] - output_values[before]
         period = getattr(output, "period", None)
         if period is not None:  # An angle that jumps from pi to -pi has not changed by -2 pi.
             change = wrapped(change, period)
         # Where both times are clipped to the start they are equal; 1 replaces a division by zero.
-        apart = rising[after] - rising[before]
+        apart = sampled_times[after] - sampled_times[before]
         rate = jnp.where(inside[k], change / jnp.where(apart > 0.0, apart, 1.0), 0.0)
         scale = runs.base.family.scales[parameter]
         # Chain rule: derivatives are by the delay's coordinate on its scale.

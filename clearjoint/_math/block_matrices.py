@@ -179,10 +179,11 @@ class BlockMatrix(AbstractMatrix):
             for c in sorted(of_first[i] & of_second[j]):
                 a = slots_first.setdefault((i, c), len(slots_first))
                 b = slots_second.setdefault((j, c), len(slots_second))
-                targets, rows = (self._plan.rows(i, k) for k in (self._plan.slots[i, j], a))
-                steps += [(target, row, b) for target, row in zip(targets, rows, strict=True)]
+                targets, rows_of_a = (self._plan.rows(i, k) for k in (self._plan.slots[i, j], a))
+                steps += [(target, row, b) for target, row in zip(targets, rows_of_a, strict=True)]
         left = _blocks(first, self._groups, list(slots_first))
         right = _blocks(second, self._groups, list(slots_second))
+        # The sums begin with zeros, but with ones on the diagonal in the unused rows of blocks.
         self._blocks = _sums_of_products(self._padding(), left, right, steps)
 
     def _padding(self) -> np.ndarray:

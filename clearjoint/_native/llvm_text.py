@@ -149,7 +149,8 @@ class _Writer:
         return "\n".join([*self._lines, *self._declared.values(), ""])
 
     def _begin(self, number: int, returned: Form) -> None:
-        # The program itself comes after its functions, and before the pieces of a division.
+        # The first numbers are those of functions; then come the program itself, and the pieces
+        # into which a long program is divided.
         is_program = number == len(self._program.functions)
         self._returned[number] = returned
         parameters, _ = self._program.signatures.get(number, ([], []))

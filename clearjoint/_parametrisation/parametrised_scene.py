@@ -84,8 +84,8 @@ class AbstractSceneFamily(eqx.Module):
 
     def effects(self) -> tuple[PyTree[bool], int | None]:
         """Return, in the structure of the scene, whether a parameter may change each leaf; and the
-        number of leading changes in the list from `pairs` that the scene needs, ``None`` for all.
-        """
+        number of changes in the list from `pairs` up to the last one that may change the scene and
+        not only the initial state, ``None`` for all."""
         # A user's function may change any leaf. JAX traces the functions here without computing
         # numbers, and each leaf that depends on a parameter becomes a tracer.
         effects: list[tuple[PyTree[bool], int]] = []

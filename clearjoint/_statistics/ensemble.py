@@ -437,7 +437,9 @@ def _lyapunov_exponent(
     axes: dict[str, Axis] = disturbed_axes(scene, state, {}, size, along, start_time)
     # Without the start itself, where the tangent has not grown yet.
     times = np.linspace(start_time, end_time, TANGENT_TIMES + 1)[1:]
-    points, tangent = growth.points(scene), {growth.DISTURBANCE: growth.disturbance(scene)}
+    # The tangent is the derivative of the coordinates of points of all bodies by the size of a
+    # disturbance of the initial velocities.
+    points, parameters = growth.points(scene), {growth.DISTURBANCE: growth.disturbance(scene)}
     options = {"start_time": start_time, "throw": False, "progress": progress}
     rates = []
     for k in range(len(along)):
@@ -445,7 +447,7 @@ def _lyapunov_exponent(
         values = [(axis.variation, axis.values[k]) for axis in axes.values()]
         _, start = with_values(scene, state, values)
         run = sensitivities(
-            scene, start, end_time, tangent, points, times, TANGENT_SETTINGS, **options
+            scene, start, end_time, parameters, points, times, TANGENT_SETTINGS, **options
         )
         # The result of a failed run contains only the times before its failure.
         if len(run.times) == len(times):

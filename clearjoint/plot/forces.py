@@ -121,10 +121,12 @@ def _over_time(
 ) -> Axes:
     axes = axes_or_new(axes)
     mask, drawn_times, time_label = time_axis(axes, times, window)
+    # Curves that would look equal become one, with a label that names all of them.
     curves = observed.without_twins({name: values[mask] for name, values in forces.items()})
     values = np.concatenate([force for _, force in curves])
     factor, unit = fitting_unit(values, "N")
-    draw_lines(axes, ((label, drawn_times, force * factor) for label, force in curves), 1.0)
+    lines = ((label, drawn_times, force * factor) for label, force in curves)
+    draw_lines(axes, lines, linewidth=1.0)
     # The first of the new curves is thicker, since the others may cover it.
     axes.get_lines()[-len(curves)].set_linewidth(1.8)
     axes.margins(x=0.0)

@@ -152,8 +152,9 @@ def _bars(
     axes: PolarAxes,
     directions: Sequence[str] = ("x", "y"),
 ) -> PolarAxes:
-    # `weights`: lengths of bars in each sector, in the SI unit quantity[1], by their label, such as
-    # "base V". `tops`: the radii at which the outermost bar of each sector ends.
+    # `weights`: lengths of bars in each sector, by their label, such as "base V"; `quantity`: their
+    # name and SI unit; `directions`: names of the directions 0° and 90°. `tops`: the radii at which
+    # the outermost bar of each sector ends.
     tops = (np.sum if stacked else np.max)([*weights.values()], axis=0)
     sectors = len(tops)
     middles = 2.0 * np.pi * (np.arange(sectors) + 0.5) / sectors

@@ -112,6 +112,7 @@ class Peak(AbstractQuantityReduction):
         length = now.time - tally.end.x
         position = (tally.start.x - tally.end.x) / jnp.where(length > 0.0, length, 1.0)
         before = Point(position, tally.start.value)
+        # The value may jump at the end of this step: the next step begins with the one after it.
         value_before, value = now.before_and_after(self._value)
         start, end = Point(0.0, tally.end.value), Point(1.0, value_before)
         # The quantity is evaluated at several instants, but traced only once.

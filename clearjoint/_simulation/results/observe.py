@@ -513,6 +513,7 @@ def _along_compiled(
 
         if not rates:
             return jax.tree.map(jnp.asarray, value(t, variables))
+        # In `held`, sampled forces keep their present memory, which counts as constant in time.
         held = holding(system, memory)
         speeds, _ = held.rates(variables, state.entry_speeds, t, bristles=bristles)
         # The direction of the derivative is that of the motion: time advances at the rate 1, and

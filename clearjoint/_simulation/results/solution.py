@@ -75,8 +75,9 @@ def state_arrays(states: State, rows: tuple[str, ...], prefix: str = "") -> dict
     of_bristle = "deflection of the bristles, in the axes of the joint's first body"
     of_memory = "numbers that sampled forces remember, in SI units"
     of_ledger = "integrals of the energy ledger; friction includes the elastic energy of bristles"
-    # Arrays of single contacts are stacked along a new dimension, before that of the components of
-    # vectors.
+    # Arrays of single contacts, remembered numbers and integrals are stacked along a new dimension,
+    # before that of the components of vectors. `by_contact` also joins the names of a sampled force
+    # and of a number that it remembers.
     for name, parts, dims, unit, text in (
         ("entry_speed", by_contact(states.entry_speeds), (CONTACTS,), "m/s", of_entry),
         ("bristle_deflection", by_contact(states.bristles), (BRISTLES, COMPONENT), "m", of_bristle),

@@ -169,6 +169,7 @@ class RecordedRun:
         return np.asarray(buffer.filled())
 
     def solution(self, settings: Notes) -> Solution:
+        """Return the end of the run, and nothing else, as the `Solution` for `raise_failure`."""
         run, ended = self.recorder.run, self._ended
         return Solution(
             time=float(run.origin) + float(ended.time),
@@ -585,7 +586,8 @@ class _PulledLane:
 def _gradients_in_lanes(
     recorder: Recorder, runs: Sequence[RecordedRun], seeds_of: Callable[[int], Seeds]
 ) -> list[PyTree]:
-    # A lane pulls the cotangents of one run back. Its own data are the parameters and up to
+    # A lane pulls the cotangents of one run back, beginning with those of the run's outputs, which
+    # `seeds_of` returns for the index of the run. Its own data are the parameters and up to
     # `LANE_ROWS` steps; when it has passed most of these, they are replaced by the steps before.
     example = runs[0].example  # a `Step`, which has the structure of all steps
     slopes: list[PyTree] = [None] * len(runs)
@@ -601,7 +603,7 @@ def _gradients_in_lanes(
         return (run.at, steps), Pulled(np.asarray(count), cotangents, seeds.total)
 
     def serve(number: int, now: Pulled) -> _LaneData | None:
-        lane, left = lanes[number], int(now.count)
+        lane, left = lanes[number], int(now.count)  # number of its steps that are left to pass
         if left == 0 and lane.first == 0:
             slopes[number] = lane.run.gradient_from(now)
             del lanes[number]

@@ -197,13 +197,14 @@ def programs(common: Common, state: State) -> dict[str, str]:
     with_impacts = replace(run, impacts=common.impacts)
 
     def begin(batch: Common, numbers: PyTree, state: State, time: Scalar, length: Scalar) -> Lane:
-        task = Task(numbers.tree, state, time + length, length, None)
+        # All numbers of the scene are arguments of the program, as if all differed between lanes.
+        task = Task(numbers.tree, state, time + length, length, save_at=None)
         return replace(batch, start_time=time).begun(task)
 
     # Data of a lane for one step. The step does not depend on the initial state and on the length
     # of the first step, so that the example `state` and any length serve.
     def task_of(numbers: PyTree, end_time: Scalar, wanted: Mapping[str, int] = {}) -> Task:
-        return Task(numbers.tree, state, end_time, end_time, None, wanted)
+        return Task(numbers.tree, state, end_time, end_time, save_at=None, wanted=wanted)
 
     def step(numbers: PyTree, lane: Lane, end_time: Scalar) -> dict[str, PyTree]:
         """Return, by the key `RUN`, a pair: `lane` after one step, and the outcome of a run that

@@ -228,6 +228,7 @@ class SweepStore:
             has_new_variables = bool(extended.added - stored.added)
             if has_new_lanes or has_new_variables or relabelled:
                 extend(path, extended)
+                # The grid, a copy of the results along the axes, is outdated and written anew.
                 write_grid(path, _labelled(path, extended))
         return cls(path, extended)
 
@@ -288,6 +289,7 @@ class SweepStore:
             stored = {
                 name: chunks.read_chunk(self._folder, arrays[name], chunk) for name in results
             }
+            # A text in place of rows tells that the file is missing or damaged.
             if not any(isinstance(part, str) for part in stored.values()):
                 rows = {name: np.array(part) for name, part in stored.items()}
         # If all stored rows are pending, perhaps because a file is damaged or missing, old result
