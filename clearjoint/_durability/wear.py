@@ -541,7 +541,9 @@ class _Stages:
             self._extrapolate(self.cycles[-1] - self.cycles[-2])
             return
         measured = self._measured()
-        # `length` is the number of cycles of the stage whose end the run has measured.
+        # `difference` compares the wear in the two halves of the measured cycles: it is small if
+        # the motion is periodic. `length` is the number of cycles of the stage whose end the run
+        # has measured.
         difference, is_after_stage = run.difference(measured), len(self.cycles) > 1
         length = self.cycles[-1] - self.cycles[-2] if is_after_stage else 0.0
         # `_shorten` returns whether it could shorten the stage, which the next call then runs.
@@ -562,7 +564,8 @@ class _Stages:
             scales = depths[0].max(axis=(1, 2)) + self._pressed()
             corrections = np.abs(depths - self.depths[-1])[0].max(axis=(1, 2))
             # The extrapolation is of first order in the length of the stage, so that its error is
-            # proportional to the square of the length. The factor 0.9 leaves a margin.
+            # proportional to the square of the length. The factor 0.9 leaves a margin, and 1e-9
+            # avoids a division by zero.
             error = float(np.max(corrections / scales)) / run.stage_error
             next_length = length * min(GROWTH, 0.9 / np.sqrt(max(error, 1e-9)))
             if error > 1.0 and self._shorten(max(next_length, SHORTENED * length)):
@@ -937,7 +940,8 @@ def _digest(scene: Scene, state: State, run: CycleRun) -> str:
     """Return a digest by which a store recognises its computation. The digest does not depend on
     arguments that a user may change to continue (see `CycleRun`)."""
     # The text of a direction may contain an address in memory, which differs from process to
-    # process. So the derivatives of scene and state along the direction are used instead.
+    # process. So the derivatives of scene and state along the direction are used instead, with the
+    # profiles of the joints unchanged.
     named = dataclasses.replace(run, directions=dict.fromkeys(run.directions))
     effects = [
         jax.jvp(lambda u, a=along: a.without_profiles(scene, state, u), (0.0,), (1.0,))[1]
@@ -953,8 +957,12 @@ def _digest(scene: Scene, state: State, run: CycleRun) -> str:
     # traces, as by the stores of sweeps.
     if parts != texts:
         settings = settings_or(run.settings, presets.default)
-        limits = np.asarray(run.start_time), np.asarray(settings.max_steps)
-        common = Common(Scheme.of(settings, False), fold_constants(scene), *limits)
+        common = Common(
+            Scheme.of(settings, redundant=False),
+            fold_constants(scene),
+            start_time=np.asarray(run.start_time),
+            max_steps=np.asarray(settings.max_steps),
+        )
         parts.append(programs(common, state)[RUN])
     leaves = jax.tree.leaves((scene, state, effects))
     parts += [np.asarray(leaf).tobytes() for leaf in leaves]

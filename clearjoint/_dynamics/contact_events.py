@@ -96,9 +96,9 @@ def initial_entry_speeds(
         if_not_given = jnp.where(
             _at_the_wall(gap), _at_onset(gap, second_rate), UNKNOWN_ENTRY_SPEED
         )
-        # A state inside a step has the entry speeds of the step's start, and its depth is only
-        # exact to rounding. A contact that is just closed there may thus have the entry speed of an
-        # open one, zero, which would make its force elastic in the steps. It is not kept.
+        # A state that was saved inside a step, just after an onset, may have a positive depth but
+        # still the entry speed of an open contact, zero, because the instant of the onset is only
+        # estimated (`entry_speeds_inside`). As zero would make the force elastic, it is replaced.
         known_speed = (given or {}).get(name, {}).get(label, 0.0)
         is_closed = gap.depth > 0.0
         if_closed = jnp.where(known_speed > 0.0, known_speed, if_not_given)

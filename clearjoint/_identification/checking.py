@@ -459,14 +459,14 @@ def check(
         # The local searches of the exploration end early. If one of them has found a lower minimum,
         # the fit moves there, which takes an accurate search. The test tolerates a decrease of chi
         # squared up to `FLOOR`, so that a smaller one is no other minimum.
-        lowest = min(explored.minima, key=lambda minimum: minimum.chi_squared)
-        if best.chi_squared - lowest.chi_squared > FLOOR:
-            runs.descend(lowest.coordinates, NEAREST, 4 * STEPS_DOWN)
+        lowest_minimum = min(explored.minima, key=lambda minimum: minimum.chi_squared)
+        if best.chi_squared - lowest_minimum.chi_squared > FLOOR:
+            runs.descend(lowest_minimum.coordinates, near=NEAREST, steps=4 * STEPS_DOWN)
         posterior = None
         # If noise doesn't explain chi squared, the model is wrong, and so would be its posterior.
         if explored.lowest <= likely and runs.left() > LEAST_RUNS * POINTS * number:
-            half = np.minimum(farthest, MARGIN * _extent(explored, lowest))
-            box = lowest.coordinates - half, lowest.coordinates + half
+            half = np.minimum(farthest, MARGIN * _extent(explored, lowest_minimum))
+            box = lowest_minimum.coordinates - half, lowest_minimum.coordinates + half
             most = int(min(runs.left(), MOST_RUNS * number))
             posterior = _small_posterior(compared, box, number, explored.lowest, most, bar)
         return LikelihoodCheck(

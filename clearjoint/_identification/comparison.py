@@ -210,8 +210,8 @@ class Comparison:
             return np.tile(times, (lanes, 1)), [np.arange(count)[None]] * len(runs.names)
         # Delay of each series in each run, s, by name.
         delay_of = dict.fromkeys(runs.names, np.zeros(lanes))
-        for number, names in runs.sensors.delays:
-            delay = np.asarray(runs.sensors.value(number, jnp.asarray(coordinates)))
+        for parameter_index, names in runs.sensors.delays:
+            delay = np.asarray(runs.sensors.value(parameter_index, jnp.asarray(coordinates)))
             delay_of |= dict.fromkeys(names, delay)
         # Before the start there is only the initial state.
         start = float(runs.base.start_time)

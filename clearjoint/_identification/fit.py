@@ -377,7 +377,8 @@ class Fit(AbstractTabular):
 
     @override
     def __str__(self) -> str:
-        # Whether the covariance is valid comes first, and is left out of the warnings at the end.
+        # Whether the covariance is valid comes first, and is left out of the warnings at the end: a
+        # warning of correlated residuals, if any, and the result of the test by further runs.
         on_test = [] if self.check is None else [self._test_report()]
         on_covariance = [*self._correlation(), *on_test]
         series, end = len(self.measurements.series), self.measurements.times()[-1]
@@ -434,7 +435,8 @@ class Fit(AbstractTabular):
         # which is no move to another minimum.
         single = check.minima == 1 and moved <= checking.FLOOR
         reliable = explored.settled and abs(check.difference) <= 1.0
-        alike = single and reliable and check.widening(self.best.best) < ALIKE
+        at_estimates = self.best.best  # the run that has the covariance
+        alike = single and reliable and check.widening(at_estimates) < ALIKE
         head = "Chi squared is rough" if alike else "Standard errors are not valid"
         if check.posterior is not None:
             intervals = (

@@ -190,7 +190,7 @@ def _advance(
     # The state also contains functions, which cannot leave a compiled program. They are the same in
     # every state, so that only the arrays are passed from step to step.
     if arrays is not None:
-        state = eqx.combine(arrays, eqx.filter(initial, eqx.is_array, True))
+        state = eqx.combine(arrays, eqx.filter(initial, eqx.is_array, inverse=True))
     y, state, _ = solver.step(_residuals, y, model, {}, state, frozenset())
     residuals, jacobian = state.f_info.residual, state.f_info.jac.as_matrix()
     # A coordinate that has run far towards infinity, such as the logarithm of a friction that is

@@ -138,7 +138,8 @@ class _Instants(NamedTuple):
 
 @Compiled
 def _instants(runs: Experiment, coordinates: jax.Array, end_time: jax.Array) -> _Instants:
-    delays = [runs.sensors.value(number, coordinates) for number, _ in runs.sensors.delays]
+    # Value of each delay, s; `index` is that of its parameter.
+    delays = [runs.sensors.value(index, coordinates) for index, _ in runs.sensors.delays]
     # A series with a negative delay is compared with the motion after its sample times, so that the
     # run must last longer than to the last sample.
     end = end_time + jnp.maximum(0.0, -jnp.min(jnp.stack(delays)))

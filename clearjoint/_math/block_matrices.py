@@ -312,7 +312,7 @@ def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
     L's diagonal blocks, in one flat array. The diagonal blocks of L themselves are not computed."""
     # The inverse W of L in a diagonal block is computed row by row. With the rows of W that are
     # known, and zeros in the others, W times row i of the block is row i of L without its diagonal
-    # element. Rows beyond those of a group are those of the identity.
+    # element. A group may have fewer than `SIZE` rows: the rest of W is that of the identity.
     inverses = np.zeros((len(plan.order), SIZE, SIZE))
     for j, size in enumerate(plan.sizes):
         inverses[j, range(size, SIZE), range(size, SIZE)] = 1.0

@@ -97,7 +97,8 @@ def _if_any(
     """Add a branch for the lanes in which its condition holds; in other lanes, its results are not
     used. `jumps`: whether the branch is skipped if its condition holds in no lane."""
     # Without a jump, the branch is executed in all lanes. It must not overwrite its arguments,
-    # which the other branch still needs.
+    # which the other branch still needs. With a jump, it writes only in the lanes in which its
+    # condition holds (`masked`), and these do not use the other branch.
     if not jumps:
         return lower.inline(branch, [borrowed(argument) for argument in arguments])
     results: list[Array] = []

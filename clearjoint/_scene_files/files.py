@@ -294,8 +294,10 @@ def scene_of_document(
     state_table, state_location = document.get(STATE, {}), location.at(STATE)
     if not isinstance(state_table, dict):
         state_location.refuse(state_table, "a table", "write [state.bodies.<name>] for each body")
-    # A file may omit the state of any body, and the whole section: `_completed` finds them.
+    # An error about an unknown key lists `other_keys` too, since a file may have these.
     scene = reader.instance(Scene, sections, location, other_keys=(VERSION, STATE))
+    # A file may omit the state of any body, and the whole section. `_completed` computes the
+    # missing states, by following the joints.
     state = reader.instance(State, {"bodies": {}} | state_table, state_location)
     bodies = list(scene.bodies)
     for name in state.bodies:

@@ -109,12 +109,13 @@ def disturbed_axes(
     1 and `axes` change only numbers of the scene, all lanes use the constraints of `scene`, so that
     the numbers must differ little from its own.
     """
-    # Axes that change only numbers of the scene leave the initial state as it is. With one draw
-    # for each value, every lane has its own numbers and would need its own Jacobian and singular
-    # value decomposition, which would be slow. The Jacobian of the given scene then serves all
-    # lanes, because such axes are parameters within tolerances: a number that differs by a small
-    # share makes the tiny disturbance violate the constraints only by about this share of itself.
-    # The axes of an ensemble may change numbers much, but need one Jacobian for many draws.
+    # Whether the Jacobian of the given scene serves all lanes. Axes that change only numbers of the
+    # scene leave the initial state as it is. With one draw for each value, every lane would need
+    # its own Jacobian and singular value decomposition, which would be slow. These are the axes of
+    # `statistics_derivatives`, whose numbers vary only within the tolerances of manufacture. If a
+    # number differs by a small share, the tiny disturbance violates the constraints only by about
+    # this share of itself. An ensemble's axes may change numbers much, but each of its Jacobians
+    # serves many draws.
     shared = draws == 1 and all(isinstance(a.variation, SceneNumber) for a in axes.values())
     block = len(along) if shared else draws
     velocities, nominal = np.empty_like(along), np.empty_like(along)

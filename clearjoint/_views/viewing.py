@@ -84,8 +84,9 @@ class View:
         from .filming import DPI, SAMPLES, Film
 
         is_still = suffix not in (".gif", ".mp4")
-        samples = SAMPLES if is_still else SAMPLES // 2  # a picture has twice the pixels
-        film = Film(self.parts, self._camera, self.legend, self.times, samples)
+        # A picture has twice as many pixels per inch as an animation.
+        points_per_inch = SAMPLES if is_still else SAMPLES // 2
+        film = Film(self.parts, self._camera, self.legend, self.times, points_per_inch)
         if is_still:
             if self.times is not None and time is not None:
                 film.show(int(np.argmin(np.abs(self.times - time))))

@@ -237,14 +237,15 @@ def scaled(data: xr.DataArray, axis: Axis | None = None) -> ScaledValues:
     name = shown(str(data.name).replace("_", " "))
     present = "" if axis is None else axis.get_label_text()
     if present:  # both data have one axis, and thus one prefix
-        # The unit is unknown, except from the label, on an axis that another function labelled.
         names = present.replace("\n", " ")
-        drawn = getattr(axis, UNIT, None)
+        # Unit without prefix of the data drawn before. If another function has labelled the axis,
+        # it is ``None``, and only the label tells the unit.
+        base_before = getattr(axis, UNIT, None)
         remedy = "draw it into new axes"
         if unit != "1":  # only labels of data with a unit end with one
             exponents = {prefix + base: power for power, prefix in PREFIXES.items()}
             names, _, unit = names.rpartition(", ")
-            fits = unit in exponents and drawn in (base, None)
+            fits = unit in exponents and base_before in (base, None)
             require(fits, "axes", base, f"of an axis with the unit of {present!r}", remedy)
             exponent = exponents[unit]
         else:
@@ -253,7 +254,7 @@ def scaled(data: xr.DataArray, axis: Axis | None = None) -> ScaledValues:
             has_unit = last in {
                 prefix + plain for prefix in PREFIXES.values() for plain in PREFIXED
             }
-            fits = drawn == "1" or (drawn is None and not has_unit)
+            fits = base_before == "1" or (base_before is None and not has_unit)
             require(fits, "axes", present, "axes of data in 1", remedy)
         # The label lists the names of all data on the axis, each once.
         name = names if name in names.split(", ") else f"{names}, {name}"

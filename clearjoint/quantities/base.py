@@ -81,6 +81,7 @@ class Instant:
         """Bristle deflections, m, ``bristles[joint][contact]``: vectors in the axes of the joint's
         first body; zero while the contact is open. Contacts without bristles are left out."""
         self._system, self._own_time, self._variables = system, own_time, variables
+        # Function of the fraction of the step, as in `inside`; ``None`` unless a step ends here.
         self._inside = inside
         self.jumps = jumps
         """Whether the step that ends here ends at a breakpoint, or at an onset or end of a contact,

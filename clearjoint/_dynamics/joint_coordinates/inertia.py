@@ -471,7 +471,7 @@ def along_columns(
 ) -> list[Speeds]:
     """Return, for each link, the generalised forces in its joint, one for each of the joint's
     speeds, due to `loads` on the link and on all that it carries. `evaluate`: for each link, the
-    `evaluation` of its tree, which calls functions of the link."""
+    `evaluation` of its tree, which calls a function and, in a large tree, traces it only once."""
     totals = dict(loads)
     forces: list[Speeds] = [[0.0] * len(link.columns) for link in links]
     # Each link comes after its parent. Links are visited by falling index, so that all loads on a

@@ -108,9 +108,9 @@ class BoxProblem:
             x, free, _ = now
             change = self._to_least(x, free, start)
             # Go along the change until the first row meets a bound, and fix this row. If it were
-            # still free, the next step could demand to cross the bound again, and would end at
-            # once: the impulses of linearly dependent rows can move far without a change of the
-            # velocities.
+            # still free, the next change could lead across the same bound, and its step would have
+            # no length. This happens with linearly dependent rows: large changes of their impulses
+            # can leave the velocities as they are.
             shares = self._shares(x, change)
             share = reduce(jnp.minimum, shares)
             meets = [(part <= share) & (part < 1.0) for part in shares]

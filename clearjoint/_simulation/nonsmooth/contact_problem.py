@@ -133,18 +133,20 @@ def _touch(
             second: motions[second].wrench(direction, on_second),
             first: motions[first].wrench(-direction, on_first),
         }
-        return Row(0.0, pairs, 0.0)
+        return Row(value=0.0, jacobian=pairs, bias=0.0)
 
     # The normal is the direction in which the second body penetrates the first, so that the contact
     # opens in the opposite direction.
     normal = row(-contact.normal)
-    # A contact that acts as a couple, such as the backlash of a hinge, has other wrenches than a
-    # force along the normal. So has one with a `SideForce`, whose elastic part has no impulse.
+    # Contacts with a `SideForce`, or that act as a couple, such as the backlash of a hinge, have
+    # other wrenches than a force along the normal: those of a normal force of 1 N. The elastic part
+    # of a `SideForce` is left out, since rigid contacts store no energy.
     if contact.side is not None:
         contact = replace(contact, side=replace(contact.side, elastic=ZERO))
     if contact.turning is not None or contact.side is not None:
-        unit_force = LoadedContact(contact, 1.0, 1.0, None)
-        normal = Row(0.0, dict(contact_wrenches(joint, unit_force, motions)), 0.0)
+        unit_force = LoadedContact(contact, normal_force=1.0, elastic_force=1.0, friction=None)
+        wrenches = dict(contact_wrenches(joint, unit_force, motions))
+        normal = Row(value=0.0, jacobian=wrenches, bias=0.0)
     # Beyond either penetration, it is unknown on which side of the wall the contact is.
     limits = [contact.gap.clearance, joint.deepest().get(label)]
     limits = [limit for limit in limits if limit is not None]

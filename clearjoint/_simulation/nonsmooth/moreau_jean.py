@@ -79,12 +79,12 @@ class StepEnd(eqx.Module):
 def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> StepEnd:
     """Move the system `rigid` by one step of length h, s, from the time t, s. A driver or load with
     a breakpoint at t has the value that holds after it; no breakpoint may be inside the step."""
-    # Motion without contact, from which the gaps in the middle of the step follow.
     system, middle_time = rigid.system, t + 0.5 * h
-    # At a breakpoint, the time just after it.
+    # The time t in a step that starts there: at a breakpoint, just after it.
     t = one_sided_time(system, t, t)
-    # Both have the positions in the middle of the step: `middle` with the speeds at the start of
-    # the step, and `last` with the speeds at its end, at first without impulses.
+    # Motion without contact forces, from which the gaps in the middle of the step follow. `middle`
+    # and `last` both have the positions there: `middle` with the speeds at the start of the step,
+    # and `last` with the speeds at its end, at first without impulses.
     middle, last = _smooth_step(rigid, variables, t, middle_time, h)
     mechanics = system.mechanics(last)
     contacts = touches(system.scene, mechanics.motions)
@@ -107,8 +107,8 @@ def advance(rigid: Rigid, variables: MotionVariables, t: Scalar, h: Scalar) -> S
         # The impulses change the speeds. A further change, `push`, moves only the positions, out of
         # penetrations. A sink is the velocity towards the wall that all forces but those of the
         # contacts add in the step.
-        rows = range(len(problem.rows))
-        after = problem.velocities_after(unloaded, impulses, rows, rows)
+        all_rows = range(len(problem.rows))
+        after = problem.velocities_after(unloaded, impulses, rows=all_rows, columns=all_rows)
         steps = _contact_steps(contacts, impulses, before, after)
         last = mechanics.after_speed_change(problem.kick(impulses))
         sinks = [jnp.maximum(a - b, 0.0) for a, b in zip(before, unloaded, strict=True)]

@@ -127,12 +127,13 @@ def _past_kink(system: System, now: RigidRun, start: Scalar, stop: Scalar) -> Ri
     joints = [has_one for name, (has_one, _) in since.items() if name in system.scene.joints]
     if not joints:
         return now
-    # Where a driver's velocity jumps, the change of the speeds has the least kinetic energy.
-    time = breakpoints.one_sided_time(system, stop, stop)
-    # A run that failed stays where it is, before `stop`.
+    # The time `stop` in a step that starts there: just after a breakpoint.
+    just_after = breakpoints.one_sided_time(system, stop, stop)
+    # Where a driver's velocity jumps, the change of the speeds has the least kinetic energy. A run
+    # that failed stays where it is, before `stop`.
     variables = jax.lax.cond(
         reduce(jnp.logical_or, joints) & (now.result == RESULTS.successful),
-        lambda variables: system.project_velocities(variables, time),
+        lambda variables: system.project_velocities(variables, just_after),
         lambda variables: variables,
         now.variables,
     )

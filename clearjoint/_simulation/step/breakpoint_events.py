@@ -85,8 +85,10 @@ def across_breakpoints(
     # By name of the element: whether the step ends at one of its breakpoints, and the time since.
     joints = {name: since[name] for name in scene.joints if name in since}
     forces = {name: since[name] for name in scene.forces if name in since}
-    # Times just before and just after the breakpoint, at which elements are evaluated.
-    before, after = (breakpoints.one_sided_time(system, side, t) for side in (start, t))
+    # Times just before and just after the breakpoint, at which elements are evaluated: t as the end
+    # of the step from `start`, and as the start of the next step.
+    before = breakpoints.one_sided_time(system, start, t)
+    after = breakpoints.one_sided_time(system, t, t)
     sampled = breakpoints.sampled_instants(system, start, t)
 
     def rates(shares: Mapping[str, Scalar], y: Variables, time: Scalar) -> Variables:
@@ -97,17 +99,17 @@ def across_breakpoints(
 
     def corrected(y: Variables) -> Variables:
         if joints:
-            # Move back to the breakpoint with the old rates, apply the velocity jump there, and
-            # move forward again with the new rates. Forces stay as they were before it
-            # (`no_shares`), since their changes are added below. The time of these moves is zero
-            # except for rounding, but its derivatives are not.
+            # Move back by `time` to the breakpoint, with the old rates. Apply the velocity jump
+            # there, at the instant `after - time`, and move forward again with the new rates.
+            # Forces stay as they were before the breakpoint (`no_shares`), since their changes are
+            # added below. `time` is zero except for rounding, but its derivatives are not.
             # Drivers with breakpoints at the same instant are assumed to change together, so the
             # mean of their times is taken. Lanes of a batch compute this in every step; the bound
             # of 1 avoids a division by zero where no driver has a breakpoint at the end. In a step
             # that ends at breakpoints of forces only, `time` is zero, and `_past_kink` removes only
             # the drift of velocities from the constraints.
             count = sum(jnp.asarray(lands, float) for lands, _ in joints.values())
-            time = sum(time for _, time in joints.values()) / jnp.maximum(count, 1.0)
+            time = sum(passed for _, passed in joints.values()) / jnp.maximum(count, 1.0)
             y = _moved_on(y, rates(no_shares, y, before), -time)
             y = _past_kink(_with_shares(system, before, after, no_shares), y, after - time)
             y = _moved_on(y, rates(no_shares, y, after), time)

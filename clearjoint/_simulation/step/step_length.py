@@ -128,11 +128,12 @@ def tangent_sizes(system: System, sizes: Variables, along: Variables) -> Variabl
     and `sizes` are the `magnitudes` of tangents and variables. The result is `along`, to which, for
     speeds, a term in proportion to `sizes` is added (`SHARE_OF_SPEED` has the formula)."""
 
-    # In free flight the derivative of a speed may be zero. At an onset it rises to a high peak. The
-    # rate of this rise has the relative error of the tiny depth, of which few digits are known far
-    # from the origin. The error relative to the derivative itself could therefore not become small
-    # enough, and steps shrank until the run failed.
-    # Speeds are set to zero here, so that `largest` finds the largest position.
+    # The added term lets a run pass an onset. There, the derivative of a speed may rise from zero
+    # to a high peak. The rate of this rise has the relative error of the tiny depth, of which few
+    # digits are known far from the origin. Compared with the derivative alone, the error would stay
+    # too large in steps of any length.
+
+    # Motion with speeds of zero, so that `largest` finds the largest position.
     def positions(motion: MotionVariables) -> MotionVariables:
         return system.with_speeds(motion, jax.tree.map(jnp.zeros_like, motion))
 

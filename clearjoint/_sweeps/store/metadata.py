@@ -176,12 +176,12 @@ def contents_of(path: Path) -> Contents:
     stored = {name: attrs.pop(name) for name in list(attrs) if name.startswith(_OWN)}
     notes = {name: attrs.pop(name) for name in stored["sweep_notes"]}
     settings = attrs
-    path = path / BY_LANE
+    path = path / BY_LANE  # the folder of `group`
     # `order` is the lane in each row, and `row_of` its inverse, the row of each lane.
     order = _values(path, group, stored["sweep_order"])
     row_of = np.argsort(order)
-    parts = "axes", "coordinates", "digests"
-    axis_names, label_names, digests = (stored[_OWN + part] for part in parts)
+    axis_names, label_names = stored["sweep_axes"], stored["sweep_coordinates"]
+    digests = stored["sweep_digests"]  # names of arrays, by the keys of `Identity.lanes`
     axes, zipped = [], stored["sweep_zipped"]
     for dim, name in enumerate(axis_names):
         axis = _labels(path, group, name)
