@@ -129,6 +129,7 @@ def overdamped_contacts(scene: Scene, state: State, t: Scalar) -> list[str]:
     sentences, usual = [], resting_entry_speeds(scene, scene.contact_joints(), state, t)
     for name, family in usual.items():
         for label, speed in family.items():
+            # The user's own law, around which the joint may have put another one.
             law = whole_law(scene.laws()[name][label])
             # Laws with a floor use it in place of lower entry speeds.
             floor = float(getattr(law, "entry_speed_floor", 0.0))

@@ -96,7 +96,8 @@ class Comparison:
             rows = np.stack([waiting.pop(lane) for lane in lanes])
             # Always the same number of rows, so that one compiled program serves all calls.
             predictions = np.resize(rows, (TOGETHER, *rows.shape[1:]))
-            # The lanes have computed quantities, which sensors with errors read otherwise.
+            # The lanes have computed exact quantities. Errors of sensors, such as a bias, are added
+            # to these values here; delays are contained in `instants`.
             if runs.sensors.of_values:
                 quantities = dict(zip(runs.names, np.moveaxis(predictions, 1, 0), strict=True))
                 of_lanes = np.resize(coordinates[lanes], (TOGETHER, coordinates.shape[1]))

@@ -208,7 +208,7 @@ def identify_many(
     searches = len(measurements) * len(rows)
     with iteration_callback(progress, compared.parameters, searches) as on_iteration:
         for measured in measurements:
-            fit, stopped = problem.fit(measured, on_iteration, progress is True)
+            fit, stopped = problem.fit(measured, on_iteration, show=progress is True)
             fits += [] if fit is None else [fit]
             if stopped:
                 raise FitInterrupted(fits, partly=fit is not None)

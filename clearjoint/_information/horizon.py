@@ -209,6 +209,7 @@ def fit_horizon(
     spread = np.array([float(uncertainty[name]) for name in parameters])
     by_name, truth = analysis.as_sensors(sensors, scene), coordinates_of(scene, state, parameters)
     times = analysis.times_of(by_name)
+    # The motion of `points` shows how a `disturbance` grows, and `contacts` when impacts begin.
     points, contacts = growth.points(scene), growth.penetrations(scene)
     outputs, end_time = outputs_of(by_name) | points | contacts, float(times[-1])
     disturbance = {growth.DISTURBANCE: growth.disturbance(scene)}

@@ -433,9 +433,10 @@ def _best_fit(
         fit = _lowest(fit, fitted(windows)) if windows else fit
     if plays := _of_kind(problem, free, "play"):
         # Starts at the estimates, but with all plays larger or smaller, or one of them nearly zero.
-        last = _inside(problem, fit)
-        others = [{**last, **{name: factor * last[name] for name in plays}} for factor in PLAYS]
-        others += [{**last, name: NO_PLAY * last[name]} for name in plays]
+        # `_inside` moves places at an end of a play a little inward.
+        found = _inside(problem, fit)
+        others = [{**found, **{name: factor * found[name] for name in plays}} for factor in PLAYS]
+        others += [{**found, name: NO_PLAY * found[name]} for name in plays]
         fit = _lowest(fit, fitted((), others))
     return fit
 
@@ -549,7 +550,8 @@ def _away_from_starts(
         scale, coordinate = alone.scales[k], float(alone.coordinates[k])
         value = float(alone.values[k])
         half = WIDTH * float(alone.deviations[k]) * widening.get(name, 1.0)
-        rising = value > starts[name]  # whether the fit has moved the value up
+        # If the coordinate has run to infinity, the interval depends on whether it has run up.
+        rising = value > starts[name]
         low, high = scale.interval(coordinate, half, rising)
         if isinstance(scale, Log) and not rising:
             # A parameter that may be zero, such as a friction, has a force proportional to it, so

@@ -162,7 +162,8 @@ class MjcfWriter:
         self._tendons: dict[tuple[tuple[str, float], ...], FileJoint] = {}
         self._scene = unpack(jax.tree.map(np.asarray, scene))
         self._branches = {place.body: self._branch(place) for place in places}
-        # The motions and orientations in which the joints of the tree put the bodies.
+        # The motions and orientations in which the joints of the tree put the bodies. `walk` is the
+        # list of branches in the form that `motions_of` and `orientations_of` take.
         variables, walk = self._variables(pose), written_out(self._branches.values())
         self._motions = motions_of(walk, variables)
         self._turns = orientations_of(walk, variables)
@@ -203,6 +204,7 @@ class MjcfWriter:
                 parts = composed(conjugate(joint.start), variable.position), variable.speeds
             else:
                 (speed,) = variable.speeds
+                # The pose of the file has the file's joint at `position`, the scene's at `start`.
                 position = joint.position + joint.sign * (variable.position - joint.start)
                 if joint.kind == HINGE:
                     # The scene knows angles up to whole turns. The file's are near the middle of
@@ -692,6 +694,7 @@ def mjcf_of(
     start = pose if state is None else state
     check_names(mechanism, start)
     ideal, replaced = _with_ideal_joints(mechanism)
+    # Both `_places` return the place of each body in the tree of joints.
     writer = MjcfWriter(ideal, robot._places() if robot else _places(ideal), pose)
     if replaced:
         writer.omitted["clearances, replaced by ideal joints,"] += replaced

@@ -363,7 +363,8 @@ class Robot:
     ) -> dict[str, JointState | BodyState]:
         """Return the variables of all bodies, by name, for positions and speeds of joints and for
         the states `free` of free bodies; all three may be incomplete, as in `state`."""
-        positions, speeds = self._by_joint("q", q, False), self._by_joint("qd", qd, True)
+        positions = self._by_joint("q", q, speeds=False)
+        speeds = self._by_joint("qd", qd, speeds=True)
         # Complete the numbers of followers, after those of their leaders, and of motors. A follower
         # without a leader is at a constant position; the text "" names no joint.
         for name, mimic in self._mimics.items():

@@ -294,9 +294,10 @@ def _parts(scene: Scene, solution: Solution, record: xr.DataArray) -> list[_Part
     else:
         path = trajectory_of(solution, solution.saved or solution.steps)
     observed = observe(scene, solution, path)
-    # Light letters are narrower than bold ones.
+    # `LETTERS` are bold. Light letters are narrower: 13 more of them fit into a line.
     lines = [line for text in run_lines(scene, solution) for line in wrap(text, LETTERS + 13)]
-    # The functions draw later, when the heights of all rows are known.
+    # Numbers are heights, inches, which `report` stretches. The functions draw later, when the
+    # heights of all rows are known.
     parts = [_text_part(lines, "normal", JOINT_COLUMNS, joint_rows(scene, 2 * MOST_ROWS))]
     parts += [_Part(2.6, lambda row: draw_motion(row, scene, path, observed))]
     if observed.contacts:  # the phases of the motion below the forces have a row for each joint

@@ -382,7 +382,8 @@ class MassMatrix(AbstractTreeSolver):
                 # link k itself. The entries before them are products with columns of its carriers.
                 matrix[first_row + j][first_row:] = block[j][: j + 1]
                 self._fill_row(matrix[first_row + j], parent, rest)
-            # With the unknowns r, inertia about the joint's axes does not act on the carrier.
+            # Unknowns r are relative to a carrier that is not accelerated about the joint's axes
+            # (see `.coordinates`), so that inertia about these axes does not act on the carrier.
             if parent is not None:
                 carried[parent] = carried[parent] + carried[k].without(columns, wholes, rests)
         self._factors = Factorisation(matrix)

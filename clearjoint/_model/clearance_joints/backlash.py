@@ -162,7 +162,7 @@ class Backlash(AbstractNamedPair, AbstractFlankJoint):
             # are arbitrary.
             by_first, by_second = (row.jacobian[name].moment * arm for name in self.pair())
             turning = by_first, by_second
-            contacts[label] = Contact(gap, axis * side, ZERO, ZERO, None, turning=turning)
+            contacts[label] = Contact(gap, axis * side, ZERO, ZERO, slip=None, turning=turning)
         return contacts
 
     @override

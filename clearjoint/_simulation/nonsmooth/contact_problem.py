@@ -276,8 +276,9 @@ class ContactProblem:
         owner = [k for k, touch in enumerate(self.contacts) for _ in touch.slip]
         coefficients = [self.contacts[k].coefficient for k in owner]
         block = [self._matrix[i][count : i + 1] for i in tangents]
-        # The residual is relative to the largest velocity that the impulses at closed contacts have
-        # to change.
+        # The residual `opening` is divided by `scale`, the largest velocity that the impulses at
+        # closed contacts have to change. The other two are divided by the largest velocity of their
+        # own kind, but at least by `least`.
         are_closed = [*closed, *(closed[k] for k in owner)]  # for all rows
         scale = jnp.maximum(largest_of(are_closed, [*aims, *slips]), NEGLIGIBLE)
         least = jnp.maximum(ROUNDED * scale, NEGLIGIBLE)

@@ -85,7 +85,8 @@ def peak_in_step(
     quintic = Quintic.through(first, last, h)
     rates = Slope(start.gap.rate, start.second_rate), Slope(end.gap.rate, end.second_rate)
     # In very short steps the slope of the quintic suffers from rounding errors of the depths. The
-    # cubic through rates and second rates does not.
+    # cubic through rates and second rates does not. Whether the step is long enough is judged by
+    # `speed`: the entry speed or, for a law that uses none, the rate.
     moves = h * jnp.abs(start.speed()) > RESOLVED_TRAVEL
 
     # The normal force does not depend on the rate of the gap's factor, so this rate is set to zero.
@@ -275,14 +276,14 @@ class ImpactRecorder(AbstractRecorder[ImpactRecord]):
         now, system, accepted = step_outcome.now, step_outcome.system, step_outcome.accepted
         t0, t1, laws = step_outcome.before.t, step_outcome.after.t, now.scene.laws()
         lands = step_outcome.method.landing is not None
-        ends = self._instants(step_outcome.method, system, now, step_outcome.after)
+        at_step_end = self._instants(step_outcome.method, system, now, step_outcome.after)
         # If a scene has many contacts, they share one trace of the function. Contacts of all joints
         # count, so that the bits of impacts do not depend on which joints are recorded.
         count = sum(map(len, laws.values()))
 
         def contact_after(name: str, label: str) -> ContactRecord:
             recorded = record[name][label]
-            law, end = laws[name][label], ends[name][label]
+            law, end = laws[name][label], at_step_end[name][label]
             arguments = recorded.contact, law, t0, t1, end, lands
             contact, has_ended, row = shared_by_many(count, ContactSoFar.after, *arguments)
             # A row is written if the contact ended in this step, and the row is to be recorded.

@@ -247,6 +247,7 @@ def _with_shifted_instants(
     for name, integrand in fixed.formulation.integrands.items():
         value = partial(integrand, fixed, after, still.motion, speeds, still.bristles)
         along.work[name] = sum(since * (value(new) - value(old)) for _, old, new, since in changes)
+    # The jumps in `along` are multiplied by the times already, hence the factor 1.
     return replace(_moved_on(y, along, 1.0), memory=y.memory)
 
 

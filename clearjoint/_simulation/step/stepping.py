@@ -323,7 +323,8 @@ def _across_discontinuities(trial: Trial, keep: Condition) -> Ends:
         changes = keep & any_changes(system.scene, step.contact_gaps, trial.gaps)
         # `corrected` takes derivatives inside of the branch, because JAX needs longer to trace the
         # derivatives of a branch. To transpose a branch, JAX divides it twice into a linear part
-        # and the rest, unless the branch is a call of a function, whose division JAX keeps.
+        # and the rest, unless the branch is a call of a function, whose division JAX keeps. The
+        # transpose computes this function again, instead of taking its intermediate results.
         is_transposed = family is not None and family.is_transposed
         correct = traced_once(partial(corrected, contacts_corrected), recomputes=is_transposed)
         ends = jax.lax.cond(changes, correct, lambda ends: ends, ends)

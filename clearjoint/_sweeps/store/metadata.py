@@ -180,8 +180,8 @@ def contents_of(path: Path) -> Contents:
     # `order` is the lane in each row, and `row_of` its inverse, the row of each lane.
     order = _values(path, group, stored["sweep_order"])
     row_of = np.argsort(order)
-    axis_names, label_names = stored["sweep_axes"], stored["sweep_coordinates"]
-    digests = stored["sweep_digests"]  # names of arrays, by the keys of `Identity.lanes`
+    axis_names, label_names = stored[f"{_OWN}axes"], stored[f"{_OWN}coordinates"]
+    digests = stored[f"{_OWN}digests"]  # names of arrays, by the keys of `Identity.lanes`
     axes, zipped = [], stored["sweep_zipped"]
     for dim, name in enumerate(axis_names):
         axis = _labels(path, group, name)
