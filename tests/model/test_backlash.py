@@ -3,8 +3,6 @@
 import math
 from dataclasses import replace
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -162,18 +160,6 @@ def test_gears_on_axes_that_point_against_each_other_turn_in_the_same_ratio():
     flipped = replace(gears(), axis_second=np.array([0.0, 0.0, -1.0]))
     before, after = (meshing(flipped, angles=(x, 0.4 - x * 18 / 41)) for x in (0.2, 0.9))
     assert depths(flipped, after) == pytest.approx(depths(flipped, before), abs=1e-15)
-
-
-def test_derivatives_by_the_play_are_exact_and_finite_at_the_flank():
-    def depth(play, angle):
-        parts = jnp.cos(0.5 * angle), 0.0, 0.0, jnp.sin(0.5 * angle)
-        turn = cj.extend.rotation_matrix(cj.extend.EulerParameters(*parts))
-        motions = {"a": AT_REST, "b": replace(AT_REST, rotation=turn)}
-        joint = unpack(backlash(play=play))
-        return joint.contacts(motions)["upper flank"].gap.depth
-
-    by_play, by_angle = jax.grad(depth, (0, 1))(2e-3, 1e-3)
-    assert (float(by_play), float(by_angle)) == pytest.approx((-0.025, 0.05), rel=1e-12)
 
 
 def stiff(**options) -> cj.Backlash:

@@ -1,28 +1,23 @@
 """The clearance joint: geometry of the paper, balance of its forces, and its axial policies."""
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from clearjoint.extend import Formulation, System, Vector, pack, unpack
-from clearjoint.testing import moving
 from tests.support.many_states import in_scalars
-from tests.support.motions import AT_REST
 from tests.support.observations import observed
 
 RANDOM = np.random.default_rng(8)
 N = 30
-BEARING, CLEARANCE, LENGTH, PLAY = 1.0, 0.2, 0.9, 0.1
+BEARING, CLEARANCE, LENGTH = 1.0, 0.2, 0.9
 MASSES = {"a": 2.0, "b": 0.7}
 INERTIAS = {
     "a": np.array([[0.9, 0.1, 0.0], [0.1, 1.1, -0.2], [0.0, -0.2, 1.0]]),
     "b": np.diag([0.3, 0.4, 0.5]),
 }
-FRICTION = cj.frictions.RegularisedCoulomb(0.3, 0.5)
 COORDINATES = cj.AbsoluteCoordinates()
 POINTS = {name: RANDOM.normal(size=(N, 3)) for name in ("bearing_point", "journal_point")}
 AXES = {name: RANDOM.normal(size=(N, 3)) for name in ("bearing_axis", "journal_axis")}
@@ -168,29 +163,6 @@ def pin_scene(law, **options):
     return cj.Scene({"journal": cj.Body(2.0, (0.1, 0.1, 0.1))}, {"pin": joint})
 
 
-def rates_of(scene, body, clearance):
-    """Accelerations and contacts of one journal, as functions that can be differentiated."""
-    scene = eqx.tree_at(lambda s: s.joints["pin"].clearance, unpack(scene), clearance)
-    entry_speeds = {"pin": {"V": 0.0, "W": 0.0}}
-    system = System(scene, Formulation(COORDINATES))
-    found = system.dynamics({"journal": unpack(body)}, entry_speeds, 0.0)
-    return found.accelerations, found.contact_forces
-
-
-def test_centred_journal_has_finite_values_and_derivatives():
-    scene = pin_scene(cj.laws.LankaraniNikravesh(0.9, 6.6e10), friction=FRICTION)
-    centred = jax.tree.map(jnp.asarray, cj.body_state((0, 0, 0), velocity=(0.1, -0.2, 0.3)))
-    change = jax.tree.map(lambda leaf: jnp.asarray(RANDOM.normal(size=leaf.shape)), centred)
-    values, tangents = jax.jvp(
-        lambda body, c: rates_of(scene, body, c), (centred, 0.5e-3), (change, 1.0)
-    )
-    pulled = jax.grad(lambda body, c: rates_of(scene, body, c)[1]["pin"]["W"].normal_force)
-    for leaf in jax.tree.leaves((values, tangents, pulled(centred, 0.5e-3))):
-        assert np.isfinite(leaf).all()
-    for contact in values[1]["pin"].values():
-        assert contact.normal_force == 0.0 and contact.contact.gap.depth == -0.5e-3
-
-
 MODES = {
     "free flight": (0.3, 0.0, MODE.FREE_FLIGHT),
     "V alone": (0.3, -0.3, MODE.ONE_BASE),
@@ -217,57 +189,6 @@ def test_motion_modes_and_eccentricities_of_constructed_states():
         contact = found.contacts["pin"][base]
         np.testing.assert_allclose(contact.eccentricity, e, rtol=0.0, atol=1e-15)
         np.testing.assert_allclose(contact.penetration, np.array(e) - 0.5e-3, rtol=0.0, atol=1e-15)
-
-
-SIDES = {"lower": -1.0, "upper": 1.0}
-
-
-@pytest.mark.parametrize("shift", [-0.3, -0.05, 0.0, 0.04, 0.2])
-def test_shoulders_stop_the_journal_after_half_the_play(shift):
-    """Hertz's force at the shoulder reached, along the bearing's axis, inwards; else none."""
-    axis = np.array([2.0, -1.0, 2.0]) / 3.0
-    law = cj.laws.Hertz(100.0)
-    scene = pin_scene(law, bearing_axis=axis, journal_axis=axis, axial=cj.EndPlay(PLAY, law))
-    accelerations, forces = rates_of(scene, cj.body_state(shift * axis), 0.5e-3)
-    depths = {name: float(forces["pin"][f"{name} shoulder"].contact.gap.depth) for name in SIDES}
-    assert depths == pytest.approx({"lower": -shift - 0.05, "upper": shift - 0.05})
-    push = sum(-side * 100.0 * max(depths[name], 0.0) ** 1.5 for name, side in SIDES.items())
-    np.testing.assert_allclose(
-        2.0 * pack(accelerations["journal"].linear), push * axis, rtol=1e-11, atol=1e-13
-    )
-
-
-@pytest.mark.parametrize("make", [cj.ClearanceJoint, cj.MasslessLink])
-def test_antiparallel_axes_swap_the_bases_and_nothing_else(make):
-    """Eccentricities and penetrations at the walls, axial constraints, rows of a link and angle."""
-    numbers = {"clearance": 0.5e-3, "journal_length": 20e-3, "axial": cj.FixedAxially()}
-    numbers |= (
-        {} if make is cj.MasslessLink else {"bearing_radius": 10e-3, "law": cj.laws.Hertz(1e9)}
-    )
-    same, opposite = (
-        unpack(make(cj.GROUND, "journal", journal_axis=(0.0, 0.0, z), **numbers))
-        for z in (1.0, -1.0)
-    )
-    motion = moving((6e-4, -2e-4, 1e-3), (1.0, 0.03, 0.02, 0.3), (0.1, 0.2, 0.3), (1.0, 2.0, 3.0))
-    motions = {cj.GROUND: AT_REST, "journal": motion}
-
-    def numbers_of(joint, swapped):
-        rows = joint.rows(motions, 0.0)
-        found = {label: (row.value, row.bias) for label, row in rows.items()}
-        if make is cj.ClearanceJoint:
-            contacts = joint.contacts(motions)
-            found |= {label: (c.gap.depth, c.gap.rate) for label, c in contacts.items()}
-            offsets = {base: joint.journal_offset(motions, base) for base in ("V", "W")}
-            found |= {f"{base} offset": tuple(offset) for base, offset in offsets.items()}
-            angle = joint.relative_angle(motions)
-            found["turn"] = angle.value, angle.bias
-        other = {"V": "W", "W": "V"}
-        return {(other.get(k[0], k[0]) + k[1:]) if swapped else k: v for k, v in found.items()}
-
-    expected, found = numbers_of(same, False), numbers_of(opposite, True)
-    assert found.keys() == expected.keys() and len(found) >= 3
-    for label, values in expected.items():
-        np.testing.assert_allclose(found[label], values, rtol=1e-9, atol=1e-12, err_msg=label)
 
 
 def test_fixed_axially_is_one_row_that_holds_the_journal_in_the_middle():

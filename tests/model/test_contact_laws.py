@@ -1,7 +1,6 @@
 """Normal contact laws against closed forms, quadrature and published numbers."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -79,36 +78,6 @@ def test_stored_energy_is_the_integral_of_the_elastic_force(depth, exponent, smo
         epsrel=1e-10,
     )
     np.testing.assert_allclose(law.stored_energy(Gap(depth, 0.0)), work, rtol=1e-9, atol=1e-15)
-
-
-@pytest.mark.parametrize("smoothing", [None, 1e-6])
-@pytest.mark.parametrize("law", DAMPED)
-def test_force_never_pulls(law, smoothing):
-    random = np.random.default_rng(4)
-    depth = random.normal(size=500) * 1e-5
-    rate = random.normal(size=500) * 10.0
-    force = law(0.1, K, smoothing=smoothing).force(Gap(depth, rate), 1e-3)
-    assert np.isfinite(force).all() and (force >= 0.0).all() and (force > 0.0).any()
-
-
-@pytest.mark.parametrize("smoothing", [None, 1e-6])
-@pytest.mark.parametrize("exponent", [1.0, 1.5])
-def test_derivatives_are_finite_at_touch(exponent, smoothing):
-    """By depth, rate and entry speed, at the instant of touch and with the clamp at its kink."""
-    law = cj.laws.LankaraniNikravesh(0.5, K, exponent, smoothing=smoothing)
-
-    def force(x):
-        return law.force(Gap(x[0], x[1]), x[2])
-
-    for point in ([0.0, 0.1, 0.1], [0.0, 0.0, 0.0], [0.0, -0.1 / 0.5625, 0.1]):
-        assert np.isfinite(jax.grad(force)(jnp.array(point))).all()
-
-
-def test_derivative_by_depth_right_of_touch():
-    """K (1 + chi) for a linear law entered just now."""
-    law = cj.laws.LankaraniNikravesh(0.5, K, 1.0)
-    slope = jax.grad(lambda depth: law.force(Gap(depth, 0.1), 0.1))(1e-15)
-    assert slope == pytest.approx(K * 1.5625, rel=1e-12)
 
 
 def test_entry_speed_is_floored():

@@ -3,11 +3,9 @@
 import jax
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 import clearjoint as cj
 from studies.catalogue.cylinders import (
-    AT_EIGHT_MICROMETRES,
     CLEARANCE,
     FORMULAS,
     LENGTH,
@@ -17,9 +15,6 @@ from studies.catalogue.cylinders import (
     YOUNG,
 )
 
-NUMBERS = {cj.laws.JohnsonCylinder: 8970} | {
-    law: expected for law, (_, expected) in AT_EIGHT_MICROMETRES.items()
-}
 LIMITS = {
     cj.laws.JohnsonCylinder: 4 * CLEARANCE / np.e**2,
     cj.laws.EsduCylinder: 4 * CLEARANCE,
@@ -33,11 +28,6 @@ def cylinder(law):
 
 def gap(depth):
     return cj.extend.Gap(depth, 0.0, RADIUS, CLEARANCE)
-
-
-@pytest.mark.parametrize("law", NUMBERS)
-def test_force_at_eight_micrometres(law):
-    assert float(cylinder(law).force(gap(8e-6), 1.5)) == pytest.approx(NUMBERS[law], abs=0.6)
 
 
 @pytest.mark.parametrize("law", FORMULAS)
@@ -87,11 +77,8 @@ def test_energy_is_the_force_s_integral_beyond_the_deepest_too(law):
 
 
 def test_persson_s_half_angles():
-    """2.32 degrees at 1466 N, where Hertz has 2.38, and 18.6 at 100 kN; Hertz at small loads."""
+    """Hertz's at small loads; two others are in the catalogue."""
     contact = cylinder(cj.laws.PerssonCylinder)
-    for force, degrees in ((1466.0, 2.32), (1e5, 18.6)):
-        angle = brentq(lambda a, f=force: float(contact.load(a, CLEARANCE)) - f, 1e-6, 1.4)
-        assert np.degrees(angle) == pytest.approx(degrees, abs=0.05)
     small = 1e-4
     hertz = np.pi * MODULUS * LENGTH * CLEARANCE * small**2 / 4
     assert float(contact.load(small, CLEARANCE)) == pytest.approx(hertz, rel=1e-6)

@@ -12,7 +12,6 @@ import pytest
 import clearjoint as cj
 from clearjoint.extend import FilmGap, Vector
 from clearjoint.testing import check_film
-from studies.catalogue.films import SOMMERFELD_NUMBERS
 from tests.support.reynolds import finite_bearing_force, short_bearing_force
 
 RADIUS, CLEARANCE, LENGTH, VISCOSITY = 25e-3, 50e-6, 20e-3, 0.03
@@ -50,24 +49,6 @@ def test_short_bearing_is_reynolds_equation():
     errors = forces(cj.films.CaponeFilm(VISCOSITY), offsets.T, rates) / SHORT - expected
     sizes = np.linalg.norm(expected, axis=1)
     assert (np.linalg.norm(errors, axis=1) < 1e-10 * sizes).all()
-
-
-def test_short_bearing_in_steady_rotation():
-    """Radial 16/9 and tangential 2.41840 in mu omega R L^3/(4 c^2) at an eccentricity of 1/2."""
-    offset, rate = steady(0.5, speed=1.0)
-    force = forces(cj.films.CaponeFilm(VISCOSITY), [offset], [rate])[0] / (SHORT / 4.0)
-    np.testing.assert_allclose(force, [-16 / 9, math.pi * 0.5 / 0.75**1.5], rtol=1e-14)
-    assert force[1] == pytest.approx(2.41840, abs=5e-6)
-
-
-@pytest.mark.parametrize("width", SOMMERFELD_NUMBERS)
-def test_finite_width_against_the_table(width):
-    film, length = cj.films.ButenschoenFilm(VISCOSITY), 2.0 * RADIUS * width
-    states = [steady(ratio) for ratio in (0.5, 0.9)]
-    loads = np.linalg.norm(forces(film, *zip(*states, strict=True), length), axis=1)
-    unit = 2.0 * RADIUS * length * VISCOSITY * 2.0 * (RADIUS / CLEARANCE) ** 2
-    errors = loads / unit / SOMMERFELD_NUMBERS[width] - 1.0
-    assert (errors > -0.033).all() and (errors < 0.068).all()
 
 
 @pytest.mark.parametrize("width", [0.5, 1.0])
@@ -108,14 +89,6 @@ def test_endless_bearing_as_printed(ratio, opening, turning):
     rate = opening, -0.5 * ratio * turning
     force = forces(cj.films.PinkusSternlichtFilm(VISCOSITY), [[ratio, 0.0]], [rate])[0] / LONG
     np.testing.assert_allclose(force, printed(ratio, opening, turning), rtol=1e-12)
-
-
-def test_endless_bearing_in_steady_rotation_is_sommerfelds_half_film():
-    offset, rate = steady(0.6, speed=1.0)
-    force = forces(cj.films.PinkusSternlichtFilm(VISCOSITY), [offset], [rate])[0] / LONG
-    rho = 1 - 0.36
-    expected = -12 * 0.36 / (2.36 * rho), 6 * math.pi * 0.6 / (2.36 * math.sqrt(rho))
-    np.testing.assert_allclose(force, expected, rtol=1e-14)
 
 
 def test_drag_is_petroffs_and_grows_with_the_eccentricity():

@@ -31,15 +31,6 @@ def force(law, slip):
     return pack(law.force(LOAD, Vector(*np.moveaxis(slip, -1, 0))))
 
 
-@every_law
-def test_the_ratio_is_that_of_the_printed_formula(name):
-    law, _, formula = PRINTED[name]
-    speeds = np.concatenate([np.linspace(0.0, 5e-3, 5001), np.linspace(5e-3, 0.2, 101), [10.0]])
-    regularisation = np.tanh(speeds / 1e-6) if name == "Stribeck" else 1.0
-    expected = formula(speeds) * regularisation
-    np.testing.assert_allclose(law.ratio(speeds), expected, rtol=1e-13, atol=1e-16)
-
-
 def test_stribecks_exponent_may_be_one():
     v = np.array([1e-3, 0.02, 0.05, 0.1])
     law = Stribeck(SLOW, FAST, stribeck_speed=0.05, exponent=1.0, regularisation_speed=1e-5)

@@ -1,8 +1,5 @@
 """Torques and loads over time: tables, functions, their breakpoints, and runs by closed forms."""
 
-from collections.abc import Callable
-
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +7,9 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 
 import clearjoint as cj
-from clearjoint.extend import UNIT_X, ZERO, unpack
+from clearjoint.extend import unpack
+from tests.support.one_body import one_body
+from tests.support.push import Push
 from tests.support.shaft import INERTIA, ON_SHAFT, ORIGIN, Z, angle_about, shaft, turned
 
 TIMES, LEVELS = [0.0, 0.2, 0.3], [2.0, -1.0, 0.5]
@@ -67,42 +66,32 @@ def test_a_driver_begins_to_move_at_a_late_time(start):
     assert angle_about(solution.final.bodies["shaft"]) == pytest.approx(1.0, abs=1e-8)
 
 
-def test_elements_have_the_breakpoints_of_their_tables():
+def test_elements_have_the_breakpoints_of_their_functions():
     steps, lines = cj.PiecewiseConstant(TIMES, LEVELS), cj.PiecewiseLinear([0.5, 0.6], [0, 1])
     load = cj.AppliedLoad("rod", (steps, 0.0, lines), torque=(0.0, 0.0, lambda t: t))
-    found = np.concatenate(jax.tree.leaves(load.breakpoints()))
-    np.testing.assert_array_equal(found, [0.2, 0.3, 0.5, 0.6])
-    (found,) = jax.tree.leaves(cj.DriveTorque("a", "b", Z, steps).breakpoints())
-    np.testing.assert_array_equal(found, [0.2, 0.3])
-    assert jax.tree.leaves(cj.DriveTorque("a", "b", Z, 2.0).breakpoints()) == []
-    assert jax.tree.leaves(cj.AppliedLoad("rod", (1.0, 0.0, 0.0)).breakpoints()) == []
+    for element, expected in (
+        (load, [0.2, 0.3, 0.5, 0.6]),
+        (cj.AppliedLoad("rod", (1.0, 0.0, 0.0)), []),
+        (cj.DriveTorque("a", "b", Z, steps), [0.2, 0.3]),
+        (cj.DriveTorque("a", "b", Z, 2.0), []),
+        (cj.PrescribedAngle("a", "b", Z, lines), [0.5, 0.6]),
+        (cj.PrescribedAngle("a", "b", Z, cj.Polynomial([1.0])), []),
+        (cj.PrescribedTranslation("a", "b", ORIGIN, ORIGIN, Z, lines), [0.5, 0.6]),
+        (cj.Motor("a", "b", Z, lines, 1.0, 0.1), [0.5, 0.6]),
+    ):
+        found = np.concatenate([[], *jax.tree.leaves(element.breakpoints())])
+        np.testing.assert_array_equal(found, expected, err_msg=type(element).__name__)
 
 
-class Switch(cj.extend.AbstractForce):
-    """A force of 1 N along X after the time `at`, s; `how` decides whether at this time itself."""
-
-    at: float
-    how: Callable = eqx.field(static=True)
-
-    def body_names(self):
-        return ("rod",)
-
-    def breakpoints(self):
-        return self.at
-
-    def wrenches(self, motions, t):
-        force = UNIT_X * jnp.where(self.how(t, self.at), 1.0, 0.0)
-        return {"rod": motions["rod"].wrench(force, ZERO)}
-
-
-def switched(at, how=jnp.greater) -> cj.Scene:
-    return cj.Scene({"rod": cj.Body(1.0, (0.1, 0.1, 0.1))}, forces={"switch": Switch(at, how)})
+def switched(at, how=jnp.greater) -> tuple[cj.Scene, cj.State]:
+    """A force of 1 N along X on 1 kg after a time, s; `how` decides whether at this time itself."""
+    return one_body("rod", forces={"switch": Push("rod", 1.0, at, how)})
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("at", [np.inf, -np.inf])
 def test_runs_with_infinite_breakpoints(at):
-    scene, state = switched(at), cj.State({"rod": cj.body_state(ORIGIN)})
+    scene, state = switched(at)
     way = 0.0 if at > 0.0 else 0.5
     found = cj.simulate(scene, state, 1.0)
     np.testing.assert_allclose(found.final.bodies["rod"].position[0], way, rtol=1e-9)
@@ -116,8 +105,7 @@ def test_runs_with_infinite_breakpoints(at):
 
 @pytest.mark.parametrize("how", [jnp.greater, jnp.greater_equal])
 def test_a_load_that_is_switched_at_time_zero(how):
-    state = cj.State({"rod": cj.body_state(ORIGIN)})
-    found = cj.simulate(switched(0.0, how), state, 1.0, start_time=-1.0)
+    found = cj.simulate(*switched(0.0, how), 1.0, start_time=-1.0)
     np.testing.assert_allclose(found.final.bodies["rod"].position[0], 0.5, rtol=1e-9)
     assert found.attempts < 12
 

@@ -4,7 +4,6 @@ machines beside each other, their motions, reactions and work."""
 import math
 from functools import partial
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -160,30 +159,6 @@ def test_splines_go_through_their_table_smoothly():
         np.testing.assert_allclose(outside, -0.5, atol=1e-3)
     assert errors[1] < 2e-6 and errors[0] / errors[1] > 12.0
     assert float(unpack(cj.Polynomial([1.0, -2.0, 0.5]))(3.0)) == -0.5
-
-
-class Kinked(cj.extend.AbstractFunctionOfTime):
-    """It begins to move at an instant."""
-
-    start: float
-
-    def __call__(self, t):
-        return jnp.maximum(t - self.start, 0.0)
-
-    def breakpoints(self):
-        return self.start
-
-
-def test_drives_have_the_breakpoints_of_their_functions():
-    kinked = Kinked(0.3)
-    drives = (
-        cj.PrescribedAngle("a", "b", Z, kinked),
-        cj.PrescribedTranslation("a", "b", ORIGIN, ORIGIN, Z, kinked),
-        cj.Motor("a", "b", Z, kinked, 1.0, 0.1),
-    )
-    smooth = cj.PrescribedAngle("a", "b", Z, cj.Polynomial([1.0]))
-    times = [jax.tree.leaves(drive.breakpoints()) for drive in (*drives, smooth)]
-    assert times == [[0.3], [0.3], [0.3], []]
 
 
 def test_a_motor_clips_its_torque():

@@ -30,21 +30,6 @@ def test_the_pressure_is_that_of_normally_distributed_heights():
         assert float(ROUGH.pressure(ratio * sigma)) == pytest.approx(factor * integral, rel=0.11)
 
 
-@pytest.mark.parametrize("distance", [0.2e-6, 0.8e-6, 1.5e-6])
-def test_the_force_is_the_integral_of_the_pressure_around_the_journal(distance):
-    """To an error of the order of roughness over clearance, 1e-2."""
-    eccentricity = CLEARANCE - distance
-
-    def along_the_load(angle):
-        here = CLEARANCE - eccentricity * math.cos(angle)
-        return float(ROUGH.pressure(here)) * math.cos(angle) * RADIUS * LENGTH
-
-    integral = 2.0 * quad(along_the_load, 0.0, 0.4, points=(0.1, 0.2, 0.3))[0]
-    depth = float(ROUGH.reach) - distance
-    force = float(ROUGH.force(depth, RADIUS, CLEARANCE, LENGTH))
-    assert force == pytest.approx(integral, rel=2.5e-2)
-
-
 def test_the_force_begins_where_the_asperities_reach():
     gap = Gap(-float(ROUGH.reach), 0.0, RADIUS, CLEARANCE)
     assert float(LAW.elastic_force(gap)) == 0.0

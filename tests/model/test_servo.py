@@ -1,7 +1,6 @@
 """Servos against SciPy from sample to sample, and exact invariants."""
 
 import math
-from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -125,10 +124,10 @@ def test_the_goal_follows_by_its_speed_and_the_integral_up_to_the_limit(sense):
 
 PLAY, FLANK, DAMPED = math.radians(0.5), 4e3, 1.5 * 0.5 / 0.3
 ROTOR, LINK, WEIGHT = 0.004, 0.02, 0.6
-SPEED = 0.05
+SPEED, DRAG = 0.05, 0.1
 
 
-def geared(servo, play=PLAY, drag=0.1):
+def geared(servo):
     """A rotor, play of half a degree, and a link with Stribeck friction and gravity."""
     hinges = {
         f"hinge of the {name}": cj.RevoluteJoint("ground", name, ORIGIN, ORIGIN, Z, Z)
@@ -141,8 +140,8 @@ def geared(servo, play=PLAY, drag=0.1):
     rub = cj.frictions.BrownMcPhee(1.3, 1.0, SPEED)
     joints = {
         **hinges,
-        "gear": cj.Backlash("rotor", "link", play=play, radius=radius, law=law),
-        "friction": cj.JointFriction("ground", "link", rub, drag, Z, radius=1.0, viscosity=0.02),
+        "gear": cj.Backlash("rotor", "link", play=PLAY, radius=radius, law=law),
+        "friction": cj.JointFriction("ground", "link", rub, DRAG, Z, radius=1.0, viscosity=0.02),
     }
     bodies = {"rotor": cj.Body(0.1, (0.01, 0.01, ROTOR)), "link": cj.Body(1.0, (0.03, 0.03, LINK))}
     # The spring stands for gravity: a constant moment would never reverse the flanks' load.
@@ -153,15 +152,15 @@ def geared(servo, play=PLAY, drag=0.1):
 AT_REST = cj.State({name: cj.body_state(ORIGIN) for name in ("rotor", "link")})
 
 
-def rates_with_play(t, y, u, play=PLAY, drag=0.1):
+def rates_with_play(t, y, u):
     theta = y[1] - y[0], y[3] - y[2]
     load = 0.0
     for side in (1.0, -1.0):
-        depth, rate = side * theta[0] - 0.5 * play, side * theta[1]
+        depth, rate = side * theta[0] - 0.5 * PLAY, side * theta[1]
         if depth > 0.0:
             load += side * FLANK * depth * max(1.0 + DAMPED * rate, 0.0)
     x = y[3] / SPEED
-    rub = drag * (np.tanh(4.0 * x) + 0.3 * x / (0.25 * x * x + 0.75) ** 2)
+    rub = DRAG * (np.tanh(4.0 * x) + 0.3 * x / (0.25 * x * x + 0.75) ** 2)
     return [y[2], y[3], (u + load) / ROTOR, (-load - rub - 0.02 * y[3] - WEIGHT * y[1]) / LINK]
 
 
@@ -173,45 +172,28 @@ TABLE = np.arange(0, 201) / 200.0
 """Times of a log, at the samples of the servo."""
 
 
-def with_play(encoder, goal=swing, table=TABLE, **options):
-    """The servo drives the rotor, by the steps of a log at its own rate."""
-    return cj.Servo(
-        *("ground", "rotor", Z, cj.PiecewiseConstant(table, goal(table)), 200.0, 8.0, 0.12),
-        delay=0.005,
-        torque_limit=1.5,
-        encoder=encoder,
-        **options,
-    )
-
-
-def scipy_with_play(of_link, times, drag=0.1, play=PLAY, goal=swing, **options):
-    law = SampledPid(
-        *(200.0, 8.0, 0.12),
-        delay=0.005,
-        limit=1.5,
-        goal=lambda t: goal(math.floor(t * 200.0 + 1e-6) / 200.0),
-    )
-    read = (lambda y: (y[1], y[3])) if of_link else (lambda y: (y[0], y[2]))
-    rates = partial(rates_with_play, play=play, drag=drag)
-    return law.run(rates, np.zeros(4), times[-1], read, times, **({"max_step": 2e-4} | options))
-
-
 @pytest.mark.parametrize("of_link", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_with_play_and_friction_behind_the_motor(of_link):
-    """The encoder sits on the link behind the play, or on the rotor before it."""
+    """The encoder sits on the link behind the play, or on the rotor before it. The servo drives the
+    rotor, by the steps of a log at its own rate."""
     encoder = cj.Encoder("ground", "link", Z) if of_link else None
+    target, gains = cj.PiecewiseConstant(TABLE, swing(TABLE)), (200.0, 8.0, 0.12)
+    options = {"delay": 0.005, "torque_limit": 1.5, "encoder": encoder, "torque_constant": 0.5}
+    scene = geared(cj.Servo("ground", "rotor", Z, target, *gains, **options))
     times = np.linspace(0.02, 0.4, 20)
     outputs = {
         "rotor": cj.quantities.JointAngle("hinge of the rotor"),
         "link": cj.quantities.JointAngle("hinge of the link"),
         "current": cj.quantities.MotorCurrent("servo"),
     }
-    scene = geared(with_play(encoder, torque_constant=0.5))
     saving = cj.Saving(times, states=False)
     coordinates = cj.JointCoordinates() if of_link else cj.AbsoluteCoordinates()
     settings = cj.Settings(rtol=1e-10, coordinates=coordinates)
     found = cj.simulate(scene, AT_REST, 0.4, settings, saving, outputs=outputs, **QUIET).outputs
-    states, torques = scipy_with_play(of_link, times)
+    goal = lambda t: swing(math.floor(t * 200.0 + 1e-6) / 200.0)  # noqa: E731
+    law = SampledPid(*gains, delay=0.005, limit=1.5, goal=goal)
+    read = (lambda y: (y[1], y[3])) if of_link else (lambda y: (y[0], y[2]))
+    states, torques = law.run(rates_with_play, np.zeros(4), 0.4, read, times, max_step=2e-4)
     np.testing.assert_allclose(found["rotor"], states[:, 0], rtol=0.0, atol=1e-7)
     np.testing.assert_allclose(found["link"], states[:, 1], rtol=0.0, atol=1e-7)
     np.testing.assert_allclose(found["current"], torques / 0.5, atol=1e-5)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint.extend import quantity
 from tests.support.one_body import ORIGIN, Z, hinge, one_body
 from tests.support.planes import Plane
 from tests.support.push import Push
@@ -309,25 +308,11 @@ def test_steps_end_where_a_force_changes():
     np.testing.assert_allclose(ball.position[:, 0], place, rtol=1e-12, atol=1e-12)
 
 
-class Ramp(cj.extend.AbstractRotationDriver):
-    """At rest until the start, and at 10 rad/s from there on."""
-
-    start: Any = quantity("s")
-    first: str = eqx.field(default="ground", static=True)
-    second: str = eqx.field(default="shaft", static=True)
-    axis: Any = quantity("1", default=(0.0, 0.0, 1.0))
-    orientation: Any = quantity("1", default=(1.0, 0.0, 0.0, 0.0))
-
-    def angle(self, t):
-        return jnp.where(t < self.start, 0.0, 10.0 * (t - self.start))
-
-    def breakpoints(self):
-        return self.start
-
-
 @pytest.mark.slow
 def test_velocities_jump_with_a_driver_at_its_kink():
-    joints = {"bearing": hinge("ground", "shaft"), "motor": Ramp(0.123)}
+    ramp = cj.PiecewiseLinear([0.0, 0.123, 1.123], [0.0, 0.0, 10.0])  # rad
+    motor = cj.PrescribedAngle("ground", "shaft", Z, ramp)
+    joints = {"bearing": hinge("ground", "shaft"), "motor": motor}
     scene, state = one_body("shaft", joints, inertia=(0.02,) * 3)
     solution = cj.simulate_nonsmooth(scene, state, 0.5, cj.Saving([0.1, 0.123, 0.3]), step=0.1)
     assert solution.saved is not None

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 import clearjoint as cj
-from clearjoint.extend import ZERO, Vector, Wrench, quantity
+from clearjoint.extend import ZERO, Vector, Wrench, optional_quantity, quantity
 
 
 class Push(cj.extend.AbstractForce):
@@ -17,7 +17,7 @@ class Push(cj.extend.AbstractForce):
     force: Any = quantity("N")
     start: Any = quantity("s")
     how: Any = eqx.field(default=jnp.greater_equal, static=True)
-    slope: Any = quantity("N/s", default=0.0)
+    slope: Any = optional_quantity("N/s")
 
     def body_names(self):
         return (self.body,)
@@ -26,6 +26,6 @@ class Push(cj.extend.AbstractForce):
         return self.start
 
     def wrenches(self, motions, t):
-        load = self.force + self.slope * (t - self.start)
-        force = jnp.where(self.how(t, self.start), load, 0.0)
+        growth = 0.0 if self.slope is None else self.slope * (t - self.start)
+        force = jnp.where(self.how(t, self.start), self.force + growth, 0.0)
         return {self.body: Wrench(Vector(force, 0.0, 0.0), ZERO)}
