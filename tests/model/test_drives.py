@@ -9,7 +9,7 @@ import pytest
 
 import clearjoint as cj
 from clearjoint.extend import quantity
-from tests.support.differences import by_differences
+from tests.support.difference_quotients import Places, by_differences, parameters_at
 from tests.support.shaft import INERTIA, ON_SHAFT, ORIGIN, SHAFT, Z, angle_about, shaft, turned
 
 ACCURATE = cj.Settings(rtol=1e-8, ledger=True)
@@ -171,22 +171,19 @@ def test_a_driver_with_a_kink_is_followed_and_its_impulse_booked():
 def test_sensitivities_across_a_kink_are_those_of_the_motion():
     """Against differences of runs; the impulse acts on the arm too."""
     scene, state = crank_and_arm(RAMP)
-    places = {
-        "start": lambda s: s.joints["motor"].function.start,
-        "speed": lambda s: s.joints["motor"].function.speed,
+    places: Places = {
+        "start": (lambda s: s.joints["motor"].function.start, 1e-4),
+        "speed": (lambda s: s.joints["motor"].function.speed, 1e-2),
     }
-    parameters = {name: cj.Parameter(place) for name, place in places.items()}
     outputs = {axis: cj.quantities.Position("arm", axis) for axis in "xy"}
-    found = cj.sensitivities(scene, state, 0.3, parameters, outputs, [0.3])
+    found = cj.sensitivities(scene, state, 0.3, parameters_at(places), outputs, [0.3])
 
     def ended(scene):
         final = cj.simulate(scene, state, 0.3, cj.Settings(rtol=1e-11)).final
         return final.bodies["arm"].position[:2]
 
-    for k, (name, step) in enumerate((("start", 1e-4), ("speed", 1e-2))):
-        slopes = [found.derivatives[axis][0, k] for axis in "xy"]
-        numeric = by_differences(ended, scene, places[name], step)
-        np.testing.assert_allclose(slopes, numeric, rtol=1e-5)
+    slopes = [found.derivatives[axis][0] for axis in "xy"]
+    np.testing.assert_allclose(slopes, by_differences(scene, places, ended), rtol=1e-5)
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import clearjoint as cj
 from studies.robots.sampled_servo import SampledPid
-from tests.support.differences import by_differences
+from tests.support.difference_quotients import Places, by_differences, parameters_at
 from tests.support.shaft import INERTIA, ON_SHAFT, ORIGIN, Z, shaft, turned
 from tests.support.slow import slow_but
 
@@ -254,11 +254,7 @@ PATHS = {
     name: lambda scene, name=name: getattr(scene.forces["servo"], name)
     for name in ("proportional", "derivative", "integral", "delay", "rate", "offset")
 } | {"inertia": lambda scene: scene.bodies["shaft"].inertia[2]}
-
-
-def slopes(name, evaluate):
-    """Of what is evaluated of the scene, by one of its numbers."""
-    return by_differences(evaluate, SCENE, PATHS[name], 1e-4 * float(PATHS[name](SCENE)))
+PLACES: Places = {name: (path, 1e-4 * float(path(SCENE))) for name, path in PATHS.items()}
 
 
 START = 0.0137
@@ -269,15 +265,13 @@ def test_derivatives_are_those_of_the_sampled_motion():
     """Central differences of runs, which SciPy confirms above; also by rate, delay and offset."""
     times = np.array([0.08131, 0.14, 0.2007])
     outputs = {"angle": cj.quantities.JointAngle("bearing")}
-    parameters = {name: cj.Parameter(path) for name, path in PATHS.items()}
-    run = SCENE, START_STATE, 0.21, parameters, outputs, times, TIGHT
+    run = SCENE, START_STATE, 0.21, parameters_at(PLACES), outputs, times, TIGHT
     found = cj.sensitivities(*run, start_time=START, **QUIET).derivatives["angle"]
 
     def angles(scene):
         return motion(scene, START_STATE, 0.21, times, start_time=START).outputs["angle"]
 
-    for k, name in enumerate(PATHS):
-        np.testing.assert_allclose(found[:, k], slopes(name, angles), rtol=1e-5, err_msg=name)
+    np.testing.assert_allclose(found, by_differences(SCENE, PLACES, angles), rtol=1e-5)
 
 
 @pytest.mark.slow
@@ -290,11 +284,9 @@ def test_reverse_mode_has_the_same_derivatives():
         return torque(now) ** 2
 
     outputs = {"angle": cj.quantities.JointAngle("bearing"), "torque": torque}
-    parameters = {name: cj.Parameter(path) for name, path in PATHS.items()}
     options = {"settings": TIGHT, "start_time": START}
-    found = cj.sensitivities(
-        SCENE, START_STATE, 0.21, parameters, outputs, times, **options, **QUIET
-    )
+    run = SCENE, START_STATE, 0.21, parameters_at(PLACES), outputs, times
+    found = cj.sensitivities(*run, **options, **QUIET)
     predict = cj.predictor(SCENE, START_STATE, 0.21, PATHS, outputs, times, **options)
     here = {name: jnp.asarray(path(SCENE)) for name, path in PATHS.items()}
     backward = jax.jacrev(predict)(here)
@@ -311,8 +303,8 @@ def test_reverse_mode_has_the_same_derivatives():
         run = cj.simulate(scene, START_STATE, 0.21, TIGHT, outputs=effort, start_time=START)
         return run.outputs["effort"]
 
-    for name in PATHS:
-        assert gradient[name] == pytest.approx(slopes(name, efforts), rel=2e-4), name
+    expected = dict(zip(PATHS, by_differences(SCENE, PLACES, efforts), strict=True))
+    assert gradient == pytest.approx(expected, rel=2e-4)
 
 
 def test_a_run_continues_from_a_state_in_the_middle():
