@@ -186,16 +186,6 @@ def test_sensitivities_across_a_kink_are_those_of_the_motion():
     np.testing.assert_allclose(slopes, by_differences(scene, places, ended), rtol=1e-5)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("points", [3, 6])
-def test_a_table_of_angles_is_followed_however_many_there_are(points):
-    times = np.linspace(-0.1, 0.5, points)
-    table = cj.PiecewiseLinear(times, times**2)
-    scene = shaft(motor=cj.PrescribedAngle(*ON_SHAFT, table))
-    final = cj.simulate(scene, cj.assemble(scene, turned()), 0.45).final.bodies["shaft"]
-    assert angle_about(final) == pytest.approx(np.interp(0.45, times, times**2), abs=1e-9)
-
-
 @pytest.mark.parametrize("size", [pytest.param(1.0, marks=pytest.mark.slow), 1e-5])
 @pytest.mark.parametrize(
     "angle",

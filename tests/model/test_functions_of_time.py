@@ -10,7 +10,7 @@ import clearjoint as cj
 from clearjoint.extend import unpack
 from tests.support.one_body import one_body
 from tests.support.push import Push
-from tests.support.shaft import INERTIA, ON_SHAFT, ORIGIN, Z, angle_about, shaft, turned
+from tests.support.shaft import ON_SHAFT, ORIGIN, Z, angle_about, shaft, turned
 
 TIMES, LEVELS = [0.0, 0.2, 0.3], [2.0, -1.0, 0.5]
 
@@ -108,48 +108,3 @@ def test_a_load_that_is_switched_at_time_zero(how):
     found = cj.simulate(*switched(0.0, how), 1.0, start_time=-1.0)
     np.testing.assert_allclose(found.final.bodies["rod"].position[0], 0.5, rtol=1e-9)
     assert found.attempts < 12
-
-
-SWITCHED = shaft(motor=cj.DriveTorque(*ON_SHAFT, cj.PiecewiseConstant(TIMES, LEVELS)))
-
-
-@pytest.mark.slow
-def test_a_switched_torque_is_that_of_its_impulses_to_rounding():
-    """Steps end at the switches, so that what is integrated is constant in each."""
-    times = np.linspace(0.0, 0.5, 51)
-    save = cj.Saving(times)
-    solution = cj.simulate(SWITCHED, turned(), 0.5, cj.Settings(ledger=True), save=save)
-    edges = np.array([0.0, 0.2, 0.3, 0.5])
-    impulse = np.interp(times, edges, np.cumsum([0.0, *np.diff(edges) * LEVELS]))
-    spin = solution.states.bodies["shaft"].spin[:, 2]
-    np.testing.assert_allclose(spin, impulse / INERTIA, rtol=0.0, atol=1e-12)
-    supplied = cj.observe(SWITCHED, solution).energies["supplied"]
-    np.testing.assert_allclose(supplied, 0.5 * INERTIA * spin**2, rtol=0.0, atol=1e-9)
-
-
-@pytest.mark.slow
-def test_a_switch_is_a_parameter():
-    """Of the times and of the levels: the speed changes by the torque's jump over the inertia."""
-    parameters = {
-        "time": cj.Parameter(lambda s: s.forces["motor"].torque.times[1]),
-        "level": cj.Parameter(lambda s: s.forces["motor"].torque.values[1]),
-    }
-    outputs = {"speed": cj.quantities.AngularVelocity("shaft", "z")}
-    found = cj.sensitivities(SWITCHED, turned(), 0.5, parameters, outputs, [0.5])
-    np.testing.assert_allclose(found.derivatives["speed"][0], [150.0, 5.0], rtol=1e-9)
-
-
-@pytest.mark.slow
-def test_a_rotating_load_drives_a_free_body_round():
-    """The unbalance of a rotor on a free body: x = F (1 - cos w t) / (m w^2)."""
-    force, w, mass = 40.0, 60.0, 2.0
-    load = cj.AppliedLoad("b", lambda t: (force * jnp.cos(w * t), force * jnp.sin(w * t), 0.0))
-    scene = cj.Scene({"b": cj.Body(mass, (0.1, 0.1, 0.1))}, forces={"unbalance": load})
-    times = np.linspace(0.0, 0.3, 31)
-    state = cj.State({"b": cj.body_state(ORIGIN)})
-    solution = cj.simulate(scene, state, 0.3, cj.Settings(rtol=1e-10), save=cj.Saving(times))
-    place, size = solution.states.bodies["b"].position, force / (mass * w**2)
-    np.testing.assert_allclose(place[:, 0], size * (1 - np.cos(w * times)), rtol=0.0, atol=1e-10)
-    np.testing.assert_allclose(
-        place[:, 1], size * (w * times - np.sin(w * times)), rtol=0.0, atol=1e-10
-    )

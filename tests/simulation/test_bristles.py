@@ -196,22 +196,3 @@ def test_rigid_contacts_take_the_friction_of_long_slip():
     run = cj.simulate_nonsmooth(scene, state, 0.21, save, step=1e-3, restitution=0.0)
     np.testing.assert_allclose(along(run)[1], 1.0 - 0.15 * 10.0 * times, rtol=1e-6)
     assert cj.observe(scene, run).contacts["floor"]["belt"].friction_force is not None
-
-
-@pytest.mark.slow
-def test_two_joints_equal_single_ones():
-    """Two blocks in one scene against single runs."""
-    one, start = falling()
-    floor = one.joints["floor"]
-    stiffer = eqx.tree_at(lambda j: j.friction.stiffness, floor, np.asarray(2e4))
-    bodies = dict.fromkeys(("block", "other"), one.bodies["block"])
-    scene = replace(
-        one, bodies=bodies, joints={"floor": floor, "second": replace(stiffer, body="other")}
-    )
-    state = cj.State(dict.fromkeys(bodies, start.bodies["block"]))
-    save = cj.Saving(np.array([3e-4, 1e-3]))
-    both = cj.simulate(scene, state, 1.1e-3, FALLING, save)
-    alone = cj.simulate(one, start, 1.1e-3, FALLING, save)
-    stored = np.asarray(both.saved.states.bristles["floor"]["belt"])
-    np.testing.assert_allclose(stored, deflections(alone), rtol=1e-7, atol=1e-15)
-    assert not np.allclose(both.saved.states.bristles["second"]["belt"], stored, rtol=0.1, atol=0.0)

@@ -91,3 +91,5 @@ def test_rigid_contacts():
     codes = extend.result_number(found.result)
     assert codes.tolist() == [CODES["successful"], CODES["domain"], CODES["domain"]]
     assert found.steps.tolist() == [2, 0, 0]
+    single, lanes = (run.final.bodies["rod"].position for run in (rigid(5e-4, 1e-3), found))
+    np.testing.assert_allclose(lanes[0], single, rtol=0.0, atol=1e-12)

@@ -2,8 +2,6 @@
 
 from typing import Any
 
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -101,15 +99,6 @@ def block(speed: float, slope: float) -> tuple[cj.Scene, cj.State]:
 
 def slid(speed: float, slope: float, time: float) -> cj.BodyState:
     return cj.simulate_nonsmooth(*block(speed, slope), time, step=STEP).final.bodies["block"]
-
-
-@pytest.mark.slow
-def test_a_sliding_block_stops_and_stays():
-    speed = 1.0
-    final = slid(speed, 0.0, speed / (MU * GRAVITY) + 0.5)
-    np.testing.assert_allclose(final.position[0], speed**2 / (2 * MU * GRAVITY), rtol=1e-4)
-    assert np.abs(final.velocity).max() < 1e-6 and np.abs(final.spin).max() < 1e-6
-    np.testing.assert_allclose(final.position[2], SIDE, rtol=1e-6)
 
 
 def test_a_block_on_a_slope_sticks_below_the_angle_of_friction_and_slides_above():
@@ -239,21 +228,6 @@ def test_the_ledger_closes(pendulum):
     booked = sum(base.dissipated for base in found.history["shoulder"].values())
     np.testing.assert_allclose(booked - booked[0], lost, atol=2e-4)
     assert booked[-1] > 3e-3
-
-
-@pytest.mark.slow
-def test_lanes_of_a_batch_are_single_runs(pendulum):
-    scene, state = pendulum
-    clearances = np.array([4e-4, 5e-4])
-
-    def end(clearance: Any) -> Any:
-        other = eqx.tree_at(lambda s: s.joints["shoulder"].clearance, scene, clearance)
-        return swung(other, state).saved.states.bodies["arm 2"].position
-
-    lanes = jax.jit(jax.vmap(end))(jnp.asarray(clearances))
-    single = swung(scene, state).saved.states.bodies["arm 2"].position
-    np.testing.assert_allclose(lanes[1][:5], single[:5], rtol=0, atol=1e-9)
-    assert np.abs(lanes[0][5:] - lanes[1][5:]).max() > 1e-6
 
 
 @pytest.mark.slow

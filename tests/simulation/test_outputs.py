@@ -115,20 +115,6 @@ def test_a_table_has_the_first_impacts_of_the_run():
     assert len(found.outputs["first"]) == len(run.outputs["first"])
 
 
-@pytest.mark.slow
-def test_statistics_of_a_quantity_are_those_at_each_time():
-    """Disturbed starts: the deviation of x grows as sin(10 t) / 10 times that of the velocity."""
-    save, size = cj.Saving(TIMES, states=False), 1e-3
-    options = {"draws": 200, "disturbance": size, "progress": False}
-    outputs = {"x": X, "speed": OUTPUTS["speed"]}
-    found = cj.ensemble(*on_spring(), 0.5, None, outputs, EXACT, save=save, **options)
-    assert found["x"].dims == ("draw", "saved_time") and found["x_quantile"].sizes["quantile"] == 3
-    np.testing.assert_array_equal(found["saved_time"], TIMES)
-    np.testing.assert_allclose(found["x_mean"], 0.1 * np.cos(10.0 * TIMES), atol=1e-4)
-    growth = found["x_deviation"] / np.abs(np.sin(10.0 * TIMES))
-    np.testing.assert_allclose(growth[1:], growth[1], rtol=1e-3)
-
-
 @pytest.mark.parametrize(
     ("output", "message"),
     [

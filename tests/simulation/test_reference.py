@@ -11,9 +11,13 @@ from tests.support.reference import CASES, Case
 
 COLUMNS = {
     "onset": "t_on",
-    "entry_speed": "v_minus",
-    "peak_force": "F_peak",
+    "separation": "t_off",
     "duration": "duration",
+    "entry_speed": "v_minus",
+    "exit_speed": "v_plus",
+    "peak_force": "F_peak",
+    "peak_time": "t_F_peak",
+    "largest_penetration": "delta_max",
 }
 
 
@@ -47,6 +51,7 @@ def test_trajectories_and_impacts(case, reference_folder):
     for base in "VW":
         expected = case.impacts(reference_folder, base)
         expected["duration"] = expected["t_off"] - expected["t_on"]
+        expected["v_plus"] *= -1.0
         found = solution.impacts.of("shoulder", base)
         count = len(expected["t_on"])
         assert len(found) >= count

@@ -128,15 +128,3 @@ def test_sections_of_a_flight_without_errors(seed, sign):
     first, last = np.sort(np.roots([-0.5 * gravity, speed, height]).real)
     expected = first if sign > 0 else last
     assert found.times == pytest.approx([expected] if expected < end_time else [], abs=1e-12)
-
-
-@pytest.mark.slow
-def test_lanes_of_a_free_rotor():
-    """The first of two lanes is the single run."""
-    outputs = {name: OUTPUTS[name] for name in ("x", "up")}
-    masses = cj.Axis(lambda scene: scene.bodies["rotor"].mass, [5.0, 6.0])
-    sweep = cj.sweep(*free_rotor(), DURATION, {"mass": masses}, outputs, progress=False)
-    assert (sweep.up_count == TURNS).all()
-    first, single = sweep.isel(mass=0), free_run()
-    np.testing.assert_array_equal(first.up_time[:TURNS], single.outputs["up"].times)
-    np.testing.assert_array_equal(first.x_mean, single.outputs["x_mean"])

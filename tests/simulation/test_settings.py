@@ -11,7 +11,6 @@ import pytest
 
 import clearjoint as cj
 from clearjoint import presets
-from tests.support.one_body import one_body
 from tests.support.rotor import INERTIA, SPEED, angle, rotor, stiffness_axis
 
 FINER = ("preview", "default", "accurate", "reference")
@@ -107,18 +106,6 @@ def test_tolerances_may_be_those_of_lanes():
 
     lanes = jax.vmap(attempts)(jnp.asarray([1e-4, 1e-10]))
     assert lanes.tolist() == [int(attempts(1e-4)), int(attempts(1e-10))]
-
-
-@pytest.mark.slow
-def test_a_list_of_times_may_contain_traced_numbers():
-    scene, state = one_body("ball", velocity=(2.0, 0, 0))
-
-    @jax.jit
-    def places(end):
-        saved = cj.simulate(scene, state, end, save=cj.Saving([0.1, end])).saved
-        return saved.states.bodies["ball"].position[:, 0]
-
-    np.testing.assert_allclose(places(0.3), [0.2, 0.6], rtol=1e-12)
 
 
 @pytest.mark.parametrize(

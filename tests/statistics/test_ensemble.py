@@ -147,6 +147,8 @@ def test_sample_times_that_depend_on_the_scene_are_in_the_result():
     expected = 0.5 * np.pi * np.arange(5.0) * np.sqrt([[0.005], [0.02], [np.nan]])
     np.testing.assert_allclose(found["saved_time"].transpose("mass", ...), expected, rtol=1e-14)
     assert found["saved_time"].dims == found["x_mean"].dims
+    mean = found["x_mean"].isel(mass=slice(2)).transpose("mass", ...)
+    np.testing.assert_allclose(mean, [[0.1, 0.0, -0.1, 0.0, 0.1]] * 2, atol=1e-6)
 
 
 PEAK = cj.Peak(cj.quantities.Velocity("ball"), "m/s")

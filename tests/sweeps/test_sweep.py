@@ -15,7 +15,6 @@ import xarray as xr
 
 import clearjoint as cj
 from clearjoint import quantities as q
-from tests.support.reference import Case
 
 CLEARANCES, RESTITUTIONS = np.geomspace(5e-5, 1e-3, 5), [0.5, 0.9, 1.0]
 END = 0.04
@@ -123,24 +122,6 @@ def test_impacts_are_those_of_the_single_run(pairs, base):
             np.testing.assert_allclose(found[:count], there[:count], rtol=2e-6, err_msg=name)
         assert lane.hits_peak_force[:count].values.argmax() == expected.peak_force[:count].argmax()
     assert counts == {1, 2, 3, 4}
-
-
-def test_impacts_are_those_of_the_reference(grid, reference_folder):
-    lane = grid.sel(restitution=0.9, hits_contact="shoulder V").isel(clearance=-1)
-    expected = Case(1e-3, 0.9, END).impacts(reference_folder, "V")
-    columns = {
-        "onset": "t_on",
-        "separation": "t_off",
-        "entry_speed": "v_minus",
-        "peak_force": "F_peak",
-        "peak_time": "t_F_peak",
-        "largest_penetration": "delta_max",
-    }
-    assert int(lane.hits_count) == len(expected["t_on"]) == 1
-    for name, column in columns.items():
-        assert float(lane[f"hits_{name}"][0]) == pytest.approx(expected[column][0], rel=2e-6)
-    exit_speed = float(lane.hits_exit_speed[0])
-    assert exit_speed == pytest.approx(-expected["v_plus"][0], rel=5e-6)
 
 
 def test_impacts_are_counted_open_ones_included(pairs):
