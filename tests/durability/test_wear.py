@@ -1,7 +1,6 @@
 """Wear over many cycles: closed forms, worn volumes, convergence, continuation and refusals."""
 
 import dataclasses
-import inspect
 from functools import partial
 
 import jax.numpy as jnp
@@ -25,20 +24,22 @@ RATE = 1e-12
 """Specific wear rate, m^2/N."""
 
 
-def penetration(depth):
+def penetration(depth, clearance=CLEARANCE, mass=MASS, load=LOAD, drag=0.0):
     """Penetration, m, of a journal that a rotating load presses on a wall worn by a depth, m.
 
-    Both bases carry the load and the centrifugal force.
+    Both bases carry the load and the centrifugal force. A drag, N s/m, makes the journal lag behind
+    the load, whose component along the normal remains.
     """
-    force = LOAD + MASS * SPEED**2 * (CLEARANCE + depth)
-    return force / (2.0 * STIFFNESS - MASS * SPEED**2)
+    lag = np.arcsin(drag * SPEED * (clearance + depth) / load)
+    force = load * np.cos(lag) + mass * SPEED**2 * (clearance + depth)
+    return force / (2.0 * STIFFNESS - mass * SPEED**2)
 
 
-def rate(depth):
+def rate(depth, wear_rate=RATE, **changed):
     """Depth worn per cycle, m, by Archard's law, evenly around the wall."""
-    d = penetration(depth)
+    d = penetration(depth, **changed)
     speed = SPEED * (RADIUS + depth + 0.5 * d)
-    return RATE * 2.0 * STIFFNESS * d * speed * CYCLE / (2.0 * np.pi * RADIUS * LENGTH)
+    return wear_rate * 2.0 * STIFFNESS * d * speed * CYCLE / (2.0 * np.pi * RADIUS * LENGTH)
 
 
 def whirling(drag=0.0):
@@ -96,14 +97,20 @@ def whirling_and_rotating(drag=0.0):
     return both, cj.State(state.bodies | states)
 
 
-def other_rate(depth, load=OTHER_LOAD):
+def other_rate(depth, other_load=OTHER_LOAD, other_wear_rate=RATE):
     """Depth worn per cycle off the journal that rotates under a load, N, by Archard's law, m.
 
     Both bases carry the load, with half of the penetration on each side of their contact points.
     """
-    speed = SPEED * (RADIUS - OTHER_CLEARANCE - depth - 0.25 * load / STIFFNESS)
+    speed = SPEED * (RADIUS - OTHER_CLEARANCE - depth - 0.25 * other_load / STIFFNESS)
     area = 2.0 * np.pi * (RADIUS - OTHER_CLEARANCE) * LENGTH
-    return RATE * load * speed * CYCLE / area
+    return other_wear_rate * other_load * speed * CYCLE / area
+
+
+def life(depth, of=rate, **changed):
+    """Number of cycles to a depth, m, by the differential equation of Archard's law."""
+    span, tight = (0.0, depth), {"rtol": 1e-12, "atol": 1e-9}
+    return solve_ivp(lambda h, _: [1.0 / of(h, **changed)], span, [0.0], **tight).y[0, -1]
 
 
 OPTIONS = {"settle": 1, "measured": 2, "tolerance": 0.05, "samples": 16, "progress": False}
@@ -134,7 +141,7 @@ def test_a_bearing_wears_by_archards_law_to_a_hundred_penetrations(found):
     assert 90e3 < cycles[-1] < 100e3 and len(cycles) < 15
     assert DEEP <= depths[-1].max() < 1.01 * DEEP
     assert (np.ptp(depths, axis=1) <= 1e-4 * depths.max(axis=1)).all()
-    exact = [closed_forms(depth, wear_rate=SLOW) for depth in depths.mean(axis=1)[1:]]
+    exact = [life(depth, wear_rate=SLOW, drag=DRAG) for depth in depths.mean(axis=1)[1:]]
     np.testing.assert_allclose(cycles[1:], exact, rtol=2e-4)
     assert not found["journal_depth"].any()
 
@@ -200,7 +207,7 @@ def test_smaller_errors_of_stages_have_smaller_errors_at_the_end():
         options = OPTIONS | {"stage_error": stage_error, "settle": 2}
         found = cj.wear(scene, state, CYCLE, SLOWLY, np.inf, depth=DEEP, **options)
         mean = float(found["bearing_depth"][0, -1].mean())
-        exact = closed_forms(mean, wear_rate=SLOW, mass=mass, load=load)
+        exact = life(mean, wear_rate=SLOW, mass=mass, load=load, drag=DRAG)
         errors.append(abs(float(found["cycles"][-1]) / exact - 1.0))
     assert errors[0] < 0.1 and errors[1] < min(5e-4, 0.2 * errors[0])
 
@@ -244,8 +251,8 @@ def test_forces_and_volumes_are_in_the_result(found):
 
 def test_life_is_interpolated(found):
     for depth in np.array([0.01, 0.1, 0.3, 0.7, 0.95]) * DEEP:
-        life = cj.cycles_to_depth(found, depth, "pin")
-        assert life == pytest.approx(closed_forms(depth, wear_rate=SLOW), rel=1e-3)
+        cycles = cj.cycles_to_depth(found, depth, "pin")
+        assert cycles == pytest.approx(life(depth, wear_rate=SLOW, drag=DRAG), rel=1e-3)
     assert cj.cycles_to_depth(found, 1.0, "pin") == np.inf
 
 
@@ -297,57 +304,24 @@ def test_stages_are_limited_where_the_force_begins_before_the_surfaces_touch():
     np.testing.assert_allclose(changes, limit * np.array([1.0, 2.0]), rtol=0.1)
 
 
-def closed_forms(depth, clearance=CLEARANCE, mass=MASS, wear_rate=RATE, load=LOAD):
-    """Number of cycles to a depth, m, by the differential equation of Archard's law."""
-
-    def cycles_per_metre(h, _):
-        # The drag makes the journal lag behind the load, whose component along the normal remains.
-        lag = np.arcsin(DRAG * SPEED * (clearance + h) / load)
-        force = load * np.cos(lag) + mass * SPEED**2 * (clearance + h)
-        d = force / (2.0 * STIFFNESS - mass * SPEED**2)
-        speed = SPEED * (RADIUS + h + 0.5 * d)
-        area = 2.0 * np.pi * RADIUS * LENGTH
-        return [area / (wear_rate * 2.0 * STIFFNESS * d * speed * CYCLE)]
-
-    return solve_ivp(cycles_per_metre, (0.0, depth), [0.0], rtol=1e-12, atol=1e-9).y[0, -1]
-
-
-def other_closed_form(depth, other_load=OTHER_LOAD, other_wear_rate=RATE):
-    """Number of cycles to a depth, m, of the journal that rotates under a constant load."""
-
-    def cycles_per_metre(h, _):
-        return [RATE / (other_wear_rate * other_rate(h, other_load))]
-
-    return solve_ivp(cycles_per_metre, (0.0, depth), [0.0], rtol=1e-12, atol=1e-9).y[0, -1]
-
-
-VALUES = {
-    "clearance": CLEARANCE,
-    "wear_rate": RATE,
-    "other_load": OTHER_LOAD,
-    "other_wear_rate": RATE,
-}
-"""Value of each argument of the closed forms."""
-WEAR_RATES = {"pin bearing rate": "wear_rate", "other pin journal rate": "other_wear_rate"}
-"""The argument of a closed form, by the name of the parameter in `wear`."""
-
-
 def require_closed_form(found, depth, joint="pin"):
-    """Compare a life, and its derivatives, with the differential equation of Archard's law.
-
-    A parameter that is no argument of the joint's closed form has no effect on its life.
-    """
-    part, life_of = ("bearing", closed_forms) if joint == "pin" else ("journal", other_closed_form)
+    """Compare a life, and its derivatives by logarithms of parameters, with the differential
+    equation of Archard's law. Those of the other joint have no effect on it."""
+    part, of, known = "bearing", partial(life, of=rate, drag=DRAG), {"clearance": CLEARANCE}
+    if joint == "other pin":
+        part, of, known = "journal", partial(life, of=other_rate), {"other_load": OTHER_LOAD}
     mean = found.mean("angle", keepdims=True)
-    life = cj.cycles_to_depth(mean, depth, joint, part)
-    assert life == pytest.approx(life_of(depth), rel=2e-3)
+    cycles = cj.cycles_to_depth(mean, depth, joint, part)
+    assert cycles == pytest.approx(of(depth), rel=2e-3)
+    own = "wear_rate" if joint == "pin" else "other_wear_rate"
+    names = {name: name for name in known} | {f"{joint} {part} rate": own}
     for name, derivative in cj.life_derivatives(mean, depth, joint, part).items():
-        keyword, expected = WEAR_RATES.get(name, name), 0.0
-        if keyword in inspect.signature(life_of).parameters:
-            values = ({keyword: VALUES[keyword] * (1.0 + change)} for change in (1e-4, -1e-4))
-            higher, lower = (life_of(depth, **value) for value in values)
-            expected = (higher - lower) / 2e-4
-        assert derivative == pytest.approx(expected, abs=3e-4 * life), name
+        expected = 0.0
+        if name in names:
+            value = known.get(name, RATE)
+            up, down = (of(depth, **{names[name]: value * (1 + x)}) for x in (1e-4, -1e-4))
+            expected = (up - down) / 2e-4
+        assert derivative == pytest.approx(expected, abs=3e-4 * cycles), name
 
 
 @pytest.mark.slow
