@@ -1,4 +1,4 @@
-"""The clearance joint: geometry of the paper, balance of its forces, and its axial policies."""
+"""The clearance joint: geometry of the paper, and modes of motion."""
 
 import equinox as eqx
 import numpy as np
@@ -6,18 +6,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
-from clearjoint.extend import Formulation, System, Vector, pack, unpack
+from clearjoint.extend import Vector, pack, unpack
 from tests.support.many_states import in_scalars
 from tests.support.observations import observed
 
 RANDOM = np.random.default_rng(8)
 N = 30
 BEARING, CLEARANCE, LENGTH = 1.0, 0.2, 0.9
-MASSES = {"a": 2.0, "b": 0.7}
-INERTIAS = {
-    "a": np.array([[0.9, 0.1, 0.0], [0.1, 1.1, -0.2], [0.0, -0.2, 1.0]]),
-    "b": np.diag([0.3, 0.4, 0.5]),
-}
 COORDINATES = cj.AbsoluteCoordinates()
 POINTS = {name: RANDOM.normal(size=(N, 3)) for name in ("bearing_point", "journal_point")}
 AXES = {name: RANDOM.normal(size=(N, 3)) for name in ("bearing_axis", "journal_axis")}
@@ -41,32 +36,14 @@ def random_states():
 MATRICES = ROTATION.as_matrix().reshape(2, N, 3, 3)
 
 
-def random_scene(bearing_body="a", **options):
+def random_scene():
     """Two free bodies and a joint between them; points and axes differ from state to state."""
-    joint = cj.ClearanceJoint(
-        bearing_body,
-        "b",
-        bearing_radius=BEARING,
-        clearance=CLEARANCE,
-        journal_length=LENGTH,
-        law=cj.laws.LankaraniNikravesh(0.6, 50.0),
-        **options,
-    )
-    bodies = {name: cj.Body(MASSES[name], INERTIAS[name]) for name in MASSES}
-    scene = unpack(cj.Scene(bodies, {"pin": joint}))
+    sizes = {"bearing_radius": BEARING, "clearance": CLEARANCE, "journal_length": LENGTH}
+    joint = cj.ClearanceJoint("a", "b", **sizes, law=cj.laws.LankaraniNikravesh(0.6, 50.0))
+    scene = unpack(cj.Scene(dict.fromkeys("ab", cj.Body(1.0, (1.0, 1.0, 1.0))), {"pin": joint}))
     places = [vector(rows) for rows in (*POINTS.values(), *AXES.values())]
     names = [*POINTS, *AXES]
     return eqx.tree_at(lambda s: [getattr(s.joints["pin"], name) for name in names], scene, places)
-
-
-MEMORY = {"pin": {"V": np.full(N, 0.4), "W": np.full(N, 0.7)}}
-
-
-def dynamics(changed=None, **options):
-    """In the random states, but for those of some bodies."""
-    system = System(random_scene(**options), Formulation(COORDINATES))
-    states = system.encode({**random_states(), **(changed or {})})
-    return system.dynamics(states, MEMORY, 0.0)
 
 
 def turned(body, rows):
@@ -189,26 +166,6 @@ def test_motion_modes_and_eccentricities_of_constructed_states():
         contact = found.contacts["pin"][base]
         np.testing.assert_allclose(contact.eccentricity, e, rtol=0.0, atol=1e-15)
         np.testing.assert_allclose(contact.penetration, np.array(e) - 0.5e-3, rtol=0.0, atol=1e-15)
-
-
-def test_fixed_axially_is_one_row_that_holds_the_journal_in_the_middle():
-    found = dynamics(axial=cj.FixedAxially())
-    assert list(found.rows["pin"]) == ["axial"]
-    row = found.rows["pin"]["axial"]
-    axis = turned(0, unit(AXES["bearing_axis"]))
-    centres = [POSITION[k] + turned(k, rows) for k, rows in enumerate(POINTS.values())]
-    np.testing.assert_allclose(row.value, dot(axis, centres[1] - centres[0]), rtol=0.0, atol=1e-13)
-    accelerations = found.accelerations
-    second = row.bias + sum(
-        pair.force.dot(accelerations[name].linear) + pair.moment.dot(accelerations[name].angular)
-        for name, pair in row.jacobian.items()
-    )
-    rate = sum(
-        pair.force.dot(vector(VELOCITY[k])) + pair.moment.dot(vector(SPIN[k]))
-        for k, pair in enumerate((row.jacobian["a"], row.jacobian["b"]))
-    )
-    np.testing.assert_allclose(second, -10.0 * rate - 25.0 * row.value, rtol=1e-9, atol=1e-9)
-    assert random_scene().joints["pin"].rows({}, 0.0) == {}
 
 
 @pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])

@@ -97,26 +97,6 @@ def test_motor_runs_up_to_its_no_load_speed():
     assert np.abs(observed.ledger_residual()).max() < 1e-7 * energy[-1]
 
 
-def test_torque_may_depend_on_the_angle():
-    """A torsional oscillator from 0.3 rad at rest."""
-    stiffness, times = 5.0, np.linspace(0.0, 1.0, 41)
-    scene = shaft(spring=cj.TorsionalSpring(*ON_SHAFT, stiffness))
-    solution = cj.simulate(scene, turned(0.3), 1.0, ACCURATE, save=cj.Saving(times))
-    expected = 0.3 * np.cos(np.sqrt(stiffness / INERTIA) * times)
-    np.testing.assert_allclose(angle_about(solution.states.bodies["shaft"]), expected, atol=1e-6)
-
-
-def test_constant_torque_acts_on_both_bodies():
-    drive = cj.DriveTorque("stator", "rotor", (0.0, 0.0, 5.0), 0.3)
-    scene = cj.Scene(FREE, {"bearing": BEARING}, {"motor": drive})
-    state = cj.State({name: cj.body_state(ORIGIN) for name in scene.bodies})
-    final = cj.simulate(scene, state, 2.0).final.bodies
-    np.testing.assert_allclose(
-        final["rotor"].spin, (0, 0, 0.3 * 2.0 / INERTIA), rtol=0.0, atol=1e-9
-    )
-    np.testing.assert_allclose(final["stator"].spin, (0, 0, -0.3 * 2.0 / 0.05), rtol=0.0, atol=1e-9)
-
-
 class Ramp(cj.extend.AbstractFunctionOfTime):
     """At rest until the start, and at constant speed from there on."""
 

@@ -34,7 +34,6 @@ def slot(first: str = "a", second: str = "b", **options: Any) -> cj.PinInSlot:
     ("make", "options", "complaint"),
     [
         (socket, {"clearance": 0.011}, "`clearance` must be smaller than the socket's radius 0.01"),
-        (socket, {"law": 1e9}, "`law` must be an AbstractContactLaw"),
         (socket, {"second": "a"}, "another body than"),
         (guide, {"friction": 0.1}, "`friction` must be an AbstractFriction or"),
         (guide, {"clearance": 0.03}, "`clearance` must be smaller than half the slider's"),

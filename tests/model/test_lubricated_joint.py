@@ -43,13 +43,6 @@ def row(vector):
     return np.array([float(part) for part in vector])
 
 
-def test_the_film_takes_power():
-    """Its momentum is that of every element in `test_bodies_push_each_other_equally`."""
-    here = motions()
-    wrenches = unpack(JOINT).film_wrenches(here)
-    assert sum(here[name].power(wrench) for name, wrench in wrenches.items()) < 0.0
-
-
 def test_parallel_axes_have_the_whole_film_and_the_sum_of_the_spins():
     """A turning bearing drags as much as a turning journal: seen from axes that don't turn."""
     offset, spins = np.array([0.3, -0.4]), (80.0, 30.0)

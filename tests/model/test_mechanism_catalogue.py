@@ -190,23 +190,6 @@ def test_bars_of_the_spatial_four_bar_are_cylinders():
         np.testing.assert_allclose(bodies[name].inertia, bar.inertia, rtol=1e-14)
 
 
-GRAVITY = {
-    "double_pendulum": (0.0, 9.81, 0.0),
-    "guided_slider_crank": (0.0, -9.81, 0.0),
-    "rotor_in_bearing": (0.0, -9.81, 0.0),
-    "spatial_four_bar": (0.0, 0.0, -9.81),
-    "robot_arm": (0.0, 0.0, -9.81),
-    "bricard": (0.0, -9.81, 0.0),
-    "double_four_bar": (0.0, -9.81, 0.0),
-}
-
-
-@pytest.mark.parametrize("name", GRAVITY)
-def test_gravity_is_as_described(name):
-    scene, _ = getattr(cj.mechanisms, name)()
-    np.testing.assert_array_equal(scene.gravity, GRAVITY[name])
-
-
 def test_gravity_loads_the_robot_s_nominal_pose_as_published():
     """Moments of the motors that hold it, N m (P. Corke, Robotics, Vision and Control, the
     toolbox's `gravload(qn)`)."""
@@ -245,25 +228,6 @@ def test_a_cycloid_stage_starts_with_its_play_around_all_pins(options, pins):
         hole = disc.position + axes.apply(joint.bearing_point)
         distance = np.linalg.norm(axes.apply(joint.journal_point) - hole)
         assert float(joint.clearance) - distance == pytest.approx(play, rel=1e-10)
-
-
-def test_a_rotor_starts_at_its_offset_and_speed():
-    for offset in ((0.0, -1.0), (0.3, 0.4)):
-        _, state = cj.mechanisms.rotor_in_bearing(5e-5, offset=offset, speed=70.0)
-        rotor = state.bodies["rotor"]
-        np.testing.assert_allclose(rotor.position, 5e-5 * np.array([*offset, 0.0]), rtol=1e-15)
-        np.testing.assert_array_equal([rotor.velocity, rotor.spin], [(0, 0, 0), (0, 0, 70.0)])
-    lowest = cj.mechanisms.rotor_in_bearing(5e-5)[1].bodies["rotor"]
-    np.testing.assert_array_equal(lowest.position, (0.0, -5e-5, 0.0))
-
-
-@pytest.mark.parametrize("mechanism", [cj.mechanisms.robot_arm, cj.mechanisms.four_bar])
-def test_mechanisms_without_a_speed_start_at_rest(mechanism):
-    scene, state = mechanism()
-    for body in state.bodies.values():
-        np.testing.assert_array_equal([body.velocity, body.spin], np.zeros((2, 3)))
-    motors = [joint for name, joint in scene.joints.items() if name.startswith("motor")]
-    assert [float(motor.speed) for motor in motors] == [0.0] * len(motors)
 
 
 def first_contact(shaft: float, play: float, sense: float) -> float:

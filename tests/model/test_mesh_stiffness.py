@@ -70,15 +70,6 @@ def test_gears_of_a_constant_mesh_have_the_given_law_and_no_force_beside_the_nor
         assert (contact.side, contact.gap.factor) == (None, None)
 
 
-def test_a_constant_transmission_error_shifts_the_flanks():
-    shifted = gears(transmission_error=cj.profiles.PeriodicSpline.through(np.full(4, 5e-6)))
-    before, after = (
-        [float(c.gap.depth) for c in unpack(joint).contacts(meshing(joint)).values()]
-        for joint in (gears(), shifted)
-    )
-    assert np.subtract(after, before) == pytest.approx([5e-6, -5e-6], rel=1e-9)
-
-
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [

@@ -3,9 +3,8 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
-from clearjoint.laws import Hertz, LankaraniNikravesh
+from clearjoint.laws import Hertz
 from clearjoint.laws import delivered_restitution as delivered
 
 
@@ -44,10 +43,6 @@ def slopes(chi):
 def test_derivative_is_finite_and_negative_everywhere():
     found = np.asarray(slopes(np.logspace(-9, 8, 5001)))
     assert np.isfinite(found).all() and (found < 0).all()
-
-
-def test_restitution_of_a_law_has_a_gradient():
-    """Chain rule by hand: de/dc = de/dchi dchi/dc."""
-    by_requested = jax.grad(lambda c: LankaraniNikravesh(c, 1e9).delivered_restitution())(0.9)
-    expected = slopes(np.array([0.75 * (1 - 0.81)]))[0] * (-1.5 * 0.9)
-    assert by_requested == pytest.approx(float(expected), rel=1e-12)
+    chi, step = np.logspace(-2, 2, 50), 1e-5
+    numeric = (delivered(chi * (1 + step)) - delivered(chi * (1 - step))) / (2 * step * chi)
+    np.testing.assert_allclose(slopes(chi), numeric, rtol=1e-6)
