@@ -189,29 +189,23 @@ def test_a_unit_that_is_not_declared_is_refused(read):
         read(PIN, change, classes=[Doubled])
 
 
-CHAIN = """
-gravity = [0, 9.81, 0]
-bodies.upper = { mass = 1, inertia = [1e-3, 0.1, 0.1] }
-bodies.lower = { mass = 1, inertia = [1e-3, 0.1, 0.1] }
-
-[joints.elbow]
+HINGE = """
+[joints.{}]
 kind = "RevoluteJoint"
-first = "upper"
-second = "lower"
-point_first = [0.5, 0, 0]
-point_second = [-0.5, 0, 0]
-axis_first = [0, 0, 1]
-axis_second = [0, 0, 1]
-
-[joints.shoulder]
-kind = "RevoluteJoint"
-first = "ground"
-second = "upper"
-point_first = [0, 1, 0]
+first = "{}"
+second = "{}"
+point_first = {}
 point_second = [-0.5, 0, 0]
 axis_first = [0, 0, 1]
 axis_second = [0, 0, 1]
 """
+CHAIN = """
+gravity = [0, 9.81, 0]
+bodies.upper = { mass = 1, inertia = [1e-3, 0.1, 0.1] }
+bodies.lower = { mass = 1, inertia = [1e-3, 0.1, 0.1] }
+"""
+CHAIN += HINGE.format("elbow", "upper", "lower", [0.5, 0, 0])
+CHAIN += HINGE.format("shoulder", "ground", "upper", [0, 1, 0])
 
 
 def test_a_missing_state_is_computed(read):
@@ -227,10 +221,7 @@ def test_missing_bodies_follow_the_given_ones(read):
 
 
 def test_a_state_that_cannot_be_computed_is_asked_for(read):
-    held = CHAIN.replace("elbow", "held").replace(
-        "point_first = [0.5, 0, 0]", "point_first=[9,0,0]"
-    )
-    apart = CHAIN + held.split("}\n")[-1].split("[joints.shoulder]")[0]
+    apart = CHAIN + HINGE.format("held", "upper", "lower", [9, 0, 0])
     with pytest.raises(ValueError, match=r"`state`: found no state of lower, upper.*give \[state"):
         read(apart)
 
