@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from clearjoint import GROUND
-from clearjoint.plot.report_page import joint_rows
 from clearjoint.results import MotionMode
 from clearjoint.testing import check_law
 from tests.support import many_states
@@ -251,13 +250,3 @@ def test_ledger_closes_in_all_modes():
     assert np.abs(observed.ledger_residual()).max() < 1e-8 * exchanged
     assert observed.energies["friction"][-1] > 0.1 * exchanged
     assert observed.energies["normal damping"][-1] > 0.1 * exchanged
-
-
-def test_reports_name_the_law_of_the_whole_length():
-    scene = overhung(3, cj.laws.LankaraniNikravesh(0.7, 2e9))
-    dry = scene.joints["pin"]
-    film = cj.LubricatedJoint(dry, cj.films.CaponeFilm(0.02), transition=1e-6)
-    lubricated = cj.Scene(scene.bodies, {"pin": film})
-    for one in (scene, lubricated):
-        (row,) = joint_rows(one, 1)
-        assert row[4] == "LankaraniNikravesh, c 0.7"

@@ -323,8 +323,8 @@ def test_a_phase_portrait_has_rates_of_the_equations_of_motion():
         plot.series(scene, solution, cj.quantities.Position("bell", "y"))
 
 
-def test_a_report_lists_play_and_friction_of_lubricated_joints_and_of_shoulders():
-    law, friction = cj.laws.Hertz(1e9), cj.frictions.RegularisedCoulomb(0.2)
+def test_a_report_lists_play_law_and_friction_of_lubricated_joints_shoulders_and_lines():
+    law, friction = cj.laws.LankaraniNikravesh(0.7, 2e9), cj.frictions.RegularisedCoulomb(0.2)
     sizes = {"bearing_radius": 10e-3, "clearance": 50e-6, "journal_length": 20e-3, "law": law}
     dry, film = cj.ClearanceJoint("ground", "rod", **sizes), cj.films.CaponeFilm(0.02)
     rubbing = replace(dry, friction=friction)
@@ -334,8 +334,11 @@ def test_a_report_lists_play_and_friction_of_lubricated_joints_and_of_shoulders(
         "wall": cj.LubricatedJoint(rubbing, film),
         "faces": faces,
         "faces with film": cj.LubricatedJoint(faces, film),
+        "line": replace(rubbing, line_points=3),
+        "line with film": cj.LubricatedJoint(replace(rubbing, line_points=3), film),
     }
     scene = cj.Scene({"rod": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, joints)
-    cells = {name: (play, text) for name, _, _, play, _, text in joint_rows(scene, 9)}
-    assert cells.pop("bare") == ("50 µm", "none")
-    assert set(cells.values()) == {("50 µm", "RegularisedCoulomb, µ 0.2")}
+    cells = {name: rest for name, _, _, *rest in joint_rows(scene, 9)}
+    assert cells.pop("bare") == ["50 µm", "LankaraniNikravesh, c 0.7", "none"]
+    for name, rest in cells.items():
+        assert rest == ["50 µm", "LankaraniNikravesh, c 0.7", "RegularisedCoulomb, µ 0.2"], name

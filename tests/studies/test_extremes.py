@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
-from clearjoint import RESULTS
 from studies.extremes import findings as extremes
 from studies.extremes.cases import BASE, damping_factor, delivered, thrown
 from studies.extremes.entries import REFUSED, RIGHT, WRONG, judged
@@ -109,7 +108,3 @@ def test_a_start_with_nothing_to_go_by_is_refused():
     ):
         with pytest.raises(ValueError, match=r"Argument `state\."):
             cj.simulate(trial.scene, state, 1e-3)
-
-
-def test_code_of_a_journal_in_the_wall_has_a_remedy():
-    assert "Check the stiffness" in RESULTS[RESULTS.left_bearing]

@@ -41,8 +41,8 @@ def alone(
     body: str, mass: float, inertia: float, joint: Any, velocity: Any
 ) -> tuple[cj.Scene, cj.State]:
     """A sphere that starts at the origin, in a joint to the ground."""
-    scene = cj.Scene({body: cj.Body(mass, (inertia,) * 3)}, {"joint": joint})
-    return scene, cj.State({body: cj.body_state(REST, velocity=velocity)})
+    sphere = {"mass": mass, "inertia": (inertia,) * 3}
+    return one_body(body, {"joint": joint}, **sphere, velocity=velocity)
 
 
 def thrown(law: cj.extend.AbstractContactLaw) -> tuple[cj.Scene, cj.State]:

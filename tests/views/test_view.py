@@ -106,12 +106,6 @@ def test_a_run_with_steps_only_is_shown_at_equal_intervals():
     np.testing.assert_allclose(view.times, np.linspace(0.0, 0.02, 5))
 
 
-@pytest.mark.slow
-def test_a_page_reports_missing_webgl(seen):
-    tail = seen.html.rpartition("<script>")[2]
-    assert "WebGL" in tail and "K3DInstance" not in tail
-
-
 def test_the_legend_has_the_scales(seen):
     assert f"clearances enlarged {seen.clearance_scale:g} " in seen.legend.notes[0]
     assert seen.legend.notes[-1].startswith("arrows: ")
