@@ -73,7 +73,6 @@ def test_clamped_dashpots_deliver_the_closed_form(law):
 
 
 IMPACTS = [
-    (cj.laws.KelvinVoigt(0.5, 1e9, MASS), 0.550, 6e-4),
     (cj.laws.Tsuji(0.5, 1e9, MASS), 0.550, 6e-4),
     *((cj.laws.Jankowski(c, 1e9, MASS), e, 6e-4) for c, e in zip(FIVE, JANKOWSKI, strict=True)),
     (cj.laws.FloresKelvinVoigt(0.5, 1e9, 1e-4), 0.5**0.5, 1e-5),

@@ -36,27 +36,18 @@ spring = functools.partial(cj.SpringDamper, *BETWEEN)
 
 CONSTRUCTION = [
     (lambda: cj.Body(0.0, (1, 1, 1)), "`mass` ... positive ... 0.0 ... give the mass in kg"),
-    (lambda: cj.Body(-2, (1, 1, 1)), "`mass` ... positive ... -2.0 ... kg"),
     (lambda: cj.Body((1, 2), (1, 1, 1)), "`mass` ... () ... [1.0, 2.0] ... single number"),
     (lambda: cj.Body(1, (1, NAN, 1)), "`inertia`" + NOT_A_NUMBER),
     (lambda: cj.Body(1, (1, 1)), "`inertia` ... (3,) or (3, 3) ... [1.0, 1.0] ... give"),
     (lambda: cj.Body(1, (1, -1, 1)), "`inertia` ... positive definite ... -1.0 ... every body"),
     (lambda: cj.Body(1, (1, 1, 2.1)), "`inertia` ... exceeds the sum ... 2.1 ... check the order"),
     (lambda: cj.Body(1, np.diag([0.1, 3, 1])), "`inertia` ... exceeds the sum ... 3.0 ... units"),
-    (
-        lambda: cj.Body(1, np.eye(3) + [[0, 0.1, 0]] * 3),
-        "`inertia` ... symmetric ... 0.1 ... average it",
-    ),
     (lambda: cj.Scene({}), "`bodies` ... at least one body ... {} ... pass {name: Body"),
     (lambda: cj.Scene({"ground": BODY}), "`bodies` ... name of the fixed ... 'ground' ... rename"),
     (lambda: cj.Scene({"": BODY}), "`bodies` ... non-empty ... '' ... name every"),
     (
         lambda: cj.Scene({"rod": 1.0}),
         "`bodies['rod']` ... one of Body ... 'float' ... pass an element",
-    ),
-    (
-        lambda: cj.Scene(BODIES, forces={"push": cj.AppliedLoad("crank")}),
-        "forces['push'] ... known bodies ... 'crank' ... add the body",
     ),
     (
         lambda: cj.Scene(BODIES, {"x": revolute(AXIS, AXIS)}, {"x": spring(1.0)}),
@@ -69,7 +60,6 @@ CONSTRUCTION = [
     (lambda: cj.SphericalJoint(1, "rod", ZERO, ZERO), "`first` ... name of a body ... 1 ... pass"),
     (lambda: revolute(ZERO, AXIS), "`axis_first`" + NO_LENGTH),
     (lambda: revolute(AXIS, ZERO), "`axis_second`" + NO_LENGTH),
-    (lambda: cj.InlineJoint(*BETWEEN, ZERO), "`axis`" + NO_LENGTH),
     (lambda: cj.PrismaticJoint(*BETWEEN, AXIS, (1, 1, 0, 0)), "`orientation`" + NO_ROTATION),
     (lambda: driver(ZERO, 1.0), "`axis`" + NO_LENGTH),
     (lambda: driver(AXIS, NAN), "`speed`" + NOT_A_NUMBER),
@@ -78,7 +68,6 @@ CONSTRUCTION = [
         lambda: pin(journal_radius=0.01),
         "`journal_radius` ... smaller than the bearing's ... 0.01 ... RevoluteJoint",
     ),
-    (lambda: pin(journal_radius=0.011), "`journal_radius` ... smaller than ... 0.011 ... swap"),
     (lambda: pin(clearance=0.0), "`clearance` ... positive ... 0.0 ... in m"),
     (
         lambda: pin(clearance=0.5),

@@ -27,9 +27,6 @@ def test_the_orbit_in_a_moving_bearing_is_relative_to_the_bearing(turning):
     assert abs(ratio[0]) == pytest.approx(1.0)
     angles = np.unwrap(np.angle(orbit @ (1.0, 1.0j)))
     assert abs(angles[-1] - angles[0]) == pytest.approx(2.0 * np.pi * (1 - 1 / COUNT))
-    axes = plot.journal_orbit(seen, "pin", CLEARANCE)
-    assert axes.get_xlabel() == "eccentricity along the bearing's x, mm"
-    assert np.hypot(*axes.get_lines()[0].get_data()) == pytest.approx(0.5, rel=3e-3)
 
 
 def test_only_bases_of_journals_have_an_eccentricity(turning):
@@ -66,9 +63,7 @@ def test_motion_takes_a_window(turning, draw):
     ("call", "message"),
     [
         (lambda s, t: plot.contact_forces(s, "pinn"), r"`joint` must be .*\['pin'\], but is 'pin"),
-        (lambda s, t: plot.journal_orbit(s, "pinn", 1e-3), r"`joint` must be one of those"),
         (lambda s, t: plot.orbit_in_contact(s, "pin", "U", 1e-3), r"`contact` must be .*'V', 'W'"),
-        (lambda s, t: plot.eccentricities(s, "pinn", 1e-3), "`joint` must be one of those"),
         (lambda s, t: plot.contact_and_reaction(s, ("pin", "V"), ("elbow", "arm")), "`joint` must"),
         (lambda s, t: plot.position({"": t}, "bearing", "x"), "`component` must be one of .*'x'"),
         (lambda s, t: plot.path({"": t}, "bearing", ("X", "U")), "`component` must be one of"),
