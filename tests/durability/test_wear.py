@@ -352,16 +352,6 @@ def test_a_store_is_continued(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_store_without_a_run_is_written_too(tmp_path):
-    path = tmp_path / "wear"
-    cj.wear(*whirling(), CYCLE, OF_PIN, 10.0, stages=1, path=path, **OPTIONS)
-    found = cj.open_wear(path)
-    assert found.attrs["ending"] == "1 stages" and found.sizes["stage"] == 1
-    rest = cj.wear(*whirling(), CYCLE, OF_PIN, 10.0, path=path, **OPTIONS)
-    assert rest.attrs["ending"] == "reached the cycles"
-
-
-@pytest.mark.slow
 def test_worn_profiles_are_put_into_the_scene(found_of_two):
     found = found_of_two
     worn = cj.worn(whirling_and_rotating()[0], found).joints

@@ -213,11 +213,3 @@ def test_gears_closer_than_their_base_circles_are_refused():
     states = {"a": cj.body_state((0, 0, 0)), "b": cj.body_state((0.08, 0.01, 0.005))}
     with pytest.raises(ValueError, match="but is inf"):
         cj.simulate(cj.Scene(bodies, {"mesh": joint}), cj.State(states), 1e-3)
-
-
-@pytest.mark.slow
-def test_a_torsional_stiffness_is_the_torque_by_the_angle():
-    joint = stiff(torsional_stiffness=2e4, restitution=0.3)
-    gap = cj.extend.Gap(joint.radius * 1e-3, 0.0)
-    assert float(joint.radius * joint.law.force(gap, 0.0)) == pytest.approx(20.0, rel=1e-12)
-    assert float(joint.law.delivered_restitution()) == pytest.approx(0.3, rel=1e-6)

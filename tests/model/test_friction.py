@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from clearjoint.extend import Vector, pack, slip_velocity
+from clearjoint.extend import Vector, pack
 from clearjoint.frictions import BengisuAkay, BrownMcPhee, Stribeck
 from studies.catalogue.frictions import FAST, SLOW
 from studies.catalogue.frictions import LAWS as PRINTED
@@ -61,13 +61,6 @@ def test_force_and_its_derivative_at_rest_are_those_of_the_law(name):
     for slip in (np.array([1e-120, 0.0, 0.0]), np.array([1e-9, 0.0, -1e-9])):
         jacobian = jax.jacfwd(lambda slip: force(law, slip))(slip)
         assert np.abs(jacobian).max() <= LOAD * steepest * (1 + 1e-9)
-
-
-def test_slip_is_the_tangential_part_of_the_velocity():
-    velocity, normal = RANDOM.normal(size=3), np.array([0.6, 0.0, -0.8])
-    rate = velocity @ normal
-    slip = pack(slip_velocity(Vector(*velocity), Vector(*normal), rate))
-    np.testing.assert_allclose(slip, (np.eye(3) - np.outer(normal, normal)) @ velocity, rtol=1e-13)
 
 
 @pytest.mark.parametrize("kind", [Stribeck, BengisuAkay, BrownMcPhee])

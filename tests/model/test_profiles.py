@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import clearjoint as cj
 from clearjoint import GROUND
-from clearjoint.extend import AbstractProfile, Deviation, pack, unpack
+from clearjoint.extend import pack, unpack
 from clearjoint.frictions import RegularisedCoulomb
 from clearjoint.laws import Hertz
 from clearjoint.profiles import Harmonics, PeriodicSpline
@@ -66,46 +66,6 @@ def test_the_first_harmonic_shifts_the_circle(part):
 def aligned(x, y):
     """At rest, its axis parallel to the bearing's."""
     return moving((x, y, 0.0), (1, 0, 0, 0), (0, 0, 0), (0, 0, 0))
-
-
-class Ellipse(AbstractProfile):
-    """Support function of an ellipse with half axes `a` and `b`, less the radius of a circle."""
-
-    a: float
-    b: float
-    radius: float
-
-    def at(self, angle):
-        def value(t):
-            return jnp.sqrt((self.a * jnp.cos(t)) ** 2 + (self.b * jnp.sin(t)) ** 2) - self.radius
-
-        first = jax.grad(value)
-        angle = jnp.asarray(angle)
-        flat = jnp.ravel(angle)
-        parts = (jax.vmap(f)(flat) for f in (value, first, jax.grad(first)))
-        return Deviation(*(part.reshape(angle.shape) for part in parts))
-
-    def angles(self):
-        return 16
-
-
-@pytest.mark.parametrize("angle", [0.4, pytest.param(2.5, marks=pytest.mark.slow)])
-def test_a_journal_touches_an_elliptic_bearing_on_the_ellipse(angle):
-    """Depth, normal and points against the nearest points of a circle and an ellipse."""
-    a, b = RADIUS + 30e-6, RADIUS - 20e-6
-    joint = pin(Ellipse(a, b, RADIUS), friction=RegularisedCoulomb(0.1))
-    centre = 0.55e-3 * np.array([np.cos(angle), np.sin(angle)])
-    found = contact(joint, aligned(*centre))
-    normal = found.normal[:2]
-    wall = found.arm_first[:2] - 0.5 * found.gap.depth * normal
-    surface = centre + (RADIUS - CLEARANCE) * normal
-    assert (wall[0] / a) ** 2 + (wall[1] / b) ** 2 == pytest.approx(1.0, abs=1e-12)
-    np.testing.assert_allclose(surface - wall, found.gap.depth * normal, rtol=0.0, atol=1e-16)
-    # No other normal of the ellipse leads to a larger depth.
-    t = np.linspace(0.0, 2.0 * np.pi, 100_001)
-    support = np.hypot(a * np.cos(t), b * np.sin(t))
-    along = centre[0] * np.cos(t) + centre[1] * np.sin(t) + RADIUS - CLEARANCE
-    assert found.gap.depth == pytest.approx((along - support).max(), abs=1e-12)
 
 
 def test_of_many_waves_the_deepest_is_found():
