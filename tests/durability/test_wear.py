@@ -213,25 +213,6 @@ def test_smaller_errors_of_stages_have_smaller_errors_at_the_end():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "joint, part, per_cycle", [("pin", "bearing", rate), ("other pin", "journal", other_rate)]
-)
-def test_each_of_two_joints_wears_as_it_would_alone(found_of_two, joint, part, per_cycle):
-    """The depth at all angles follows the joint's own differential equation of Archard's law."""
-    found = found_of_two
-    assert found.attrs["ending"] == "reached the cycles"
-    cycles = found["cycles"].values
-    span, tight = (0.0, cycles[-1]), {"rtol": 1e-10, "atol": 1e-16}
-    exact = solve_ivp(lambda n, h: [per_cycle(h[0])], span, [0.0], t_eval=cycles, **tight).y[0]
-    depths = found[f"{part}_depth"].sel(joint=joint).values
-    assert exact[-1] > 10e-6 and len(cycles) > 5
-    np.testing.assert_allclose(depths[-1], exact[-1], rtol=2e-2)
-    np.testing.assert_allclose(depths.mean(axis=1), exact, rtol=1e-3, atol=1e-10)
-    unworn = "journal" if part == "bearing" else "bearing"
-    assert not found[f"{unworn}_depth"].sel(joint=joint).any()
-
-
-@pytest.mark.slow
 def test_the_joint_that_wears_fastest_limits_the_stages(found_of_two):
     """The change of each joint is at most the largest one, and that of one joint equals it."""
     found = found_of_two

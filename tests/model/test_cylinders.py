@@ -14,6 +14,8 @@ from studies.catalogue.cylinders import (
     RADIUS,
     YOUNG,
 )
+from tests.support.laws import CYLINDERS
+from tests.support.slow import slow_but
 
 LIMITS = {
     cj.laws.JohnsonCylinder: 4 * CLEARANCE / np.e**2,
@@ -57,16 +59,10 @@ def test_johnson_ends_at_half_a_clearance_under_the_load_of_the_fold():
     assert load == pytest.approx(9.67e7, rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    "law",
-    [
-        *list(FORMULAS)[:1],
-        *(pytest.param(law, marks=pytest.mark.slow) for law in list(FORMULAS)[1:]),
-        pytest.param(cj.laws.LiuCylinder, marks=pytest.mark.slow),
-        pytest.param(cj.laws.PereiraCylinder, marks=pytest.mark.slow),
-        cj.laws.PerssonCylinder,
-    ],
-)
+FAST = cj.laws.JohnsonCylinder, cj.laws.PerssonCylinder
+
+
+@pytest.mark.parametrize("law", slow_but(FAST, CYLINDERS.values()))
 def test_energy_is_the_force_s_integral_beyond_the_deepest_too(law):
     contact = cylinder(law)
     energy = jax.vmap(jax.grad(lambda depth: contact.energy(gap(depth), 1.5)))

@@ -8,10 +8,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import clearjoint as cj
-from tests.support.difference_quotients import central
 from tests.support.sliding_block import DEPTH, MASS, WEIGHT, along, block, deflections
 
-Q = cj.quantities
 LUGRE = cj.frictions.LuGre(
     0.25, 0.15, stribeck_speed=0.02, stiffness=1e4, damping=20.0, viscosity=0.05
 )
@@ -136,49 +134,12 @@ def test_bristles_hold_a_load_that_lets_other_friction_creep(friction):
         assert moved == pytest.approx(0.2 * 1e-3 * np.arctanh(0.5), rel=1e-4)
 
 
-FALLING = replace(cj.presets.derivatives, rtol=1e-10)
-
-
-def falling(**changes):
-    """The block above the belt, sliding and falling: bristles deflect from the onset on."""
-    numbers = {"velocity": (0.05, 0.02, -0.05), "height": 1e-5} | changes
-    return block(LUGRE, 0.01, **numbers)
-
-
-@pytest.mark.slow
-def test_derivatives_are_right_across_an_onset():
-    """The onset depends on the initial height, and the bristles' rate jumps there."""
-    times = np.array([3e-4, 6e-4, 1e-3])
-    parameters = {
-        "height": cj.Parameter.initial(lambda s: s.bodies["block"].position[2]),
-        "stiffness": cj.Parameter(lambda s: s.joints["floor"].friction.stiffness, cj.Log()),
-    }
-    outputs = {"x": Q.Position("block", "x"), "z": Q.BristleDeflection("floor", "belt")}
-    found = cj.sensitivities(*falling(), 1.1e-3, parameters, outputs, times, FALLING)
-
-    def values(scene, state):
-        tight = replace(FALLING, rtol=1e-13, landing_tolerance=1e-15)
-        solution = cj.simulate(scene, state, 1.1e-3, tight, save=cj.Saving(times))
-        return np.stack([along(solution)[0], np.linalg.norm(deflections(solution), axis=1)])
-
-    def stiffer(step):
-        scene, state = falling()
-        where = lambda s: s.joints["floor"].friction.stiffness  # noqa: E731
-        return eqx.tree_at(where, scene, np.asarray(1e4 * np.exp(step))), state
-
-    changes = (lambda h: falling(height=1e-5 + h), 1e-8), (stiffer, 1e-4)
-    for column, (make, step) in enumerate(changes):
-        differences = central(lambda by, make=make: values(*make(by)), step)
-        for name, expected in zip(outputs, differences, strict=True):
-            error = np.abs(found.derivatives[name][:, column] - expected).max()
-            assert error < 2e-5 * np.abs(expected).max(), (name, column)
-
-
 @pytest.mark.slow
 def test_deflections_are_zero_in_flight_and_at_each_onset():
-    scene, state = falling()
-    times = np.linspace(5e-5, 6e-3, 60)
-    solution = cj.simulate(scene, state, 6e-3, FALLING, save=cj.Saving(times))
+    """The block slides and falls onto the belt."""
+    scene, state = block(LUGRE, 0.01, velocity=(0.05, 0.02, -0.05), height=1e-5)
+    settings, times = replace(cj.presets.derivatives, rtol=1e-10), np.linspace(5e-5, 6e-3, 60)
+    solution = cj.simulate(scene, state, 6e-3, settings, save=cj.Saving(times))
     heights, _ = along(solution, 2)
     sizes = np.linalg.norm(deflections(solution), axis=1)
     assert (sizes[heights > 1e-9] == 0.0).all() and (heights > 1e-9).any()

@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 import clearjoint as cj
 from tests.support.one_body import ORIGIN, Z, hinge
+from tests.support.slow import slow_but
 
 FINE = cj.Settings(rtol=1e-11, atol=1e-13, ledger=True)
 END, MODULE, ALPHA = 6e-3, 3e-3, math.radians(20.0)
@@ -160,9 +161,7 @@ def at(pieces: list[Any], times: np.ndarray) -> np.ndarray:
     return np.array([pieces[min(np.searchsorted(ends, t), len(ends) - 1)](t) for t in times])
 
 
-@pytest.mark.parametrize(
-    "seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 20))]
-)
+@pytest.mark.parametrize("seed", slow_but([0], range(20)))
 def test_gears_move_as_lagranges_equations_say(seed):
     """Speeds, the energy ledger, and the largest force of the impacts."""
     pair = Pair(seed)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import clearjoint as cj
+from tests.support.slow import slow_but
 
 GRAVITY, TIME = 9.81, 0.3
 ACCELERATION, FORCE = cj.quantities.Acceleration("b", "z"), cj.quantities.ContactForce("floor")
@@ -33,9 +34,7 @@ def loaded_ball(rng, start_time):
 
 
 @pytest.mark.filterwarnings("ignore::clearjoint.UnusualValueWarning")
-@pytest.mark.parametrize(
-    "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
-)
+@pytest.mark.parametrize("seed", slow_but([0], range(3)))
 def test_integrals_of_what_jumps_are_changes_of_momentum(seed):
     rng = np.random.default_rng(seed)
     start_time = [0.0, 0.1, -7.3][seed]

@@ -22,6 +22,7 @@ from tests.support.one_body import ORIGIN, X, bearing, one_body
 from tests.support.planes import Plane
 from tests.support.push import Push
 from tests.support.shaft import ON_SHAFT, Z, shaft, turned
+from tests.support.slow import slow
 
 Q = cj.quantities
 GRAVITY, DROP, MASS = 9.81, 5e-4, 1.0
@@ -252,7 +253,7 @@ ONSET = np.sqrt(2.0 * DROP / GRAVITY)
 
 @pytest.mark.parametrize(
     ("law", "end"),
-    [("damper", ONSET + 1e-3), *(pytest.param(law, END, marks=pytest.mark.slow) for law in LAWS)],
+    [("damper", ONSET + 1e-3), *(slow(law, END) for law in LAWS)],
 )
 def test_integrals_of_quantities_that_jump_at_onset_and_end(law, end):
     """An acceleration's integral is the change of the speed, also in their derivatives; the time in
@@ -324,9 +325,9 @@ NONE = 1e-20
     ("threshold", "position"),
     [
         (Threshold(0.5, NONE, NONE, NONE), 1.0),
-        pytest.param(Threshold(0.02, NONE, NONE, NONE), 1.0, marks=pytest.mark.slow),
+        slow(Threshold(0.02, NONE, NONE, NONE), 1.0),
         (Threshold(NONE, 50.0, NONE, NONE), None),
-        pytest.param(Threshold(NONE, NONE, 0.5, NONE), None, marks=pytest.mark.slow),
+        slow(Threshold(NONE, NONE, 0.5, NONE), None),
         (Threshold(NONE, NONE, NONE, 0.5), 0.25),
     ],
     ids=["step", "small step", "kink", "ramp", "step by speed"],
@@ -353,17 +354,13 @@ ENDS = ("ground", "shaft", (0.5, 0.0, 0.0), (-0.5, 0.0, 0.0))
     ("force", "jumps"),
     [
         (cj.TorsionalSpring(*ON_SHAFT, 0.01), True),
-        pytest.param(cj.Motor(*ON_SHAFT, 0.0, 0.01, 0.0), True, marks=pytest.mark.slow),
-        pytest.param(cj.SpringDamper(*ENDS, 0.01, 0.0, 0.1), True, marks=pytest.mark.slow),
-        pytest.param(cj.SpringDamper(*ENDS, 0.01), False, marks=pytest.mark.slow),
-        pytest.param(
-            cj.Bushing("ground", "shaft", Z, Z, (1, 1, 1), rotational_stiffness=(0, 0, 0.01)),
-            True,
-            marks=pytest.mark.slow,
+        slow(cj.Motor(*ON_SHAFT, 0.0, 0.01, 0.0), True),
+        slow(cj.SpringDamper(*ENDS, 0.01, 0.0, 0.1), True),
+        slow(cj.SpringDamper(*ENDS, 0.01), False),
+        slow(
+            cj.Bushing("ground", "shaft", Z, Z, (1, 1, 1), rotational_stiffness=(0, 0, 0.01)), True
         ),
-        pytest.param(
-            cj.Motor(*ON_SHAFT, cj.Polynomial((0.0, 5.0)), 0.0, 0.01), False, marks=pytest.mark.slow
-        ),
+        slow(cj.Motor(*ON_SHAFT, cj.Polynomial((0.0, 5.0)), 0.0, 0.01), False),
     ],
     ids=lambda value: type(value).__name__,
 )
