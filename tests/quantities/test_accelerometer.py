@@ -80,45 +80,22 @@ def test_a_reading_names_its_sensor():
         q.AccelerometerReading("other").check(with_sensor().scene)
 
 
-PARAMETERS = {
-    "clearance": cj.Parameter(lambda scene: scene.joints["pin"].clearance, cj.Log()),
-    "stiffness": cj.Parameter(lambda s: s.forces["mass accelerometer spring"].stiffness, cj.Log()),
-}
-
-
 @pytest.mark.slow
-def test_readings_are_those_of_a_filter_and_their_derivatives_those_of_differences():
+def test_readings_are_those_of_a_filter():
     """The acceleration at the sensor's place, finely sampled across impacts, through SciPy's
     filter: as near as the sensor's own motion in its body is small."""
     scene, state, reading = with_sensor()
     times = np.linspace(0.0, 0.03, 30_001)
     raw = [q.PointAcceleration("mass", POINT, one, axes="body", gravity=True) for one in ("x", "y")]
-    outputs = {"reading": reading, "x": raw[0], "y": raw[1]}
-
-    def run(changes):
-        changed = scene
-        for name, factor in changes.items():
-            place = PARAMETERS[name].variation.path
-            changed = cj.set_value(changed, place, factor * place(scene))
-        return cj.sensitivities(changed, state, times[-1], PARAMETERS, outputs, times)
-
-    found = run({})
-    force = (found.outputs["x"] + 2.0 * found.outputs["y"]) / math.sqrt(5.0)
+    outputs, save = {"reading": reading, "x": raw[0], "y": raw[1]}, cj.Saving(times, states=False)
+    found = cj.simulate(
+        scene, state, times[-1], cj.presets.derivatives, save, outputs=outputs
+    ).outputs
+    force = (found["x"] + 2.0 * found["y"]) / math.sqrt(5.0)
     speed = 2.0 * math.pi * FREQUENCY
     filter_of_two_poles = signal.lti([speed**2], [1.0, math.sqrt(2.0) * speed, speed**2])
     at_rest = GRAVITY * (math.sin(0.6) + 2.0 * math.cos(0.6)) / math.sqrt(5.0)
     _, expected, _ = signal.lsim(filter_of_two_poles, force - at_rest, times)
     peak = np.max(np.abs(expected))
     assert np.max(np.abs(force)) > 1.5 * peak > 1.0
-    np.testing.assert_allclose(
-        found.outputs["reading"], expected + at_rest, rtol=0.0, atol=3e-5 * peak
-    )
-    for k, name in enumerate(PARAMETERS):
-        step = 1e-6
-        above, below = (run({name: math.exp(sign * step)}).outputs["reading"] for sign in (1, -1))
-        difference = (above - below) / (2.0 * step)
-        size = np.max(np.abs(difference))
-        assert size > 1.0
-        np.testing.assert_allclose(
-            found.derivatives["reading"][:, k], difference, rtol=0.0, atol=1e-3 * size
-        )
+    np.testing.assert_allclose(found["reading"], expected + at_rest, rtol=0.0, atol=3e-5 * peak)
