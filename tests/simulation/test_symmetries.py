@@ -1,9 +1,7 @@
-"""The same motion, looked at otherwise: turned, mirrored, reordered, renamed, in other units,
-backwards, at another time, split in time, in other coordinates.
+"""The same motion, looked at otherwise: turned, mirrored, reordered, in other units, backwards, at
+another time, split in time, in other coordinates; `tests/test_renaming.py` has other names.
 
-All but names and coordinates, which are slow for that, share one program."""
-
-from dataclasses import replace
+All but coordinates, which are slow for that, share one program."""
 
 import jax
 import numpy as np
@@ -41,7 +39,7 @@ ABSOLUTE, JOINT = cj.AbsoluteCoordinates(), cj.JointCoordinates()
 
 
 def run(made: Hinged, begin=0.0, end=None, coordinates=JOINT, atol=None) -> cj.results.Solution:
-    """A run; all of one mechanism's names and coordinates share a program."""
+    """A run; all in the same coordinates share a program."""
     options = cj.Settings(
         rtol=1e-10,
         atol=atol,
@@ -133,29 +131,6 @@ def bits(found: cj.State) -> list[bytes]:
 def changed(made: Hinged, place, value) -> Hinged:
     """The mechanism with another number of its scene."""
     return made._replace(scene=cj.set_value(made.scene, place, value))
-
-
-OTHERS = {"link": "zz", "arm": "b c", "hinge": "z", "pin": "a"}
-"""Names that sort the other way."""
-
-
-def renamed(made: Hinged) -> Hinged:
-    scene = symmetries.renamed(made.scene, OTHERS)
-    joints, states, speeds = (
-        {OTHERS[name]: part for name, part in family.items()}
-        for family in (scene.joints, made.state.bodies, made.state.entry_speeds)
-    )
-    return made._replace(scene=replace(scene, joints=joints), state=cj.State(states, speeds))
-
-
-@pytest.mark.slow
-@few
-@given(seed=seeds)
-def test_renamed(seed):
-    made = hinged(seed)
-    found = ended(renamed(made)).bodies
-    before = cj.State({name: found[OTHERS[name]] for name in made.state.bodies})
-    assert apart(before, ended(made)) < CLOSE
 
 
 def scaled(made: Hinged, scale: symmetries.Scale) -> Hinged:
