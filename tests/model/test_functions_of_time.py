@@ -83,28 +83,10 @@ def test_elements_have_the_breakpoints_of_their_functions():
         np.testing.assert_array_equal(found, expected, err_msg=type(element).__name__)
 
 
-def switched(at, how=jnp.greater) -> tuple[cj.Scene, cj.State]:
-    """A force of 1 N along X on 1 kg after a time, s; `how` decides whether at this time itself."""
-    return one_body("rod", forces={"switch": Push("rod", 1.0, at, how)})
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("at", [np.inf, -np.inf])
-def test_runs_with_infinite_breakpoints(at):
-    scene, state = switched(at)
-    way = 0.0 if at > 0.0 else 0.5
-    found = cj.simulate(scene, state, 1.0)
-    np.testing.assert_allclose(found.final.bodies["rod"].position[0], way, rtol=1e-9)
-    stepped = cj.simulate_nonsmooth(scene, state, 1.0, step=1e-3)
-    np.testing.assert_allclose(stepped.final.bodies["rod"].position[0], way, rtol=1e-2)
-    outputs = {"x": cj.quantities.Position("rod", "x")}
-    mass = {"mass": cj.Parameter(lambda s: s.bodies["rod"].mass)}
-    result = cj.sensitivities(scene, state, 1.0, mass, outputs, [1.0])
-    np.testing.assert_allclose(result.derivatives["x"], [[-way]], rtol=1e-9)
-
-
 @pytest.mark.parametrize("how", [jnp.greater, jnp.greater_equal])
 def test_a_load_that_is_switched_at_time_zero(how):
-    found = cj.simulate(*switched(0.0, how), 1.0, start_time=-1.0)
+    """A force of 1 N on 1 kg; `how` decides whether at this time itself."""
+    pushed = one_body("rod", forces={"switch": Push("rod", 1.0, 0.0, how)})
+    found = cj.simulate(*pushed, 1.0, start_time=-1.0)
     np.testing.assert_allclose(found.final.bodies["rod"].position[0], 0.5, rtol=1e-9)
     assert found.attempts < 12
