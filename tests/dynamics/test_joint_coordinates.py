@@ -1,6 +1,5 @@
-"""Joint coordinates against absolute ones, conservation laws and the reference."""
+"""Scenes that joint coordinates cannot move, turns, and redundant hinges in closed form."""
 
-import equinox as eqx
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -8,54 +7,8 @@ from scipy.integrate import solve_ivp
 import clearjoint as cj
 from clearjoint import GROUND
 from tests.support.one_body import ORIGIN, Z, hinge, one_body
-from tests.support.reference import CASES
 
 ABSOLUTE, JOINT = cj.AbsoluteCoordinates(), cj.JointCoordinates()
-
-
-def _impacts(made, end, coordinates):
-    """The run of a mechanism through its first impacts, saved at 1001 times."""
-    save = cj.Saving(np.linspace(0.0, end, 1001), impacts=True)
-    return cj.simulate(*made, end, cj.Settings(rtol=1e-11, coordinates=coordinates), save)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("mechanism", "end", "pin", "impacts"),
-    [
-        (cj.mechanisms.double_pendulum, 0.1, "shoulder", 5),
-        (cj.mechanisms.slider_crank, 2.5e-3, "slider pin", 9),
-    ],
-)
-def test_trajectories_agree_within_the_horizon(mechanism, end, pin, impacts):
-    """In absolute coordinates all rows are stabilised constraints; the slider-crank has 16, and a
-    fifth of a revolution."""
-    joint, absolute = (_impacts(mechanism(), end, each) for each in (JOINT, ABSOLUTE))
-    assert joint.impacts is not None and len(joint.impacts.of(pin, "V")) == impacts
-    for name, expected in absolute.states.bodies.items():
-        found = joint.states.bodies[name]
-        np.testing.assert_allclose(found.position, expected.position, rtol=0, atol=1e-9)
-        np.testing.assert_allclose(found.orientation, expected.orientation, rtol=0, atol=1e-8)
-
-
-def test_reactions_of_the_eliminated_hinge_are_those_of_the_reference(reference_folder):
-    scene, state = cj.mechanisms.double_pendulum()
-    joint = _impacts((scene, state), 0.1, JOINT)
-    observed = cj.observe(scene, joint)
-    reference = CASES[0].trajectory(reference_folder)
-    force = np.stack([reference[f"R{axis}"][: len(joint.times)] for axis in "xyz"], axis=-1)
-    scale = np.abs(force).max()
-    for body, sign in (("arm 3", 1.0), ("arm 2", -1.0)):
-        found = sign * observed.reactions["elbow"][body].force
-        np.testing.assert_allclose(found, force, rtol=0, atol=1e-6 * scale)
-    assert observed.drift["elbow"].max() < 1e-15 and observed.drift_rate["elbow"].max() < 1e-14
-
-
-def test_state_that_violates_an_eliminated_joint_is_refused():
-    scene, state = cj.mechanisms.double_pendulum()
-    apart = eqx.tree_at(lambda s: s.bodies["arm 3"].position, state, np.array([1.0, 1e-3, 0.5]))
-    with pytest.raises(ValueError, match="elbow: translation y"):
-        cj.simulate(scene, apart, 0.1)
 
 
 def test_antiparallel_axes_are_refused_and_run_in_absolute_coordinates():
