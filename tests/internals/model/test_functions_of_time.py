@@ -10,8 +10,10 @@ from clearjoint._dynamics.breakpoints import next_breakpoint, one_sided_time, si
 from clearjoint._math.vectors import fold_constants
 from clearjoint._simulation.step.discontinuities import require_declared
 from clearjoint.extend import UNIT_X, unpack
-from tests.model.test_functions_of_time import LEVELS, TIMES, switched
+from tests.model.test_functions_of_time import LEVELS, TIMES
 from tests.support.motions import AT_REST
+from tests.support.one_body import one_body
+from tests.support.push import Push
 from tests.support.shaft import ORIGIN, Z
 
 
@@ -50,6 +52,10 @@ def test_breakpoints_are_found_in_arrays_of_any_shape(table):
     assert following == [0.1, 0.2, 0.4, np.inf]
     assert 0.2 < float(one_sided_time(system, 0.2, 0.2)) < 0.2 + 1e-12
     assert 0.3 - 1e-12 < float(one_sided_time(system, 0.2, 0.3)) < 0.3
+
+
+def switched(at) -> cj.Scene:
+    return one_body("rod", forces={"switch": Push("rod", 1.0, at)})[0]
 
 
 @pytest.mark.parametrize(
