@@ -579,3 +579,11 @@ SPRING = *ENDS, 50.0, 0.4, 0.3
 def test_broken_forces_are_refused(force, complaint):
     with pytest.raises(AssertionError, match=complaint):
         check_force(force, MOTIONS)
+
+
+def test_a_journal_near_the_centre_of_its_bearing_conforms():
+    """Its offset of 22 um is small beside the sizes of the parts and their coordinates."""
+    law, near = cj.laws.Hertz(1e9), ((2e-5, 1e-5, 3e-5), (1, 1e-3, 2e-3, 0.3))
+    sizes = {"bearing_radius": 10e-3, "clearance": 0.1e-3, "journal_length": 20e-3}
+    pin = cj.ClearanceJoint("ground", "rod", **sizes, law=law)
+    check_contact_joint(pin, {"rod": moving(*near, (0.1, 0.2, 0.3), (3, 2, 1))})

@@ -12,11 +12,9 @@ from .._fields.caching import cached_by_numbers
 from .._fields.cautions import UnusualValueWarning, caution
 from .._fields.checks import (
     caution_unless,
-    checkable,
     nearest,
     require,
-    require_finite,
-    require_type,
+    require_shape,
 )
 from .._fields.objects import on_device, with_arrays
 from .._math.rotations import rotation_matrix
@@ -27,6 +25,7 @@ from .._model.joints.ideal import AbstractOrientedJoint
 from .._model.scene import Scene
 from .._native import Native
 from .absolute_coordinates import AbsoluteCoordinates
+from .constraint_report import check_names as check_names
 from .constraint_report import row_residuals
 from .coordinates import AbstractCoordinates, MotionVariables, at_rest
 from .formulation import Formulation
@@ -63,32 +62,6 @@ small beside a clearance."""
 REPRESENTED = 1e-3
 """Largest accepted change of an Euler parameter by conversion to variables and back. For an
 orientation that the variables cannot represent, this change is about one."""
-
-
-def check_names(scene: Scene, state: State) -> None:
-    """Check that `scene` is a `Scene` and `state` a `State` with the same bodies, that the state's
-    numbers are finite, and that its Euler parameters have about unit norm."""
-    remedy = "pass one; mechanisms come with a state: scene, state = cj.mechanisms.four_bar()"
-    require_type("scene", scene, Scene, "a Scene", remedy)
-    require_type("state", state, State, "a State", "pass State({name: body_state(...)})")
-    same, expected = set(state.bodies) == set(scene.bodies), sorted(scene.bodies)
-    remedy = "give each body of the scene one state, under the same name"
-    require(same, "state", sorted(state.bodies), f"of the scene's bodies {expected}", remedy)
-    for name, body in state.bodies.items():
-        for field in ("position", "orientation", "velocity", "spin"):
-            require_finite(f"state.bodies[{name!r}].{field}", getattr(body, field))
-        # Numbers that JAX traces can't be checked: `checkable` then returns ``None``.
-        if (arrays := checkable(body.orientation)) is not None:
-            (parameters,) = arrays
-            norm, argument = (parameters**2).sum() ** 0.5, f"state.bodies[{name!r}].orientation"
-            # The margin is wide: the norm drifts in a run, and rotations do not depend on it.
-            is_near = (norm > 0.9) & (norm < 1.1)
-            expected = "Euler parameters of about unit norm, scalar part first"
-            remedy = "make states with body_state(...), which checks them"
-            require(is_near, argument, parameters, expected, remedy)
-    for part in ("entry_speeds", "work", "bristles", "memory"):
-        for leaf in jax.tree.leaves(getattr(state, part)):
-            require_finite(f"state.{part}", leaf)
 
 
 def assemble(
@@ -154,10 +127,14 @@ def assemble(
     True
     """
     check_names(scene, state)
+    require_shape("t", t, (), "pass one time in s")
+    for argument, value in (("centred", centred), ("moving", moving is None or moving)):
+        require(isinstance(value, bool), argument, value, "True or False", "pass a bool")
     scene, state = with_arrays((scene, state))
     with_centre = sorted(centring_joints(scene, scene.contact_joints()))
     # A single name would be taken for a list of its letters.
-    require(not isinstance(resting, str), "resting", resting, "a list of names", 'pass ["pin"]')
+    is_list = isinstance(resting, Collection) and not isinstance(resting, str)
+    require(is_list, "resting", resting, "a list of names", 'pass ["pin"]')
     for name in resting:
         remedy = nearest(name, with_centre, "leave out the others")
         expected = f"names of clearance joints {with_centre}"

@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 
+from .._fields.checks import require
 from .._math.vectors import Vector
 from .._model.contact.friction import AbstractBristleFriction
 from .._model.joints.base import Motions
@@ -15,6 +16,10 @@ from .equations_of_motion import Dynamics
 def initial_bristles(scene: Scene, given: Bristles) -> Bristles:
     """Return the deflection of each contact with a bristle law, m: from `given`, or else zero."""
     bristles = jax.tree.map(jnp.zeros_like, full_deflections(scene))
+    for name, family in bristles.items():
+        for label in given.get(name, {}):
+            expected, remedy = f"one of {[*family]}", "correct the label of the contact"
+            require(label in family, f"state.bristles[{name!r}]", label, expected, remedy)
     return {name: {**family, **given.get(name, {})} for name, family in bristles.items()}
 
 

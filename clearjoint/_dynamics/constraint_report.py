@@ -11,6 +11,14 @@ import numpy as np
 from jaxtyping import Float, PyTree
 
 from .._compilation.xla import HostFirst
+from .._fields.checks import (
+    checkable,
+    nearest,
+    require,
+    require_finite,
+    require_shape,
+    require_type,
+)
 from .._fields.objects import on_device
 from .._math.smoothing import where
 from .._math.vectors import Scalar, library, square_root, unpack
@@ -61,11 +69,41 @@ class ConstraintReport:
 
     def columns(self, bodies: Sequence[str]) -> Float[np.ndarray, "m v"]:
         """Return the columns of `jacobian` that belong to some bodies, six for each."""
+        for name in bodies:
+            remedy = nearest(name, self.bodies, "correct the name")
+            require(name in self.bodies, "bodies", name, f"names of {self.bodies}", remedy)
         return self.jacobian[:, _columns(self.bodies, bodies)]
 
     def degrees_of_freedom(self) -> int:
         """Return six times the number of bodies minus the number of independent constraint rows."""
         return self.jacobian.shape[1] - len(self.names) + len(self.redundant)
+
+
+def check_names(scene: Scene, state: State) -> None:
+    """Check that `scene` is a `Scene` and `state` a `State` with the same bodies, that the state's
+    numbers are finite, and that its Euler parameters have about unit norm."""
+    remedy = "pass one; mechanisms come with a state: scene, state = cj.mechanisms.four_bar()"
+    require_type("scene", scene, Scene, "a Scene", remedy)
+    require_type("state", state, State, "a State", "pass State({name: body_state(...)})")
+    same, expected = set(state.bodies) == set(scene.bodies), sorted(scene.bodies)
+    remedy = "give each body of the scene one state, under the same name"
+    require(same, "state", sorted(state.bodies), f"of the scene's bodies {expected}", remedy)
+    for name, body in state.bodies.items():
+        for field in ("position", "orientation", "velocity", "spin"):
+            require_finite(f"state.bodies[{name!r}].{field}", getattr(body, field))
+        # Numbers that JAX traces can't be checked: `checkable` then returns ``None``.
+        if (arrays := checkable(body.orientation)) is not None:
+            (parameters,) = arrays
+            norm, argument = (parameters**2).sum() ** 0.5, f"state.bodies[{name!r}].orientation"
+            # The margin is wide: the norm drifts in a run, and rotations do not depend on it.
+            is_near = (norm > 0.9) & (norm < 1.1)
+            expected = "Euler parameters of about unit norm, scalar part first"
+            remedy = "make states with body_state(...), which checks them"
+            require(is_near, argument, parameters, expected, remedy)
+    for part in ("entry_speeds", "work", "bristles", "memory"):
+        shape, remedy = ((3,), "(3,) m") if part == "bristles" else ((), "one number")
+        for leaf in jax.tree.leaves(getattr(state, part)):
+            require_shape(f"state.{part}", leaf, shape, f"give each as {remedy}")
 
 
 def constraint_report(
@@ -81,7 +119,11 @@ def constraint_report(
     >>> report.degrees_of_freedom(), len(report.redundant)
     (1, 1)
     """
+    check_names(scene, state)
+    require_shape("t", t, (), "pass one time in s")
     coordinates = AbsoluteCoordinates() if coordinates is None else coordinates
+    remedy = "pass JointCoordinates(), say, or None"
+    require_type("coordinates", coordinates, AbstractCoordinates, "coordinates", remedy)
     rows = start_rows_by_numpy(scene, coordinates, state, on_device(t), with_jacobian=True)
     rows = rows.in_order_of(scene)
     redundant, uncertain = dependent(rows.names, rows.reduced, {})

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from .._fields.checks import require
 from .._math.vectors import Scalar
 from .._model.bodies import GROUND, NO_WRENCH, Wrench
 from .._model.joints.base import (
@@ -73,6 +74,8 @@ def applied_wrenches(scene: Scene, motions: Motions, forces: LoadedContacts, t: 
     def apply(by_body: Iterable[tuple[str, Wrench]]) -> None:
         for name, wrench in by_body:
             if name != GROUND:
+                expected, remedy = f"on bodies {[*wrenches]}", "return those of `body_names`"
+                require(name in wrenches, "wrenches", name, expected, remedy)
                 wrenches[name] = wrenches[name] + wrench
 
     kinds = Kinds(scene)

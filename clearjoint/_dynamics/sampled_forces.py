@@ -90,7 +90,11 @@ def updated_memory(
     force: AbstractSampledForce, motions: Motions, name: str, memory: ForceMemory, t: Scalar
 ) -> ForceMemory:
     """Call the method `updated_memory`, with the arguments in the order of `Kinds.evaluate`."""
-    return force.updated_memory(name, memory, motions, t)
+    updated = force.updated_memory(name, memory, motions, t)
+    argument = f"{type(force).__name__}.updated_memory"
+    expected, remedy = f"the same numbers, {sorted(memory)}", "return {**memory, ...}"
+    require(updated.keys() == memory.keys(), argument, sorted(updated), expected, remedy)
+    return updated
 
 
 def holding(system: System, memories: Memories) -> System:

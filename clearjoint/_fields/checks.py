@@ -147,7 +147,13 @@ def require_numbers(
     """Raise a `ValueError` by `require` unless ``condition(*values)`` holds. `argument` names the
     first of the `values`. In `expected`, `{0}`, `{1}` and so on stand for the values."""
     if (arrays := checkable(*values)) is not None:
-        holds = condition(*arrays)
+        try:
+            holds = condition(*arrays)
+        except (
+            TypeError
+        ):  # Comparisons need numbers: for a text or ``None``, this raises the error.
+            as_number(values[0], argument)
+            raise
         # Numbers are written out for an error only: a run checks all numbers of its scene.
         if isinstance(holds, Tracer) or not holds:
             require(holds, argument, arrays[0], expected.format(*map(as_shown, arrays)), remedy)

@@ -133,6 +133,13 @@ def _declarations(kind: type[eqx.Module]) -> list[tuple[str, Declaration]]:
     return [(f.name, f.metadata["declared"]) for f in fields(kind) if "declared" in f.metadata]
 
 
+@cache
+def _flags(kind: type[eqx.Module]) -> list[str]:
+    """Return the names of the static fields that are annotated as `bool`."""
+    flags = (f for f in fields(kind) if f.type in (bool, "bool"))
+    return [f.name for f in flags if f.metadata.get("static", False)]
+
+
 LONGEST = 16
 """Number of entries above which an array is printed by its shape alone."""
 
@@ -146,12 +153,14 @@ class AbstractReadable(eqx.Module):
 
     def __init_subclass__(cls, **options: object):
         super().__init_subclass__(**options)
-        # Give the converters of `quantity` fields the units and names of these fields; `quantity`
-        # does not know the names. Thus the error for a value that is no number names its field.
+        # Give converters that take them the units and names of their fields; `quantity` does not
+        # know the names. Thus the error for a value that is no number names its field.
         for name, field in list(vars(cls).items()):
             converter = field.metadata.get("converter") if isinstance(field, Field) else None
-            if converter is not None and converter in (checks.as_number, _as_optional_number):
-                named = partial(converter, argument=name, unit=field.metadata["unit"])
+            takes = inspect.signature(converter).parameters if inspect.isfunction(converter) else {}
+            if "argument" in takes:
+                unit = {"unit": field.metadata["unit"]} if "unit" in field.metadata else {}
+                named = partial(converter, argument=name, **unit)
                 field.metadata = MappingProxyType({**field.metadata, "converter": named})
 
     # Equinox makes a PyTree of a method each time it is looked up, which takes ten times as long as
@@ -160,6 +169,9 @@ class AbstractReadable(eqx.Module):
 
     def __check_init__(self):
         # Equinox calls it when an object has been made.
+        for name in _flags(type(self)):
+            value, remedy = getattr(self, name), "pass a bool"
+            checks.require(isinstance(value, bool), name, value, "True or False", remedy)
         for name, declared in _declarations(type(self)):
             if (value := getattr(self, name)) is not None:
                 declared.check_value(name, value)

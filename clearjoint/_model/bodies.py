@@ -21,6 +21,7 @@ from .._fields.checks import (
     require_axis,
     require_euler_parameters,
     require_finite,
+    require_names,
     require_numbers,
     require_positive,
     require_shape,
@@ -59,7 +60,7 @@ def _mass(mass: Number, density: Number, volume: Number) -> Number:
 
 def _inner(inner_diameter: Number, diameter: Number) -> Number:
     """Return the checked inner diameter of a body, m: below its outer `diameter`, zero if solid."""
-    inner = as_number(inner_diameter)
+    inner = as_number(inner_diameter, "inner_diameter", "m")
     require_positive("inner_diameter", inner, "give it in m", zero=True)
     expected = "less than the diameter, {1} m"
     values = inner, diameter
@@ -68,7 +69,7 @@ def _inner(inner_diameter: Number, diameter: Number) -> Number:
 
 
 def _number(argument: str, value: Number, unit: str) -> Number:
-    number = as_number(value)
+    number = as_number(value, argument, unit)
     require_positive(argument, number, f"give it in {unit}")
     return number
 
@@ -243,7 +244,7 @@ class Body(AbstractReadable):
 
         >>> slider = cj.Body.box(lengths=(0.06, 0.04, 0.02), density=cj.densities.ALUMINIUM)
         """
-        lengths = as_number(lengths)
+        lengths = as_number(lengths, "lengths", "m")
         require_shape("lengths", lengths, (3,), "pass three lengths in m, along x, y and z")
         sides = [_number(f"lengths[{k}]", lengths[k], "m") for k in range(3)]
         mass = _mass(mass, density, sides[0] * sides[1] * sides[2])
@@ -362,10 +363,14 @@ class State(AbstractReadable):
         # all numbers of its initial state.
         require_types("bodies", bodies, BodyState, "a BodyState", remedy)
         self.bodies = dict(bodies)
-        self.entry_speeds = {} if entry_speeds is None else entry_speeds
-        self.work = {} if work is None else work
-        self.bristles = {} if bristles is None else bristles
-        self.memory = {} if memory is None else memory
+        self.entry_speeds = {} if entry_speeds is None else as_numbers(entry_speeds)
+        self.work = {} if work is None else as_numbers(work)
+        self.bristles = {} if bristles is None else as_numbers(bristles)
+        self.memory = {} if memory is None else as_numbers(memory)
+        for part in ("entry_speeds", "bristles", "memory"):
+            remedy = f"pass {part}={{name: {{label: value}}}}"
+            require_types(part, getattr(self, part), Mapping, "a dictionary", remedy)
+        require_names("work", self.work, "pass work={name: value}")
 
 
 @tree_dataclass
@@ -528,11 +533,11 @@ def rotation(axis: TripleLike, angle: Scalar) -> Quadruple:
     >>> tilted = cj.rotation(axis=(0, 0, 1), angle=np.radians(30.0))
     >>> state = cj.State({"arm": cj.body_state((0.5, 0.0, 0.0), orientation=tilted)})
     """
-    vector, radians = as_number(axis), as_number(angle)
+    vector, radians = as_number(axis, "axis"), as_number(angle, "angle", "rad")
     require_axis("axis", vector)
     require_shape("angle", radians, (), "pass one number in rad")
     # Two revolutions; a larger angle may be in degrees.
-    caution_outside("angle", abs(radians), "rad", 0.0, 4.0 * math.pi, "give it in rad")
+    caution_outside("angle", radians, "rad", -4.0 * math.pi, 4.0 * math.pi, "give it in rad")
     # Known numbers stay in NumPy, so that nothing is compiled when a scene is built.
     numpy = jnp if isinstance(vector, jax.Array) or isinstance(radians, jax.Array) else np
     direction = vector / numpy.sqrt(vector @ vector)

@@ -232,9 +232,9 @@ class ButenschoenFilm(AbstractFilm):
     sign of eps'. So_D deviates by -3.3 to 6.8 % from tabulated values.
 
     Choose it for B/D from 1/8 to 1; a joint with the film warns of others with a `LawRangeWarning`.
-    The two solutions are added, which is an approximation; for simultaneous rotation and squeeze in
-    a short bearing use `CaponeFilm`. The load along the line of centres falls smoothly to zero at
-    eccentricity ratios of about 0.001 and less.
+    The two solutions are added: above an eccentricity ratio of 0.5, an opening film may supply
+    power. For simultaneous rotation and squeeze in a short bearing use `CaponeFilm`. The load along
+    the line of centres falls smoothly to zero at eccentricity ratios of about 0.001 and less.
 
     **Source:** H.-J. Butenschoen 1976 (thesis, Karlsruhe), "Das hydrodynamische, zylindrische
     Gleitlager endlicher Breite unter instationaerer Belastung"; as in MBDyn's module

@@ -300,14 +300,16 @@ Numbers = tuple[float, ...]
 """Type of static fields with numbers. Unlike an array, a tuple compares and hashes by value."""
 
 
-def numbers(values: ArrayLike) -> Numbers:
+def numbers(values: ArrayLike, argument: str = "value", unit: str = "1") -> Numbers:
     """Return numbers, (N,), as a tuple; a single number gives a tuple of one."""
-    return tuple(np.atleast_1d(as_number(values)).tolist())
+    return tuple(np.atleast_1d(as_number(values, argument, unit)).tolist())
 
 
-def optional_numbers(values: ArrayLike | None) -> Numbers | None:
+def optional_numbers(
+    values: ArrayLike | None, argument: str = "value", unit: str = "1"
+) -> Numbers | None:
     """Return numbers as `numbers` does, or ``None`` unchanged."""
-    return None if values is None else numbers(values)
+    return None if values is None else numbers(values, argument, unit)
 
 
 class AbstractVectorQuantity(AbstractQuantity):

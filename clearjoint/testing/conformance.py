@@ -1,7 +1,7 @@
 """Check user-defined contact laws, friction laws and constraints."""
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TypeAlias
 
@@ -11,12 +11,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, PyTree
 
+from .._fields.checks import require
 from .._fields.types import ArrayLike
 from .._math.vectors import Condition, Scalar, Vector, unpack
 from .._model.bodies import Motion
 from .._model.contact.friction import AbstractBristleFriction, AbstractFriction
-from .._model.contact.laws import UNKNOWN_ENTRY_SPEED, AbstractContactLaw, Gap
-from .._model.joints.base import AbstractConstraint
+from .._model.contact.laws import UNKNOWN_ENTRY_SPEED, AbstractContactLaw, Gap, require_instance
+from .._model.joints.base import AbstractConstraint, AbstractElement
 from .._model.joints.constraint_rows import row_rate
 from .continuity import jumps, moved
 
@@ -56,6 +57,14 @@ def ensure(condition: Condition, message: str) -> None:
     """Raise an `AssertionError` with `message` unless all elements of `condition` are true."""
     if not bool(jnp.all(condition)):
         raise AssertionError(message)
+
+
+def motions_of(element: AbstractElement, motions: Mapping[str, Motion]) -> dict[str, Motion]:
+    """Return the motions of an element's bodies; a `ValueError` if one is missing."""
+    for name in element.body_names():
+        expected, remedy = f"with the motion of {name!r}", "add it, from testing.moving(...)"
+        require(name in motions, "motions", sorted(motions), expected, remedy)
+    return {name: motions[name] for name in element.body_names()}
 
 
 def evaluated(name: str, function: Callable[..., Scalar], law: PyTree, *points: Points) -> Points:
@@ -108,6 +117,7 @@ def check_law(
 
     >>> testing.check_law(cj.laws.HuntCrossley(0.8, 1e9))
     """
+    require_instance("law", law, AbstractContactLaw)
     wall = (jnp.asarray(bearing_radius), jnp.asarray(clearance))
     depth, rate, entry = grid(DEPTHS, RATES, ENTRY_SPEEDS)
 
@@ -244,6 +254,7 @@ def check_friction(friction: AbstractFriction) -> None:
 
     >>> testing.check_friction(cj.frictions.RegularisedCoulomb(0.1))
     """
+    require_instance("friction", friction, AbstractFriction)
     speeds = jnp.asarray([0.0, 1e-9, 1e-4, 1e-3, 1e-2, 1.0])
     # `ratio()` is the ratio of friction to normal force at a slip speed.
     ratios = evaluated("ratio()", lambda law, speed: law.ratio(speed), friction, speeds)
@@ -277,6 +288,7 @@ def check_bristles(friction: AbstractBristleFriction) -> None:
 
     >>> testing.check_bristles(cj.frictions.LuGre(breakaway=0.2, kinetic=0.1, stribeck_speed=0.01))
     """
+    require_instance("friction", friction, AbstractBristleFriction)
     full = jnp.asarray(friction.full_deflection(), float)
     ensure(full > 0.0, "full_deflection() is not positive.")
     ratios = jnp.asarray([0.0, 1e-6, 0.1, 0.5, 0.9, 1.0, 10.0])
@@ -337,7 +349,8 @@ def check_constraint(
     >>> testing.check_constraint(joint, motions)
     """
     step = 1e-5  # s, at which the errors of central differences are well below the tolerance
-    constraint = unpack(constraint)
+    require_instance("constraint", constraint, AbstractConstraint)
+    motions, constraint = motions_of(constraint, motions), unpack(constraint)
     rows = constraint.rows(motions, 0.0)
     after, before = moved(motions, step), moved(motions, -step)
     ahead, behind = constraint.rows(after, step), constraint.rows(before, -step)

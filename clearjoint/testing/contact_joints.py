@@ -13,15 +13,17 @@ from .._dynamics.contact_forces import LoadedContact, contact_force
 from .._math.rotations import rotation_matrix, turned
 from .._math.vectors import ZERO, Condition, EulerParameters, Matrix, Scalar, Vector, unpack
 from .._model.bodies import GROUND, GROUND_MOTION, Motion
+from .._model.contact.laws import require_instance
 from .._model.joints.base import AbstractContactJoint, ByLabel, Motions, SideForce
-from .conformance import ensure
+from .conformance import ensure, motions_of
 from .continuity import at_rest
 
 TOLERANCE = 1e-9
 """Largest accepted error of an exact relation, relative to one plus the size of its terms."""
-STEP = 1e-6
+STEP = 1e-7
 """Step of finite differences, relative to the largest number in the field of the changed parameter,
-or to 1 if all are zero."""
+or to `SCALE` if all are zero: far below the offset of a journal in its bearing, as of 1e-5 m."""
+SCALE = 0.01
 TOLERANCE_OF_DIFFERENCES = 1e-5
 """Largest accepted relative error of derivatives, far above the errors of finite differences."""
 PENETRATION, ENTRY_SPEED = 1e-6, 0.1
@@ -70,9 +72,9 @@ def check_contact_joint(
     >>> arm = testing.moving((1e-4, 0, 2e-4), (1, 0.1, 0.2, 0.3), (0.1, 0.2, 0.3), (3, 2, 1))
     >>> testing.check_contact_joint(ball, {"arm": arm})
     """
+    require_instance("joint", joint, AbstractContactJoint)
     joint = jax.tree.map(jnp.asarray, joint)
-    motions = {GROUND: GROUND_MOTION, **motions}
-    motions = {name: motions[name] for name in joint.body_names()}
+    motions = motions_of(joint, {GROUND: GROUND_MOTION, **motions})
     motions = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), motions)
     laws, contacts = set(joint.laws()), set(unpack(joint).contacts(motions))
     ensure(laws == contacts, f"laws() names {sorted(laws)}, contacts() {sorted(contacts)}.")
@@ -125,8 +127,8 @@ def _check_slopes(
     leaves = jax.tree.leaves(parameters)
     sizes = jnp.concatenate([jnp.full(leaf.size, jnp.max(jnp.abs(leaf))) for leaf in leaves])
     # A row for each parameter: the change of the point in which it alone changes, by the largest
-    # magnitude in its field, or by 1 if all are zero there. All derivatives below are thus in m.
-    changes = jnp.eye(len(sizes), len(point)) * jnp.where(sizes > 0.0, sizes, 1.0)[:, None]
+    # magnitude in its field, or by `SCALE` if all are zero there. All derivatives are thus in m.
+    changes = jnp.eye(len(sizes), len(point)) * jnp.where(sizes > 0.0, sizes, SCALE)[:, None]
 
     def depths(point: jax.Array) -> Rows:  # the penetrations, m
         joint, motions = joint_and_motions(point)

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Float
 
+from .._fields.checks import as_number, require, require_shape
 from .._math.rotations import normalised, rotation_matrix, turned
 from .._math.vectors import EulerParameters, Vector
 from .._model.bodies import Motion
@@ -89,6 +90,12 @@ def moving(
     >>> arm.spin.z
     2
     """
+    counts = (position, 3), (orientation, 4), (velocity, 3), (spin, 3)
+    names = ("position", "orientation", "velocity", "spin")
+    for name, (value, count) in zip(names, counts, strict=True):
+        require_shape(name, as_number(value, name), (count,), f"pass {count} numbers")
+    has_length, remedy = any(part != 0.0 for part in orientation), "pass (1, 0, 0, 0) for none"
+    require(has_length, "orientation", orientation, "other than zero", remedy)
     parameters = normalised(EulerParameters(*orientation))
     return Motion(Vector(*position), rotation_matrix(parameters), Vector(*velocity), Vector(*spin))
 

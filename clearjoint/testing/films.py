@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from .._math.vectors import UNIT_Z, Vector
+from .._model.contact.laws import require_instance
 from .._model.films import AbstractFilm, FilmGap
 from .conformance import ensure, grid
 from .continuity import jumps
@@ -55,6 +56,7 @@ def check_film(
 
     >>> testing.check_film(cj.films.CaponeFilm(0.02))
     """
+    require_instance("film", film, AbstractFilm)
 
     def force(film: AbstractFilm, state: jax.Array) -> jax.Array:
         offset, rate = Vector(state[0], state[1], 0.0), Vector(state[2], state[3], 0.0)

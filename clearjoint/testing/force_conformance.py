@@ -9,8 +9,9 @@ import jax.numpy as jnp
 from .._fields.objects import on_device
 from .._math.vectors import Scalar, Vector, pack, unpack
 from .._model.bodies import Motion, Wrench
+from .._model.contact.laws import require_instance
 from .._model.joints.base import AbstractForce
-from .conformance import ensure
+from .conformance import ensure, motions_of
 from .continuity import at_rest, moved
 
 STEP = 1e-5
@@ -52,7 +53,8 @@ def check_force(
     >>> testing.check_force(spring, motions)
     """
     # Derivatives and `jax.vmap` need arrays of JAX.
-    motions = jax.tree.map(on_device, {name: motions[name] for name in force.body_names()})
+    require_instance("force", force, AbstractForce)
+    motions = jax.tree.map(on_device, motions_of(force, motions))
     wrenches = _wrenches(force, motions, time)
     ensure(wrenches.keys() <= motions.keys(), "There is a wrench on a body not in body_names().")
     for leaf in jax.tree.leaves(wrenches):

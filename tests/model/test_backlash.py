@@ -1,6 +1,7 @@
 """Backlash about an axis and between gears: geometry against closed forms, and errors."""
 
 import math
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -202,6 +203,12 @@ def stiff(**options) -> cj.Backlash:
 def test_invalid_backlash_is_refused(wrong, said):
     with pytest.raises((ValueError, TypeError), match=said):
         wrong()
+
+
+def test_a_soft_gearbox_gives_no_warning_of_a_stiffness_that_the_user_has_not_given():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        cj.Backlash("a", "b", play=1e-3, torsional_stiffness=5.0)
 
 
 def test_gears_closer_than_their_base_circles_are_refused():

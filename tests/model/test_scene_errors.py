@@ -5,6 +5,7 @@ Typical mistakes of new users are in tests/test_first_contact.py.
 
 import contextlib
 import functools
+import math
 import re
 
 import jax
@@ -167,7 +168,176 @@ RUN = [
 ]
 
 
-BAD_INPUT = [*CONSTRUCTION, *RUN]
+LOOP, LOOP_STATE = cj.mechanisms.four_bar({"crank pin": 1e-4})
+BOLD, BOLD_STATE = cj.mechanisms.double_pendulum(friction=frictions.Dahl(0.1))
+
+
+def pushed(force):
+    return cj.Scene(BODIES, forces={"push": cj.AppliedLoad("rod", force=(force, 0.0, 0.0))})
+
+
+class Forgetful(cj.extend.AbstractSampledForce):
+    """Returns only one of the numbers in its memory."""
+
+    def body_names(self):
+        return ("rod",)
+
+    def instants(self):
+        return {"sample": cj.extend.Periodic(0.01)}
+
+    def initial_memory(self, motions, t):
+        return {"a": 0.0, "b": 0.0}
+
+    def updated_memory(self, name, memory, motions, t):
+        return {"a": 0.0}
+
+    def held_wrenches(self, memory, motions, t):
+        return {}
+
+
+class Astray(cj.extend.AbstractForce):
+    """Acts on a body that the scene does not have."""
+
+    def body_names(self):
+        return ("rod",)
+
+    def wrenches(self, motions, t):
+        return {"lever": cj.extend.NO_WRENCH}
+
+
+def assembled(**options):
+    return cj.assemble(LOOP, LOOP_STATE, **options)
+
+
+def report(scene=LOOP, state=LOOP_STATE, **options):
+    return cj.constraint_report(scene, state, **options)
+
+
+def mechanism(name, **options):
+    return getattr(cj.mechanisms, name)(**options)
+
+
+def still(**options):
+    motion = {"position": ZERO, "orientation": (1, 0, 0, 0), "velocity": ZERO, "spin": ZERO}
+    return cj.testing.moving(**{**motion, **options})
+
+
+# Values of another kind than the documented one, for which a text or a bare number stands.
+WRONG_KINDS = [
+    (lambda: cj.Body.box("wide", mass=1.0), "`lengths` ... numbers ... 'wide' ... in m"),
+    (lambda: cj.Body.rod("1 m", mass=1.0), "`length` ... numbers ... '1 m' ... in m"),
+    (lambda: cj.rotation(AXIS, "30 deg"), "`angle` ... numbers ... '30 deg' ... in rad"),
+    (
+        lambda: cj.DriveTorque("ground", "rod", AXIS, "2 N m"),
+        "`torque` ... numbers ... '2 N m' ... in N m",
+    ),
+    (
+        lambda: cj.AppliedLoad("rod", torque=("big", 0, 0)),
+        "`torque` ... numbers ... 'big' ... in N m",
+    ),
+    (
+        lambda: cj.Motor("ground", "rod", AXIS, "up", 1.0, 1.0),
+        "`target` ... number ... 'up' ... rad",
+    ),
+    (
+        lambda: cj.Servo("ground", "rod", AXIS, 0.0, 100.0, 1.0, encoder="link"),
+        "`encoder` ... Encoder ... 'link' ... pass Encoder",
+    ),
+    (lambda: laws.Hertz(1e9, exponent="1.5"), "`exponent` ... numbers ... '1.5' ... float"),
+    (
+        lambda: laws.HuntCrossley(0.5, 1e9, exponent=None),
+        "`exponent` ... numbers ... None ... float",
+    ),
+    (lambda: pin(clearance=1e-4, bearing_profile="oval"), "`bearing_profile` ... AbstractProfile"),
+    (lambda: pin(clearance=1e-4, journal_profile=1e-6), "`journal_profile` ... AbstractProfile"),
+    (
+        lambda: cj.Body(1.0, (1.0, 1.0, 1.0), is_massless="no"),
+        "`is_massless` ... True or False ... 'no' ... bool",
+    ),
+    (
+        lambda: cj.GearJoint("ground", "a", "b", AXIS, AXIS, 17, 51, internal="no"),
+        "`internal` ... True or False ... 'no' ... bool",
+    ),
+    (lambda: cj.carried_journal(pin(clearance=1e-4), (0, -1), 1.0), "`joint` ... LubricatedJoint"),
+    (
+        lambda: cj.Stop("ground", "rod", normal=AXIS, law=laws.Hertz(1e9), end_point_second=ZERO),
+        "`end_point_second` ... another point ... [0.0, 0.0, 0.0] ... leave it out",
+    ),
+    (
+        lambda: cj.Peak(lambda instant: 0.0, "m", until="1 s"),
+        "`until` ... number ... '1 s' ... in s",
+    ),
+    (lambda: assembled(resting=None), "`resting` ... list of names ... None ... pass"),
+    (lambda: assembled(moving="no"), "`moving` ... True or False ... 'no' ... bool"),
+    (lambda: assembled(centred="pin"), "`centred` ... True or False ... 'pin' ... bool"),
+    (lambda: assembled(t=NAN), "`t`" + NOT_A_NUMBER),
+    (lambda: assembled(t="now"), "`t` ... number ... 'now' ... float"),
+    (lambda: report(scene=3), "`scene` ... a Scene ... 'int' ... pass one"),
+    (lambda: report(state=STATE), "`state` ... scene's bodies ... ['rod'] ... give each body"),
+    (lambda: report(coordinates="joint"), "`coordinates` ... 'str' ... JointCoordinates()"),
+    (lambda: report().columns(["rod"]), "`bodies` ... names of ... 'rod' ... correct"),
+    (lambda: mechanism("four_bar", lengths=(1, 2, 3)), "`lengths` ... (4,) ... give 4"),
+    (lambda: mechanism("four_bar", masses=(1, 2)), "`masses` ... (3,) ... give 3"),
+    (lambda: mechanism("four_bar", angle=None), "`angle` ... number ... None ... float"),
+    (lambda: mechanism("robot_arm", angles=(0, 0)), "`angles` ... (3,) ... one for each motor"),
+    (lambda: mechanism("gear_pair", teeth=(20,)), "`teeth` ... (2,) ... the wheel"),
+    (lambda: mechanism("gear_pair", module=0.0), "`module` ... positive ... 0.0 ... 3e-3 m"),
+    (
+        lambda: mechanism("guided_slider_crank", speed="fast"),
+        "`speed` ... number ... 'fast' ... rad/s",
+    ),
+    (
+        lambda: cj.State(BOLD_STATE.bodies, memory={"servo": 1.0}),
+        "`memory['servo']` ... dictionary",
+    ),
+    (lambda: cj.State(BOLD_STATE.bodies, entry_speeds=[1.0]), "`entry_speeds` ... dictionary"),
+    (lambda: cj.testing.check_law(1e9), "`law` ... AbstractContactLaw ... subclass"),
+    (
+        lambda: cj.testing.check_friction(frictions.Dahl(0.1)),
+        "`friction` ... AbstractFriction ... Dahl ... subclass",
+    ),
+    (lambda: cj.testing.check_film(0.02), "`film` ... AbstractFilm ... 0.02 ... subclass"),
+    (
+        lambda: cj.testing.check_constraint(revolute(AXIS, AXIS), {}),
+        "`motions` ... 'ground' ... add",
+    ),
+    (lambda: cj.testing.check_force(spring(1.0), {}), "`motions` ... 'ground' ... add it"),
+    (
+        lambda: cj.testing.check_contact_joint(pin(clearance=1e-4), {}),
+        "`motions` ... 'rod' ... add it",
+    ),
+    (lambda: still(orientation=(0, 0, 0, 0)), "`orientation` ... other than zero ... pass (1, 0"),
+    (lambda: still(position=(0, 0)), "`position` ... (3,) ... pass 3 numbers"),
+]
+
+
+def bold(**parts):
+    return cj.simulate(BOLD, cj.State(BOLD_STATE.bodies, **parts), 1e-4)
+
+
+WRONG_KINDS_IN_RUNS = [
+    (
+        lambda: bold(bristles={"shoulder": {"X": ZERO}}),
+        "state.bristles['shoulder'] ... one of ['V', 'W']",
+    ),
+    (lambda: bold(bristles={"shoulder": {"V": (0, 0)}}), "`state.bristles` ... (3,) ... give each"),
+    (lambda: bold(entry_speeds={"shoulder": {"V": [1, 2]}}), "`state.entry_speeds` ... ()"),
+    (
+        run(scene=pushed(lambda t: math.sin(t))),
+        "`function` ... JAX can trace ... jax.numpy",
+    ),
+    (run(scene=pushed(lambda t: 1.0 if t < 0.5 else 0.0)), "`function` ... JAX can trace"),
+    (run(scene=pushed(lambda t: np.sin(t))), "`function` ... JAX can trace ... jax.numpy"),
+    (
+        run(scene=cj.Scene(BODIES, forces={"memory": Forgetful()})),
+        "Forgetful.updated_memory` ... ['a', 'b'] ... ['a'] ... return {**memory",
+    ),
+    (
+        run(scene=cj.Scene(BODIES, forces={"load": Astray()})),
+        "`wrenches` ... on bodies ['rod'] ... 'lever' ... `body_names`",
+    ),
+]
+BAD_INPUT = [*CONSTRUCTION, *RUN, *WRONG_KINDS, *WRONG_KINDS_IN_RUNS]
 
 
 @pytest.mark.parametrize(("make", "words"), BAD_INPUT, ids=[words for _, words in BAD_INPUT])

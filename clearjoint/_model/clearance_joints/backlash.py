@@ -5,6 +5,7 @@ from typing import Annotated
 
 from typing_extensions import override
 
+from ..._fields.cautions import quiet
 from ..._fields.checks import as_number, require, require_axis, require_numbers, require_positive
 from ..._fields.objects import quantity
 from ..._fields.types import Single, Triple, TripleLike
@@ -114,7 +115,9 @@ class Backlash(AbstractNamedPair, AbstractFlankJoint):
             # couple force * radius.
             stiffness = torsional / self.radius**2
             restitution = 0.5 if restitution is None else restitution
-            law = ExactRestitution(restitution=restitution, stiffness=stiffness, exponent=1.0)
+            # The user has not given this stiffness, of which a usual drive would warn.
+            with quiet():
+                law = ExactRestitution(restitution=restitution, stiffness=stiffness, exponent=1.0)
         else:
             excluded = {"torsional_stiffness": torsional_stiffness, "restitution": restitution}
             for name, value in excluded.items():

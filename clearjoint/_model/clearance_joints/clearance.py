@@ -316,6 +316,9 @@ class ClearanceJoint(AbstractCentredJoint):
     @override
     def __check_init__(self):
         require_instance("axial", self.axial, AbstractAxialPolicy)
+        for name in ("bearing_profile", "journal_profile"):
+            if (profile := getattr(self, name)) is not None:
+                require_instance(name, profile, AbstractProfile)
         if (points := self.line_points) is not None:
             remedy = "give the number of points along the journal, or None for its two bases"
             require_count("line_points", points, remedy)

@@ -306,6 +306,7 @@ def carried_journal(joint: LubricatedJoint, load: ArrayLike, speed: Scalar) -> C
     >>> bool(carried.growth(mass=20.0).real.max() < 0.0)  # stable
     True
     """
+    require_instance("joint", joint, LubricatedJoint, remedy="pass LubricatedJoint(dry, film)")
     fields = "bearing_profile", "journal_profile"
     profiles = [name for name in fields if getattr(joint.dry, name) is not None]
     # The contact in `_load` is that of circles, whereas a run computes that of the profiles.

@@ -5,7 +5,7 @@ from dataclasses import KW_ONLY
 import numpy as np
 from typing_extensions import override
 
-from ..._fields.checks import require_axis, require_point
+from ..._fields.checks import require_axis, require_numbers, require_point
 from ..._fields.objects import optional_quantity, quantity
 from ..._fields.types import Single, Triple
 from ..._math.rotations import unit
@@ -71,6 +71,10 @@ class Stop(AbstractNamedPair, AbstractFrictionJoint):
             require_flat_law(self.law, "a point and a plane")
         else:
             require_round_law(self.law)
+        if self.end_point_second is not None:
+            ends = self.end_point_second, self.point_second
+            expected, remedy = "another point than `point_second`", "leave it out for a point"
+            require_numbers(lambda a, b: (a != b).any(), "end_point_second", ends, expected, remedy)
 
     @override
     def contact_labels(self) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from jaxtyping import PyTree
 from typing_extensions import override
 
 from ..._fields.cautions import LawRangeWarning, caution
-from ..._fields.checks import concrete, require, require_numbers, require_type
+from ..._fields.checks import concrete, require, require_numbers, require_shape, require_type
 from ..._fields.objects import AbstractConverting, optional_quantity, quantity
 from ..._fields.types import Single
 from ..._math.interpolation import Slope
@@ -389,6 +389,7 @@ class AbstractPowerLaw(AbstractElasticLaw):
 
 def require_exponent(exponent: Single) -> None:
     condition = "at least 1", "use 1.5 for Hertz"
+    require_shape("exponent", exponent, (), "pass a single number")
     require_numbers(lambda number: number >= 1.0, "exponent", (exponent,), *condition)
 
 

@@ -63,7 +63,13 @@ class PlainFunction(AbstractFunctionOfTime):
 
     @override
     def __call__(self, t: Scalar) -> Scalar:
-        return self.function(jnp.asarray(t, dtype=float))
+        try:
+            return self.function(jnp.asarray(t, dtype=float))
+        except (jax.errors.ConcretizationTypeError, jax.errors.TracerArrayConversionError) as error:
+            raise ValueError(
+                f"Argument `function` must be a function of time that JAX can trace, but is "
+                f"{self.function!r}: compute with jax.numpy in place of math, numpy, if and float."
+            ) from error
 
 
 class Polynomial(AbstractFunctionOfTime):
@@ -175,17 +181,19 @@ FunctionOfTime: TypeAlias = AbstractFunctionOfTime | Callable[[jax.Array], Scala
 """Types that users may pass as a function of time."""
 
 
-def as_function_of_time(value: FunctionOfTime) -> AbstractFunctionOfTime:
+def as_function_of_time(
+    value: FunctionOfTime, argument: str = "function", unit: str = "1"
+) -> AbstractFunctionOfTime:
     if isinstance(value, AbstractFunctionOfTime):
         return value
     if callable(value):
         return PlainFunction(value)
-    number = as_number(value, "function")
+    number = as_number(value, argument, unit)
     remedy = (
         "pass a number, a function of the time, or for a table Spline.through(times, values) or "
         "PiecewiseLinear(times, values)"
     )
-    require(np.shape(number) == (), "function", value, "a function of the time", remedy)
+    require(np.shape(number) == (), argument, value, "a function of the time", remedy)
     return Polynomial([number])
 
 
@@ -286,18 +294,20 @@ def triple_in_time(unit: str, **options: PyTree) -> PyTree:
     return quantity(unit, converter=as_triple_in_time, check=check, **options)
 
 
-def as_single_in_time(value: FunctionOfTime) -> SingleInTime:
+def as_single_in_time(
+    value: FunctionOfTime, argument: str = "value", unit: str = "1"
+) -> SingleInTime:
     """Convert a number or function to what a field of `single_in_time` stores. An array of another
     shape than () is refused later, when the element is made."""
-    return as_function_of_time(value) if callable(value) else as_number(value)
+    return as_function_of_time(value) if callable(value) else as_number(value, argument, unit)
 
 
-def as_triple_in_time(value: PyTree) -> PyTree:
+def as_triple_in_time(value: PyTree, argument: str = "value", unit: str = "1") -> PyTree:
     """Convert a vector to what a field of `triple_in_time` stores: a tuple if a component is a
     function, otherwise an array. The number of components is checked when the element is made."""
     if isinstance(value, tuple | list) and any(map(callable, value)):
-        return tuple(map(as_single_in_time, value))
-    return as_single_in_time(value)  # pyright: ignore[reportArgumentType]
+        return tuple(as_single_in_time(part, argument, unit) for part in value)
+    return as_single_in_time(value, argument, unit)  # pyright: ignore[reportArgumentType]
 
 
 def value_at(content: SingleInTime, t: Scalar) -> Scalar:

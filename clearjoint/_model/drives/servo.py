@@ -12,6 +12,7 @@ from ..._fields.types import Quadruple, Single
 from ..._math.smoothing import TURN, wrapped
 from ..._math.vectors import Scalar
 from ..bodies import Wrench
+from ..contact.laws import require_instance
 from ..joints.base import PARALLEL, Motions
 from ..joints.constraint_rows import row_rate
 from ..joints.sampled_force import AbstractSampledForce, ForceMemory, Periodic
@@ -118,6 +119,8 @@ class Servo(AbstractDriveAboutAxis, AbstractSampledForce):
     def _check_together(self) -> None:
         sources = ("difference", "sensor")
         remedy = "pass one of these"
+        if self.encoder is not None:
+            require_instance("encoder", self.encoder, Encoder, remedy="pass Encoder(...) or None")
         require(self.speed_from in sources, "speed_from", self.speed_from, f"in {sources}", remedy)
         require_count("delay_periods", self.delay_periods, "round the delay up")
         agree = (self.stall_torque is None) == (self.no_load_speed is None)

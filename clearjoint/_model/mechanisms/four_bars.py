@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ..._fields.checks import require
+from ..._fields.checks import as_number, require, require_shape
 from ..._fields.types import TripleLike
 from ..._math.vectors import Scalar
 from ..bodies import GROUND, Body, State, body_state
@@ -79,6 +79,10 @@ def four_bar(
     for pin in clearance:
         remedy = "correct the name of the pin"
         require(pin in PINS, "clearance", pin, f"by the names {list(PINS)}", remedy)
+    counts = {"lengths": (lengths, (4,)), "masses": (masses, (3,)), "speed": (speed, ())}
+    for argument, (value, shape) in {**counts, "angle": (angle, ())}.items():
+        remedy = f"give {shape[0] if shape else 'one'} number(s) in SI units"
+        require_shape(argument, as_number(value, argument), shape, remedy)
     options = {
         "bearing_radius": bearing_radius,
         "journal_length": journal_length,

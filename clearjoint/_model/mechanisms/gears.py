@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from ..._fields.cautions import quiet
-from ..._fields.checks import require_count
+from ..._fields.checks import as_number, require_count, require_positive, require_shape
 from ..._math.vectors import Scalar
 from ..bodies import GROUND, Body, State, body_state
 from ..clearance_joints.clearance import ClearanceJoint
@@ -54,6 +54,10 @@ def gear_pair(
     >>> list(scene.joints)
     ['pinion bearing', 'wheel bearing', 'mesh']
     """
+    for argument, pair in (("teeth", teeth), ("speeds", speeds)):
+        remedy = "give one number for the pinion and one for the wheel"
+        require_shape(argument, as_number(pair, argument), (2,), remedy)
+    require_positive("module", module, "give it in m; 3 mm is 3e-3 m")
     # Radii of the pitch circles.
     radii = [0.5 * module * number for number in teeth]
     if law is None:

@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from jaxtyping import Float
 
+from ..._fields.checks import as_number, require_shape
 from ..._math.rotations import composed, rotation_matrix
 from ..._math.vectors import EulerParameters, Scalar, pack
 from ..bodies import GROUND, Body, BodyState, State, body_state
@@ -204,6 +205,8 @@ def robot_arm(
     >>> list(scene.bodies)
     ['link 1', 'link 2', 'link 3', 'flange 1', 'flange 2', 'flange 3']
     """
+    for argument, values in (("angles", angles), ("speeds", speeds)):
+        require_shape(argument, as_number(values, argument), (3,), "give one for each motor")
     if law is None:
         # In the nominal pose, the weight rotates the elbow by half a mrad.
         law = ExactRestitution(restitution=restitution, stiffness=1e9)

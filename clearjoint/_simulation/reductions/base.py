@@ -136,15 +136,15 @@ def result_name(name: str, part: str) -> str:
     return f"{name}_{part}" if part else name
 
 
-def optional_time(value: Instants) -> Instants:
+def optional_time(value: Instants, argument: str = "time", unit: str = "s") -> Instants:
     """Convert a time, s, to a Python float; return ``None`` and functions unchanged. Raise a
     `ValueError` if the time is NaN or not a single number."""
     if value is None or callable(value):
         return value
-    time = np.asarray(as_number(value))
+    time = np.asarray(as_number(value, argument, unit))
     is_time = time.shape == () and not bool(np.isnan(time))
     remedy = "give one number, or a function of the scene"
-    require(is_time, "after or until", value, "a time in s", remedy)
+    require(is_time, argument, value, "a time in s", remedy)
     return float(time)
 
 
