@@ -157,8 +157,9 @@ class AbstractReadable(eqx.Module):
         # know the names. Thus the error for a value that is no number names its field.
         for name, field in list(vars(cls).items()):
             converter = field.metadata.get("converter") if isinstance(field, Field) else None
-            takes = inspect.signature(converter).parameters if inspect.isfunction(converter) else {}
-            if "argument" in takes:
+            if not inspect.isfunction(converter):
+                continue
+            if "argument" in inspect.signature(converter).parameters:
                 unit = {"unit": field.metadata["unit"]} if "unit" in field.metadata else {}
                 named = partial(converter, argument=name, **unit)
                 field.metadata = MappingProxyType({**field.metadata, "converter": named})

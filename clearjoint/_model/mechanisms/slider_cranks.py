@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from ..._fields.checks import as_number
+from ..._fields.checks import as_number, require_shape
 from ..._fields.types import TripleLike
 from ..._math.vectors import Scalar
 from ..bodies import GROUND, Body, State, body_state
@@ -177,7 +177,7 @@ def guided_slider_crank(
     >>> list(scene.joints)
     ['crank bearing', 'crank pin', 'slider pin', 'guide']
     """
-    speed = as_number(speed, "speed", "rad/s")
+    require_shape("speed", as_number(speed, "speed", "rad/s"), (), "give one number in rad/s")
     joints, end = _crank_joints(CRANK, ROD), (0.5 * ROD, 0.0, 0.0)
     if pin_clearance is None:
         joints["slider pin"] = RevoluteJoint("rod", "slider", end, ORIGIN, Z_AXIS, Z_AXIS)
