@@ -20,7 +20,7 @@ from .._fields.objects import on_device, with_arrays
 from .._math.rotations import rotation_matrix
 from .._math.vectors import EulerParameters, Scalar, pack, unpack
 from .._model.bodies import GROUND, BodyState, State
-from .._model.joints.base import PARALLEL, AbstractConstraint
+from .._model.joints.base import PARALLEL, AbstractConstraint, AbstractContactJoint
 from .._model.joints.ideal import AbstractOrientedJoint
 from .._model.scene import Scene
 from .._native import Native
@@ -114,8 +114,8 @@ def assemble(
       turned too far relative to each other in the guess;
     - if a journal is deep in a wall although it is centred, such as a pin beyond the end of a slot;
     - if `moving` is ``True``, but the mechanism with ideal joints cannot move as drivers prescribe;
-    - if a name in `resting` does not name a clearance joint with a centred position, or the load on
-      this joint's journal has no component across the joint's axis.
+    - if a name in `resting` does not name a clearance joint with a resting position, which gears and
+      `Backlash` lack, or the load on its journal has no component across the joint's axis.
 
     **Warns:** `UnusualValueWarning` if `moving` is ``None`` and either a driver moves, but the
     mechanism with ideal joints cannot follow this driver; or no driver moves, and more than a
@@ -135,10 +135,12 @@ def assemble(
     # A single name would be taken for a list of its letters.
     is_list = isinstance(resting, Collection) and not isinstance(resting, str)
     require(is_list, "resting", resting, "a list of names", 'pass ["pin"]')
+    joints, unplaced = scene.contact_joints(), AbstractContactJoint.resting_joint
+    can_rest = [name for name in with_centre if type(joints[name]).resting_joint is not unplaced]
     for name in resting:
-        remedy = nearest(name, with_centre, "leave out the others")
-        expected = f"names of clearance joints {with_centre}"
-        require(name in with_centre, "resting", name, expected, remedy)
+        remedy = nearest(name, can_rest, "leave out the others")
+        expected = f"names of clearance joints {can_rest}"
+        require(name in can_rest, "resting", name, expected, remedy)
     # Loads depend on the position, so resting journals are centred first, then moved to the wall.
     ideal = centring_joints(scene, with_centre if centred else resting)
     state = _in_bearings(scene, ideal, state, t)

@@ -168,6 +168,8 @@ RUN = [
 ]
 
 
+GEARBOX = cj.Backlash("ground", "rod", play=0.01, torsional_stiffness=1e4)
+GEARED = cj.Scene(BODIES, {"hinge": revolute(AXIS, AXIS), "box": GEARBOX})
 LOOP, LOOP_STATE = cj.mechanisms.four_bar({"crank pin": 1e-4})
 BOLD, BOLD_STATE = cj.mechanisms.double_pendulum(friction=frictions.Dahl(0.1))
 
@@ -267,6 +269,10 @@ WRONG_KINDS = [
         lambda: cj.Peak(lambda instant: 0.0, "m", until="1 s"),
         "`until` ... number ... '1 s' ... in s",
     ),
+    (
+        lambda: cj.assemble(GEARED, STATE, resting=["box"]),
+        "`resting` ... names of clearance joints [] ... 'box' ... leave out",
+    ),
     (lambda: assembled(resting=None), "`resting` ... list of names ... None ... pass"),
     (lambda: assembled(moving="no"), "`moving` ... True or False ... 'no' ... bool"),
     (lambda: assembled(centred="pin"), "`centred` ... True or False ... 'pin' ... bool"),
@@ -315,7 +321,41 @@ def bold(**parts):
     return cj.simulate(BOLD, cj.State(BOLD_STATE.bodies, **parts), 1e-4)
 
 
+class Rubbing(cj.extend.AbstractContactJoint):
+    """Friction by which a rod in a ball joint resists its rotation."""
+
+    friction: cj.extend.AbstractFriction
+
+    def pair(self):
+        return "ground", "rod"
+
+    def laws(self):
+        return {"face": laws.Hertz(1e9)}
+
+    def contacts(self, motions):
+        origin, slip = cj.extend.ZERO, motions["rod"].direction(motions["rod"].spin)
+        gap = cj.extend.Gap(1e-6, 0.0)
+        return {"face": cj.extend.Contact(gap, origin, origin, origin, slip, lever=1.0)}
+
+    def friction_force(self, name, contact, normal_force):
+        return self.friction.force(normal_force, contact.slip)
+
+
+def rubbed(rubbing):
+    scene = cj.Scene(BODIES, {"ball": cj.SphericalJoint(*BETWEEN), "rubbing": rubbing})
+    return lambda: cj.simulate_nonsmooth(scene, STATE, 0.1, step=1e-3)
+
+
+SLIDING = frictions.RegularisedCoulomb(0.1)
 WRONG_KINDS_IN_RUNS = [
+    (
+        rubbed(Rubbing(SLIDING)),
+        "`scene.joints['rubbing']` ... not friction ... 'Rubbing' ... leave",
+    ),
+    (
+        rubbed(cj.JointFriction("ground", "rod", SLIDING, 1.0, radius=1.0)),
+        "`scene.joints['rubbing']` ... not friction of an ideal ... 'JointFriction' ... simulate()",
+    ),
     (
         lambda: bold(bristles={"shoulder": {"X": ZERO}}),
         "state.bristles['shoulder'] ... one of ['V', 'W']",

@@ -31,7 +31,13 @@ from ..._math.linear_solvers import inner
 from ..._math.rotations import transverse_axes
 from ..._math.smoothing import norm_and_direction, where
 from ..._math.vectors import ZERO, Condition, Scalar, Vector, add, multiply
-from ..._model.joints.base import AbstractContactJoint, Contact, Row, each_label
+from ..._model.joints.base import (
+    AbstractContactJoint,
+    AbstractElement,
+    Contact,
+    Row,
+    each_label,
+)
 from ..._model.joints.constraint_rows import row_rate
 from ..._model.joints.joint_friction import JointFriction
 from ..._model.scene import Scene
@@ -121,10 +127,7 @@ def _touch(
     expected = f"without a moment of friction at {label!r}"
     remedy = "leave `friction` and `radius` out of EndPlay, or take simulate()"
     require(has_no_moment, f"scene.joints[{name!r}]", type(joint).__name__, expected, remedy)
-    # The friction of an ideal joint is bounded by a constant load, not by an impulse of the step.
-    is_contact, remedy = not isinstance(joint, JointFriction), "leave it out, or take simulate()"
-    expected = "a joint with contacts, not friction of an ideal joint"
-    require(is_contact, f"scene.joints[{name!r}]", type(joint).__name__, expected, remedy)
+    _require_contact(name, joint, contact.lever)
     on_first, on_second = contact.points_of_force(contact.slip is not None)
 
     def row(direction: Vector) -> Row:
@@ -337,6 +340,14 @@ def _extrapolation(last: Alternation, change: Impulses) -> Scalar:
     return jnp.where(usable, jnp.clip(factor, LEAST_FACTOR, LARGEST_FACTOR), 1.0)
 
 
+def _require_contact(name: str, joint: AbstractElement, lever: Scalar | None = None) -> None:
+    # The friction of an ideal joint is bounded by a constant load, not by an impulse of the step.
+    is_contact = lever is None and not isinstance(joint, JointFriction)
+    expected = "a joint with contacts, not friction of an ideal joint"
+    remedy = "leave it out, or take simulate()"
+    require(is_contact, f"scene.joints[{name!r}]", type(joint).__name__, expected, remedy)
+
+
 def require_restitution(scene: Scene, restitution: Scalar | None) -> None:
     """Check that every contact has a coefficient of restitution: the given number, 0 to 1, or, for
     ``None``, that of its law; raise a `ValueError` if not."""
@@ -344,6 +355,7 @@ def require_restitution(scene: Scene, restitution: Scalar | None) -> None:
         require_range("restitution", restitution, 0.0, 1.0, "1 is elastic, 0 is plastic")
         return
     for name, family in scene.laws().items():
+        _require_contact(name, scene.joints[name])
         for label, law in family.items():
             delivers, kind = hasattr(law, "delivered_restitution"), type(law).__name__
             expected = f"of a law with delivered_restitution() at {label!r}"
