@@ -114,8 +114,8 @@ def assemble(
       turned too far relative to each other in the guess;
     - if a journal is deep in a wall although it is centred, such as a pin beyond the end of a slot;
     - if `moving` is ``True``, but the mechanism with ideal joints cannot move as drivers prescribe;
-    - if a name in `resting` does not name a clearance joint with a resting position, which gears and
-      `Backlash` lack, or the load on its journal has no component across the joint's axis.
+    - if a name in `resting` does not name a clearance joint with a resting position, which
+      `Backlash` lacks, or the load on its journal has no component across the joint's axis.
 
     **Warns:** `UnusualValueWarning` if `moving` is ``None`` and either a driver moves, but the
     mechanism with ideal joints cannot follow this driver; or no driver moves, and more than a
