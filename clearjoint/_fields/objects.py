@@ -159,7 +159,8 @@ class AbstractReadable(eqx.Module):
             converter = field.metadata.get("converter") if isinstance(field, Field) else None
             if not inspect.isfunction(converter):
                 continue
-            if "argument" in inspect.signature(converter).parameters:
+            code = converter.__code__
+            if "argument" in code.co_varnames[: code.co_argcount]:
                 unit = {"unit": field.metadata["unit"]} if "unit" in field.metadata else {}
                 named = partial(converter, argument=name, **unit)
                 field.metadata = MappingProxyType({**field.metadata, "converter": named})
