@@ -255,7 +255,12 @@ def worn(scene: Scene, found: "xr.Dataset", stage: int = -1) -> Scene:
     >>> print(f"{profile.at(0.0).value:.1e} m")
     5.0e-06 m
     """
-    names = [str(name) for name in found["joint"].values]
+    names, count = [str(name) for name in found["joint"].values], found.sizes["stage"]
+    remedy = "count stages from 0, or from -1 for the last one"
+    expected = f"a stage of {count}"
+    require(stage in range(-count, count), "stage", stage, expected, remedy)
+    for name in names:
+        require_known("scene", name, list(scene.joints))
     # Depths (1, joints, 2, angles) of bearings and journals at the selected stage. There is one row
     # because derivatives are not selected.
     depths = _stacked(found[[f"{part}_depth" for part in PARTS]].isel(stage=[stage]), "depth")[0]
@@ -269,7 +274,7 @@ def cycles_to_depth(found: "xr.Dataset", depth: float, joint: str, part: Part = 
 
     The depth is interpolated between the stages by a cubic spline.
 
-    **Raises:** `ValueError` if the depth is not positive.
+    **Raises:** `ValueError` if the depth is not positive, or the joint or part is not in the result.
 
     >>> import xarray as xr
     >>> depths = np.array([[[0.0, 0.0], [2e-6, 1e-6]]])  # of one joint, in two stages
@@ -280,12 +285,20 @@ def cycles_to_depth(found: "xr.Dataset", depth: float, joint: str, part: Part = 
     >>> print(f"{cj.cycles_to_depth(found, 1e-6, 'pin'):.0f} cycles")
     500 cycles
     """
-    require_positive("depth", depth, "give a depth in m, such as 1e-6")
-    deepest = found[f"{part}_depth"].sel(joint=joint).max("angle").values
+    deepest = _of_joint(found, depth, joint, part)[f"{part}_depth"].max("angle").values
     if not deepest[-1] >= depth:
         return float("inf")
     _, life = _reached(found["cycles"].values, deepest, depth)
     return life
+
+
+def _of_joint(found: "xr.Dataset", depth: float, joint: str, part: Part) -> "xr.Dataset":
+    """Return the result of one joint, after a check of the arguments of `cycles_to_depth`."""
+    require_positive("depth", depth, "give a depth in m, such as 1e-6")
+    for argument, name, known in ("part", part, PARTS), ("joint", joint, found["joint"].values):
+        expected = f"one of {', '.join(known)}"
+        require(name in known, argument, name, expected, "name a part that wears")
+    return found.sel(joint=joint)
 
 
 def _reached(cycles: np.ndarray, depths: np.ndarray, depth: float) -> tuple["CubicSpline", float]:
@@ -323,11 +336,9 @@ def life_derivatives(
     >>> print(f"{cj.life_derivatives(found, 1e-6, 'pin')['load']:.0f} cycles")
     -500 cycles
     """
-    require_positive("depth", depth, "give a depth in m, such as 1e-6")
-    remedy = "pass `parameters` to wear()"
+    of_joint, remedy = _of_joint(found, depth, joint, part), "pass `parameters` to wear()"
     require("parameter" in found.dims, "found", list(found.dims), "with derivatives", remedy)
     names = [str(name) for name in found["parameter"].values]
-    of_joint = found.sel(joint=joint)
     depths = of_joint[f"{part}_depth"].transpose("stage", "angle").values
     slopes = of_joint[f"{part}_depth_derivative"].transpose("stage", "angle", "parameter").values
     deepest, cycles = depths.max(axis=1), found["cycles"].values

@@ -102,6 +102,9 @@ def labelled_dataset(
     # Importing xarray takes long, so it is imported only when it is needed.
     import xarray as xr
 
+    taken = [name for name in variables if name in coordinates]
+    expected = f"other names than those of the coordinates, {[*coordinates]}"
+    require(not taken, "names", taken, expected, "rename the outputs or channels")
     parts = [{n: _variable(array) for n, array in d.items()} for d in (variables, coordinates)]
     programs = (f"{name.removeprefix('version of ')} {text}" for name, text in versions().items())
     attributes = {"Conventions": "CF-1.11", "title": title, "source": ", ".join(programs)}

@@ -188,12 +188,12 @@ def require_shape(argument: str, value: ArrayLike, shape: tuple[int, ...], remed
 
 
 def require_finite(argument: str, value: object) -> None:
-    """Raise a ``ValueError`` if a number or an array contains NaN or infinity.
+    """Raise a ``ValueError`` for what is no number, or for a NaN or infinity in an array.
 
     >>> extend.require_finite("times", [0.0, 1.0])  # raises for NaN
     """
     remedy = "replace the NaN or infinite entries"
-    require_numbers(_all_finite, argument, (value,), "finite", remedy)
+    require_numbers(_all_finite, argument, (as_number(value, argument),), "finite", remedy)
 
 
 def _all_finite(array: np.ndarray | jax.Array) -> bool:

@@ -262,6 +262,7 @@ def _with_prior(
 
 def check_sets(scene: Scene, measurements: Sequence[Measurements]) -> None:
     remedy = "pass at least one set of measurements"
+    require_type("measurements", measurements, Sequence, "a list of Measurements", remedy)
     require(len(measurements) > 0, "measurements", len(measurements), "not empty", remedy)
     remedy = 'pass cj.Measurements({"probe": cj.Series(...)})'
     for measured in measurements:

@@ -793,31 +793,35 @@ def _shorter_records(fit: Fit) -> Iterator[str]:
     # The run fits the data up to the first piece of the record with large residuals.
     pieces = ((low, (times >= low) & (times <= high)) for low, high in pairwise(edges))
     until = float(next((low for low, inside in pieces if _rms(rows[inside]) > FAR), edges[-1]))
+
+    def at(time: float) -> str:  # with digits for the record's length, wherever it begins
+        return f"{round(float(time), 4 - math.floor(math.log10(end - start or 1.0))):.12g}"
+
     # With large residuals from the first piece on, no part of the record fits.
-    if until == start:
+    if until == start < end:
         length = (end - start) / PIECES
         wrong = "the scene, the initial state or a unit is wrong, not the value of a parameter"
         if len(fit.best.windows) > 1:
             yield (
                 "The run deviates from the data from the first samples on, although windows of the "
                 "record were fitted first: begin with a shorter one, by grow=("
-                f"{start + length:.4g}, ...). If that fails too, {wrong}."
+                f"{at(start + length)}, ...). If that fails too, {wrong}."
             )
         else:
             # The first window is one piece, and each further one is twice as long.
-            grow = ", ".join(f"{start + length * 2**k:.4g}" for k in range(DOUBLINGS))
+            grow = ", ".join(at(start + length * 2**k) for k in range(DOUBLINGS))
             yield (
                 "The run deviates from the data from the first samples on: fit growing windows of "
                 "the record, from which a search converges from farther away, by "
-                f"identify(..., grow=({grow})). If the data up to {start + length:.4g} s do not "
+                f"identify(..., grow=({grow})). If the data up to {at(start + length)} s do not "
                 f"fit either, {wrong}."
             )
     elif until < end:
         # The first window is the part that fits, and the next ones are longer in small steps.
         ends = until + (end - until) * np.array([0.0, 0.25, 0.5])
-        grow = ", ".join(f"{each:.4g}" for each in ends)
+        grow = ", ".join(map(at, ends))
         yield (
-            f"The run follows the data up to {until:.4g} s and deviates afterwards: fit growing "
+            f"The run follows the data up to {at(until)} s and deviates afterwards: fit growing "
             f"windows of the record, by identify(..., grow=({grow}))."
         )
     if horizon is None:
@@ -827,8 +831,8 @@ def _shorter_records(fit: Fit) -> Iterator[str]:
         )
     elif end >= horizon.single_shot:
         yield (
-            f"The record ends at {end:.4g} s, but a single run can only fit a record that ends "
-            f"before {horizon.single_shot:.4g} s: shorten the record, or fit growing windows, of "
+            f"The record ends at {at(end)} s, but a single run can only fit a record that ends "
+            f"before {at(horizon.single_shot)} s: shorten the record, or fit growing windows, of "
             "which the first ends before this time, by grow=[...]."
         )
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from .._export.tables import numbered
 from .._fields.cautions import PoorFitWarning, caution
-from .._fields.checks import require, require_count, require_positive
+from .._fields.checks import as_number, require, require_count, require_positive, require_type
 from .._information.horizon import FitHorizon
 from .._measurements.series import Measurements
 from .._model.bodies import State
@@ -174,14 +174,18 @@ def identify_many(
     """
     check_sets(scene, measurements)
     first_set = measurements[0]
-    ends = (*grow, float(first_set.times()[-1]))
+    first, last = first_set.times()[[0, -1]].tolist()
+    ends = (*np.ravel(as_number(grow, "grow", "s")).tolist(), last)
     expected = f"later than the start of the run, {start_time} s"
     remedy = "pass start_time, or later samples"
     require(ends[-1] > start_time, "measurements", ends[-1], expected, remedy)
-    rising = all(a < b for a, b in pairwise((start_time, *ends)))
-    expected = f"rising times between the start, {start_time} s, and the last sample, {ends[-1]} s"
+    # The first window must have a sample.
+    rising = ends[0] >= first and all(a < b for a, b in pairwise((start_time, *ends)))
+    expected = f"rising times between the first sample, {first} s, and the last, {last} s"
     remedy = "leave out the time of the last sample, which is added"
-    require(rising, "grow", list(grow), expected, remedy)
+    require(rising, "grow", ends[:-1], expected, remedy)
+    expected, remedy = "Starts, a Screening or None", "pass cj.Starts(4), say"
+    require_type("starts", starts, Starts | Screening | None, expected, remedy)
     require_count("max_iterations", max_iterations, "allow one run")
     require_positive("tolerance", tolerance, "1e-3 standard deviations suffice")
     # An exploration by fewer points would hardly describe chi squared of several parameters.

@@ -11,7 +11,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Float, PyTree
 
-from .._fields.checks import require, require_count
+from .._fields.checks import as_number, require, require_count
 from .._fields.types import ArrayLike
 from .._model.bodies import State
 from .._model.scene import Scene
@@ -117,6 +117,12 @@ def minimise(
     known = end_time is not None or times is not None
     require(known, "end_time", None, "a time if there are no `times`", remedy)
     times = None if times is None else np.asarray(times, dtype=float)
+
+    def scalar(outputs: dict[str, jax.Array]) -> jax.Array:
+        value, remedy = as_number(objective(outputs), "objective"), "sum the terms, say"
+        require(np.shape(value) == (), "objective", np.shape(value), "of shape ()", remedy)
+        return jnp.asarray(value)
+
     # Forward mode serves quantities at `times`, whose last one is the end of the run. It has a
     # tangent for each parameter, of which `LONGEST_PACKED` are computed in one vector.
     scales = {n: p.scale for n, p in parameters.items() if isinstance(p, Parameter)}
@@ -126,13 +132,13 @@ def minimise(
     if in_forward_mode and len(parameters) <= LONGEST_PACKED:
         runs = experiment(scene, state, parameters, outputs, times, start_time, settings)  # pyright: ignore
         at = coordinates_of(scene, state, parameters)  # pyright: ignore
-        search = _Forward(runs, objective, scales, times, at)  # pyright: ignore
+        search = _Forward(runs, scalar, scales, times, at)  # pyright: ignore
         default = optax.adam(0.05)
     else:
         end = float(times[-1]) if end_time is None else end_time  # pyright: ignore
         arguments = parameters, outputs, times, settings
         made = predictor(scene, state, end, *arguments, start_time=start_time)
-        search = _Reverse(made, objective, scales)
+        search = _Reverse(made, scalar, scales)
         default = quasi_newton()
     return _descended(search, default if optimiser is None else optimiser, iterations)
 

@@ -52,6 +52,7 @@ class Starts:
 
     def __post_init__(self) -> None:
         require_count("number", self.number, "ask for one start at least")
+        require_count("seed", self.seed, "pass 0", zero=True)
         spreads = self.spread if isinstance(self.spread, Mapping) else {"": self.spread}
         for name, spread in spreads.items():
             argument = f"spread[{name!r}]" if name else "spread"
@@ -70,7 +71,7 @@ def half_widths(spread: float | Mapping[str, float], names: Sequence[str]) -> Po
     or has it by name of the parameter, with 0 for parameters that it lacks. `names`: all
     parameters, in the order of the coordinates."""
     if not isinstance(spread, Mapping):
-        return np.full(len(names), float(spread))
+        return np.full(len(names), as_number(spread, "spread"))
     _require_known("spread", spread, names)
     return np.array([float(spread.get(name, 0.0)) for name in names])
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple, TypeAlias
 import numpy as np
 from jaxtyping import Float, PyTree
 
-from .._fields.checks import errors_about, require, require_positive
+from .._fields.checks import errors_about, require, require_finite, require_positive
 from .readers import Missing, TableColumn, columns_of, split_header, times_in
 from .series import to_si
 
@@ -58,10 +58,9 @@ class LogColumn:
     def __post_init__(self) -> None:
         if self.noise is not None:
             require_positive("noise", self.noise, "give a standard deviation, or leave it out")
-        finite = math.isfinite(self.factor) and self.factor != 0.0
-        require(finite, "factor", self.factor, "finite and not zero", "give 1.0 for no change")
-        remedy = "give it in the column's unit"
-        require(math.isfinite(self.zero), "zero", self.zero, "finite", remedy)
+        require_finite("factor", self.factor)
+        require_finite("zero", self.zero)
+        require(self.factor != 0.0, "factor", self.factor, "not zero", "give 1.0 for no change")
 
     @staticmethod
     def encoder(
@@ -176,6 +175,8 @@ class RobotLog:
         column_named = columns_of(source, options)
         remedy = 'pass for example angles={"elbow": "q3 [deg]"}'
         require(bool({**angles, **torques, **goals}), "angles", {}, "columns by joint", remedy)
+        if largest_gap is not None:
+            require_positive("largest_gap", largest_gap, "give a time in s")
         name, unit = split_header(time)
         times = _since_first(column_named(name, "time"), unit)
 
@@ -235,11 +236,11 @@ def _since_first(column: TableColumn, unit: str | None) -> Float[np.ndarray, " N
     is_date = pd.api.types.is_datetime64_any_dtype(column.values)
     if is_date or np.isnan(column.numbers()).any():
         with suppress(ValueError, TypeError):
-            dates = pd.Series(pd.to_datetime(column.values, format="ISO8601"))
+            dates = pd.Series(pd.to_datetime(column.values, format="ISO8601", utc=True))
             seconds = (dates - dates.iloc[0]).dt.total_seconds()
             column = replace(column, values=seconds, unit="s")
     times = times_in(column, unit or "s")
-    return times - times[0]
+    return times - times[:1]
 
 
 def _logged(
@@ -288,6 +289,6 @@ def _require_no_gap(times: np.ndarray, content: TableColumn, largest: float | No
         raise ValueError(
             f"The samples of {content.label} must be at most {largest:.4g} s apart, but there is a "
             f"gap from {times[k]:.6g} to {times[k + 1]:.6g} s: pass "
-            f"largest_gap={1.01 * steps[k]:.2g}, and leave the gap out by `between`, or let it be "
+            f"largest_gap={1.06 * steps[k]:.2g}, and leave the gap out by `between`, or let it be "
             "interpolated."
         )

@@ -81,7 +81,8 @@ def _pint_unit(
     # become "#", neither "##" nor "**" may be left. Exponents of nested powers, as in (m**2*s)**2,
     # multiply, so their product is limited. In it, an exponent below 1 counts as 1, so that it does
     # not compensate for a large one.
-    require(len(unit) <= LONGEST, argument, unit, f"at most {LONGEST} characters", SPELLING)
+    expected = f"a text of at most {LONGEST} characters"
+    require(isinstance(unit, str) and len(unit) <= LONGEST, argument, unit, expected, SPELLING)
     plain = string_preprocessor(unit).replace(" ", "")
     powers = POWER.findall(plain)
     chained = "##" in (rest := POWER.sub("#", plain)) or "**" in rest

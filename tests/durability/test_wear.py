@@ -6,6 +6,7 @@ from functools import partial
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -414,3 +415,29 @@ def test_wear_rates_are_positive():
         cj.WearRates(bearing=-1e-15)
     with pytest.raises(ValueError, match="bearing"):
         cj.WearRates()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda found: cj.cycles_to_depth(found, 1e-6, "pin"),
+            "`joint` must be one of shoulder, b",
+        ),
+        (lambda found: cj.cycles_to_depth(found, 1e-6, "shoulder", "pin"), "`part` must be one of"),
+        (lambda found: cj.life_derivatives(found, 1e-6, "pin"), "`joint` must be one of shoulder"),
+        (
+            lambda found: cj.worn(cj.mechanisms.slider_crank()[0], found),
+            "`scene` must be one of .*",
+        ),
+        (
+            lambda found: cj.worn(cj.mechanisms.double_pendulum()[0], found, 2),
+            "`stage` must be a s",
+        ),
+    ],
+)
+def test_names_that_a_result_lacks_are_refused(call, message):
+    depths = dict.fromkeys(("bearing_depth", "journal_depth"), np.zeros((1, 2, 8)))
+    rows = {name: (("joint", "stage", "angle"), depth) for name, depth in depths.items()}
+    with pytest.raises(ValueError, match=message):
+        call(xr.Dataset(rows, {"joint": ["shoulder"]}))

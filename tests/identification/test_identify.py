@@ -166,6 +166,8 @@ def test_minimum_of_an_objective(clean):
     assert short.history.shape == (1,) and short.objective == short.history[0]
     with pytest.raises(ValueError, match="`objective` must be finite in the first run, but is nan"):
         minimised(lambda found: -jnp.sqrt(-objective(found)))
+    with pytest.raises(ValueError, match=r"`objective` must be of shape \(\), but is \(60,\): sum"):
+        minimised(lambda found: found["x"])
     with pytest.raises(ValueError, match="`times` must be a rising one-dimensional array"):
         minimised(objective, [])
 
@@ -177,8 +179,10 @@ def test_minimum_of_an_objective(clean):
         ({"guess": []}, r"`guess` must be at least one start, but is \[\]: leave it out"),
         ({"guess": {"restitution": 1.2}}, "Parameter 'restitution': Argument `value` .* 0 and 1"),
         ({"guess": {"clearance": -1.0}}, "Parameter 'clearance': .*must be positive, but is -1.0"),
-        ({"grow": (0.02, 0.01)}, "`grow` must be rising times between the start, 0.0 s, and the"),
-        ({"grow": (0.03,)}, r"the last sample, 0.03 s, but is \[0.03\]: leave out the time"),
+        ({"grow": (0.02, 0.01)}, "`grow` must be rising times between the first sample, 0.0"),
+        ({"grow": (0.03,)}, r"and the last, 0.03 s, but is \(0.03,\): leave out the time"),
+        ({"grow": "10 ms"}, "`grow` must be a number or an array of numbers, but is '10 ms'"),
+        ({"starts": 3}, r"`starts` must be Starts, a Screening or None, but is 'int'"),
         ({"start_time": 0.03}, r"`measurements` must be later than the start of the run, 0.03 s"),
         ({"max_iterations": 0}, "`max_iterations` must be a whole .* but is 0: allow one run"),
         ({"check_runs": 10}, "`check_runs` must be None, 0, or a whole number from 50, but is 10"),
@@ -204,3 +208,25 @@ def test_arguments_that_no_fit_can_use(clean):
     elbow = cj.Series(cj.quantities.JournalOffset("elbow", "x"), TIMES, TIMES, NOISE)
     with pytest.raises(ValueError, match="Series 'probe': .*elbow"):
         cj.identify(SCENE, STATE, cj.Measurements({"probe": elbow}), PARAMETERS)
+
+
+@pytest.mark.filterwarnings("ignore::clearjoint.PoorFitWarning")
+def test_windows_of_a_record_that_begins_late():
+    """After hours, advised windows have a sample, and a window without any is refused."""
+    spring = cj.SpringDamper("ground", "ball", (0, 0, 0), (0, 0, 0), stiffness=100.0)
+    scene = cj.Scene({"ball": cj.Body(1.0, (1e-3, 1e-3, 1e-3))}, forces={"spring": spring})
+    state, start = cj.State({"ball": cj.body_state((0.1, 0, 0))}), 50000.0
+    times = start + np.linspace(0.1, 3.0, 60)
+    rows = times, 0.1 * np.cos(10.0 * (times - start)), 1e-4
+    x = cj.Series(cj.quantities.Position("ball", "x"), *rows)
+    free = {"k": cj.Parameter(lambda scene: scene.forces["spring"].stiffness, cj.Log())}
+
+    def found(**options):
+        data, quiet = cj.Measurements({"x": x}), {"check_runs": 0, "progress": False}
+        return cj.identify(scene, state, data, free, start_time=start, **quiet, **options)
+
+    advice = " ".join(found(guess={"k": 160.0}, max_iterations=1).advice)
+    ends = [float(end) for end in advice.split("grow=(")[1].split(")")[0].split(", ")]
+    assert found(guess={"k": 160.0}, grow=ends).estimates["k"] == pytest.approx(100.0, rel=1e-4)
+    with pytest.raises(ValueError, match=r"`grow` must be rising .* first sample, 50000.1 s"):
+        found(grow=(50000.05,))

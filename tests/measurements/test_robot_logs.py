@@ -62,6 +62,11 @@ def test_times_may_be_dates(tmp_path):
     for source in (table, tmp_path / "log.csv"):
         log = cj.RobotLog.read(source, time="stamp", angles={"elbow": "q"})
         np.testing.assert_allclose(log.angles["elbow"].times, TIMES - 10.0, atol=1e-6)
+    # At the end of summer time, the hour from two to three is repeated.
+    clock = [f"2025-10-26T02:{time}" for time in ("59:59+02:00", "00:00+01:00", "00:02+01:00")]
+    late = pd.DataFrame({"stamp": clock, "q [rad]": ANGLES[:3]})
+    log = cj.RobotLog.read(late, time="stamp", angles={"elbow": "q"})
+    np.testing.assert_array_equal(log.angles["elbow"].times, [0.0, 1.0, 3.0])
     wrong = texts.assign(stamp=["2025-11-12T10:03:29.555Z", "later", "latest", "last"])
     with pytest.raises(ValueError, match="Row 1 of column 'stamp'.*a finite number"):
         cj.RobotLog.read(wrong, time="stamp", angles={"elbow": "q"})
@@ -101,7 +106,9 @@ GOOD = {"t": [0.0, 0.1, 0.2, 0.3], "q [deg]": [0.0, 1.0, 2.0, 3.0]}
     ("changed", "column", "message"),
     [
         ({"t": [0.0, 0.2, 0.1, 0.3]}, "q", "Row 3 .*sort the rows, merge repeated times"),
-        ({"t": [0.0, 0.1, 0.2, 3.3]}, "q", r"a gap from 0.2 to 3.3 s: pass largest_gap=3.1"),
+        ({"t": [0.0, 0.1, 0.2, 3.3]}, "q", r"a gap from 0.2 to 3.3 s: pass largest_gap=3.3"),
+        ({"t": [0.0, 0.08, 0.16, 1.199]}, "q", "a gap from 0.16 to 1.199 s: pass largest_gap=1.1"),
+        ({"t": [], "q [deg]": []}, "q", "`column 'q' .*must be two numbers or more, but is 0"),
         ({"q [deg]": [0.0, np.nan, 1.0, 2.0]}, "q", "Row 2 .*finite number.*missing=.drop"),
         ({}, "p", "angles.*'elbow'.*among the columns of the table, .'t', 'q'., but is 'p'"),
         ({}, "q [rad]", "unit.*that of the table, 'deg', but is 'rad'"),
@@ -123,8 +130,10 @@ def read_good(**options):
     ("make", "message"),
     [
         (lambda: cj.LogColumn("q", noise=0.0), "`noise` must be positive"),
-        (lambda: cj.LogColumn("q", factor=0.0), "`factor` must be finite and not zero"),
+        (lambda: cj.LogColumn("q", factor=0.0), "`factor` must be not zero, but is 0.0"),
         (lambda: cj.LogColumn("q", zero=np.nan), "`zero` must be finite"),
+        (lambda: cj.LogColumn("q", zero="1 deg"), "`zero` must be a number or .*but is '1 deg'"),
+        (partial(read_good, angles={"a": "q"}, largest_gap="1 s"), "`largest_gap` must be a numb"),
         (lambda: cj.LogColumn.encoder("q", counts=-3), "`counts` must be positive"),
         (lambda: cj.LogColumn.current("i", torque_constant=0.0), "`torque_constant`"),
         (read_good, "`angles` must be columns by joint"),

@@ -157,7 +157,8 @@ def posterior(
     require_count("seed", seed, "pass 0", zero=True)
     settings = settings_or(settings, presets.identification)
     compared = comparison(scene, state, measurements, parameters, start_time, settings)
-    centre = start_coordinates(scene, state, parameters, guess, None)[0]
+    centre, *others = start_coordinates(scene, state, parameters, guess, None)
+    require(not others, "guess", guess, "one guess, the centre of the box", "widen `spread`")
     box = centre - half, centre + half
     # The progress is shown as the time up to which the record is in the likelihood.
     with ProgressBar(progress, desc="posterior", unit=" steps") as bar:

@@ -168,7 +168,11 @@ class Posterior(AbstractTabular):
         of the modes. The group `log_likelihood` has the log-likelihood of the whole record, by the
         name "record", and `sample_stats` the entries of `modes`, by the name "mode".
         """
-        import arviz
+        try:
+            import arviz
+        except ImportError as error:
+            message = "The points need ArviZ: pip install 'clearjoint[arviz]'."
+            raise ImportError(message) from error
 
         data = arviz.from_dict(
             posterior={name: row[None] for name, row in self.samples.items()},

@@ -79,6 +79,7 @@ class Screening:
     def __post_init__(self) -> None:
         for name in ("number", "keep", "finish", "rounds", "smoothing", "passes"):
             require_count(name, getattr(self, name), "leave it at its default")
+        require_count("seed", self.seed, "pass 0", zero=True)
         sizes = self.spread.values() if isinstance(self.spread, Mapping) else [self.spread]
         wide = all(math.isfinite(size) and size > 0.0 for size in sizes)
         remedy = "pass the possible error of the guess, and leave out well-known parameters"

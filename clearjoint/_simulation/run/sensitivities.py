@@ -93,13 +93,17 @@ class Sensitivities(datasets.AbstractTabular):
           scale's `unit`), so that derivatives have the quantity's unit.
         - "coordinate" has the labels of the parameters' coordinates, such as "log clearance".
         - Attributes are the end of the run, s, its result, the numbers of steps, and the settings.
+
+        **Raises:** `ValueError` if a quantity is named "time" or as one of these variables.
         """
         variables = {}
         for name, derivatives in self.derivatives.items():
-            unit = self.units.get(name)
+            unit, slope = self.units.get(name), f"{name}_derivative"
+            expected, remedy = "one that names no derivative of another output", "rename it"
+            require(slope not in self.derivatives, "outputs", slope, expected, remedy)
             description = f"derivative of {name} by a parameter's coordinate"
             variables[name] = datasets.Labelled(("time",), self.outputs[name], unit)
-            variables[f"{name}_derivative"] = datasets.Labelled(
+            variables[slope] = datasets.Labelled(
                 ("time", "parameter"), derivatives, unit, description
             )
         labels = {
@@ -151,9 +155,10 @@ def sensitivities(
     **Arguments:**
 
     - `scene`, `state`, `start_time`, `end_time`, `throw`: as in `simulate`, with `Sensitivities` in
-      place of the `Solution`. Derivatives are taken at the parameters' values in scene and state.
-    - `parameters`: the p `Parameter`s to differentiate with respect to, by names of your choice.
-      Errors of sensors, such as `Parameter.bias("x")`, change the values of the output "x".
+      place of the `Solution`.
+    - `parameters`: the p `Parameter`s to differentiate with respect to, by names of your choice. The
+      run is computed at their values, by default the numbers in `scene` and `state`. Errors of
+      sensors, such as `Parameter.bias("x")`, change the values of the output "x".
     - `outputs`: as in `simulate`, by names of your choice: quantities, scalar functions of an
       `Instant` such as those of `clearjoint.quantities`, which are differentiated, and sections and
       tables of impacts, which are not. Reductions such as `Peak` cannot be computed.

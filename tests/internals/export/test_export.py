@@ -215,6 +215,14 @@ def test_derivatives_stand_by_parameter_and_tell_their_coordinate():
     assert "x_derivative.clearance [m]" in sensitivities().to_dataframe()
 
 
+def test_names_that_a_dataset_needs_are_refused():
+    with pytest.raises(ValueError, match=r"`names` must be other .*, but is \['time'\]: rename"):
+        replace(crossings(), values={"time": drawn(COUNT)}).to_xarray()
+    rows = dict.fromkeys(("x", "x_derivative"), drawn(COUNT, 2))
+    with pytest.raises(ValueError, match="`outputs` must be one that .* is 'x_derivative': rename"):
+        replace(sensitivities(), derivatives=rows, outputs=rows).to_xarray()
+
+
 def test_rigid_contacts_tell_what_was_reached_alone():
     found = nonsmooth().to_xarray()
     assert found.sizes["time"] == 4 and found["impulse"].attrs["units"] == "N s"

@@ -77,6 +77,17 @@ WRONG = [
     (lambda: sensitivities([CLEARANCE]), f"`parameters` {BY_NAME}"),
     (lambda: sensitivities(outputs=OF_TWO_KINDS), f"`outputs` {NAMED} 1"),
     (lambda: sensitivities({}), "`parameters` must be at least one Parameter"),
+    (lambda: cj.Bounded("0 mm", 1.0), "`low` must be a number or an array of numbers, but is '0 m"),
+    (lambda: cj.Linear().coordinate(None), "`value` must be a number or an array of numbers, but"),
+    (lambda: cj.Starts(2, seed=-1), "`seed` must be a whole number, zero or positive, but is -1"),
+    (lambda: cj.Screening(seed=0.5), "`seed` must be a whole number, zero or positive, but is 0.5"),
+    (lambda: cj.Series(HEIGHT, [0.1], [0.1], 1.0, 3), "`unit` must be a text of at .*, but is 3:"),
+    (lambda: cj.identify_many(SCENE, STATE, DATA, {}), "`measurements` must be a list of Measure"),
+    (lambda: cj.posterior(SCENE, STATE, DATA, PARAMETERS, spread="1 m"), "`spread` must be a numb"),
+    (
+        lambda: cj.posterior(SCENE, STATE, DATA, PARAMETERS, guess=[{}, {}]),
+        r"`guess` must be one guess, the centre of the box, but is \[{}, {}\]: widen",
+    ),
     (
         lambda: cj.identifiability(SCENE, STATE, {}, DATA.series),
         "`parameters` must be at least one",
