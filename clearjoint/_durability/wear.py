@@ -274,7 +274,7 @@ def cycles_to_depth(found: "xr.Dataset", depth: float, joint: str, part: Part = 
 
     The depth is interpolated between the stages by a cubic spline.
 
-    **Raises:** `ValueError` if the depth is not positive, or the joint or part is not in the result.
+    **Raises:** `ValueError` if the depth is not positive, or for a joint or part without wear.
 
     >>> import xarray as xr
     >>> depths = np.array([[[0.0, 0.0], [2e-6, 1e-6]]])  # of one joint, in two stages

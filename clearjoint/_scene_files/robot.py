@@ -21,7 +21,7 @@ from .._dynamics.joint_coordinates.coordinates import (
     written_out,
 )
 from .._fields.cautions import quiet
-from .._fields.checks import nearest, require, require_positive
+from .._fields.checks import as_number, nearest, require, require_positive
 from .._fields.types import TripleLike
 from .._math.smoothing import TURN
 from .._math.vectors import ZERO, EulerParameters, Scalar, Vector, library, pack, unpack
@@ -339,7 +339,7 @@ class Robot:
             expected = f"an array (..., {count}), or numbers by name, of the robot's joints"
             remedy = "give one for each of " + ", ".join(self.joints)
             require(shape[-1:] == (count,), argument, shape, expected, remedy)
-            values = dict(zip(self.joints, _columns(values), strict=True))
+            values = dict(zip(self.joints, _columns(values, argument), strict=True))
         by_joint = {}
         for name, value in values.items():
             remedy = nearest(name, self._jointed, "leave it out")
@@ -348,10 +348,11 @@ class Robot:
             # The state at zero tells how many numbers the joint has: a ball has four and three.
             zero = _zero(self._jointed[name])
             count = len(zero.speeds if speeds else jax.tree.leaves(zero.position))
-            parts = (value,) if len(zero.speeds) == 1 else tuple(_columns(value))
+            where = f"{argument}[{name!r}]"
+            parts = (value,) if len(zero.speeds) == 1 else tuple(_columns(value, where))
             expected, remedy = f"{count} numbers of joint {name!r}", "give that many"
             require(len(parts) == count, argument, np.shape(value), expected, remedy)
-            by_joint[name] = tuple(map(_as_number, parts))
+            by_joint[name] = tuple(_as_number(part, where) for part in parts)
             for part in by_joint[name]:
                 is_finite = isinstance(part, jax.Array) or bool(np.isfinite(part).all())
                 expected, remedy = f"finite numbers of joint {name!r}", "leave unknown ones out"
@@ -438,22 +439,21 @@ def _zero(branch: trees.JointedBranch) -> JointState:
     return branch.motion_subspace.encode(Relative(trees.UPRIGHT, ZERO, REST))
 
 
-def _as_number(value: PyTree) -> Scalar:
-    if isinstance(value, jax.Array):
-        return value
-    array = np.asarray(value, dtype=float)
-    return float(array) if array.shape == () else array  # pyright: ignore
+def _as_number(value: PyTree, argument: str) -> Scalar:
+    array = as_number(value, argument)
+    plain = isinstance(array, np.ndarray) and array.shape == ()
+    return float(array) if plain else array  # pyright: ignore
 
 
-def _columns(values: PyTree) -> list[PyTree]:
-    array = values if isinstance(values, jax.Array) else np.asarray(values, dtype=float)
+def _columns(values: PyTree, argument: str) -> list[PyTree]:
+    array = as_number(values, argument)
     return [array[..., k] for k in range(array.shape[-1])] if array.ndim else [array]
 
 
 def _in_scalars(body: BodyState) -> BodyState:
     parts = body.position, body.orientation, body.velocity, body.spin
     kinds = Vector, EulerParameters, Vector, Vector
-    return BodyState(*(kind(*_columns(part)) for kind, part in zip(kinds, parts, strict=True)))
+    return BodyState(*(kind(*_columns(part, "state")) for kind, part in zip(kinds, parts, strict=True)))
 
 
 def _number(parts: Sequence[Scalar]) -> np.ndarray:
@@ -573,6 +573,8 @@ def load_robot(
     """
     for name, bound in (("bound_mass", bound_mass), ("bound_inertia", bound_inertia)):
         require_positive(name, bound, "give zero for no bound", zero=True)
+    known, expected = not isinstance(gravity, str) or gravity == "file", 'numbers, None or "file"'
+    require(known, "gravity", gravity, expected, "pass (0, 0, -9.81), say")
     location = FileLocation(str(path))
     is_mjcf = root_tag(read_bytes(Path(path), LARGEST_FILE)) == "mujoco"
     content = (read_mjcf if is_mjcf else read_urdf)(Path(path))

@@ -4,7 +4,6 @@ import math
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import replace
-from graphlib import TopologicalSorter
 from typing import TypeAlias
 
 import numpy as np
@@ -36,7 +35,7 @@ from .._model.joints.ideal import (
 from .._model.joints.joint_friction import JointFriction
 from .._model.scene import Scene
 from . import robots
-from .classes import Expectation, arguments
+from .classes import REQUIRED, Expectation, arguments
 from .documents import FileLocation, listed
 from .reading import Reader
 
@@ -98,8 +97,7 @@ class Elements:
                 self.omitted["mimics, between other joints than hinges and sliders,"].append(name)
                 del mimics[name]
         leaders = {n: {mimic.leader} & mimics.keys() for n, mimic in mimics.items()}
-        with self.tree.location.in_errors():  # an error for joints that follow each other
-            return {name: mimics[name] for name in TopologicalSorter(leaders).static_order()}
+        return {n: mimics[n] for n in robots.leaders_first(leaders, self.tree.location)}
 
     def add(self, element: Joint | AbstractForce, joint: str, what: str) -> None:
         # The new name must be none of the file's joints, whose names are kept.
@@ -237,7 +235,7 @@ def _arguments_of_play(settings: Play) -> dict[str, Expectation]:
     expected = arguments(kind)
     allowed = {key: value for key, value in expected.items() if key not in GIVEN_BY_THE_FILE}
     # Errors about unknown keys of a clearance also list "backlash", which may have been meant.
-    return allowed | {BACKLASH: expected["play"] if kind is Backlash else Expectation()}
+    return allowed | {BACKLASH: expected["play"] if kind is Backlash else Expectation(default=None)}
 
 
 def _checked(
@@ -261,6 +259,9 @@ def _checked(
         if argument not in allowed:
             remedy = nearest(argument, allowed, "leave it out")
             location.at(name).refuse(argument, f"one of the arguments {listed(allowed)}", remedy)
+    missing = [key for key, e in allowed.items() if e.default is REQUIRED and key not in settings]
+    if missing and what == "play":
+        location.at(name).refuse([*settings], f"also {listed(missing)}", "add the missing ones")
     # Only texts are converted here. The constructors check all other values.
     reader, at = Reader(classes=()), location.at(name)
     texts = {key: value for key, value in settings.items() if isinstance(value, str)}

@@ -14,7 +14,7 @@ import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
-from graphlib import TopologicalSorter
+from graphlib import CycleError, TopologicalSorter
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -226,9 +226,7 @@ class LinkTree:
         base = Carrier(self._body_name(self.root) if is_free else GROUND, np.eye(4), [self.root])
         self.carriers, self.poses = {self.root: base}, {self.root: np.eye(4)}
         parents = {child: [joint.parent] for child, joint in of_child.items()}
-        with location.in_errors():  # an error for a cycle of joints
-            parents_first = [*TopologicalSorter(parents).static_order()]
-        for name in parents_first[1:]:  # without the root
+        for name in leaders_first(parents, location)[1:]:  # without the root
             joint = of_child[name]
             carrier, pose = self.carriers[joint.parent], self.poses[joint.parent] @ joint.pose
             inertial = self.links[name].inertial
@@ -431,6 +429,14 @@ def _require_possible(
     if not moments[0] > ZERO * moments[-1]:
         expected = f"an inertia{links} with positive moments about all axes"
         at.refuse(actual, expected, "correct it, or pass for example bound_inertia=1e-6, in kg m^2")
+
+
+def leaders_first(leaders: Mapping[str, Iterable[str]], location: FileLocation) -> list[str]:
+    """Return all names such that each comes after its `leaders`; refuse a cycle."""
+    try:
+        return [*TopologicalSorter(leaders).static_order()]
+    except CycleError as error:
+        location.refuse(error.args[1], "no cycle of parents or leaders", "break it at one of these")
 
 
 def warn_of_omitted(file: object, omitted: Mapping[str, list[str]]) -> None:

@@ -128,6 +128,7 @@ def test_ball_joints_have_euler_parameters(read_robot):
     [
         (lambda r: r.state({"wrst": 1.0}), r"`q`.*'wrst'.*did you mean 'wrist'"),
         (lambda r: r.state([1.0, 2.0]), r"`q`.*\(\.\.\., 3\).*\(2,\): .*wrist, left finger"),
+        (lambda r: r.state({"wrist": "30 deg"}), r"`q\['wrist'\]` must be a number or .*'30 deg'"),
         (lambda r: r.state(qd={"wrist": np.nan}), "`qd`.*finite numbers of joint 'wrist'"),
         (lambda r: r.state({"right finger": 0.3}), r"`q\['right finger'\]`.*from joint 'left fing"),
         (lambda r: r.torques(qdd={"right finger": 3.0}), r"`qdd\['right finger'\]`"),
@@ -157,6 +158,13 @@ def test_wrong_positions_are_refused(read, call, message):
 def test_errors_name_file_and_joint(read, old, new, stops, message):
     with pytest.raises(ValueError, match=f"robot.urdf.*{message}"):
         read(old, new, stops=stops)
+
+
+def test_wrong_options_are_refused(read):
+    with pytest.raises(ValueError, match="`gravity` must be numbers, None or .*is 'earth': pass"):
+        read(gravity="earth")
+    with pytest.raises(ValueError, match=r"`wrist`: found \[\], expected also bearing_radius, jou"):
+        read(play={"wrist": {}})
 
 
 def test_mimics_of_other_joints_are_left_out_with_a_warning(tmp_path):

@@ -156,8 +156,8 @@ def sensitivities(
 
     - `scene`, `state`, `start_time`, `end_time`, `throw`: as in `simulate`, with `Sensitivities` in
       place of the `Solution`.
-    - `parameters`: the p `Parameter`s to differentiate with respect to, by names of your choice. The
-      run is computed at their values, by default the numbers in `scene` and `state`. Errors of
+    - `parameters`: the p `Parameter`s to differentiate with respect to, by names of your choice.
+      The run is computed at their values, by default the numbers in `scene` and `state`. Errors of
       sensors, such as `Parameter.bias("x")`, change the values of the output "x".
     - `outputs`: as in `simulate`, by names of your choice: quantities, scalar functions of an
       `Instant` such as those of `clearjoint.quantities`, which are differentiated, and sections and
