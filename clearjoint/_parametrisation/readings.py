@@ -136,6 +136,7 @@ def units_of(
     parameters: Mapping[str, Parameter], scene: Scene, state: State, series: Mapping[str, str]
 ) -> dict[str, str]:
     """Return the unit of each parameter's value. `series`: units of measured series, by name."""
+    sensor_errors(parameters, series)  # raises an error for an unknown series
     units = {}
     for name, parameter in parameters.items():
         error = parameter.variation

@@ -351,6 +351,7 @@ def fit_robot(
     expected = "of other names than those of the robot"
     require(not taken, "parameters", taken, expected, "rename them")
     free = {**problem.parameters, **parameters}
+    require(bool(free), "find", dict(find), "not empty", 'pass {"elbow": ["friction"]}, say')
     scene, state, measured = problem.scene, problem.state, problem.measurements
     starts = {name: p.scale.value(p.coordinate_in(scene, state)) for name, p in free.items()}
     starts = {name: float(value) for name, value in starts.items()}

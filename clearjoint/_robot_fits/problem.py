@@ -289,6 +289,7 @@ def motor_of(robot: Robot, joint: str) -> str:
 
 def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) -> RobotProblem:
     """Check that the arguments of `fit_robot` agree, and return the problem of the fit."""
+    require_type("robot", robot, Robot, "a Robot", "pass that of load_robot")
     _require_joints(robot, log, find, driven_by)
     positions = {name: _smoothed(robot, name, samples) for name, samples in log.angles.items()}
     driven = _driven(robot, log, driven_by, positions)
@@ -296,6 +297,8 @@ def robot_problem(robot: Robot, log: RobotLog, find: Find, driven_by: DrivenBy) 
     for joint, kinds in find.items():
         side = 0 if is_hinge(robot, joint) else 1  # Index in each pair of units of `KINDS`.
         units = {kind: unit for kind, pair in KINDS.items() if (unit := pair[side]) is not None}
+        expected, remedy = "a list or dictionary", 'pass ["friction"], say'
+        require(not isinstance(kinds, str), f"find[{joint!r}]", kinds, expected, remedy)
         for kind, start in (kinds if isinstance(kinds, Mapping) else dict.fromkeys(kinds)).items():
             expected, remedy = f"one of {', '.join(units)}", nearest(kind, units, "leave it out")
             require(kind in units, f"find[{joint!r}]", kind, expected, remedy)

@@ -453,7 +453,9 @@ def _columns(values: PyTree, argument: str) -> list[PyTree]:
 def _in_scalars(body: BodyState) -> BodyState:
     parts = body.position, body.orientation, body.velocity, body.spin
     kinds = Vector, EulerParameters, Vector, Vector
-    return BodyState(*(kind(*_columns(part, "state")) for kind, part in zip(kinds, parts, strict=True)))
+    return BodyState(
+        *(kind(*_columns(part, "state")) for kind, part in zip(kinds, parts, strict=True))
+    )
 
 
 def _number(parts: Sequence[Scalar]) -> np.ndarray:

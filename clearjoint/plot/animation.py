@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Annulus, Circle
 
+from .._fields.checks import as_number, require, require_count, require_positive
 from .._model.clearance_joints.journal_bases import BASES
 from .._simulation.results.observe import Observation
 from .journal import CrossSection, eccentricity_vectors
@@ -45,14 +46,16 @@ def journal_frames(
 
     >>> figure = plot.journal_frames(observed, "shoulder", 0.5e-3, [0.0, 0.01, 0.02])
     """
-    blocks = -(-len(instants) // columns)  # pairs of rows, rounded up
+    require_positive("clearance", clearance, "give it in m")
+    require_count("columns", columns, "give a number of pictures in a row")
+    nearest = _nearest(observation.times, instants)
+    blocks = -(-len(nearest) // columns)  # pairs of rows, rounded up
     if figure is None:
         # Inches: a picture is 1.3 wide, a pair of rows with titles 2.75 high, the legend 0.3.
         figure = Figure(figsize=(1.3 * columns, 2.75 * blocks + 0.3), layout="constrained")
     grid = figure.subplots(2 * blocks, columns, squeeze=False)
     for axes in grid.flat:
         axes.set_axis_off()
-    nearest = _nearest(observation.times, instants)
     for row_of_pair, base in enumerate(BASES):
         # Lengths in pictures are in radii of the bearing, of which the clearance is `DRAWN_GAP`.
         offsets = eccentricity_vectors(observation, joint, base, section) * (DRAWN_GAP / clearance)
@@ -89,6 +92,11 @@ def animate_journal(
 
     >>> plot.animate_journal(observed, "shoulder", 0.5e-3, "journal.gif", np.linspace(0, 0.02, 5))
     """
+    require_positive("clearance", clearance, "give it in m")
+    require_positive("frames_per_second", frames_per_second, "take the default of 15")
+    is_gif = Path(file).suffix.lower() == ".gif"
+    require(is_gif, "file", str(file), "with the suffix .gif", "name a GIF")
+    nearest = _nearest(observation.times, instants)
     # Inches: two square pictures, and above them space for their titles and the time.
     figure = Figure(figsize=(5.0, 2.9))
     pair = figure.subplots(1, 2)
@@ -105,7 +113,7 @@ def animate_journal(
         pictures.append((Picture(axes), offsets, touching))
     writer = PillowWriter(frames_per_second)
     with writer.saving(figure, str(file), dpi=80):  # a low resolution keeps the file small
-        for index in _nearest(observation.times, instants):
+        for index in nearest:
             for picture, offsets, touching in pictures:
                 picture.show(offsets[index], touching[index])
             time_text.set_text(f"{observation.times[index] * 1e3:.1f} ms")
@@ -133,4 +141,7 @@ class Picture:
 
 
 def _nearest(times: np.ndarray, instants: Instants) -> list[int]:
-    return [int(np.argmin(np.abs(times - instant))) for instant in instants]
+    row = np.asarray(as_number(instants, "instants", "s"))
+    suits = row.ndim == 1 and row.size > 0 and bool(np.isfinite(row).all())
+    require(suits, "instants", row, "a row of finite times", "give one time or more, s")
+    return [int(np.argmin(np.abs(times - instant))) for instant in row]

@@ -7,7 +7,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from .._fields.checks import require
+from .._fields.checks import require, require_positive
 from .._fields.drawn_text import shown
 from .._fields.types import ArrayLike
 from .._model.clearance_joints.journal_bases import BASES
@@ -89,8 +89,12 @@ def eccentricity_vectors(
     # The normal is the direction from the bearing's axis to the contact, and thus, if both surfaces
     # are circles, to the centre.
     vectors = observed.normal * np.asarray(observed.eccentricity)[:, None]
-    components = [np.sum(vectors * np.asarray(direction), axis=1) for direction in section.values()]
-    return np.stack(components, axis=1)
+    directions = [np.asarray(direction, float) for direction in section.values()]
+    products = [np.sum(a * b, axis=-1) for a in directions for b in directions]
+    suits = len(directions) == 2 and np.allclose(np.array(products).T, [1, 0, 0, 1], atol=1e-6)
+    expected, remedy = "two perpendicular unit vectors by their labels", "pass plot.XY, for example"
+    require(suits, "section", dict(section), expected, remedy)
+    return np.stack([np.sum(vectors * direction, axis=1) for direction in directions], axis=1)
 
 
 def journal_orbit(
@@ -158,6 +162,7 @@ def clearance_circle(axes: Axes, clearance: float, *, factor: float = 1e3) -> Ax
     >>> _, axes = plt.subplots()
     >>> axes = plot.clearance_circle(axes, 0.5e-3)
     """
+    require_positive("clearance", clearance, "give it in m")
     angle = np.linspace(0.0, 2.0 * np.pi, 361)
     circle = clearance * factor * np.stack([np.cos(angle), np.sin(angle)])
     axes.plot(*circle, color="black", linewidth=1.0, label="clearance")
@@ -167,6 +172,7 @@ def clearance_circle(axes: Axes, clearance: float, *, factor: float = 1e3) -> Ax
 
 def length_unit(clearance: float) -> tuple[float, str]:
     """Return the factor from m to the unit for lengths like a clearance, m, and the unit's text."""
+    require_positive("clearance", clearance, "give it in m")
     return (1e3, "mm") if clearance >= 0.2e-3 else (1e6, "µm")
 
 
@@ -214,8 +220,10 @@ def orbit(
     >>> drawn = plot.orbit(found.isel(clearance=0), ("x", "y"), 0.5e-3)
     """
     require_names(lane, (*outputs, "saved_time"))
-    dims = lane[outputs[0]].dims
-    require(len(dims) == 1, "lane", dims, "a single lane", "select one: dataset.isel(...)")
+    for name in outputs:
+        dims, remedy = lane[name].dims, "select a lane, dataset.isel(...), and outputs over time"
+        is_row = len(dims) == 1 and dims == lane["saved_time"].dims
+        require(is_row, "lane", dims, f"a single lane, with {name!r} over time", remedy)
     axes = style.axes_or_new(axes, (4.8, 5.0))
     in_window = style.inside(lane["saved_time"].values, window)
     factor, unit = length_unit(clearance)

@@ -187,7 +187,8 @@ def bifurcation(
         draw(color=style.DARK)
     else:
         # In a motion that decays, the first crossings differ most, so they get most of the colours.
-        dots = draw(c=numbers, cmap="turbo_r", norm=LogNorm())
+        last = numbers[np.isfinite(y.values)].max(initial=1)
+        dots = draw(c=numbers, cmap="turbo_r", norm=LogNorm(1, last))
         bar = axes.figure.colorbar(dots, ax=axes, label="number of the crossing")
         style.tick_logarithm(bar.ax.yaxis, numbers)
     style.scale_axes(axes, x.values, y.values)

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.patches import Patch
 
-from .._fields.checks import require
+from .._fields.checks import errors_about, require
 from . import style
 
 
@@ -118,7 +118,8 @@ def against(
         label=label,
     )
     if median is not None:
-        line = running_median(x.values, y.values, median)
+        with errors_about("median"):
+            line = running_median(x.values, y.values, median)
         axes.plot(*line, color=colour, linewidth=2, label=f"median of {median} neighbours")
     style.scale_axes(axes, x.values, y.values)
     mark_failed(axes, x.values, is_successful(dataset).values, colour)
@@ -142,6 +143,9 @@ def running_median(
     >>> medians
     array([2., 3., 3.])
     """
+    positions, values = np.asarray(positions), np.asarray(values)
+    expected, remedy = f"of the shape {positions.shape} of the positions", "pass a value for each"
+    require(values.shape == positions.shape, "values", values.shape, expected, remedy)
     finite = np.isfinite(values)
     count = int(finite.sum())
     require(1 <= width <= count, "width", width, f"between 1 and {count} values", "lower it")

@@ -9,7 +9,7 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from scipy import signal
 
-from .._fields.checks import require
+from .._fields.checks import errors_about, require, require_finite
 from .._model.scene import Scene
 from .._simulation.results.observe import Observation, values_along
 from .._simulation.results.solution import Solution, Trajectory
@@ -84,7 +84,10 @@ def name_of(quantity: Callable[..., object]) -> str:
 
 def unit_of(quantity: Quantity, unit: str | None) -> str:
     """Return `unit`, or if it is None the SI unit that the quantity declares, which must exist."""
-    unit = getattr(quantity, "unit", None) if unit is None else unit
+    declared = getattr(quantity, "unit", None)
+    agrees = None in (declared, unit) or declared == unit
+    require(agrees, "unit", unit, f"the quantity's own, {declared!r}", "leave it out")
+    unit = declared if unit is None else unit
     require(unit is not None, "unit", unit, "an SI unit for this quantity", 'pass unit="m", say')
     assert unit is not None
     return unit
@@ -167,8 +170,11 @@ def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArra
     >>> float(amplitudes.idxmax()), round(float(amplitudes.max()), 6)
     (50.0, 0.1)
     """
-    times = record["time"].values
-    remedy = "save more states"
+    is_row = isinstance(record, xr.DataArray) and record.ndim == 1 and "time" in record.coords
+    expected = 'an xarray.DataArray (N,) with the coordinate "time"'
+    remedy = 'pass xr.DataArray(values, {"time": times})'
+    require(is_row, "record", type(record).__name__, expected, remedy)
+    times, remedy = record["time"].values, "save more states"
     require(len(times) >= FEWEST, "record", len(times), f"at least {FEWEST} samples", remedy)
     intervals = np.diff(times)
     shown = f"intervals from {intervals.min():.3g} to {intervals.max():.3g} s"
@@ -176,9 +182,11 @@ def amplitude_spectrum(record: xr.DataArray, taper: str = "hann") -> xr.DataArra
     expected = "sampled at equal intervals of time"
     require(suits_spectrum(intervals), "record", shown, expected, remedy)
     values, rate = np.asarray(record.values, float), 1.0 / float(intervals.mean())
-    frequency, power = signal.periodogram(
-        values, rate, taper, detrend="constant", scaling="spectrum"
-    )
+    require_finite("record", values)
+    with errors_about("taper"):
+        frequency, power = signal.periodogram(
+            values, rate, taper, detrend="constant", scaling="spectrum"
+        )
     # A harmonic of amplitude A has the mean square A² / 2, hence the factor 2. At the Nyquist
     # frequency, which only an even number of samples has, the mean square is A², because the
     # samples are A and -A in turn, hence the factor 1.
@@ -227,7 +235,7 @@ def spectrum_of(record: xr.DataArray, *, taper: str = "hann", axes: Axes | None 
     """
     amplitudes = amplitude_spectrum(record, taper)
     axes = style.axes_or_new(axes)
-    y = style.scaled(amplitudes)
+    y = style.scaled(amplitudes.rename(amplitudes.name or "values"))
     frequencies = amplitudes["frequency"].values
     factor, unit = style.fitting_unit(frequencies, "Hz")
     axes.plot(frequencies * factor, y.values, color=style.BLUE, linewidth=0.9)

@@ -3,8 +3,10 @@
 import equinox as eqx
 import numpy as np
 import pytest
+import xarray as xr
 
 from clearjoint import plot
+from clearjoint.quantities import Position
 from tests.support.tumbling_bearing import AXIS, CLEARANCE, COUNT, TIMES
 
 WINDOW = (0.01, 0.03)
@@ -59,6 +61,35 @@ def test_motion_takes_a_window(turning, draw):
     assert len(draw(data, "bearing").get_lines()[0].get_xdata()) == COUNT
 
 
+def vectors(observation, section):
+    return plot.eccentricity_vectors(observation, "pin", "V", section)
+
+
+@pytest.mark.parametrize(
+    ("record", "taper", "message"),
+    [
+        (np.ones(5), "hann", "`record` must be an xarray.DataArray .*, but is 'ndarray'"),
+        (xr.DataArray(np.ones(5)), "hann", '`record` must be .* with the coordinate "time"'),
+        (xr.DataArray([1.0, np.nan, 0.0, 2.0], {"time": range(4)}), "hann", "`record` must be fin"),
+        (xr.DataArray(np.ones(4), {"time": range(4)}), "blunt", "taper: .*blunt"),
+    ],
+)
+def test_records_without_a_spectrum_are_refused(record, taper, message):
+    with pytest.raises(ValueError, match=message):
+        plot.amplitude_spectrum(record, taper)
+
+
+def test_a_record_without_a_name_has_a_spectrum_of_values():
+    record = xr.DataArray(np.sin(np.arange(50.0)), {"time": np.arange(50.0)})
+    assert plot.spectrum_of(record).get_ylabel() == "amplitude of values"
+
+
+def test_a_quantity_keeps_its_unit(tumbling):
+    scene, solution, _ = tumbling
+    with pytest.raises(ValueError, match="`unit` must be the quantity's own, 'm', but is 'mm'"):
+        plot.series(scene, solution, Position("journal", "x"), unit="mm")
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -69,6 +100,28 @@ def test_motion_takes_a_window(turning, draw):
         (lambda s, t: plot.path({"": t}, "bearing", ("X", "U")), "`component` must be one of"),
         (lambda s, t: plot.position({"": t}, "arm"), r"`body` must be .*\['bearing', 'journal'\]"),
         (lambda s, t: plot.acceleration({"": s}, "arm"), r"`body` must be one of those observed"),
+        (
+            lambda s, t: plot.journal_orbit(s, "pin", -1.0),
+            "`clearance` must be positive, but is -1",
+        ),
+        (lambda s, t: plot.clearance_circle(None, 0.0), "`clearance` must be positive, but is 0.0"),
+        (
+            lambda s, t: plot.journal_frames(s, "pin", 1e-3, []),
+            "`instants` must be a row of finite",
+        ),
+        (lambda s, t: plot.journal_frames(s, "pin", 1e-3, [np.nan]), "`instants` must be a row of"),
+        (lambda s, t: plot.journal_frames(s, "pin", 0.0, [0.0]), "`clearance` must be positive"),
+        (lambda s, t: plot.journal_frames(s, "pin", 1e-3, [0.0], columns=0), "`columns` must be a"),
+        (lambda s, t: plot.animate_journal(s, "pin", 1e-3, "a.mp4", [0.0]), "`file` must be with"),
+        (
+            lambda s, t: vectors(s, {"X": (2, 0, 0), "Y": (0, 1, 0)}),
+            "`section` must be two perpend",
+        ),
+        (
+            lambda s, t: vectors(s, {"X": (1, 0, 0), "Y": (0.6, 0.8, 0)}),
+            "`section` must be two per",
+        ),
+        (lambda s, t: vectors(s, {"X": (1, 0, 0)}), "`section` must be two perpendicular unit"),
     ],
 )
 def test_wrong_names_are_refused(turning, call, message):

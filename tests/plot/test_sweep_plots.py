@@ -214,6 +214,14 @@ def test_bifurcation_shows_the_number_of_the_crossing():
     assert dots.colorbar.ax.get_ylabel() == "number of the crossing"
 
 
+def test_bifurcation_without_crossings_is_empty():
+    data = dataset().isel(restitution=0)
+    none = data.assign(hit_speed=data["hit_speed"] * np.nan)
+    (dots,) = plot.bifurcation(none, "hit", "speed", number=True).collections
+    assert len(dots.get_offsets().compressed()) == 0
+    dots.figure.draw_without_rendering()
+
+
 def test_convergence_finds_the_rate():
     axes = plot.convergence(failing(), "peak_force", within=(1e-4, 1e-3))
     assert axes.get_xscale() == axes.get_yscale() == "log"
@@ -256,6 +264,17 @@ def test_orbit_lies_in_the_clearance_circle():
         (lambda data: plot.parameter_map(data, "peak_force", "speed", "mass"), "'mass', 'speed'"),
         (lambda data: plot.orbit(data, ("orbit_x", "orbit_y"), 1e-3), "a single lane"),
         (lambda data: plot.orbit(data.isel(restitution=0), ("path_x", "y"), 1e-3), "path_x"),
+        (
+            lambda data: plot.orbit(
+                data.isel(clearance=0, restitution=0), ("orbit_x", "peak_force"), 1e-3
+            ),
+            "a single lane, with 'peak_force' over time",
+        ),
+        (
+            lambda data: plot.against(data.isel(restitution=0), "peak_force", median=99),
+            "median: .*lower it",
+        ),
+        (lambda data: plot.running_median([1, 2, 3], [1, 2], 2), "`values` must be of the shape"),
         (lambda data: plot.parameter_map(data, "hit_speed", "clearance", "restitution"), "select"),
     ],
 )
