@@ -318,6 +318,7 @@ LOG = log_of(log_table(JOINT, *swinging(0, 0.1)))
 WRONG = {
     "joint": ({"elbo": ["play"]}, {"elbow": "torque"}, "one of elbow, but is 'elbo': .*'elbow'"),
     "kind": ({"elbow": ["plays"]}, {"elbow": "torque"}, "one of play, stiffness.*'play'"),
+    "text": ({"elbow": "play"}, {"elbow": "torque"}, "a list or dictionary, but is 'play'"),
     "unit": ({"elbow": {"play": "1 kg"}}, {"elbow": "torque"}, "find, `elbow.play`: found '1 kg'"),
     "zero": ({"elbow": {"friction": 0.0}}, {"elbow": "torque"}, r"'friction'\]` must be.* is 0.0"),
     "mode": ({"elbow": ["play"]}, {"elbow": "torques"}, "one of angle, torque, held torque"),
@@ -341,6 +342,9 @@ def test_unknown_noise_and_play_are_refused(robot, tmp_path):
     log = cj.RobotLog.read(table, angles={"elbow": "q"}, torques={"elbow": current})
     with pytest.raises(ValueError, match="noise of 'elbow position'.*pass LogColumn"):
         cj.fit_robot(robot, log, FIND, {"elbow": "torque"}, **QUIET)
+    wrong = {"parameters": {"b": cj.Parameter.bias("elbow torque")}}
+    with pytest.raises(ValueError, match="must be a bias of measured series: elbow position, but"):
+        cj.fit_robot(robot, LOG, FIND, {"elbow": "torque"}, **wrong, **QUIET)
     bare = rig(tmp_path)
     with pytest.raises(ValueError, match="'elbow backlash' in the scene.*with_drive"):
         cj.fit_robot(bare, LOG, {"elbow": ["play"]}, {"elbow": "torque"}, **QUIET)
