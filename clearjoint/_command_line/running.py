@@ -162,10 +162,10 @@ def extremes_of(part: RunPart, settings: Settings) -> dict[str, AbstractReductio
         if isinstance(output, AbstractQuantity) and output.unit in SHARP:
             extremes[name + LARGEST] = Peak(output, output.unit)
             extremes[name + SMALLEST] = Peak(Negative(output), output.unit)
-    if hidden := extremes.keys() & part.outputs.keys():
+    if hidden := {"time", *extremes} & part.outputs.keys():
         raise ValueError(
-            f"run.outputs: got {min(hidden)!r}, expected a name that no extreme of another output "
-            "has: rename the output."
+            f"run.outputs: got {min(hidden)!r}, expected a name that neither the time nor an "
+            "extreme of another output has: rename the output."
         )
     if extremes:
         # Only explicit Runge-Kutta methods have dense output. `redundant` does not affect the

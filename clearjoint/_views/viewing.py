@@ -12,7 +12,7 @@ import jax
 import numpy as np
 from typing_extensions import override
 
-from .._fields.checks import require, require_count, require_positive, require_type
+from .._fields.checks import require, require_count, require_finite, require_positive, require_type
 from .._model.bodies import State
 from .._model.scene import Scene
 from .._model.survey import survey
@@ -83,6 +83,8 @@ class View:
             return file
         from .filming import DPI, SAMPLES, Film
 
+        if time is not None:
+            require_finite("time", time)
         is_still = suffix not in (".gif", ".mp4")
         # A picture has twice as many pixels per inch as an animation.
         points_per_inch = SAMPLES if is_still else SAMPLES // 2

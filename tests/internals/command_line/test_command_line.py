@@ -625,6 +625,8 @@ def test_outputs_do_not_share_a_figure_or_a_row(folder):
     assert {"output the height.png", "output the_height.png"} <= figures
     changed("outputs.height", 'outputs."force smallest"')
     is_refused("'force smallest'.*rename the output", "run", "study.toml")
+    changed("outputs.height", "outputs.time")
+    is_refused("'time', .* neither the time .*rename the output", "run", "study.toml")
 
 
 def test_where_no_folder_can_be_made_nothing_is_computed(folder, monkeypatch):
