@@ -177,6 +177,7 @@ def view(
     observation at other instants, or of a single state; and for meshes or scales that can't be
     drawn. `ImportError` without the package trimesh of the extra `view`.
     """
+    require_type("scene", scene, Scene, "a Scene", "pass one, such as the robot.scene of a Robot")
     require_count("frames", frames, "give a number of frames")
     if force_scale is not None:
         require_positive("force_scale", force_scale, "give the length of arrows in m/N")

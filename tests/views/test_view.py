@@ -287,6 +287,10 @@ def test_pictures_and_animations_are_written(seen, tmp_path):
 def test_files_that_cannot_be_written_are_refused(seen, tmp_path, monkeypatch):
     with pytest.raises(ValueError, match="file.*one of"):
         seen.save(tmp_path / "arm.step")
+    with pytest.raises(ValueError, match="`time` must be finite, but is nan"):
+        seen.save(tmp_path / "arm.png", time=np.nan)
+    with pytest.raises(ValueError, match="`scene` must be a Scene, but is 'NoneType'"):
+        cj.view(None)
     standing = cj.view(*cj.mechanisms.double_pendulum())
     with pytest.raises(ValueError, match="pass a solution"):
         standing.save(tmp_path / "arm.gif")
