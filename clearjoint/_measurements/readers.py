@@ -173,6 +173,9 @@ def function_from_csv(
     >>> print(f"{torque(0.05):.4f} N m")
     1.2500 N m
     """
+    suits = isinstance(kind, type) and issubclass(kind, PiecewiseLinear | PiecewiseConstant)
+    expected, remedy = "PiecewiseLinear or PiecewiseConstant", "make others from a table's columns"
+    require(suits, "kind", kind, expected, remedy)
     # The second argument of `column_named` is the argument that error messages name.
     column_named = columns_of(path, options)
     times = times_in(column_named(time, "time"), time_unit)

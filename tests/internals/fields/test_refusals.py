@@ -79,6 +79,7 @@ WRONG = [
     (lambda: sensitivities({}), "`parameters` must be at least one Parameter"),
     (lambda: cj.Bounded("0 mm", 1.0), "`low` must be a number or an array of numbers, but is '0 m"),
     (lambda: cj.Linear().coordinate(None), "`value` must be a number or an array of numbers, but"),
+    (lambda: cj.function_from_csv("a", "x", "N", cj.Spline), "`kind` must be PiecewiseLinear or P"),
     (lambda: cj.Starts(2, seed=-1), "`seed` must be a whole number, zero or positive, but is -1"),
     (lambda: cj.Screening(seed=0.5), "`seed` must be a whole number, zero or positive, but is 0.5"),
     (lambda: cj.Series(HEIGHT, [0.1], [0.1], 1.0, 3), "`unit` must be a text of at .*, but is 3:"),
