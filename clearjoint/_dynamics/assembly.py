@@ -25,8 +25,7 @@ from .._model.joints.ideal import AbstractOrientedJoint
 from .._model.scene import Scene
 from .._native import Native
 from .absolute_coordinates import AbsoluteCoordinates
-from .constraint_report import check_names as check_names
-from .constraint_report import row_residuals
+from .constraint_report import check_names, row_residuals
 from .coordinates import AbstractCoordinates, MotionVariables, at_rest
 from .formulation import Formulation
 from .journals import (

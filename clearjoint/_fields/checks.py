@@ -149,9 +149,8 @@ def require_numbers(
     if (arrays := checkable(*values)) is not None:
         try:
             holds = condition(*arrays)
-        except (
-            TypeError
-        ):  # Comparisons need numbers: for a text or ``None``, this raises the error.
+        except TypeError:
+            # Comparisons need numbers: for a text or ``None``, this raises the error.
             as_number(values[0], argument)
             raise
         # Numbers are written out for an error only: a run checks all numbers of its scene.

@@ -173,7 +173,8 @@ class AbstractReadable(eqx.Module):
         # Equinox calls it when an object has been made.
         for name in _flags(type(self)):
             value, remedy = getattr(self, name), "pass a bool"
-            checks.require(isinstance(value, bool), name, value, "True or False", remedy)
+            is_flag = isinstance(value, bool | np.bool_)
+            checks.require(is_flag, name, value, "True or False", remedy)
         for name, declared in _declarations(type(self)):
             if (value := getattr(self, name)) is not None:
                 declared.check_value(name, value)
