@@ -106,13 +106,13 @@ def _values(part: AxisPart, target: FoundPath, location: FileLocation) -> np.nda
     return np.geomspace(start, stop, part.count)
 
 
-def _summary(dataset: xr.Dataset, code: int) -> tuple[Summary, str]:
+def _summary(dataset: xr.Dataset, exit_code: int) -> tuple[Summary, str]:
     codes = dataset["result"].values
     counts = {name: int((codes == number).sum()) for name, number in result_numbers().items()}
     done = counts.pop("successful")
     pending = int((codes < 0).sum())  # lanes that have not run have the code -1
     summary = {
-        "ended": "interrupted" if code == INTERRUPTED else "all lanes are done",
+        "ended": "interrupted" if exit_code == INTERRUPTED else "all lanes are done",
         "lanes": codes.size,
         "lanes successful": done,
         "lanes pending": pending,

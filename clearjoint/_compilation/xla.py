@@ -151,6 +151,7 @@ def _traced_for(
         static, traced = divided(leaves)
         return traced
 
+    # By the name `SHARED`, native code recognises a function that it must call, not repeat inline.
     shared_function.__name__ = SHARED if is_called else "traced_for_a_kind"
     jaxpr = jax.make_jaxpr(jax.jit(shared_function))(*arrays)
     # A traced value from outside belongs to one call, but the jaxpr to all of them.

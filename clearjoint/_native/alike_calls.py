@@ -45,8 +45,10 @@ class _Joining:
     def join_all(self) -> None:
         program = self._program
         blocks = [*program.functions, program.block]
+        # The cells that each function writes, for the blocks after it, which may call it.
         by_functions: list[set[int]] = []
         for number, block in enumerate(blocks):
+            # By `_written` and `_loads`, `_next_to_each_other` decides which cells it can move.
             self._written = cells_written(program, block, by_functions)
             by_functions.append(self._written)
             # Functions of vectors contain no calls that could be joined further.

@@ -141,9 +141,9 @@ def _branch(
                 ]
                 first_results[:] = results
             # Later operations read the same cells whichever branch was executed. So `no`, which is
-            # added second, must leave its arrays in the cells of `yes`. It may if these are owned;
-            # if they are not, both branches are added anew, with `copies`.
-            if not all(old.owned for _, old in _moved(results, first_results)):
+            # added second, must write its arrays to the cells of `yes`. Where `yes` has left cells
+            # that it does not own, both branches are added anew, with `copies`.
+            if not all(of_yes.owned for _, of_yes in _moved(results, first_results)):
                 raise _DifferentArraysError
             _move_to(lower, first_results, results)
             return lower.flatten(results)

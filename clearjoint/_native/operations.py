@@ -246,9 +246,9 @@ class Operations:
             block, scope, depth = self.block, -1, len(self._outside)
             if depth:
                 # An operation is moved out of functions that compute none of its operands, so that
-                # all calls share its result. It is then inside of the `depth` outermost functions,
-                # as its innermost operand is: in the block around the next function.
-                depth = max(self._depths.get(value, 0) for value in arguments)
+                # all calls share its result. `depth`, the number of functions that it stays in, is
+                # that of its innermost operand. `_outside` has the block at this depth.
+                depth = max(self._depths.get(operand, 0) for operand in arguments)
                 if depth < len(self._outside):
                     block, scope = self._outside[depth]
             value = self._known[key] = self.new(kind, depth)

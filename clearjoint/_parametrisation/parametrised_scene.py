@@ -204,7 +204,8 @@ def parametrised(
     require_apart("parameters", changes, scene, state)
     scales = tuple(p.scale for p in parameters.values())
     # Constants are folded only in leaves that no parameter changes. A first object without folded
-    # constants finds these leaves, and the number of changes that the scene needs (`in_scene`).
+    # constants finds these leaves, and `in_scene`: the changes after the first `in_scene` ones
+    # change only the initial state, so the scene is made without them.
     unfolded = ParametrisedScene(
         values=values,
         base=(scene, state),

@@ -362,6 +362,7 @@ def fit_robot(
     fit, undetermined, fixed, limits = None, {}, {}, {}
     for _ in range(ROUNDS):
         present = {n: Parameter(p.variation, p.scale, value=values[n]) for n, p in free.items()}
+        # Without delays of sensors, by which a run cannot be differentiated.
         examined = _of_runs(present)
         report = identifiability(scene, state, examined, measured, settings, start_time=log.start)
         reasons, away = _undetermined(report, problem, examined), {}
@@ -384,6 +385,7 @@ def fit_robot(
         fixed = {name: (values if name in at_last else starts)[name] for name in reasons}
         present |= {name: held(free[name], value) for name, value in fixed.items()}
         fit = _best_fit(problem, present, settings, grow, options)
+        # The next start is the estimate, with places in plays moved away from the ends of the play.
         values = {**values, **fixed, **_inside(problem, fit)}
     assert fit is not None
     warn_of([fit])

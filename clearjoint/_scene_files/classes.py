@@ -152,12 +152,12 @@ def arguments(make: Maker) -> dict[str, Expectation]:
     kind = make if isinstance(make, type) else _hints(make)["return"]  # class of the made object
     # For a field and an argument of the same name, the annotation of the field counts.
     hints = _hints(kind.__init__ if make is kind else make) | _hints(kind)
-    declared = {f.name: f.metadata for f in fields(kind)} if is_dataclass(kind) else {}
+    metadata_of = {f.name: f.metadata for f in fields(kind)} if is_dataclass(kind) else {}
     expectations = {}
     for name, parameter in inspect.signature(make).parameters.items():
         if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
-            # Fields that are made by `quantity` declare the unit and the shape of their values.
-            metadata = declared.get(name, {})
+            # The metadata of a field made by `quantity` have the unit and the shape of its values.
+            metadata = metadata_of.get(name, {})
             expected = expectation(hints.get(name, Any), metadata.get("unit"))
             shape = getattr(metadata.get("declared"), "shape", None)
             shapes = expected.shapes if shape is None else (shape,)

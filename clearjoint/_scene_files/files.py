@@ -312,6 +312,7 @@ def _completed(scene: Scene, state: State, location: FileLocation) -> State:
     missing = sorted(set(scene.bodies) - set(state.bodies))
     if not missing:
         return state
+    # The time that `assemble` takes grows faster than the number of bodies.
     if len(scene.bodies) > MOST_ASSEMBLED:
         location.refuse(
             f"no state of {len(missing)} bodies",

@@ -251,24 +251,27 @@ class MjcfWriter:
             moments = {"diaginertia": np.maximum(inertia, least)}
         _child(element, "inertial", pos="0 0 0", mass=np.maximum(body.mass, least), **moments)
 
-    def _joint(self, element: Element, branch: trees.JointedBranch, start: PyTree) -> FileJoint:
+    def _joint(
+        self, element: Element, branch: trees.JointedBranch, coordinate: PyTree
+    ) -> FileJoint:
         subspace, joint = branch.motion_subspace, self._scene.joints[branch.joint]
         common = {"name": branch.joint, "pos": subspace.point_child}
         if isinstance(subspace, Ball):
             ball = _child(element, "joint", type=BALL, **common)
-            return FileJoint(ball, np.zeros(3), start=start)
+            return FileJoint(ball, np.zeros(3), start=coordinate)
         assert isinstance(subspace, Hinge | Slider)
         # A joint coordinate, and a position in the file, are those of the child relative to the
         # parent; a joint's position in the scene is that of its second body relative to the first,
         # which may be the child. With the opposite axis, the file then has the scene's position.
         sign = 1.0 if joint.body_names()[0] == branch.parent else -1.0
-        axis, position, armature = subspace.axis * sign, sign * float(start), None
+        axis, position, armature = subspace.axis * sign, sign * float(coordinate), None
+        # The position of a joint of the scene may have another zero than its coordinate.
         if isinstance(joint, HingeOrSlider):
             position, armature = float(joint.position(self._motions).value), joint.armature
         common |= {"axis": axis, "ref": position, "armature": armature}
         common["type"] = HINGE if isinstance(subspace, Hinge) else SLIDE
         along = _array(self._motions[branch.body].direction(axis))
-        return FileJoint(_child(element, "joint", **common), along, position, sign, start)
+        return FileJoint(_child(element, "joint", **common), along, position, sign, coordinate)
 
     def _section(self, name: str) -> Element:
         section = self.root.find(name)
@@ -415,7 +418,8 @@ class MjcfWriter:
         kind, lever = (SLIDE, 1.0) if joint.radius is None else (HINGE, float(joint.radius))
         on = self._between(name, kind, joint, joint.axis)
         law, load = joint.friction, float(joint.load)
-        # MuJoCo's dry friction does not depend on the speed: that at a slip of 1 m/s is taken.
+        # MuJoCo's dry friction does not depend on the speed: that at a slip of 1 m/s is taken. With
+        # bristles, `force` leaves out the law's viscous part, which is added to the damping below.
         sliding = -float(law.force(load, Vector(1.0, 0.0, 0.0)).x)
         if getattr(law, "breakaway", 0.0) > getattr(law, "kinetic", math.inf):
             self.omitted["friction at rest above that in sliding"].append(name)

@@ -65,6 +65,7 @@ class Reader:
     def _item(self, content: object, expected: Expectation, location: FileLocation) -> object:
         """Convert the `content` of an entry of a file to a Python value: lists to tuples, texts
         with units to floats, and tables to objects."""
+        # A table of entries by name, such as `bodies`, may be allowed beside the options.
         if isinstance(content, Mapping) and expected.by_name is not None:
             return self._table(content, expected, location)
         # Arguments that may also be numbers or objects are not limited to their options.

@@ -373,7 +373,9 @@ def checked_starts(
     `Lanes.bad`. Lanes whose initial state violates the constraints are left as they are: their runs
     end at once, with the result code of `not_assembled`.
     """
-    require_freedom(lanes.scene, lanes.of(0)[1], coordinates)
+    # All lanes have the same coordinates, so the first lane tells whether something can move.
+    _, first_state = lanes.of(0)
+    require_freedom(lanes.scene, first_state, coordinates)
     rows = start_rows_of_lanes(lanes.scene, lanes.scenes, lanes.states, start_time, coordinates)
     # `searched` keeps the results of the search for dependent rows. Lanes often have equal rows, so
     # the search is done once for all of them.

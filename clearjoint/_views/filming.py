@@ -56,10 +56,11 @@ class Film:
         # picture are m in the plane through the target, onto which the triangles are projected.
         self._axes = self.figure.add_axes((0.28, 0.0, 0.72, 1.0))
         self._axes.set_axis_off()
-        wide, high = WIDE * camera.reach, camera.reach
+        half_width, half_height = WIDE * camera.reach, camera.reach
         box = self._axes.get_window_extent()
         self._shape = round(box.height / DPI * samples), round(box.width / DPI * samples)
-        self._scale = min(self._shape[0] / high, self._shape[1] / wide) / 2.0  # points per m
+        # Points per m, so that the picture's whole width and height are seen.
+        self._scale = min(self._shape[0] / half_height, self._shape[1] / half_width) / 2.0
         self._image = self._axes.imshow(np.ones((*self._shape, 3)), origin="lower", aspect="auto")
         self._time_text = self.figure.text(0.98, 0.02, "", ha="right", va="bottom", fontsize=11)
         patches = [

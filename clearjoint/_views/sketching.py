@@ -303,9 +303,9 @@ class SketchingPen(AbstractPen):
         fixed. Their sides that face this marker are at the coordinates `surfaces`, m, along the
         normal from the marker. At each end, the plates are longer than the path of the marker
         `runner` by `excess`, m, plus the radius of a bar."""
-        # The columns of `frame`, in body axes, are the direction along the walls, their normal, and
-        # a direction as near as possible to the line of sight. If the viewer looks along the
-        # normal, the direction along the walls is arbitrary.
+        # The columns of `frame`, in body axes, are the direction along the walls, which is
+        # perpendicular to normal and line of sight; the normal; and a direction as near as possible
+        # to the line of sight. If the viewer looks along the normal, the first is arbitrary.
         across, front = _unit(normal), self._components(middle.body, self._sizes.front)
         faces_viewer = np.linalg.norm(np.cross(across, front)) < 1e-6
         along = frame_about(across, None if faces_viewer else front)[:, 1]
@@ -319,6 +319,7 @@ class SketchingPen(AbstractPen):
             # The plate is beyond its surface, as seen from the marker; at zero, towards `normal`.
             at = centre + across * (surface + math.copysign(0.5 * self._bar, surface))
             self.shape(middle.body, plate.moved(pose_at(at, frame)))
+        # The hull of the body extends to the middle of the runner's path.
         self._hold(middle._replace(point=centre))
 
     @override

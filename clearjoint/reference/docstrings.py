@@ -108,6 +108,7 @@ class HouseStyle(griffe.Extension):
             if item.docstring:
                 # The fences of the code block are indented like the session.
                 text = SESSION.sub(r"\n\1```pycon\n\g<0>\n\1```", item.docstring.value)
+                # In a module's docstring, a name means first of all one of this module.
                 item.docstring.value = with_links(text, item.path if item.is_module else "")
         # griffe reads only the source, in which dataclasses have no constructors.
         for path in PATHS:

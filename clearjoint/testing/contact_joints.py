@@ -162,7 +162,8 @@ def _positions(joint: AbstractContactJoint, motions: Motions, together: bool) ->
     """Return motions for the tests: the given ones; two for each contact, at its onset and
     `PENETRATION` deeper; if `together`, one with coincident attachment points; all also at rest."""
     moving, scalar = [motions], unpack(joint)
-    # A shift of the second body along the normal increases the penetration by its length.
+    # A shift of the second body along the normal increases the penetration by its length. A contact
+    # with `turning` acts as a couple: its penetration depends on a rotation instead.
     for label, contact in scalar.contacts(motions).items():
         onset = -scalar.laws()[label].onset_offset()
         for depth in (onset, onset + PENETRATION):
@@ -291,7 +292,8 @@ def _force_failures(loaded: LoadedContact, first: Motion, second: Motion) -> dic
     # points on the normal force's line of action.
     on_first, on_second = contact.points_of_force(friction is not None)
     # The line of action is common to both bodies if the points of the force are on a line along the
-    # force. The relative velocity along the normal is the rate of the penetration.
+    # force. The relative velocity along the normal is the rate of the penetration. A contact with a
+    # `SideForce` has another part of the rate, due to an angle of the joint.
     apart = second.point(on_second) - first.point(on_first)
     velocity = second.velocity_at(on_second) - first.velocity_at(on_first)
     rate, side = velocity.dot(contact.normal), contact.side

@@ -38,15 +38,16 @@ def jumps(
     left: Float[jax.Array, " N"],
     right: Float[jax.Array, " N"],
 ) -> Jumps:
-    """Return the largest jump of a function in each of N intervals, from `left` to `right`.
+    """Return the largest jump of a function in each of N intervals, from `left` to `right`. The
+    function takes an array (N,), with a point in each interval, and returns its values there, (N,).
 
     Each interval is divided into pieces. Each piece is bisected until its ends are practically
     adjacent floats; the half with the larger change of the function is kept. A jump that is smaller
     than the continuous change of the function within a piece may be missed.
     """
     # The ends of all pieces, and the values there, are arrays (2, pieces, N): left, right.
-    edges, values = jnp.linspace(left, right, PIECES + 1), jax.vmap(function)
-    ends, heights = (jnp.stack([rows[:-1], rows[1:]]) for rows in (edges, values(edges)))
+    edges, values_at = jnp.linspace(left, right, PIECES + 1), jax.vmap(function)
+    ends, heights = (jnp.stack([rows[:-1], rows[1:]]) for rows in (edges, values_at(edges)))
 
     # The bisection `k` of all pieces: `low` and `high` are the values at the left and right ends.
     def bisect(k: jax.Array, state: tuple[jax.Array, ...]) -> tuple[jax.Array, ...]:
@@ -54,7 +55,7 @@ def jumps(
         # The change that is left after half of all bisections.
         halfway = jnp.where(k == HALVINGS // 2, jnp.abs(high - low), halfway)
         middle = 0.5 * (left + right)
-        value = values(middle)
+        value = values_at(middle)
         is_left = jnp.abs(value - low) >= jnp.abs(high - value)
         ends = jnp.where(is_left, jnp.stack([left, middle]), jnp.stack([middle, right]))
         heights = jnp.where(is_left, jnp.stack([low, value]), jnp.stack([value, high]))

@@ -395,8 +395,8 @@ class ClearanceJoint(AbstractCentredJoint):
         if self.bearing_profile is not None or self.journal_profile is not None:
             return self._profile_contact(motions, base)
         bearing, journal = motions[self.bearing_body], motions[self.journal_body]
-        # The eccentricity vector leads from the bearing's axis to the journal's centre, `centre`,
-        # and from there to the base, `arm`.
+        # The eccentricity vector is perpendicular to the bearing's axis. It leads from the axis to
+        # the journal's centre (`centre`) and on to the base (`arm`, without its axial part).
         eccentricity, normal = norm_and_direction(base.centre + base.arm)
         gap = self._gap(self._depth(base, eccentricity), base.velocity.dot(normal))
         along = base.axis * base.height

@@ -379,11 +379,11 @@ class _Group:
         # The lane counts rows from zero again. So in its `Task`, `save_at` must begin with the time
         # to save at next, and `wanted` must be the number of rows that may still be recorded.
         if taken:
-            own, common = self._programs.own, self._shared.batch.common
-            if own.save_at is not None:
-                floats[own.save_at, column] = self._next_saves(slot)
-            for name, cell in own.wanted.items():
-                integers[int(cell), column] = common.capacity[name] - slot.recorded(name)
+            task_cells, capacity = self._programs.own, self._shared.batch.common.capacity
+            if task_cells.save_at is not None:
+                floats[task_cells.save_at, column] = self._next_saves(slot)
+            for name, cell in task_cells.wanted.items():
+                integers[int(cell), column] = capacity[name] - slot.recorded(name)
 
     def _next_saves(self, slot: _LaneSlot) -> np.ndarray:
         batch = self._shared.batch

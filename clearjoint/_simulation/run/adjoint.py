@@ -332,6 +332,7 @@ def pulled(
     `after` are the cotangents after this step; return those before it."""
     example_tangents, example_step_tangents = example.tangents, example_of(run, example)
     index = after.count - 1
+    # `row` has the step. `place` is the row of `added` with the cotangents of the step's outputs.
     place = jax.lax.dynamic_index_in_dim(jnp.asarray(steps.places), index, keepdims=False)
     row = jax.lax.dynamic_index_in_dim(jnp.asarray(steps.rows), index, keepdims=False)
     of_outputs = jax.lax.dynamic_index_in_dim(jnp.asarray(steps.added), place, keepdims=False)

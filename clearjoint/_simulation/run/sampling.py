@@ -125,12 +125,13 @@ def first_tangents(
     def solver_state(system: System, y: Variables, entry_speeds: EntrySpeeds) -> SolverState:
         return method.solver.init(term, step.t, t_end, y, (system, entry_speeds))
 
-    # The energy ledger does not depend on the parameters at the start.
+    # At the start, the energy ledger, `work`, does not depend on any of the parameters.
     zeros = jnp.zeros(family.family.tangents)
     y_along = replace(y_along, work=dict.fromkeys(step.y.work, zeros))
 
     # The entry speed of a contact that begins at the start is the penetration rate there, which
-    # depends on the parameters as it does at a later onset.
+    # depends on the parameters as it does at a later onset: also through the time of the onset, by
+    # the second time derivatives of the penetrations, `second_rates`.
     def completed(system: System, y: Variables, entry_speeds: EntrySpeeds) -> EntrySpeeds:
         gaps = system.contact_gaps(y.motion)
         return initial_entry_speeds(system.scene, gaps, entry_speeds, step.second_rates)

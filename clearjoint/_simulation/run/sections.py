@@ -69,7 +69,7 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
     @override
     def after(self, record: SectionRecord, step_outcome: StepOutcome) -> SectionRecord:
         accepted, now, before = step_outcome.accepted, step_outcome.now, record.level
-        # The level at the end of the step, just before and just after it may jump there.
+        # The level may jump at the end of the step. These are its values before and after the jump.
         last, after = now.before_and_after(self._level)
         start, end = self._bracket(now, before, last)
         # In scenes without jumps both are the same object. A level that jumps through zero crosses

@@ -41,6 +41,7 @@ def with_integrand_jumps(
     def since(system: System, y: Variables) -> tuple[Scalar, Condition]:
         return _since_events(trial, system, y)
 
+    # `lands`: whether the step ends at an event; `time`, since this event, has derivatives.
     ends = (trial.outcome.y,), (trial.tangents.y,)
     time, lands, time_along = family.with_auxiliary(since, *ends)
 
@@ -53,6 +54,7 @@ def with_integrand_jumps(
         before = replace(before, motion=motion)
         # The changes of memories are in the correction at the instants of sampled forces.
         after = replace(y, memory=before.memory)
+        # At a breakpoint, a `side` earlier than `t` gives the values before it, else those after.
         values_before = _integrands(system, before, step.entry_speeds, side=step.t, t=trial.t1)
         values_after = _integrands(system, after, entry_speeds, side=trial.t1, t=trial.t1)
         return {name: value - values_before[name] for name, value in values_after.items()}

@@ -131,6 +131,7 @@ def read_chunk(path: Path, array: "zarr.Array", chunk: int) -> np.ndarray | str:
     if checksum != digest(_key(array, chunk), content).encode():
         return DAMAGED
     decoded = bytes(Zstd().decode(content))
+    # Texts are encoded before they are compressed. Of numbers, the bytes are compressed.
     entries = codec.decode(decoded) if codec else np.frombuffer(decoded, _dtype(array))
     rows = np.asarray(entries).reshape(array.chunks)
     # A file has the rows of a full chunk, also if the array ends inside the chunk.
