@@ -254,9 +254,9 @@ class Fit(AbstractTabular):
 
     def _intervals_around(self, minima: Sequence[RunMisfit]) -> list[Float[np.ndarray, "2 p"]]:
         """Return low and high ends of the values' intervals by the covariance at each minimum."""
-        # Where a coordinate has run towards infinity, its scale must know in which direction. If
-        # the estimate has (`_is_gone`), it moved that way from its start. Otherwise only another
-        # minimum can have: upwards if it is above the estimate.
+        # If a coordinate has run towards infinity, its scale must know in which direction. If the
+        # estimate is there (`_is_gone`), its side of the first search's start tells the direction.
+        # Otherwise only another minimum can be: its side of the estimate tells the direction.
         went_up = self.coordinates > self.searches[0].start
         scales = [parameter.scale for parameter in self.parameters.values()]
         ends, intervals = checking.interval_ends(minima, self.chi_squared), []

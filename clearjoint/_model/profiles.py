@@ -143,7 +143,7 @@ class AbstractPeriodicSpline(AbstractProfile):
     @override
     def at(self, angle: NumberOrArray) -> Deviation:
         count = self.angles()
-        per_knot = count / (2.0 * np.pi)
+        knots_per_radian = count / (2.0 * np.pi)
         # The knots next to angles that are known before compilation are found by NumPy, so that
         # the compiled program need not search for them.
         numpy = library((angle,))
@@ -159,7 +159,7 @@ class AbstractPeriodicSpline(AbstractProfile):
         value = (a + 4.0 * b + c) / 6.0 + x * (linear + x * (square + x * cubic))
         slope = linear + x * (2.0 * square + x * 3.0 * cubic)
         bend = 2.0 * square + x * 6.0 * cubic
-        return Deviation(value, slope * per_knot, bend * per_knot**2)
+        return Deviation(value, slope * knots_per_radian, bend * knots_per_radian**2)
 
     @abc.abstractmethod
     def coefficients_around(self, knot: jax.Array | np.ndarray) -> jax.Array:

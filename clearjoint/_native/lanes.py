@@ -135,11 +135,12 @@ class LaneLoop(AbstractLaneLoop):
 
         # The carries of the loop are the number of steps and the arrays of the state.
         def holds(carries: list[Array]) -> Value:
-            count, goes = scalar(carries[0]), scalar(status_values(carries[1:])[moves])
+            count, can_move = scalar(carries[0]), scalar(status_values(carries[1:])[moves])
             ops.mark_uniform(count)
             # All lanes stop together as soon as one of them needs its host, so that the condition
-            # is uniform and no lane's state has to be kept from changing.
-            waits = Symbol(ops, occupied) & ~Symbol(ops, goes)
+            # is uniform and no lane's state has to be kept from changing. After `LONGEST_RUN` steps
+            # they stop too, so that the host can react to an interrupt.
+            waits = Symbol(ops, occupied) & ~Symbol(ops, can_move)
             return (~waits.emit("any") & Symbol(ops, count).compare("lt", LONGEST_RUN)).value
 
         def iterate(carries: list[Array]) -> list[Array]:

@@ -447,6 +447,7 @@ class Operations:
         writes in all lanes, even if it is added inside a `masked` context.
         """
         inner, depth = [], len(self._outside)
+        # By this entry, `emit` adds operations that use no value of the function to this block.
         self._outside.append((self.block, len(self._scopes) - 1))
         # All lanes compute in a function, also if it is called where a condition holds in few:
         # calls in other places have other conditions.

@@ -396,17 +396,18 @@ def _of_start(
     samples, unit = log.angles[name], "rad" if is_hinge(robot, name) else "m"
     noise = UNKNOWN_NOISE if samples.noise is None else samples.noise
     follower, moved = _other_side(robot, log, name), MovedRobot(robot)
+    # The follower starts where this load, N m or N, has taken up play and compliance.
     load = 0.0 if follower is None else _load_at_start(robot, q, name, follower, noise)
 
-    def start(of_speed: bool, value: float, size: float, unit: str) -> Parameter:
+    def start(value: float, size: float, unit: str, of_speed: bool) -> Parameter:
         change = StartOfJoint(moved, name, of_speed, follower, jnp.asarray(load))
         return Parameter.change(change, value, Linear(size), unit)
 
     # The unit of each coordinate is a typical error: the noise of the position, or for a speed
     # `FACTOR` times this noise.
-    parameters = {(name, POSITION): start(False, q[name], noise, unit)}
+    parameters = {(name, POSITION): start(q[name], noise, unit, of_speed=False)}
     if qd[name] != 0.0:  # zero is the known speed of a joint that starts at rest
-        parameters[name, SPEED] = start(True, qd[name], FACTOR * noise, f"{unit}/s")
+        parameters[name, SPEED] = start(qd[name], FACTOR * noise, f"{unit}/s", of_speed=True)
     # A drive train and its backlash are named after the joint, not after the motor.
     joint = name if name in robot.drives else follower
     backlash = backlash_name(joint or "")

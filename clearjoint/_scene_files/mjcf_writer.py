@@ -238,7 +238,7 @@ class MjcfWriter:
         self._bodies[name], least = element, 0.0
         if isinstance(branch, trees.FreeBranch):
             free = _child(element, "freejoint", name=f"{name} free")
-            self.joints[name] = FileJoint(free, np.zeros(3))
+            self.joints[name] = FileJoint(free, axis=np.zeros(3))  # a free joint has no axis
         elif not isinstance(branch.motion_subspace, Weld):
             self.joints[name] = joint = self._joint(element, branch, variable.position)
             # MuJoCo refuses the negligible mass and inertia of the rotor of a drive train.

@@ -279,7 +279,7 @@ class Robot:
 
         **Raises:** `ValueError` as `state`.
         """
-        variables = self._moved(q, qd, NOTHING)
+        variables = self._moved(q, qd, free=NOTHING)
         rates = self._by_joint("qdd", qdd, speeds=True)  # of the speeds: accelerations
         # Accelerations of followers, by the chain rule; leaders come before their followers. A
         # follower without a leader stays at a constant position.

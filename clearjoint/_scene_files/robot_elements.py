@@ -366,9 +366,10 @@ def _add_stops(elements: Elements, stops: Mapping[str, Play]) -> None:
     limits_of = {n: j.limits for n, j in tree.joints.items() if j.limits and elements.scalar(n)}
     ranges = {n: r for n, r in limits_of.items() if -math.inf < r.lower < r.upper < math.inf}
     for name, settings in stops.items():
-        joint = elements.scalar(name)
+        joint = elements.scalar(name)  # ``None`` for a wrong name, which `_checked` refuses
         kind = Backlash if isinstance(joint, RevoluteJoint) else PinInSlot
-        names = OF_STOPS[0] if kind is Backlash else OF_STOPS[1]
+        of_hinge, of_slider = OF_STOPS
+        names = of_hinge if kind is Backlash else of_slider
         allowed = {key: value for key, value in arguments(kind).items() if key in names}
         settings = _checked(name, settings, "stops", [*ranges], allowed, tree.location)
         limits, at = ranges[name], tree.location.at(name)

@@ -493,6 +493,7 @@ class _Search:
         return known
 
     def _result(self, known: LaneMargins, unit: str) -> LargestFeasible:
+        # The smallest value satisfies the limits (`_require_smallest`), so `violation` is above 0.
         # If no margin is negative, `violation` is the number of values, and `value` the last one.
         violation, values = first_violation(known.margins), self._values(known)
         met, value = violation < len(values), values[violation - 1]

@@ -231,21 +231,21 @@ def _failures(
     failures = {}
     for label, (loaded, _) in contacts.items():
         contact, gap, normal = loaded.contact, loaded.contact.gap, loaded.contact.normal
-        rate, power = rates[label][0].contact.gap.depth, rates[label][1]
+        rate, energy_rate = rates[label][0].contact.gap.depth, rates[label][1]
         size = normal.dot(normal)
         # In the middle of a bearing, the eccentricity has no direction: the normal may be zero.
         flies_centred = (size == 0.0) & (gap.depth < 0.0)
-        expected_power = loaded.elastic_force * gap.rate
+        elastic_power = loaded.elastic_force * gap.rate
         if contact.side is not None:
             # At constant penetration, the stored energy changes by the work of the elastic force
             # beside the normal force.
-            expected_power = expected_power - contact.side.elastic.dot(_beside(contact.side, *pair))
+            elastic_power = elastic_power - contact.side.elastic.dot(_beside(contact.side, *pair))
         failed = {
             "its normal is not a unit vector": ~flies_centred & _differ(size, 1.0),
             "its `rate` is not the time derivative of its penetration": _differ(rate, gap.rate),
         }
         message = "the rate of its stored energy is not the power of the elastic force"
-        failed[message] = _differ(power, expected_power)
+        failed[message] = _differ(energy_rate, elastic_power)
         factor_rate = rates[label][0].contact.gap.factor
         if gap.factor is not None and factor_rate is not None:
             message = "the rate of its factor is not the time derivative of the factor"

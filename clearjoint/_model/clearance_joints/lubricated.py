@@ -337,6 +337,7 @@ def _solve_equilibrium(joint: LubricatedJoint, load: jax.Array, speed: jax.Array
         return (force + load) / jnp.where(load_size > 0.0, load_size, 1.0)
 
     solver = optimistix.LevenbergMarquardt(rtol=TOLERANCE, atol=TOLERANCE)
+    # A film's force may not be differentiable in the centre itself.
     start = jnp.full(2, NEARLY_CENTRED)
     offset = offset_of(optimistix.root_find(residual, solver, start).value)
     derivatives = jax.jacfwd(_load, argnums=(2, 3), has_aux=True)

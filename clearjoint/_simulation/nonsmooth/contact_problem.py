@@ -281,21 +281,21 @@ class ContactProblem:
         block = [self._matrix[i][count : i + 1] for i in tangents]
         # The residual `opening` is divided by `scale`, the largest velocity that the impulses at
         # closed contacts have to change. The other two are divided by the largest velocity of their
-        # own kind, but at least by `least`.
+        # own kind, but at least by `least_scale`.
         are_closed = [*closed, *(closed[k] for k in owner)]  # for all rows
         scale = jnp.maximum(largest_of(are_closed, [*aims, *slips]), NEGLIGIBLE)
-        least = jnp.maximum(ROUNDED * scale, NEGLIGIBLE)
+        least_scale = jnp.maximum(ROUNDED * scale, NEGLIGIBLE)
 
         def go(now: Alternation) -> Alternation:
             # Normal impulses for the tangential ones that the last turn has extrapolated, then
             # friction within the bounds that these normal impulses give.
             tried = now.tried
             aims_with_friction = self.velocities_after(aims, tried, normals, tangents)
-            normal, normal_residual = self.normal_impulses(closed, aims_with_friction, least)
+            normal, normal_residual = self.normal_impulses(closed, aims_with_friction, least_scale)
             bounds = [mu * normal[k] for mu, k in zip(coefficients, owner, strict=True)]
             problem = BoxProblem(block, [-bound for bound in bounds], bounds)
             slips_with_normal = self.velocities_after(slips, normal, tangents, normals)
-            tangential, slip_residual = problem.solve(slips_with_normal, least)
+            tangential, slip_residual = problem.solve(slips_with_normal, least_scale)
             # The normal impulses were solved for other tangential ones: the opening velocities that
             # the difference causes are the residual of the alternation.
             change = [a - b for a, b in zip(tangential, tried, strict=True)]

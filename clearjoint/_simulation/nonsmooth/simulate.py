@@ -85,7 +85,8 @@ def run(
         start = replace(start, result=RESULTS.where(admissible, start.result, RESULTS.domain))
     times, stop_indices = _with_breakpoints(system.scene, stops)
 
-    # Continue the run over a `span`, from one of `times` to the next.
+    # Continue the run over a `span`, from one of `times` to the next. If a driver has a breakpoint
+    # at its end, `_past_kink` sets the velocities that the driver prescribes just after it.
     def to_stop(now: RigidRun, span: tuple[Scalar, Scalar]) -> tuple[RigidRun, RigidStop]:
         now = _past_kink(system, _to_stop(rigid, now, *span, longest), *span)
         bodies = pack(system.decode(now.variables))

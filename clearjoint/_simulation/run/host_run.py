@@ -190,7 +190,7 @@ class Run:
         # JAX's own error about the loops of steps does not say what to call instead.
         step, _, _, saved = eqxi.nondifferentiable_backward(run, msg=REVERSE_MODE)
         # There are no reductions to end, since traced runs refuse them.
-        ended, _ = _end_of(*program, {}, {}, step, self.end)
+        ended, _ = _end_of(*program, reductions={}, tallies={}, step=step, end=self.end)
         trajectory, count, values = None, None, {}
         if saved is not None:
             # Leave out the last row, the state at the end of the run, which was added above.

@@ -538,6 +538,7 @@ def _in_lanes(recorder: Recorder, values: Sequence[PyTree]) -> dict[int, _Record
     # Rows that the host has read so far, by the number of the run.
     rows_of_runs: dict[int, list[np.ndarray]] = defaultdict(list)
 
+    # Read new rows of run `number`. Return the data with which it goes on; ``None`` ends its lane.
     def serve(number: int, now: Progress) -> _LaneData | None:
         buffer, read = now.records[STEPS], rows_of_runs[number]
         read.append(buffer.filled())

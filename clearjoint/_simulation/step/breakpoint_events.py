@@ -187,6 +187,7 @@ def _past_samples(
     # Each change at an instant: name of the force, memories of all forces before and after the
     # instant, and time from the instant to t.
     memories, changes = y.memory, []
+    # `key`: name of the instant, such as "sample"; `lands`: whether the step ends there.
     for name, instants in sampled.items():
         for key, (lands, instant) in instants.items():
             since, motions_sampled = system.scene_time(t) - instant, motions

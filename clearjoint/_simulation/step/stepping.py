@@ -214,8 +214,9 @@ def accepted_state(trial: Trial, keep: Condition) -> Step:
     method, system, family = trial.method, trial.system, trial.family
     step, gaps = trial.step, trial.gaps
     y1, solver_state = trial.outcome.y, trial.outcome.solver_state
+    # Second time derivatives of penetrations; zero if the solver's state does not have the rates.
     second_rates = _second_rates(method, system, y1, solver_state, gaps)
-    # Second time derivatives of penetrations; those of a rejected trial may not be finite.
+    # Those of a rejected trial may not be finite.
     second_rates = choose(keep, second_rates, step.second_rates)
     before, entry_speeds, tangents = step.contact_gaps, step.entry_speeds, None
     if uses_entry_speed(system.scene):
