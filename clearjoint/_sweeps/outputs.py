@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -195,6 +195,7 @@ def _netcdf_named(attributes: Mapping[str, str]) -> dict[str, str]:
 class PartOfStates(eqx.Module):
     """Quantity: one part of the states of all bodies, such as "position"."""
 
+    is_array: ClassVar[bool] = True
     part: str = eqx.field(static=True)
     bodies: tuple[str, ...] = eqx.field(static=True)
 

@@ -8,6 +8,7 @@ from typing import ClassVar, Literal, TypeVar, get_args
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 from typing_extensions import override
@@ -271,6 +272,20 @@ def require_quantity(argument: str, function: object) -> None:
     remedy = 'pass for example cj.quantities.Position("arm", "x")'
     is_function = callable(function) and not isinstance(function, type)
     require(is_function, argument, function, "a scalar function of an Instant", remedy)
+
+
+def number_at(now: Instant, quantity: Quantity) -> jax.Array:
+    """Return a quantity at an instant; raise a `ValueError` unless it is one real number, or the
+    quantity has a true attribute `is_array`."""
+    value = quantity(now)
+    is_array = isinstance(value, jax.Array | np.ndarray | np.generic | float | int)
+    may_be_array = getattr(quantity, "is_array", False)
+    if not (is_array and np.isrealobj(value) and (may_be_array or np.shape(value) == ())):
+        kind = f"{np.shape(value)} of {jnp.result_type(value)}" if is_array else type(value)
+        actual = f"{getattr(quantity, '__qualname__', quantity)}, which returns {kind}"
+        remedy = 'return one component, such as now.motions["arm"].position.x'
+        require(False, "quantity", actual, "a function that returns one real number", remedy)
+    return jnp.asarray(value, dtype=float)
 
 
 def require_known(argument: str, name: str, known: Collection[str]) -> None:

@@ -17,7 +17,7 @@ from ..._fields.checks import as_number, require, require_finite
 from ..._math.interpolation import Parabola, Point, highest_after
 from ..._math.smoothing import where
 from ..._math.vectors import Scalar
-from ...quantities.base import Instant, Quantity, numbers, require_quantity
+from ...quantities.base import Instant, Quantity, number_at, numbers, require_quantity
 from .base import AbstractWindowedReduction, Times
 
 GAUSS_NODES = (-math.sqrt(0.6), 0.0, math.sqrt(0.6))
@@ -36,7 +36,7 @@ class AbstractQuantityReduction(AbstractWindowedReduction):
         require_quantity("quantity", self.quantity)
 
     def _value(self, now: Instant) -> Scalar:
-        return jnp.asarray(self.quantity(now), dtype=float)
+        return number_at(now, self.quantity)
 
 
 class PeakTally(NamedTuple):
@@ -235,7 +235,7 @@ class _Square(eqx.Module):
     quantity: Quantity = eqx.field(static=True)
 
     def __call__(self, now: Instant) -> Scalar:
-        return jnp.square(jnp.asarray(self.quantity(now), dtype=float))
+        return jnp.square(number_at(now, self.quantity))
 
 
 StatisticsTally: TypeAlias = tuple[IntegralTally, tuple[Scalar, Scalar]]

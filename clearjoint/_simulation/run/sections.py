@@ -20,7 +20,7 @@ from ..._fields.objects import on_device
 from ..._math.interpolation import Parabola, Point, secant_root
 from ..._math.vectors import Scalar
 from ..._model.scene import Scene
-from ...quantities.base import Instant, Quantity, check_quantity, require_quantity
+from ...quantities.base import Instant, Quantity, check_quantity, number_at, require_quantity
 from ..results.solution import TIME
 from ..step.dense_output import Snapshot
 from ..step.landing import LATEST
@@ -106,7 +106,7 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         return self._level(now)
 
     def _level(self, now: Instant) -> Scalar:
-        return jnp.asarray(self.quantity(now), dtype=float)
+        return number_at(now, self.quantity)
 
     def _bracket(self, now: Instant, before: Scalar, after: Scalar) -> tuple[Point, Point]:
         # The positions of points are parts of the step's time, from 0 at its start to 1 at its end.
