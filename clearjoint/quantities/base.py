@@ -4,7 +4,7 @@ import abc
 from collections.abc import Callable, Collection
 from dataclasses import replace
 from functools import cached_property
-from typing import ClassVar, Literal, TypeVar, get_args
+from typing import Any, ClassVar, Literal, TypeVar, get_args
 
 import equinox as eqx
 import jax
@@ -28,6 +28,7 @@ from .._math.vectors import Condition, Scalar, Vector
 from .._model.bodies import BodyState
 from .._model.scene import Scene
 
+T = TypeVar("T")
 NEAR = 1e-6
 """Part of a step by which an instant just before a jump at its end is earlier: more than rounding
 errors of times and penetrations."""
@@ -194,7 +195,6 @@ class Instant:
 jax.tree_util.register_pytree_node(
     Instant, lambda now: (now._parts, None), lambda _, parts: Instant(*parts)
 )
-T = TypeVar("T")
 Component = Literal["x", "y", "z"]
 """Name of a vector component.
 
@@ -277,14 +277,21 @@ def require_quantity(argument: str, function: object) -> None:
 def number_at(now: Instant, quantity: Quantity) -> jax.Array:
     """Return a quantity at an instant; raise a `ValueError` unless it is one real number, or the
     quantity has a true attribute `is_array`."""
-    value = quantity(now)
+    remedy = 'return one component, such as now.motions["arm"].position.x'
+    may_be_array = bool(getattr(quantity, "is_array", False))
+    return real_number("quantity", quantity, now, remedy, may_be_array)
+
+
+def real_number(
+    argument: str, function: Callable[[T], Scalar], at: T, remedy: str, may_be_array: bool = False
+) -> jax.Array:
+    """Return ``function(at)``; raise a `ValueError` about `argument` unless it is a real number."""
+    value = function(at)
     is_array = isinstance(value, jax.Array | np.ndarray | np.generic | float | int)
-    may_be_array = getattr(quantity, "is_array", False)
     if not (is_array and np.isrealobj(value) and (may_be_array or np.shape(value) == ())):
         kind = f"{np.shape(value)} of {jnp.result_type(value)}" if is_array else type(value)
-        actual = f"{getattr(quantity, '__qualname__', quantity)}, which returns {kind}"
-        remedy = 'return one component, such as now.motions["arm"].position.x'
-        require(False, "quantity", actual, "a function that returns one real number", remedy)
+        actual = f"{getattr(function, '__qualname__', function)}, which returns {kind}"
+        require(False, argument, actual, "a function that returns one real number", remedy)
     return jnp.asarray(value, dtype=float)
 
 
@@ -317,7 +324,9 @@ Numbers = tuple[float, ...]
 
 def numbers(values: ArrayLike, argument: str = "value", unit: str = "1") -> Numbers:
     """Return numbers, (N,), as a tuple; a single number gives a tuple of one."""
-    return tuple(np.atleast_1d(as_number(values, argument, unit)).tolist())
+    array = np.atleast_1d(as_number(values, argument, unit))
+    require(array.ndim == 1, argument, values, "a row of numbers", "pass a list of floats")
+    return tuple(array.tolist())
 
 
 def optional_numbers(

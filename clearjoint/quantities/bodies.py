@@ -24,6 +24,7 @@ from .base import (
     as_axes,
     as_component,
     numbers,
+    one_of,
     optional_numbers,
     require_known,
 )
@@ -130,7 +131,7 @@ class PointAcceleration(AbstractVectorQuantity, AbstractPointQuantity):
     """
 
     axes: Axes = eqx.field(default="global", static=True, converter=as_axes)
-    gravity: bool = eqx.field(default=False, static=True)
+    gravity: bool = eqx.field(default=False, static=True, converter=one_of("gravity", True, False))
     unit: ClassVar[str | None] = "m/s^2"
     applies_to_ground: ClassVar[bool] = False
 

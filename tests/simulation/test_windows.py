@@ -207,6 +207,11 @@ def test_without_a_window_the_program_has_none():
         (lambda: cj.Quantiles(wave, "m", [1.0]), "`edges`.*rising"),
         (lambda: cj.Quantiles(wave, "m", [1.0, 2.0], 95), "`levels`.*0.95 for 95 %"),
         (lambda: cj.Quantiles(wave, "m", [1.0, 2.0], (0.5, 0.5000001)), "`levels`.*six digits"),
+        (lambda: cj.Quantiles(wave, "m", [1.0, 2.0], [[0.5]]), "`levels`.*a row of numbers"),
+        (lambda: cj.Quantiles(wave, "m", [1.0, 2.0], (0.5, 1.0)), "`levels`.*below 1"),
+        (lambda: cj.Quantiles(wave, "m", "all"), "`edges` must be a number.*'all'"),
+        (lambda: cj.Peak(wave, "m", until="1 s"), "`after or until` must be a number.*'1 s'"),
+        (lambda: cj.Peak(wave, 3), "`unit` must be text, but is 3"),
     ],
 )
 def test_invalid_windows_and_edges_are_refused(make, message):
@@ -238,3 +243,11 @@ def test_a_window_may_follow_the_values_of_a_lane():
     np.testing.assert_allclose(found.top, expected, rtol=1e-6)
     alone = cj.simulate(scene, state, 1.6, settings, outputs=outputs)
     np.testing.assert_array_equal(alone.outputs["x_mean"], found.x_mean[1])
+
+
+@pytest.mark.parametrize("edge", [lambda scene: jnp.ones(2), lambda scene: "1 s"])
+@pytest.mark.parametrize("output", [partial(cj.Peak, wave, "m"), partial(cj.ImpactTable, 5)])
+def test_windows_of_the_scene_are_single_times(output, edge):
+    outputs = {"a": output(until=edge)}
+    with pytest.raises(ValueError, match="`until` must be .* one real number.*return one time"):
+        cj.simulate(*cj.mechanisms.double_pendulum(), 1e-3, outputs=outputs, progress=False)

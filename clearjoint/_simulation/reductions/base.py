@@ -17,7 +17,7 @@ from ..._fields.checks import as_number, require
 from ..._fields.objects import AbstractConverting
 from ..._math.vectors import Condition, Scalar
 from ..._model.scene import Scene
-from ...quantities.base import Instant, Quantity, check_quantity
+from ...quantities.base import Instant, Quantity, check_quantity, real_number
 
 Times: TypeAlias = tuple[float, ...]
 Instants: TypeAlias = Annotated[float | Callable[[Scene], Scalar] | None, "s"]
@@ -201,8 +201,13 @@ class Window:
 
     def at(self, now: Instant) -> TimeSpan:
         """Return the `TimeSpan` of the window in the run to which the instant `now` belongs."""
-        after, until = (t(now.scene) if callable(t) else t for t in (self.after, self.until))
-        return TimeSpan(after, until)
+
+        def edge(name: str, time: Instants) -> Scalar | None:
+            if isinstance(time, Callable):
+                return real_number(name, time, now.scene, "return one time in s")
+            return time
+
+        return TimeSpan(edge("after", self.after), edge("until", self.until))
 
 
 class AbstractWindowedReduction(AbstractReduction):

@@ -34,6 +34,7 @@ class AbstractQuantityReduction(AbstractWindowedReduction):
     @override
     def __check_init__(self):
         require_quantity("quantity", self.quantity)
+        require(isinstance(self.unit, str), "unit", self.unit, "text", 'pass for example "m/s"')
 
     def _value(self, now: Instant) -> Scalar:
         return number_at(now, self.quantity)
@@ -337,11 +338,12 @@ class Quantiles(AbstractQuantityReduction):
 
     - `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit.
     - `edges`: (K,) increasing values in `unit`, K at least 2. A step's cost grows with K.
-    - `levels`: for each quantile, the part of the time, 0 to 1, for which the quantity is below it.
+    - `levels`: for each quantile, the part of the time for which the quantity is below it, more
+      than 0 and less than 1.
     - `after`, `until`: s, the window of time, by default the whole run; see `Peak`.
 
     **Raises:** `ValueError` for edges that are not finite, do not increase, or are fewer than two;
-    and if there is no level, one not between 0 and 1, or two equal in six digits.
+    and if there is no level, one outside of this range, or two equal in six digits.
     """
 
     edges: tuple[float, ...] = eqx.field(static=True, converter=numbers)
@@ -355,7 +357,7 @@ class Quantiles(AbstractQuantityReduction):
         require(rising, "edges", self.edges, "rising", remedy)
         levels = np.asarray(as_number(self.levels))
         parts = len(levels) > 0 and bool(((levels > 0) & (levels < 1)).all())
-        require(parts, "levels", self.levels, "between 0 and 1", "give 0.95 for 95 %")
+        require(parts, "levels", self.levels, "above 0 and below 1", "give 0.95 for 95 %")
         # The results are named after the levels, so that equal ones would hide each other.
         distinct = len(self.units()) == len(levels)
         require(distinct, "levels", self.levels, "different in six digits", "remove repeated ones")
