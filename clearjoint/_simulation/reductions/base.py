@@ -180,7 +180,11 @@ class TimeSpan:
 
     def if_reached(self, value: Scalar, time: Scalar) -> Scalar:
         """Return `value`, a result of a run that ended at `time`, s; NaN if the window is later."""
-        return value if self.after is None else jnp.where(time >= self.after, value, jnp.nan)
+        return value if self.after is None else jnp.where(time > self.after, value, jnp.nan)
+
+    def if_ahead(self, value: Scalar, time: Scalar) -> Scalar:
+        """Return `value`, of a run that starts at `time`, s; NaN if the window is earlier."""
+        return value if self.until is None else jnp.where(time < self.until, value, jnp.nan)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 from typing_extensions import override
 
-from ..._fields.checks import require, require_array_names, require_count, require_finite
+from ..._fields.checks import require, require_array_names, require_count, require_shape
 from ..._fields.objects import on_device
 from ..._math.interpolation import Parabola, Point, secant_root
 from ..._math.vectors import Scalar
@@ -206,7 +206,7 @@ class Section:
         require(not taken, "channels", taken, unused, "rename them")
         require_count("count", self.count, "pass a number of crossings")
         if self.after is not None:
-            require_finite("after", self.after)
+            require_shape("after", self.after, (), "pass one time in s")
 
     @property
     def _earliest(self) -> jax.Array:
