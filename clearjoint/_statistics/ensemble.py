@@ -13,7 +13,7 @@ from typing_extensions import Unpack
 
 from .._dynamics.constraint_report import constraint_report
 from .._export.datasets import Labelled
-from .._fields.checks import require, require_count, require_positive, require_types
+from .._fields.checks import require, require_count, require_positive, require_shape, require_types
 from .._fields.objects import with_arrays
 from .._information import error_growth as growth
 from .._information.error_growth import radii_of_gyration
@@ -109,6 +109,7 @@ def disturbed_axes(
     1 and `axes` change only numbers of the scene, all lanes use the constraints of `scene`, so that
     the numbers must differ little from its own.
     """
+    require_shape("start_time", start_time, (), "pass one time in s")
     # Whether the Jacobian of the given scene serves all lanes. Axes that change only numbers of the
     # scene leave the initial state as it is. With one draw for each value, every lane would need
     # its own Jacobian and singular value decomposition, which would be slow. These are the axes of
