@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from .._dynamics.constraint_report import check_names
 from .._export.tables import numbered
 from .._fields.cautions import PoorFitWarning, caution
 from .._fields.checks import (
@@ -179,6 +180,7 @@ def identify_many(
     >>> all(abs(fit.estimates["stiffness"] - 100.0) < 1.0 for fit in fits)
     True
     """
+    check_names(scene, state)
     check_sets(scene, measurements)
     require_shape("start_time", start_time, (), "pass one time in s")
     first_set = measurements[0]

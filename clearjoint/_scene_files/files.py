@@ -14,7 +14,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import PyTree
 
-from .._dynamics.assembly import assemble, check_names
+from .._dynamics.assembly import assemble
+from .._dynamics.constraint_report import check_names
 from .._fields.cautions import quiet
 from .._fields.checks import is_of_package, nearest
 from .._model.bodies import State

@@ -28,7 +28,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from .._dynamics.assembly import check_names
+from .._dynamics.constraint_report import check_names
 from .._dynamics.joint_coordinates import trees
 from .._dynamics.joint_coordinates.coordinates import motions_of, orientations_of, written_out
 from .._dynamics.journals import centring_joints, with_ideal

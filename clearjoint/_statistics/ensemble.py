@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from typing_extensions import Unpack
 
-from .._dynamics.constraint_report import constraint_report
+from .._dynamics.constraint_report import check_names, constraint_report
 from .._export.datasets import Labelled
 from .._fields.checks import require, require_count, require_positive, require_shape, require_types
 from .._fields.objects import with_arrays
@@ -256,6 +256,7 @@ def ensemble(
     >>> found["speed"].shape, int(found["failed"]), round(float(found["speed_mean"]), 6)
     ((20,), 0, 1.0)
     """
+    check_names(scene, state)
     axes = {} if axes is None else dict(axes)
     require_types("axes", axes, Axis, "an Axis", "pass {name: cj.Axis(path, values)}")
     taken, expected = sorted({DRAW, QUANTILE} & set(axes)), f"not named {DRAW} or {QUANTILE}"

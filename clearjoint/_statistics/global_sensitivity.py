@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from typing_extensions import Unpack
 
+from .._dynamics.constraint_report import check_names
 from .._export.datasets import Labelled, labelled_dataset, texts
 from .._fields.cautions import warn_the_user
 from .._fields.checks import require, require_count
@@ -83,6 +84,7 @@ def sobol_indices(
     >>> bool(found["speed_total_order"].sel(parameter="stiffness") > 0.9)
     True
     """
+    check_names(scene, state)
     check_uncertain(uncertain)
     p = len(uncertain)
     require(p > 1, "uncertain", list(uncertain), "two parameters or more", "add a parameter")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from .._dynamics.constraint_report import check_names
 from .._fields.cautions import warn_the_user
 from .._fields.checks import require, require_count, require_positive, require_types
 from .._model.bodies import State
@@ -174,6 +175,7 @@ def design(
     >>> bool((abs(axes["stiffness"].values - 100.0) <= 5.0).all())
     True
     """
+    check_names(scene, state)
     check_uncertain(uncertain)
     points = unit_cube(len(uncertain), draws, method, seed)
     return axes_at(scene, state, uncertain, points)

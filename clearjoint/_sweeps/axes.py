@@ -9,7 +9,7 @@ import jax
 import numpy as np
 from jaxtyping import Float, PyTree
 
-from .._dynamics.assembly import check_names
+from .._dynamics.constraint_report import check_names
 from .._export.datasets import describe
 from .._fields.cautions import quiet
 from .._fields.checks import as_number, recheck_changes, require, require_finite

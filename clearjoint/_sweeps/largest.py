@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 from numpy.lib.stride_tricks import sliding_window_view
 from typing_extensions import override
 
+from .._dynamics.constraint_report import check_names
 from .._fields.checks import (
     as_number,
     as_shown,
@@ -191,6 +192,7 @@ def largest_feasible(
     quantities = dict(quantity) if isinstance(quantity, Mapping) else {QUANTITY: quantity}
     limits = dict(limit) if isinstance(limit, Mapping) else {QUANTITY: limit}
     draws = {} if draws is None else dict(draws)
+    check_names(scene, state)
     require_type("parameter", parameter, Parameter, "a Parameter", PASS_PARAMETERS)
     ends = np.asarray(as_numbers(between), dtype=float)
     rising = ends.shape == (2,) and bool(np.isfinite(ends).all()) and bool(ends[0] < ends[1])

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from .._dynamics.assembly import ACCEPTED_VIOLATION, require_certain, require_freedom
-from .._dynamics.constraint_report import dependent, start_rows_of_lanes
+from .._dynamics.constraint_report import check_names, dependent, start_rows_of_lanes
 from .._dynamics.coordinates import AbstractCoordinates
 from .._dynamics.journals import HOLD_IT, slid_out
 from .._export.datasets import describe, described, versions
@@ -316,6 +316,7 @@ def sweep(
     >>> np.round(results["speed"].values, 4)  # 0.1 m times 10 and 20 rad/s
     array([1., 2.])
     """
+    check_names(scene, state)
     settings = settings_or(settings, presets.default)
     settings.require_double()
     check_precision(False)  # `False`: single precision is not allowed

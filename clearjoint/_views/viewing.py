@@ -14,7 +14,7 @@ from typing_extensions import override
 
 from .._fields.checks import require, require_count, require_finite, require_positive, require_type
 from .._model.bodies import State
-from .._model.scene import Scene
+from .._model.scene import Scene, require_scene
 from .._model.survey import survey
 from .._simulation.results.nonsmooth_solution import NonsmoothSolution
 from .._simulation.results.observe import Observation, observe
@@ -181,6 +181,7 @@ def view(
     require_count("frames", frames, "give a number of frames")
     if force_scale is not None:
         require_positive("force_scale", force_scale, "give the length of arrows in m/N")
+    require_scene(scene)
     poses, observed, notes = _poses(scene, motion, observation, forces, frames)
     noted = survey(scene)  # points, axes and clearances of all elements
     sizes = proportions(scene, poses, noted, bearing_scale, clearance_scale)

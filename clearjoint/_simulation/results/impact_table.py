@@ -10,7 +10,7 @@ from typing_extensions import override
 from ..._export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
 from ..._fields.objects import described
 from ..._model.contact.laws import exceeded
-from ..._model.scene import Scene
+from ..._model.scene import Scene, require_scene
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -115,6 +115,7 @@ def beyond_law_ranges(scene: Scene, impacts: Impacts) -> list[str]:
     >>> print(cj.beyond_law_ranges(scene, impacts)[0][:66])
     Contact 'V' of joint 'shoulder': `JohnsonCylinder` holds for a pen
     """
+    require_scene(scene)
     sentences = []
     for name, joint in scene.contact_joints().items():
         for label in joint.laws():

@@ -30,7 +30,7 @@ from ..._math.vectors import ConstantFolded, Scalar, Vector, fold_constants, pac
 from ..._model.bodies import GROUND, State
 from ..._model.clearance_joints.journal_bases import BASES, HasJournal, axial_positions
 from ..._model.joints.constraint_rows import row_rate
-from ..._model.scene import Scene
+from ..._model.scene import Scene, require_scene
 from ..._native import Native, over_rows
 from ...quantities.base import Instant, Quantity, check_quantity
 from ..step.types import Flags, Integers, Numbers, Vectors
@@ -313,6 +313,7 @@ def observe(
     >>> print(f"{observed.contacts['shoulder']['V'].eccentricity.max() * 1e3:.2f} mm")
     0.51 mm
     """
+    require_scene(scene)
     # Both types of solutions have a formulation.
     kind, is_solution = type(solution).__name__, hasattr(solution, "formulation")
     require(is_solution, "solution", kind, "a Solution", "pass what simulate(scene, ...) returned")
