@@ -14,7 +14,7 @@ from typing_extensions import override
 
 from .._fields.checks import require, require_count, require_finite, require_positive, require_type
 from .._model.bodies import State
-from .._model.scene import Scene, require_scene
+from .._model.scene import Scene
 from .._model.survey import survey
 from .._simulation.results.nonsmooth_solution import NonsmoothSolution
 from .._simulation.results.observe import Observation, observe
@@ -179,9 +179,9 @@ def view(
     """
     require_type("scene", scene, Scene, "a Scene", "pass one, such as the robot.scene of a Robot")
     require_count("frames", frames, "give a number of frames")
+    require_count("height", height, "give a number of pixels")
     if force_scale is not None:
         require_positive("force_scale", force_scale, "give the length of arrows in m/N")
-    require_scene(scene)
     poses, observed, notes = _poses(scene, motion, observation, forces, frames)
     noted = survey(scene)  # points, axes and clearances of all elements
     sizes = proportions(scene, poses, noted, bearing_scale, clearance_scale)
@@ -285,6 +285,7 @@ def _shapes(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) ->
     """Check and return the meshes of bodies. The size of each must be that of the mechanism within
     a factor of 50, which a mesh in mm exceeds."""
     checked = {}
+    require_type("meshes", meshes, Mapping, "a dictionary by name", "pass {name of body: mesh}")
     for name, value in meshes.items():
         bodies = sorted(scene.bodies)
         require(name in scene.bodies, "meshes", name, f"by names of bodies {bodies}", "rename it")

@@ -139,6 +139,7 @@ def accelerometer(
     """
     check_names(scene, state)
     name = f"{body} accelerometer" if name is None else name
+    require(isinstance(name, str) and name != "", "name", name, "a text", "give a name, or None")
     remedy = nearest(body, scene.bodies, "pass one of these")
     require(body in scene.bodies, "body", body, f"one of {sorted(scene.bodies)}", remedy)
     require(body in state.bodies, "state", sorted(state.bodies), f"one with {body!r}", "add it")

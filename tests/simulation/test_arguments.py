@@ -86,8 +86,41 @@ def test_what_is_no_scene_or_no_state_is_named(call):
 def test_what_is_no_scene_of_a_finished_run_is_named():
     solution = cj.simulate(SCENE, STATE, 0.1, save=cj.Saving([0.1]), progress=False)
     impacts = cj.results.Impacts.of_rows([])
+    other, _ = cj.mechanisms.double_pendulum()
+    with pytest.raises(ValueError, match="`solution` must be of the scene's bodies.*'arm 2'"):
+        cj.observe(other, solution)
+    with pytest.raises(ValueError, match="`trajectory` must be a Trajectory, but is 'Solution'"):
+        cj.observe(SCENE, solution, solution)
+    with pytest.raises(ValueError, match="`impacts` must be a table of impacts"):
+        cj.beyond_law_ranges(SCENE, solution)
     for function, result in ((cj.observe, solution), (cj.beyond_law_ranges, impacts)):
         with pytest.raises(ValueError, match="Argument `scene` must be a Scene"):
             function((SCENE, STATE), result)
     with pytest.raises(ValueError, match="Argument `scene` must be a Scene"):
         cj.view((SCENE, STATE))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: cj.configure(cache=3), "`cache` must be a path, but is 'int'"),
+        (lambda: cj.view(SCENE, STATE, meshes=[]), "`meshes` must be a dictionary by name"),
+        (lambda: cj.view(SCENE, STATE, height="tall"), "`height` must be a whole number"),
+        (lambda: cj.constraint_report(SCENE, STATE, 0.0, "joint"), "`coordinates` must be"),
+        (
+            lambda: cj.simulate_nonsmooth(SCENE, STATE, 1.0, step=0.1, coordinates="joint"),
+            r"`coordinates` must be .*JointCoordinates\(\), but is 'joint'",
+        ),
+        (
+            lambda: cj.simulate_nonsmooth(SCENE, STATE, 1.0, step=0.1, redundant="no"),
+            "`redundant` must be True or False",
+        ),
+        (
+            lambda: cj.accelerometer(SCENE, STATE, "ball", axis=(1, 0, 0), frequency=1e3, name=3),
+            "`name` must be a text, but is 3",
+        ),
+    ],
+)
+def test_arguments_of_other_types_are_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

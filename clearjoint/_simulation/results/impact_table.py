@@ -8,6 +8,7 @@ import numpy as np
 from typing_extensions import override
 
 from ..._export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
+from ..._fields.checks import require_type
 from ..._fields.objects import described
 from ..._model.contact.laws import exceeded
 from ..._model.scene import Scene, require_scene
@@ -116,6 +117,8 @@ def beyond_law_ranges(scene: Scene, impacts: Impacts) -> list[str]:
     Contact 'V' of joint 'shoulder': `JohnsonCylinder` holds for a pen
     """
     require_scene(scene)
+    remedy = "pass solution.impacts of a run with save=Saving(impacts=True)"
+    require_type("impacts", impacts, Impacts, "a table of impacts", remedy)
     sentences = []
     for name, joint in scene.contact_joints().items():
         for label in joint.laws():

@@ -23,7 +23,7 @@ from ..._dynamics.formulation import Formulation
 from ..._dynamics.sampled_forces import holding, initial_memories
 from ..._dynamics.system import System
 from ..._export.datasets import COMPONENT, AbstractTabular, Labelled, labelled_dataset, texts
-from ..._fields.checks import as_shown, require
+from ..._fields.checks import as_shown, require, require_type
 from ..._fields.objects import described, with_arrays
 from ..._math.smoothing import norm_and_direction
 from ..._math.vectors import ConstantFolded, Scalar, Vector, fold_constants, pack, unpack
@@ -322,6 +322,10 @@ def observe(
     remedy = "pass save=Saving(times) or Saving(steps=True) to simulate()"
     require(trajectory is not None, "solution", shown, expected, remedy)
     assert trajectory is not None
+    require_type("trajectory", trajectory, Trajectory, "a Trajectory", "pass solution.steps, say")
+    in_motion, in_scene = sorted(trajectory.states.bodies), sorted(scene.bodies)
+    expected, remedy = f"of the scene's bodies {in_scene}", "pass the scene that was simulated"
+    require(in_motion == in_scene, "solution", in_motion, expected, remedy)
     # All but the energy ledger follows from each state alone. The ledger holds integrals over the
     # run (`work`), so it is left out here and its entries are added at the end.
     states = trajectory.states
