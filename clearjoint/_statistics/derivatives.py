@@ -176,6 +176,7 @@ def _points(uncertain: Mapping[str, Uncertain], draws: int, seed: int) -> np.nda
     pair and -1 in the second.
     """
     # With the seed alone, the draws would come from the same random numbers as `directions`.
+    require_count("seed", seed, "give a whole number", zero=True)
     rng = np.random.default_rng([seed, 1])
 
     def drawn(count: int) -> np.ndarray:

@@ -116,6 +116,7 @@ def _groups(p: int, draws: int, seed: int) -> np.ndarray:
     to the runs of a stored sweep. With n = min(`RANDOMISATIONS`, `draws`) independently scrambled
     Sobol sequences, group i takes its points from sequence i modulo n.
     """
+    require_count("seed", seed, "give a whole number", zero=True)
     randomisations = min(RANDOMISATIONS, draws)
     seeds = np.random.SeedSequence(seed).generate_state(randomisations)
     each = [unit_cube(2 * p, draws // randomisations, "sobol", int(s)) for s in seeds]

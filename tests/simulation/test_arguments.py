@@ -119,6 +119,21 @@ def test_what_is_no_scene_of_a_finished_run_is_named():
             lambda: cj.accelerometer(SCENE, STATE, "ball", axis=(1, 0, 0), frequency=1e3, name=3),
             "`name` must be a text, but is 3",
         ),
+        (lambda: CALLS["sobol_indices"](SCENE, STATE, seed="a"), "`seed` must be a whole number"),
+        (
+            lambda: CALLS["statistics_derivatives"](SCENE, STATE, seed=1.5),
+            "`seed` must be a whole number",
+        ),
+        (lambda: cj.design(SCENE, STATE, TOLERANCES, 4, seed=-1), "`seed` must be a whole number"),
+        (
+            lambda: CALLS["sobol_indices"](SCENE, STATE, confidence="95 %"),
+            "`confidence` must be a number",
+        ),
+        (lambda: cj.Uncertain(STIFFNESS, between="ab"), "`between` must be a number"),
+        (
+            lambda: CALLS["largest_feasible"](SCENE, STATE, draws=[1.0]),
+            "`draws` must be a dictionary by name",
+        ),
     ],
 )
 def test_arguments_of_other_types_are_named(call, message):
