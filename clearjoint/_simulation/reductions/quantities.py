@@ -66,7 +66,7 @@ class Peak(AbstractQuantityReduction):
 
     - `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit.
     - `after`, `until`: s, start, inclusive, and end, exclusive, of the window of time; by default
-      those of the run. Each may also be a function of the scene that JAX can trace, such as
+      those of the run. Each may also be a function of `Instant.scene` that JAX can trace, such as
       ``lambda scene: 2 * pi / scene.joints["drive"].speed``, for a window of its own in each run of
       a sweep. Of a step that crosses an edge of the window, only the part inside counts. Results
       are NaN if the run covers no part of the window.
