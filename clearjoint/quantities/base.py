@@ -275,8 +275,7 @@ def require_quantity(argument: str, function: object) -> None:
 
 
 def number_at(now: Instant, quantity: Quantity) -> jax.Array:
-    """Return a quantity at an instant; raise a `ValueError` unless it is one real number, or the
-    quantity has a true attribute `is_array`."""
+    """Return a quantity, one real number, or an array if the attribute `is_array` is true."""
     remedy = 'return one component, such as now.motions["arm"].position.x'
     may_be_array = bool(getattr(quantity, "is_array", False))
     return real_number("quantity", quantity, now, remedy, may_be_array)

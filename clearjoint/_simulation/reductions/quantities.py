@@ -338,8 +338,7 @@ class Quantiles(AbstractQuantityReduction):
 
     - `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit.
     - `edges`: (K,) increasing values in `unit`, K at least 2. A step's cost grows with K.
-    - `levels`: for each quantile, the part of the time for which the quantity is below it, more
-      than 0 and less than 1.
+    - `levels`: parts of the time, above 0 and below 1, for which the quantity is below a quantile.
     - `after`, `until`: s, the window of time, by default the whole run; see `Peak`.
 
     **Raises:** `ValueError` for edges that are not finite, do not increase, or are fewer than two;
