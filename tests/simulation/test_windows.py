@@ -210,7 +210,7 @@ def test_without_a_window_the_program_has_none():
         (lambda: cj.Quantiles(wave, "m", [1.0, 2.0], [[0.5]]), "`levels`.*a row of numbers"),
         (lambda: cj.Quantiles(wave, "m", [1.0, 2.0], (0.5, 1.0)), "`levels`.*below 1"),
         (lambda: cj.Quantiles(wave, "m", "all"), "`edges` must be a number.*'all'"),
-        (lambda: cj.Peak(wave, "m", until="1 s"), "`after or until` must be a number.*'1 s'"),
+        (lambda: cj.Peak(wave, "m", until="1 s"), "`until` must be a number.*'1 s'"),
         (lambda: cj.Section(wave, {"x": (wave, "m")}, after="1 s"), "`after` must be a number"),
         (lambda: cj.RejectedSteps(after=[1.0, 2.0]), "`after` must be .*pass one time in s"),
         (lambda: cj.ArchardWear("pin", 1e-5, "2 GPa"), "`hardness` must be a number.*'2 GPa'"),
