@@ -346,7 +346,7 @@ class Robot:
             remedy = nearest(name, self._jointed, "leave it out")
             expected = f"one of the joints {', '.join(self._jointed)}"
             require(name in self._jointed, argument, name, expected, remedy)
-            value = as_number(value, argument)
+            value = as_number(value, f"{argument}[{name!r}]")
             # The state at zero tells how many numbers the joint has: a ball has four and three.
             zero = _zero(self._jointed[name])
             count = len(zero.speeds if speeds else jax.tree.leaves(zero.position))

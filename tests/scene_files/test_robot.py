@@ -130,7 +130,7 @@ def test_ball_joints_have_euler_parameters(read_robot):
         (lambda r: r.state([1.0, 2.0]), r"`q`.*\(\.\.\., 3\).*\(2,\): .*wrist, left finger"),
         (lambda r: r.state({"wrist": "30 deg"}), r"`q\['wrist'\]` must be a number or .*'30 deg'"),
         (lambda r: r.state(qd={"wrist": np.nan}), "`qd`.*finite numbers of joint 'wrist'"),
-        (lambda r: r.state({"wrist": "up"}), "`q` must be a number.*'up'"),
+        (lambda r: r.state({"wrist": "up"}), r"`q\['wrist'\]` must be a number.*'up'"),
         (
             lambda r: r.state({"wrist": [0.0, 0.1, 0.2]}, {"wrist": [1.0, 2.0]}),
             r"`q and qd` must be arrays of equal lengths, but is .*\(2,\), \(3,\)",
