@@ -11,7 +11,7 @@ from pathlib import Path
 import jax
 
 from ._compilation.program_store import keep_programs, keeps_programs, prepare_folder
-from ._fields.checks import require_count
+from ._fields.checks import require_count, require_type
 
 XLA_FLAGS = (
     "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion=true,"
@@ -99,6 +99,8 @@ def configure(threads: int | None = None, cache: str | os.PathLike | None = None
     if threads is not None:
         require_count("threads", threads, "give a number of threads, or None")
     keep = _keep()
+    remedy = "pass a path, or None for the default"
+    require_type("cache", cache, str | os.PathLike | None, "a path", remedy)
     folder = _usable(str(cache or default_cache()))
     # All arguments are valid from here on: a call that raises an error changes no setting.
     _threads, flags = threads, os.environ.get("XLA_FLAGS", "")

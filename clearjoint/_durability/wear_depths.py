@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from functools import partial
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -60,6 +61,7 @@ class Signal(eqx.Module):
 class AllSignals(eqx.Module):
     """Quantity: the signals of a joint, an array in the order of `SIGNALS`."""
 
+    is_array: ClassVar[bool] = True
     joint: str = eqx.field(static=True)
 
     def __call__(self, now: Instant) -> jax.Array:

@@ -25,7 +25,7 @@ from .._math.vectors import Scalar, library, square_root, unpack
 from .._model.bodies import GROUND, BodyState, State
 from .._model.joints.base import ByLabel, Motions, Row
 from .._model.joints.constraint_rows import row_rate
-from .._model.scene import Scene
+from .._model.scene import Scene, require_scene
 from .._native import NativeFunction, UnsupportedPrimitiveError
 from .absolute_coordinates import AbsoluteCoordinates
 from .coordinates import AbstractCoordinates
@@ -82,8 +82,7 @@ class ConstraintReport:
 def check_names(scene: Scene, state: State) -> None:
     """Check that `scene` is a `Scene` and `state` a `State` with the same bodies, that the state's
     numbers are finite, and that its Euler parameters have about unit norm."""
-    remedy = "pass one; mechanisms come with a state: scene, state = cj.mechanisms.four_bar()"
-    require_type("scene", scene, Scene, "a Scene", remedy)
+    require_scene(scene)
     require_type("state", state, State, "a State", "pass State({name: body_state(...)})")
     same, expected = set(state.bodies) == set(scene.bodies), sorted(scene.bodies)
     remedy = "give each body of the scene one state, under the same name"

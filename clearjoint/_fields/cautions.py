@@ -59,8 +59,8 @@ class PoorFitWarning(UserWarning):
 
 
 class LooseBodyWarning(UserWarning):
-    """Warns that no joint or force acts on a body, or that no joint holds the axis about which a
-    drive rotates a body.
+    """Warns that no joint or force acts on a body of a scene with joints, or that no joint holds
+    the axis about which a drive rotates a body.
 
     >>> import warnings
     >>> warnings.filterwarnings("ignore", category=cj.LooseBodyWarning)  # silence it

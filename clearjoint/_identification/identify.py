@@ -7,9 +7,17 @@ from itertools import pairwise
 
 import numpy as np
 
+from .._dynamics.constraint_report import check_names
 from .._export.tables import numbered
 from .._fields.cautions import PoorFitWarning, caution
-from .._fields.checks import as_number, require, require_count, require_positive, require_type
+from .._fields.checks import (
+    as_number,
+    require,
+    require_count,
+    require_positive,
+    require_shape,
+    require_type,
+)
 from .._information.horizon import FitHorizon
 from .._measurements.series import Measurements
 from .._model.bodies import State
@@ -172,7 +180,9 @@ def identify_many(
     >>> all(abs(fit.estimates["stiffness"] - 100.0) < 1.0 for fit in fits)
     True
     """
+    check_names(scene, state)
     check_sets(scene, measurements)
+    require_shape("start_time", start_time, (), "pass one time in s")
     first_set = measurements[0]
     first, last = first_set.times()[[0, -1]].tolist()
     ends = (*np.ravel(as_number(grow, "grow", "s")).tolist(), last)

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 from typing_extensions import override
 
 from .._export.tables import aligned, number, percent
-from .._fields.checks import as_number, require, require_types
+from .._fields.checks import as_number, require, require_shape, require_types
 from .._fields.types import ArrayLike
 from .._measurements.series import Measurements, Series
 from .._model.bodies import State
@@ -149,6 +149,7 @@ class Identifiability:
 
     def until(self, time: float) -> "Identifiability":
         """Return the identifiability from the samples up to `time`, s, only."""
+        require_shape("time", time, (), "pass one time in s")
         early, first = self.sample_times <= time, float(self.times[0])
         expected = f"{first} s or later, the first sample"
         require(bool(early.any()), "time", time, expected, "raise it")

@@ -8,7 +8,15 @@ import numpy as np
 from typing_extensions import override
 
 from .._fields.cautions import LooseBodyWarning, caution
-from .._fields.checks import caution_outside, caution_unless, concrete, named, nearest, require
+from .._fields.checks import (
+    caution_outside,
+    caution_unless,
+    concrete,
+    named,
+    nearest,
+    require,
+    require_type,
+)
 from .._fields.objects import AbstractReadable, optional_quantity
 from .._fields.types import Triple, TripleLike
 from .bodies import GROUND, Body
@@ -196,3 +204,8 @@ def _check_distances(argument: str, element: AbstractElement, bodies: Mapping[st
         expected = f"at most {FARTHEST:g} times the radius of gyration {radius:.3g} m of {body!r}"
         remedy = "give points in m, and inertias in kg m^2"
         caution_unless(is_near, f"{argument}.{name}", distance, unit, expected, remedy)
+
+
+def require_scene(scene: Scene) -> None:
+    remedy = "pass one; mechanisms come with a state: scene, state = cj.mechanisms.four_bar()"
+    require_type("scene", scene, Scene, "a Scene", remedy)

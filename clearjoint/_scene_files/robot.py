@@ -4,6 +4,7 @@ import math
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from types import MappingProxyType
 from typing import Literal, Protocol, TypeAlias
@@ -345,6 +346,7 @@ class Robot:
             remedy = nearest(name, self._jointed, "leave it out")
             expected = f"one of the joints {', '.join(self._jointed)}"
             require(name in self._jointed, argument, name, expected, remedy)
+            value = as_number(value, f"{argument}[{name!r}]")
             # The state at zero tells how many numbers the joint has: a ball has four and three.
             zero = _zero(self._jointed[name])
             count = len(zero.speeds if speeds else jax.tree.leaves(zero.position))
@@ -366,6 +368,12 @@ class Robot:
         the states `free` of free bodies; all three may be incomplete, as in `state`."""
         positions = self._by_joint("q", q, speeds=False)
         speeds = self._by_joint("qd", qd, speeds=True)
+        shapes = [np.shape(part) for part in chain(*positions.values(), *speeds.values())]
+        try:
+            np.broadcast_shapes(*shapes)
+        except ValueError:
+            expected, remedy = "arrays of equal lengths", "give as many of each joint"
+            require(False, "q and qd", sorted(set(shapes)), expected, remedy)
         # Complete the numbers of followers, after those of their leaders, and of motors. A follower
         # without a leader is at a constant position; the text "" names no joint.
         for name, mimic in self._mimics.items():

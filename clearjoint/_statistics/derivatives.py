@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Float
 from typing_extensions import Unpack
 
+from .._dynamics.constraint_report import check_names
 from .._export.datasets import Labelled, labelled_dataset, texts
 from .._fields.checks import require, require_count, require_positive
 from .._fields.objects import with_arrays
@@ -110,6 +111,7 @@ def statistics_derivatives(
     >>> print(f"{float(found['speed_derivative'][0]):.3f}")  # 0.1 m sqrt(k/m): half of 1 m/s
     0.500
     """
+    check_names(scene, state)
     check_uncertain(uncertain)
     require_positive("disturbance", disturbance, "give it in m/s")
     check_confidence(confidence)
@@ -174,6 +176,7 @@ def _points(uncertain: Mapping[str, Uncertain], draws: int, seed: int) -> np.nda
     pair and -1 in the second.
     """
     # With the seed alone, the draws would come from the same random numbers as `directions`.
+    require_count("seed", seed, "give a whole number", zero=True)
     rng = np.random.default_rng([seed, 1])
 
     def drawn(count: int) -> np.ndarray:

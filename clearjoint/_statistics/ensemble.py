@@ -11,9 +11,16 @@ import numpy as np
 from jaxtyping import Bool, Float
 from typing_extensions import Unpack
 
-from .._dynamics.constraint_report import constraint_report
+from .._dynamics.constraint_report import check_names, constraint_report
 from .._export.datasets import Labelled
-from .._fields.checks import require, require_count, require_positive, require_types
+from .._fields.checks import (
+    as_number,
+    require,
+    require_count,
+    require_positive,
+    require_shape,
+    require_types,
+)
 from .._fields.objects import with_arrays
 from .._information import error_growth as growth
 from .._information.error_growth import radii_of_gyration
@@ -49,6 +56,7 @@ def directions(scene: Scene, draws: int, seed: int) -> Float[np.ndarray, "draws 
     The v columns, all standard normal, are x, y and z of velocity and of spin, body after body. The
     first rows don't depend on `draws`, so that a stored ensemble can be extended.
     """
+    require_count("seed", seed, "give a whole number", zero=True)
     return np.random.default_rng(seed).standard_normal((draws, 6 * len(scene.bodies)))
 
 
@@ -109,6 +117,7 @@ def disturbed_axes(
     1 and `axes` change only numbers of the scene, all lanes use the constraints of `scene`, so that
     the numbers must differ little from its own.
     """
+    require_shape("start_time", start_time, (), "pass one time in s")
     # Whether the Jacobian of the given scene serves all lanes. Axes that change only numbers of the
     # scene leave the initial state as it is. With one draw for each value, every lane would need
     # its own Jacobian and singular value decomposition, which would be slow. These are the axes of
@@ -255,16 +264,19 @@ def ensemble(
     >>> found["speed"].shape, int(found["failed"]), round(float(found["speed_mean"]), 6)
     ((20,), 0, 1.0)
     """
-    axes = {} if axes is None else dict(axes)
+    check_names(scene, state)
+    axes = {} if axes is None else axes
     require_types("axes", axes, Axis, "an Axis", "pass {name: cj.Axis(path, values)}")
     taken, expected = sorted({DRAW, QUANTILE} & set(axes)), f"not named {DRAW} or {QUANTILE}"
     require(not taken, "axes", taken, expected, "rename the axis")
     require_count("draws", draws, "give a number of runs at each point")
     require(draws > 1, "draws", draws, "2 or more", "statistics need several runs")
     require_positive("disturbance", disturbance, "give it in m/s")
-    levels = np.asarray(quantiles, float)
+    levels = np.asarray(as_number(quantiles, "quantiles"))
     inside = levels.ndim == 1 and bool(((levels > 0.0) & (levels < 1.0)).all())
-    require(inside, "quantiles", quantiles, "levels between 0 and 1", "pass for example (0.5,)")
+    differ = 0 < len(levels) == len(set(levels.tolist())) if inside else False
+    expected, remedy = "levels between 0 and 1, each once", "pass for example (0.5,)"
+    require(differ, "quantiles", quantiles, expected, remedy)
     possible = isinstance(exponents, int) and (exponents == 0 or 2 <= exponents <= draws)
     expected = f"0, or a whole number from 2 to draws = {draws}"
     require(possible, "exponents", exponents, expected, "a standard error needs two runs")

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from typing_extensions import Unpack
 
+from .._dynamics.constraint_report import check_names
 from .._export.datasets import Labelled, labelled_dataset, texts
 from .._fields.cautions import warn_the_user
 from .._fields.checks import require, require_count
@@ -83,6 +84,7 @@ def sobol_indices(
     >>> bool(found["speed_total_order"].sel(parameter="stiffness") > 0.9)
     True
     """
+    check_names(scene, state)
     check_uncertain(uncertain)
     p = len(uncertain)
     require(p > 1, "uncertain", list(uncertain), "two parameters or more", "add a parameter")
@@ -114,6 +116,7 @@ def _groups(p: int, draws: int, seed: int) -> np.ndarray:
     to the runs of a stored sweep. With n = min(`RANDOMISATIONS`, `draws`) independently scrambled
     Sobol sequences, group i takes its points from sequence i modulo n.
     """
+    require_count("seed", seed, "give a whole number", zero=True)
     randomisations = min(RANDOMISATIONS, draws)
     seeds = np.random.SeedSequence(seed).generate_state(randomisations)
     each = [unit_cube(2 * p, draws // randomisations, "sobol", int(s)) for s in seeds]

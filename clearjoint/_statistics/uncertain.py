@@ -6,8 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from .._dynamics.constraint_report import check_names
 from .._fields.cautions import warn_the_user
-from .._fields.checks import require, require_count, require_positive, require_types
+from .._fields.checks import (
+    as_number,
+    require,
+    require_count,
+    require_positive,
+    require_shape,
+    require_types,
+)
 from .._model.bodies import State
 from .._model.scene import Scene
 from .._parametrisation.parameter import Parameter
@@ -72,7 +80,7 @@ class Uncertain:
             if sizes[name] is not None:
                 require_positive(name, sizes[name], "give the size of the variation")
         if between is not None:
-            bounds = np.asarray(between, float)
+            bounds = np.asarray(as_number(between, "between"))
             rising = bounds.shape == (2,) and bool(-np.inf < bounds[0] < bounds[1] < np.inf)
             require(rising, "between", between, "two rising, finite bounds", "pass (low, high)")
             sizes["between"] = float(bounds[0]), float(bounds[1])
@@ -114,8 +122,8 @@ def check_uncertain(uncertain: Mapping[str, Uncertain]) -> None:
 
 
 def check_confidence(confidence: float) -> None:
-    inside = 0.0 < float(confidence) < 1.0
-    require(inside, "confidence", confidence, "between 0 and 1", "pass for example 0.95")
+    require_shape("confidence", confidence, (), remedy := "pass for example 0.95")
+    require(0.0 < float(confidence) < 1.0, "confidence", confidence, "between 0 and 1", remedy)
 
 
 def unit_cube(dimensions: int, draws: int, method: str, seed: int) -> Float[np.ndarray, "n d"]:
@@ -124,6 +132,7 @@ def unit_cube(dimensions: int, draws: int, method: str, seed: int) -> Float[np.n
 
     require(method in METHODS, "method", method, f"one of {METHODS}", "choose one of them")
     require_count("draws", draws, "give a number of points")
+    require_count("seed", seed, "give a whole number", zero=True)
     rng = np.random.default_rng(seed)
     if method == "random":
         return rng.random((draws, dimensions))
@@ -174,6 +183,7 @@ def design(
     >>> bool((abs(axes["stiffness"].values - 100.0) <= 5.0).all())
     True
     """
+    check_names(scene, state)
     check_uncertain(uncertain)
     points = unit_cube(len(uncertain), draws, method, seed)
     return axes_at(scene, state, uncertain, points)

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 from numpy.lib.stride_tricks import sliding_window_view
 from typing_extensions import override
 
+from .._dynamics.constraint_report import check_names
 from .._fields.checks import (
     as_number,
     as_shown,
@@ -19,8 +20,8 @@ from .._fields.checks import (
     require_positive,
     require_range,
     require_type,
+    require_types,
 )
-from .._fields.objects import as_numbers
 from .._model.bodies import State
 from .._model.scene import Scene
 from .._parametrisation.parameter import PASS_PARAMETERS, Parameter
@@ -190,9 +191,11 @@ def largest_feasible(
     """
     quantities = dict(quantity) if isinstance(quantity, Mapping) else {QUANTITY: quantity}
     limits = dict(limit) if isinstance(limit, Mapping) else {QUANTITY: limit}
-    draws = {} if draws is None else dict(draws)
+    draws = {} if draws is None else draws
+    require_types("draws", draws, Axis, "an Axis", "pass {name: cj.Axis(path, values)}")
+    check_names(scene, state)
     require_type("parameter", parameter, Parameter, "a Parameter", PASS_PARAMETERS)
-    ends = np.asarray(as_numbers(between), dtype=float)
+    ends = np.asarray(as_number(between, "between"))
     rising = ends.shape == (2,) and bool(np.isfinite(ends).all()) and bool(ends[0] < ends[1])
     remedy = "pass (smallest, largest), in the unit of the parameter"
     require(rising, "between", between, "two rising values", remedy)

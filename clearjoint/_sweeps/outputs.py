@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -114,7 +114,13 @@ class Layout:
         free = BY_LANE not in names
         require(free, "axes and outputs", BY_LANE, "other names", "rename the axis or output")
         twice = sorted({name for name in names if names.count(name) > 1})
-        require(not twice, "axes", twice, "names that occur once", "rename the axis")
+        require(
+            not twice,
+            "axes and outputs",
+            twice,
+            "names that occur once",
+            "rename the axis or output",
+        )
         require_count("chunk", self.chunk, "pass 1 or more lanes")
         sizes = [c.values.size for c in self.axes]
         fits = len(set(sizes)) == 1 if self.zipped else len(sizes) > 0
@@ -195,6 +201,7 @@ def _netcdf_named(attributes: Mapping[str, str]) -> dict[str, str]:
 class PartOfStates(eqx.Module):
     """Quantity: one part of the states of all bodies, such as "position"."""
 
+    is_array: ClassVar[bool] = True
     part: str = eqx.field(static=True)
     bodies: tuple[str, ...] = eqx.field(static=True)
 

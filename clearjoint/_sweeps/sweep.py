@@ -14,12 +14,19 @@ import numpy as np
 from jaxtyping import PyTree
 
 from .._dynamics.assembly import ACCEPTED_VIOLATION, require_certain, require_freedom
-from .._dynamics.constraint_report import dependent, start_rows_of_lanes
+from .._dynamics.constraint_report import check_names, dependent, start_rows_of_lanes
 from .._dynamics.coordinates import AbstractCoordinates
 from .._dynamics.journals import HOLD_IT, slid_out
 from .._export.datasets import describe, described, versions
 from .._fields.cautions import LeftBearingWarning, caution, quiet, warn_the_user
-from .._fields.checks import require, require_array_names, require_count, require_types
+from .._fields.checks import (
+    as_number,
+    require,
+    require_array_names,
+    require_count,
+    require_shape,
+    require_types,
+)
 from .._fields.objects import with_arrays
 from .._math.vectors import fold_constants
 from .._model.bodies import BodyState, State
@@ -309,6 +316,7 @@ def sweep(
     >>> np.round(results["speed"].values, 4)  # 0.1 m times 10 and 20 rad/s
     array([1., 2.])
     """
+    check_names(scene, state)
     settings = settings_or(settings, presets.default)
     settings.require_double()
     check_precision(False)  # `False`: single precision is not allowed
@@ -332,6 +340,7 @@ def sweep(
         expected = "None in a process that was forked after clearjoint was imported"
         remedy = "start processes by multiprocessing.get_context('spawn')"
         require(os.getpid() == _PROCESS, "path", str(path), expected, remedy)
+    require_shape("start_time", start_time, (), "pass one time in s")
     labels = tuple(Coordinate(name, a.values, a.unit_in(scene, state)) for name, a in axes.items())
     variables, coordinates = variables_of(scene, requested)
     # Settings that change the numbers of a lane; a store with others belongs to another sweep.
@@ -441,8 +450,12 @@ def _lane_tasks(
     # Scenes of single lanes are slow to make: only the user's functions of a scene need them.
     is_by_scene = callable(end_time) or callable(save.times)
     scenes = [lanes.of(k)[0] for k in range(count)] if is_by_scene else [lanes.scene] * count
-    times_of_ends = map(end_time, scenes) if callable(end_time) else [end_time] * count
-    ends = np.array([*times_of_ends], dtype=float)
+    if callable(end_time):
+        ends = np.asarray(as_number([end_time(scene) for scene in scenes], "end_time", "s"))
+        require(ends.ndim == 1, "end_time", ends[:1], "a single number", "return one time in s")
+    else:
+        require_shape("end_time", end_time, (), "pass one time in s")
+        ends = np.full(count, end_time, dtype=float)
     wrong = ends[~(np.isfinite(ends) & (ends > start_time))]
     expected = f"finite and after start_time = {start_time}"
     require(not wrong.size, "end_time", wrong[:1], expected, "give times in s")

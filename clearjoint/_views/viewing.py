@@ -179,6 +179,7 @@ def view(
     """
     require_type("scene", scene, Scene, "a Scene", "pass one, such as the robot.scene of a Robot")
     require_count("frames", frames, "give a number of frames")
+    require_count("height", height, "give a number of pixels")
     if force_scale is not None:
         require_positive("force_scale", force_scale, "give the length of arrows in m/N")
     poses, observed, notes = _poses(scene, motion, observation, forces, frames)
@@ -284,6 +285,7 @@ def _shapes(scene: Scene, meshes: Mapping[str, MeshLike], sizes: Proportions) ->
     """Check and return the meshes of bodies. The size of each must be that of the mechanism within
     a factor of 50, which a mesh in mm exceeds."""
     checked = {}
+    require_type("meshes", meshes, Mapping, "a dictionary by name", "pass {name of body: mesh}")
     for name, value in meshes.items():
         bodies = sorted(scene.bodies)
         require(name in scene.bodies, "meshes", name, f"by names of bodies {bodies}", "rename it")

@@ -8,6 +8,7 @@ import equinox as eqx
 import numpy as np
 from typing_extensions import override
 
+from .._dynamics.constraint_report import check_names
 from .._fields.cautions import quiet
 from .._fields.checks import (
     as_number,
@@ -136,7 +137,9 @@ def accelerometer(
 
     **Source:** C. Harris and A. Piersol, *Harris' shock and vibration handbook* (2002), chapter 12.
     """
+    check_names(scene, state)
     name = f"{body} accelerometer" if name is None else name
+    require(isinstance(name, str) and name != "", "name", name, "a text", "give a name, or None")
     remedy = nearest(body, scene.bodies, "pass one of these")
     require(body in scene.bodies, "body", body, f"one of {sorted(scene.bodies)}", remedy)
     require(body in state.bodies, "state", sorted(state.bodies), f"one with {body!r}", "add it")

@@ -8,6 +8,7 @@ from typing import ClassVar, Literal, TypeVar, get_args
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 from typing_extensions import override
@@ -27,6 +28,7 @@ from .._math.vectors import Condition, Scalar, Vector
 from .._model.bodies import BodyState
 from .._model.scene import Scene
 
+T = TypeVar("T")
 NEAR = 1e-6
 """Part of a step by which an instant just before a jump at its end is earlier: more than rounding
 errors of times and penetrations."""
@@ -193,7 +195,6 @@ class Instant:
 jax.tree_util.register_pytree_node(
     Instant, lambda now: (now._parts, None), lambda _, parts: Instant(*parts)
 )
-T = TypeVar("T")
 Component = Literal["x", "y", "z"]
 """Name of a vector component.
 
@@ -273,6 +274,26 @@ def require_quantity(argument: str, function: object) -> None:
     require(is_function, argument, function, "a scalar function of an Instant", remedy)
 
 
+def number_at(now: Instant, quantity: Quantity) -> jax.Array:
+    """Return a quantity, one real number, or an array if the attribute `is_array` is true."""
+    remedy = 'return one component, such as now.motions["arm"].position.x'
+    may_be_array = bool(getattr(quantity, "is_array", False))
+    return real_number("quantity", quantity, now, remedy, may_be_array)
+
+
+def real_number(
+    argument: str, function: Callable[[T], Scalar], at: T, remedy: str, may_be_array: bool = False
+) -> jax.Array:
+    """Return ``function(at)``; raise a `ValueError` about `argument` unless it is a real number."""
+    value = function(at)
+    is_array = isinstance(value, jax.Array | np.ndarray | np.generic | float | int)
+    if not (is_array and np.isrealobj(value) and (may_be_array or np.shape(value) == ())):
+        kind = f"{np.shape(value)} of {jnp.result_type(value)}" if is_array else type(value)
+        actual = f"{getattr(function, '__qualname__', function)}, which returns {kind}"
+        require(False, argument, actual, "a function that returns one real number", remedy)
+    return jnp.asarray(value, dtype=float)
+
+
 def require_known(argument: str, name: str, known: Collection[str]) -> None:
     """Check that the name passed as `argument` is `known`; the error suggests the most similar."""
     if name not in known:
@@ -302,7 +323,9 @@ Numbers = tuple[float, ...]
 
 def numbers(values: ArrayLike, argument: str = "value", unit: str = "1") -> Numbers:
     """Return numbers, (N,), as a tuple; a single number gives a tuple of one."""
-    return tuple(np.atleast_1d(as_number(values, argument, unit)).tolist())
+    array = np.atleast_1d(as_number(values, argument, unit))
+    require(array.ndim == 1, argument, values, "a row of numbers", "pass a list of floats")
+    return tuple(array.tolist())
 
 
 def optional_numbers(

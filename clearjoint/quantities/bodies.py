@@ -1,6 +1,7 @@
 """Quantities of bodies and their points, such as the signals of cameras and accelerometers."""
 
 import math
+from functools import partial
 from typing import ClassVar
 
 import equinox as eqx
@@ -24,6 +25,7 @@ from .base import (
     as_axes,
     as_component,
     numbers,
+    one_of,
     optional_numbers,
     require_known,
 )
@@ -85,7 +87,7 @@ class Acceleration(AbstractVectorQuantity, AbstractBodyQuantity):
 class AbstractPointQuantity(AbstractBodyQuantity):
     """Base class of quantities of a `point` of a body, m from the centre of mass in body axes."""
 
-    point: Numbers = eqx.field(static=True, converter=numbers)
+    point: Numbers = eqx.field(static=True, converter=partial(numbers, argument="point"))
 
     def __check_init__(self):
         require_point("point", self.point)
@@ -130,7 +132,7 @@ class PointAcceleration(AbstractVectorQuantity, AbstractPointQuantity):
     """
 
     axes: Axes = eqx.field(default="global", static=True, converter=as_axes)
-    gravity: bool = eqx.field(default=False, static=True)
+    gravity: bool = eqx.field(default=False, static=True, converter=one_of("gravity", True, False))
     unit: ClassVar[str | None] = "m/s^2"
     applies_to_ground: ClassVar[bool] = False
 
@@ -207,9 +209,13 @@ class Angle(AbstractBodyQuantity):
     ('rad', True)
     """
 
-    about: Numbers = eqx.field(static=True, converter=numbers)
-    reference: Numbers | None = eqx.field(default=None, static=True, converter=optional_numbers)
-    axis: Numbers | None = eqx.field(default=None, static=True, converter=optional_numbers)
+    about: Numbers = eqx.field(static=True, converter=partial(numbers, argument="about"))
+    reference: Numbers | None = eqx.field(
+        default=None, static=True, converter=partial(optional_numbers, argument="reference")
+    )
+    axis: Numbers | None = eqx.field(
+        default=None, static=True, converter=partial(optional_numbers, argument="axis")
+    )
     unit: ClassVar[str | None] = "rad"
     period: ClassVar[float | None] = 2.0 * math.pi
 
@@ -251,10 +257,16 @@ class Distance(AbstractQuantity):
     """
 
     first: str = eqx.field(static=True)
-    point_first: Numbers = eqx.field(static=True, converter=numbers)
+    point_first: Numbers = eqx.field(
+        static=True, converter=partial(numbers, argument="point_first")
+    )
     second: str = eqx.field(static=True)
-    point_second: Numbers = eqx.field(static=True, converter=numbers)
-    along: Numbers | None = eqx.field(default=None, static=True, converter=optional_numbers)
+    point_second: Numbers = eqx.field(
+        static=True, converter=partial(numbers, argument="point_second")
+    )
+    along: Numbers | None = eqx.field(
+        default=None, static=True, converter=partial(optional_numbers, argument="along")
+    )
     unit: ClassVar[str | None] = "m"
 
     def __check_init__(self):

@@ -5,6 +5,7 @@ from typing import ClassVar
 import equinox as eqx
 from typing_extensions import override
 
+from .._fields.checks import require
 from .._math.vectors import Scalar
 from .._model.drives.drivers import AbstractDriveTorque
 from .._model.drives.servo import Servo
@@ -51,8 +52,10 @@ class MotorCurrent(AbstractQuantity):
     @override
     def check(self, scene: Scene) -> None:
         servos = {name: f for name, f in scene.forces.items() if isinstance(f, Servo)}
-        drives = [name for name, servo in servos.items() if servo.torque_constant is not None]
-        require_known("drive", self.drive, drives)
+        require_known("drive", self.drive, servos)
+        constant, expected = servos[self.drive].torque_constant, f"that of {self.drive!r} in N m/A"
+        remedy = "give the Servo a torque_constant, or take MotorTorque"
+        require(constant is not None, "torque_constant", None, expected, remedy)
 
     @override
     def __call__(self, now: Instant) -> Scalar:

@@ -40,3 +40,9 @@ def test_radii_that_a_stiffness_needs_are_checked(radii, message):
     law = cj.laws.Hertz(cj.laws.RavnStiffness(207e9, 0.3))
     with pytest.raises(ValueError, match=message):
         free_impact(law, MASS, SPEED, *radii)
+
+
+@pytest.mark.parametrize("law", [None, cj.laws.Hertz])
+def test_what_is_no_contact_law_is_named(law):
+    with pytest.raises(ValueError, match="`law` must be a contact law.*cj.laws.Hertz"):
+        free_impact(law, MASS, SPEED)

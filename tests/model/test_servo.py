@@ -454,6 +454,8 @@ def test_servos_are_refused_where_they_do_not_belong():
     outputs = {"top": cj.Peak(cj.quantities.JointAngle("bearing"), "rad")}
     with pytest.warns(UserWarning, match="Lane 1: Argument `delay` must be at most"):
         cj.sweep(SCENE, turned(), 0.1, axes, outputs, **QUIET)
-    for quantity in (cj.quantities.MotorCurrent("servo"), cj.quantities.MotorTorque("servos")):
+    with pytest.raises(ValueError, match="`torque_constant` must be that of 'servo' in N m/A"):
+        cj.quantities.MotorCurrent("servo").check(SCENE)
+    for quantity in (cj.quantities.MotorCurrent("servos"), cj.quantities.MotorTorque("servos")):
         with pytest.raises(ValueError, match="`drive` must be one of"):
             quantity.check(SCENE)

@@ -277,6 +277,9 @@ def test_friction_is_zero_where_there_is_none():
             "`reference` must be .* not parallel",
         ),
         (lambda: q.Eccentricity("pin", "v"), "`base` must be one of .*'v'"),
+        (lambda: q.PointPosition("a", "here", "x"), "`point` must be a number.*'here'"),
+        (lambda: q.Angle("a", None), "`about` must be a number.*None"),
+        (lambda: q.PointAcceleration("a", (0, 0, 0), gravity="no"), "`gravity` must be.*'no'"),
     ],
 )
 def test_bad_arguments_are_refused(make, message):

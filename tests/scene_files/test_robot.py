@@ -130,6 +130,11 @@ def test_ball_joints_have_euler_parameters(read_robot):
         (lambda r: r.state([1.0, 2.0]), r"`q`.*\(\.\.\., 3\).*\(2,\): .*wrist, left finger"),
         (lambda r: r.state({"wrist": "30 deg"}), r"`q\['wrist'\]` must be a number or .*'30 deg'"),
         (lambda r: r.state(qd={"wrist": np.nan}), "`qd`.*finite numbers of joint 'wrist'"),
+        (lambda r: r.state({"wrist": "up"}), r"`q\['wrist'\]` must be a number.*'up'"),
+        (
+            lambda r: r.state({"wrist": [0.0, 0.1, 0.2]}, {"wrist": [1.0, 2.0]}),
+            r"`q and qd` must be arrays of equal lengths, but is .*\(2,\), \(3,\)",
+        ),
         (lambda r: r.state({"right finger": 0.3}), r"`q\['right finger'\]`.*from joint 'left fing"),
         (lambda r: r.torques(qdd={"right finger": 3.0}), r"`qdd\['right finger'\]`"),
         (lambda r: r.state(free={"palm": cj.body_state((0, 0, 0))}), "`free`.*none, but is 'palm'"),

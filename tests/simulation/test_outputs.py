@@ -1,6 +1,7 @@
 """One dictionary of outputs for every call: a ball on a spring, x = 0.1 cos(10 t)."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -142,3 +143,30 @@ def test_sample_times_may_follow_the_scene():
     run = cj.simulate(*on_spring(), 0.5, EXACT, save, outputs={"x": X}, progress=False)
     np.testing.assert_array_equal(run.times, [0.0, 0.01])
     np.testing.assert_allclose(run.outputs["x"], 0.1 * np.cos([0.0, 0.1]), rtol=0.0, atol=1e-9)
+
+
+def as_outputs(function):
+    reductions = cj.Peak(function, "m"), cj.Quantiles(function, "m", [0.0, 1.0, 2.0])
+    sections = cj.Section(function, {"x": X}), cj.Section(X, {"function": (function, "m")})
+    return (function, *reductions, cj.Integral(function, "m s"), *sections)
+
+
+@pytest.mark.parametrize(
+    "function",
+    [lambda now: now.motions["ball"].position, lambda now: jnp.ones(3), lambda now: 1j * now.time],
+    ids=["Vector", "array", "complex"],
+)
+def test_functions_that_return_no_real_number_are_named(function):
+    save, axes = cj.Saving([0.0, 0.1]), {"k": cj.Axis(STIFFNESS.variation, [100.0])}
+    for output in as_outputs(function):
+        with pytest.raises(ValueError, match="returns one real number, but is .*lambda.*returns"):
+            cj.simulate(*on_spring(), 0.1, save=save, outputs={"a": output}, progress=False)
+    for output in (function, cj.Peak(function, "m")):
+        with pytest.raises(ValueError, match="returns one real number"):
+            cj.sweep(*on_spring(), 0.1, axes, {"a": output}, save=save, progress=False)
+    parameters = {"k": STIFFNESS}
+    with pytest.raises(ValueError, match="returns one real number"):
+        cj.sensitivities(*on_spring(), 0.1, parameters, {"a": function}, [0.0, 0.1])
+    total = {"a": cj.Integral(function, "m s")}
+    with pytest.raises(ValueError, match="returns one real number"):
+        cj.predictor(*on_spring(), 0.1, parameters, total)({"k": 100.0})

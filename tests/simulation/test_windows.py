@@ -207,6 +207,14 @@ def test_without_a_window_the_program_has_none():
         (lambda: cj.Quantiles(wave, "m", [1.0]), "`edges`.*rising"),
         (lambda: cj.Quantiles(wave, "m", [1.0, 2.0], 95), "`levels`.*0.95 for 95 %"),
         (lambda: cj.Quantiles(wave, "m", [1.0, 2.0], (0.5, 0.5000001)), "`levels`.*six digits"),
+        (lambda: cj.Quantiles(wave, "m", [1.0, 2.0], [[0.5]]), "`levels`.*a row of numbers"),
+        (lambda: cj.Quantiles(wave, "m", [1.0, 2.0], (0.5, 1.0)), "`levels`.*below 1"),
+        (lambda: cj.Quantiles(wave, "m", "all"), "`edges` must be a number.*'all'"),
+        (lambda: cj.Peak(wave, "m", until="1 s"), "`until` must be a number.*'1 s'"),
+        (lambda: cj.Section(wave, {"x": (wave, "m")}, after="1 s"), "`after` must be a number"),
+        (lambda: cj.RejectedSteps(after=[1.0, 2.0]), "`after` must be .*pass one time in s"),
+        (lambda: cj.ArchardWear("pin", 1e-5, "2 GPa"), "`hardness` must be a number.*'2 GPa'"),
+        (lambda: cj.Peak(wave, 3), "`unit` must be text, but is 3"),
     ],
 )
 def test_invalid_windows_and_edges_are_refused(make, message):
@@ -238,3 +246,29 @@ def test_a_window_may_follow_the_values_of_a_lane():
     np.testing.assert_allclose(found.top, expected, rtol=1e-6)
     alone = cj.simulate(scene, state, 1.6, settings, outputs=outputs)
     np.testing.assert_array_equal(alone.outputs["x_mean"], found.x_mean[1])
+
+
+@pytest.mark.parametrize("edge", [lambda scene: jnp.ones(2), lambda scene: "1 s"])
+@pytest.mark.parametrize("output", [partial(cj.Peak, wave, "m"), partial(cj.ImpactTable, 5)])
+def test_windows_of_the_scene_are_single_times(output, edge):
+    outputs = {"a": output(until=edge)}
+    with pytest.raises(ValueError, match="`until` must be .* one real number.*return one time"):
+        cj.simulate(*cj.mechanisms.double_pendulum(), 1e-3, outputs=outputs, progress=False)
+
+
+@pytest.mark.parametrize(("after", "until"), [(2.001, 3.0), (None, 2.0), (0.0, 1.0)])
+def test_results_of_windows_that_a_run_does_not_cover_are_nan(after, until):
+    window = {"after": after, "until": until}
+    outputs = {
+        "impacts": cj.ImpactCount("shoulder", **window),
+        "energy": cj.DissipatedEnergy(**window),
+        "power": cj.MeanPowerLost(**window),
+        "wear": cj.ArchardWear("shoulder", 1e-4, 2e9, sectors=2, **window),
+        "peak": cj.Peak(cj.quantities.ContactForce("shoulder"), "N", **window),
+        "sum": cj.Integral(cj.quantities.ContactForce("shoulder"), "N s", **window),
+    }
+    scene, state = cj.mechanisms.double_pendulum()
+    options = {"outputs": outputs, "start_time": 2.0, "progress": False}
+    solution = cj.simulate(scene, state, 2.001, cj.Settings(ledger=True), **options)
+    assert len(solution.outputs) == 13
+    assert all(np.isnan(value) for value in solution.outputs.values())

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..._dynamics.constraint_report import check_names
 from ..._fields.checks import require, require_count
 from ..._measurements.series import Measurements
 from ..._model.bodies import State
@@ -145,6 +146,7 @@ def posterior(
     ((64, 1), True)
     """
     begun = time.perf_counter()
+    check_names(scene, state)
     check_sets(scene, [measurements])
     check_parameters(parameters)
     half = half_widths(spread, tuple(parameters))

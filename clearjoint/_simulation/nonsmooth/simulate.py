@@ -28,7 +28,7 @@ from ..results.nonsmooth_solution import ContactTotals, NonsmoothSolution
 from ..results.solution import Trajectory, raise_failure
 from ..run.run_checks import check_numbers, check_precision, check_start, in_domain, is_traced
 from ..run.saving import EXCEPT_TIMES, Saving, saving_or_nothing
-from ..step.settings import check_span
+from ..step.settings import Settings, check_span
 from ..step.step_state import choose
 from ..step.trial_step import all_finite
 from .contact_problem import require_restitution, restitutions
@@ -299,6 +299,7 @@ def simulate_nonsmooth(
     save = saving_or_nothing(save)
     save.require_none(EXCEPT_TIMES, "of a run with rigid contacts", "take simulate() for it")
     coordinates = JointCoordinates() if coordinates is None else coordinates
+    Settings(coordinates=coordinates, redundant=redundant)  # raises an error for other types
     traced = is_traced((scene, state, end_time, start_time, step, restitution))
     times: ArrayLike | None = save.at(scene)
     redundant_constraints: tuple[str, ...] = ()

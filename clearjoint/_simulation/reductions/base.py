@@ -17,7 +17,7 @@ from ..._fields.checks import as_number, require
 from ..._fields.objects import AbstractConverting
 from ..._math.vectors import Condition, Scalar
 from ..._model.scene import Scene
-from ...quantities.base import Instant, Quantity, check_quantity
+from ...quantities.base import Instant, Quantity, check_quantity, real_number
 
 Times: TypeAlias = tuple[float, ...]
 Instants: TypeAlias = Annotated[float | Callable[[Scene], Scalar] | None, "s"]
@@ -180,7 +180,11 @@ class TimeSpan:
 
     def if_reached(self, value: Scalar, time: Scalar) -> Scalar:
         """Return `value`, a result of a run that ended at `time`, s; NaN if the window is later."""
-        return value if self.after is None else jnp.where(time >= self.after, value, jnp.nan)
+        return value if self.after is None else jnp.where(time > self.after, value, jnp.nan)
+
+    def if_ahead(self, value: Scalar, time: Scalar) -> Scalar:
+        """Return `value`, of a run that starts at `time`, s; NaN if the window is earlier."""
+        return value if self.until is None else jnp.where(time < self.until, value, jnp.nan)
 
 
 @dataclass(frozen=True)
@@ -201,8 +205,13 @@ class Window:
 
     def at(self, now: Instant) -> TimeSpan:
         """Return the `TimeSpan` of the window in the run to which the instant `now` belongs."""
-        after, until = (t(now.scene) if callable(t) else t for t in (self.after, self.until))
-        return TimeSpan(after, until)
+
+        def edge(name: str, time: Instants) -> Scalar | None:
+            if isinstance(time, Callable):
+                return real_number(name, time, now.scene, "return one time in s")
+            return time
+
+        return TimeSpan(edge("after", self.after), edge("until", self.until))
 
 
 class AbstractWindowedReduction(AbstractReduction):

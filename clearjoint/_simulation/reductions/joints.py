@@ -55,8 +55,12 @@ class ImpactCount(AbstractWindowedReduction):
 
     @override
     def start(self, now: Instant) -> CountTally:
-        time = None if self._window(now).is_whole else now.time
-        return CountTally(jnp.zeros(()), self._touching(now), time)
+        window = self._window(now)
+        count, time = (
+            window.if_ahead(jnp.zeros(()), now.time),
+            None if window.is_whole else now.time,
+        )
+        return CountTally(count, self._touching(now), time)
 
     @override
     def update(self, tally: CountTally, now: Instant) -> CountTally:
@@ -110,9 +114,10 @@ class AbstractLossReduction(AbstractWindowedReduction):
 
     @override
     def start(self, now: Instant) -> LossTally:
-        lost = _lost(now)
+        window = self._window(now)
+        lost = window.if_ahead(_lost(now), now.time)
         tally = LossTally(begin=now.time, at_begin=lost, time=now.time, at_end=lost)
-        return tally._replace(time=None, at_end=None) if self._window(now).is_whole else tally
+        return tally._replace(time=None, at_end=None) if window.is_whole else tally
 
     @override
     def update(self, tally: LossTally, now: Instant) -> LossTally:
@@ -258,8 +263,8 @@ class ArchardWear(AbstractWindowedReduction):
 
     @override
     def start(self, now: Instant) -> WearTally:
-        unworn: dict[str, list[Scalar]] = {base: [jnp.zeros(())] * self.sectors for base in BASES}
-        return now.time, self._rates(now), unworn
+        zero = self._window(now).if_ahead(jnp.zeros(()), now.time)
+        return now.time, self._rates(now), {base: [zero] * self.sectors for base in BASES}
 
     @override
     def update(self, tally: WearTally, now: Instant) -> WearTally:

@@ -17,7 +17,7 @@ from ..._fields.checks import as_number, require, require_finite
 from ..._math.interpolation import Parabola, Point, highest_after
 from ..._math.smoothing import where
 from ..._math.vectors import Scalar
-from ...quantities.base import Instant, Quantity, numbers, require_quantity
+from ...quantities.base import Instant, Quantity, number_at, numbers, require_quantity
 from .base import AbstractWindowedReduction, Times
 
 GAUSS_NODES = (-math.sqrt(0.6), 0.0, math.sqrt(0.6))
@@ -34,9 +34,10 @@ class AbstractQuantityReduction(AbstractWindowedReduction):
     @override
     def __check_init__(self):
         require_quantity("quantity", self.quantity)
+        require(isinstance(self.unit, str), "unit", self.unit, "text", 'pass for example "m/s"')
 
     def _value(self, now: Instant) -> Scalar:
-        return jnp.asarray(self.quantity(now), dtype=float)
+        return number_at(now, self.quantity)
 
 
 class PeakTally(NamedTuple):
@@ -65,7 +66,7 @@ class Peak(AbstractQuantityReduction):
 
     - `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit.
     - `after`, `until`: s, start, inclusive, and end, exclusive, of the window of time; by default
-      those of the run. Each may also be a function of the scene that JAX can trace, such as
+      those of the run. Each may also be a function of `Instant.scene` that JAX can trace, such as
       ``lambda scene: 2 * pi / scene.joints["drive"].speed``, for a window of its own in each run of
       a sweep. Of a step that crosses an edge of the window, only the part inside counts. Results
       are NaN if the run covers no part of the window.
@@ -235,7 +236,7 @@ class _Square(eqx.Module):
     quantity: Quantity = eqx.field(static=True)
 
     def __call__(self, now: Instant) -> Scalar:
-        return jnp.square(jnp.asarray(self.quantity(now), dtype=float))
+        return jnp.square(number_at(now, self.quantity))
 
 
 StatisticsTally: TypeAlias = tuple[IntegralTally, tuple[Scalar, Scalar]]
@@ -337,11 +338,11 @@ class Quantiles(AbstractQuantityReduction):
 
     - `quantity`: function of an `Instant` that returns a scalar; `unit`: its unit.
     - `edges`: (K,) increasing values in `unit`, K at least 2. A step's cost grows with K.
-    - `levels`: for each quantile, the part of the time, 0 to 1, for which the quantity is below it.
+    - `levels`: parts of the time, above 0 and below 1, for which the quantity is below a quantile.
     - `after`, `until`: s, the window of time, by default the whole run; see `Peak`.
 
     **Raises:** `ValueError` for edges that are not finite, do not increase, or are fewer than two;
-    and if there is no level, one not between 0 and 1, or two equal in six digits.
+    and if there is no level, one outside of this range, or two equal in six digits.
     """
 
     edges: tuple[float, ...] = eqx.field(static=True, converter=numbers)
@@ -355,7 +356,7 @@ class Quantiles(AbstractQuantityReduction):
         require(rising, "edges", self.edges, "rising", remedy)
         levels = np.asarray(as_number(self.levels))
         parts = len(levels) > 0 and bool(((levels > 0) & (levels < 1)).all())
-        require(parts, "levels", self.levels, "between 0 and 1", "give 0.95 for 95 %")
+        require(parts, "levels", self.levels, "above 0 and below 1", "give 0.95 for 95 %")
         # The results are named after the levels, so that equal ones would hide each other.
         distinct = len(self.units()) == len(levels)
         require(distinct, "levels", self.levels, "different in six digits", "remove repeated ones")

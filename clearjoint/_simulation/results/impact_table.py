@@ -8,9 +8,10 @@ import numpy as np
 from typing_extensions import override
 
 from ..._export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
+from ..._fields.checks import require_type
 from ..._fields.objects import described
 from ..._model.contact.laws import exceeded
-from ..._model.scene import Scene
+from ..._model.scene import Scene, require_scene
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -115,6 +116,9 @@ def beyond_law_ranges(scene: Scene, impacts: Impacts) -> list[str]:
     >>> print(cj.beyond_law_ranges(scene, impacts)[0][:66])
     Contact 'V' of joint 'shoulder': `JohnsonCylinder` holds for a pen
     """
+    require_scene(scene)
+    remedy = "pass solution.impacts of a run with save=Saving(impacts=True)"
+    require_type("impacts", impacts, Impacts, "a table of impacts", remedy)
     sentences = []
     for name, joint in scene.contact_joints().items():
         for label in joint.laws():

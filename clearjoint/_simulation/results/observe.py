@@ -23,14 +23,14 @@ from ..._dynamics.formulation import Formulation
 from ..._dynamics.sampled_forces import holding, initial_memories
 from ..._dynamics.system import System
 from ..._export.datasets import COMPONENT, AbstractTabular, Labelled, labelled_dataset, texts
-from ..._fields.checks import as_shown, require
+from ..._fields.checks import as_shown, require, require_type
 from ..._fields.objects import described, with_arrays
 from ..._math.smoothing import norm_and_direction
 from ..._math.vectors import ConstantFolded, Scalar, Vector, fold_constants, pack, unpack
 from ..._model.bodies import GROUND, State
 from ..._model.clearance_joints.journal_bases import BASES, HasJournal, axial_positions
 from ..._model.joints.constraint_rows import row_rate
-from ..._model.scene import Scene
+from ..._model.scene import Scene, require_scene
 from ..._native import Native, over_rows
 from ...quantities.base import Instant, Quantity, check_quantity
 from ..step.types import Flags, Integers, Numbers, Vectors
@@ -313,6 +313,7 @@ def observe(
     >>> print(f"{observed.contacts['shoulder']['V'].eccentricity.max() * 1e3:.2f} mm")
     0.51 mm
     """
+    require_scene(scene)
     # Both types of solutions have a formulation.
     kind, is_solution = type(solution).__name__, hasattr(solution, "formulation")
     require(is_solution, "solution", kind, "a Solution", "pass what simulate(scene, ...) returned")
@@ -321,6 +322,10 @@ def observe(
     remedy = "pass save=Saving(times) or Saving(steps=True) to simulate()"
     require(trajectory is not None, "solution", shown, expected, remedy)
     assert trajectory is not None
+    require_type("trajectory", trajectory, Trajectory, "a Trajectory", "pass solution.steps, say")
+    in_motion, in_scene = sorted(trajectory.states.bodies), sorted(scene.bodies)
+    expected, remedy = f"of the scene's bodies {in_scene}", "pass the scene that was simulated"
+    require(in_motion == in_scene, "solution", in_motion, expected, remedy)
     # All but the energy ledger follows from each state alone. The ledger holds integrals over the
     # run (`work`), so it is left out here and its entries are added at the end.
     states = trajectory.states

@@ -403,7 +403,7 @@ class Solution(AbstractReadable, AbstractTabular):
 
     def _requested(self) -> Trajectory:
         if self.saved is None:
-            raise AttributeError("No times were requested: pass save=Saving(times) to simulate().")
+            raise AttributeError("No states were saved: pass save=Saving(times) to simulate().")
         return self.saved
 
 

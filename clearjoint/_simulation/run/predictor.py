@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from ..._compilation.xla import SharedFunctions, one_call
+from ..._dynamics.constraint_report import check_names
 from ..._export.datasets import setting_notes
 from ..._fields.checks import require
 from ..._fields.objects import with_arrays
@@ -368,6 +369,7 @@ def predictor(
     **Raises:** `ValueError` for invalid arguments, as `sensitivities`. Gradients raise one for a
     peak at a contact event, or at a breakpoint that depends on the parameters.
     """
+    check_names(scene, state)
     requested = requested_by(outputs, None)
     expected = "a quantity or a reduction in reverse mode"
     remedy = "pass a quantity or a reduction such as cj.Peak"

@@ -30,7 +30,7 @@ from ..._native.compiled import report_fallback
 from ..._native.functions import keep_flattened
 from ..._native.lanes import made_lane_loop
 from ..._result_codes import result_number
-from ...quantities.base import Instant, Quantity
+from ...quantities.base import Instant, Quantity, number_at
 from ..reductions.base import AbstractReduction, result_name
 from ..results.solution import SUCCESSFUL, Solution
 from ..step.method import SystemFamily
@@ -642,7 +642,8 @@ class Integrand(eqx.Module):
 
     def __call__(self, system: System, t: Scalar, motion: PyTree, *parts: PyTree) -> Scalar:
         entry_speeds, bristles, memory = parts  # in the order of `Formulation.integrands`
-        return self.quantity(Instant(system, t, motion, entry_speeds, {}, bristles, memory))
+        now = Instant(system, t, motion, entry_speeds, {}, bristles, memory)
+        return number_at(now, self.quantity)
 
 
 def integrands_of(reductions: Mapping[str, AbstractReduction]) -> dict[str, Integrand]:

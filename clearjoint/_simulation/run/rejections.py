@@ -12,7 +12,7 @@ import numpy as np
 from typing_extensions import override
 
 from ..._export.datasets import AbstractTabular, Labelled, labelled_dataset, texts
-from ..._fields.checks import require_count, require_finite
+from ..._fields.checks import require_count, require_shape
 from ..._fields.objects import on_device
 from ..._math.vectors import Scalar
 from ..._model.scene import Scene
@@ -146,7 +146,7 @@ class RejectedSteps:
     def __post_init__(self) -> None:
         require_count("count", self.count, "pass a number of rejected steps")
         if self.after is not None:
-            require_finite("after", self.after)
+            require_shape("after", self.after, (), "pass one time in s")
 
     @property
     def recorder(self) -> RejectionRecorder:

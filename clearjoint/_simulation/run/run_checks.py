@@ -21,6 +21,7 @@ from jaxtyping import PyTree
 
 from ..._compilation.xla import HostFirst, is_tracing
 from ..._dynamics import assembly, constraint_report
+from ..._dynamics.constraint_report import check_names
 from ..._dynamics.coordinates import AbstractCoordinates, MotionVariables
 from ..._dynamics.journals import FAR_OUTSIDE, FAST_APPROACH, require_in_bearings, starting_contacts
 from ..._fields.caching import cached_by_numbers
@@ -67,7 +68,7 @@ def check_numbers(scene: Scene, state: State) -> None:
     state has exactly the scene's bodies and finite numbers, with Euler parameters of about unit
     norm, or raise a `ValueError`. Traced numbers raise no error; see `in_domain`."""
     _recheck(scene)
-    assembly.check_names(scene, state)
+    check_names(scene, state)
 
 
 def in_domain(check: Callable[[], None]) -> Condition | None:
@@ -203,7 +204,7 @@ def _passes(
     numbers, and no check would warn; and the fields `names` and `reduced` of `StartRows`.
     """
     scene = folded_scene.tree
-    holds: list[Condition] = [*conditions_of(lambda: assembly.check_names(scene, state))]
+    holds: list[Condition] = [*conditions_of(lambda: check_names(scene, state))]
     # Without joints there are no constraints and no contacts to check.
     if not scene.joints:
         return reduce(and_, holds, jnp.asarray(True)), ((), np.zeros(0))

@@ -15,12 +15,12 @@ import jax
 import jax.numpy as jnp
 from typing_extensions import override
 
-from ..._fields.checks import require, require_array_names, require_count, require_finite
+from ..._fields.checks import require, require_array_names, require_count, require_shape
 from ..._fields.objects import on_device
 from ..._math.interpolation import Parabola, Point, secant_root
 from ..._math.vectors import Scalar
 from ..._model.scene import Scene
-from ...quantities.base import Instant, Quantity, check_quantity, require_quantity
+from ...quantities.base import Instant, Quantity, check_quantity, number_at, require_quantity
 from ..results.solution import TIME
 from ..step.dense_output import Snapshot
 from ..step.landing import LATEST
@@ -106,7 +106,7 @@ class SectionRecorder(AbstractRecorder[SectionRecord]):
         return self._level(now)
 
     def _level(self, now: Instant) -> Scalar:
-        return jnp.asarray(self.quantity(now), dtype=float)
+        return number_at(now, self.quantity)
 
     def _bracket(self, now: Instant, before: Scalar, after: Scalar) -> tuple[Point, Point]:
         # The positions of points are parts of the step's time, from 0 at its start to 1 at its end.
@@ -206,7 +206,7 @@ class Section:
         require(not taken, "channels", taken, unused, "rename them")
         require_count("count", self.count, "pass a number of crossings")
         if self.after is not None:
-            require_finite("after", self.after)
+            require_shape("after", self.after, (), "pass one time in s")
 
     @property
     def _earliest(self) -> jax.Array:

@@ -191,8 +191,8 @@ def sensitivities(
             # error says which calls can delay a single series.
             parameter.variation.setter(scene, state, 0.0)
     settings = settings_or(settings, presets.derivatives)
-    scheme = derivative_scheme(scene, state, settings, start_time)
     check_span(start_time, end_time)
+    scheme = derivative_scheme(scene, state, settings, start_time)
     sample_times = checked_times(start_time, end_time, times)
     requested.check(scene, settings.ledger)
     save, quantities = requested.save, requested.quantities

@@ -13,7 +13,14 @@ import numpy as np
 from jaxtyping import Float
 from typing_extensions import override
 
-from ..._fields.checks import as_number, require, require_count, require_positive, require_type
+from ..._fields.checks import (
+    as_number,
+    require,
+    require_count,
+    require_positive,
+    require_shape,
+    require_type,
+)
 from ..._model.bodies import State
 from ..._model.scene import Scene
 from ..._result_codes import RESULTS
@@ -292,6 +299,7 @@ def settle(
     require_count("largest_multiple", largest_multiple, "1 looks for the drive's period alone")
     require_positive("tolerance", tolerance, "1e-5 of the motion's range is usual")
     length = _period(period, section, span)
+    require_shape("start_time", start_time, (), "pass one time in s")
     settings = settings_or(settings, presets.accurate)
     blocks: list[Solution] = []
     time, kind, multiple = start_time, None, None

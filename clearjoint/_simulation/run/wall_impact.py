@@ -11,7 +11,7 @@ import optimistix
 from jaxtyping import Float
 
 from ..._compilation.xla import Compiled
-from ..._fields.checks import require, require_positive
+from ..._fields.checks import require, require_positive, require_type
 from ..._fields.types import Single
 from ..._math.interpolation import Parabola
 from ..._math.vectors import Scalar
@@ -77,6 +77,8 @@ def free_impact(
     100.00 N in 3.142 ms
     """
     check_precision(allow_float32=False)
+    remedy = "pass one of clearjoint.laws, such as cj.laws.Hertz(1e9)"
+    require_type("law", law, AbstractContactLaw, "a contact law", remedy)
     require_positive("mass", mass, "give kg")
     require_positive("entry_speed", entry_speed, "give m/s")
     if bearing_radius is not None:
@@ -104,7 +106,7 @@ def free_impact(
     force = np.asarray(contact_normal_force(law, gap, np.full_like(depth, entry_speed)))
     return FreeImpact(
         # The rate of the penetration is negative when the mass leaves the wall.
-        restitution=-float(rate[-1]) / entry_speed,
+        restitution=-float(rate[-1]) / float(entry_speed),
         peak_force=_crest(times, force),
         largest_penetration=_crest(times, depth),
         duration=duration,

@@ -19,7 +19,7 @@ from ..._dynamics.system import System
 from ..._fields.checks import require
 from ..._math.vectors import Condition, Scalar
 from ..._model.bodies import State
-from ...quantities.base import Instant, Quantity
+from ...quantities.base import Instant, Quantity, number_at
 from .solvers import DenseOutput, UnrolledExplicit
 from .step_state import Attempt, Method, Step, Variables, choose
 from .time_map import AbstractTimeMap
@@ -126,7 +126,7 @@ class Snapshot(eqx.Module):
 
     def values(self, system: System, quantities: Quantities) -> dict[str, Scalar]:
         now = self.instant(system)
-        return {name: jnp.asarray(of(now), dtype=float) for name, of in quantities.items()}
+        return {name: number_at(now, quantity) for name, quantity in quantities.items()}
 
     def columns(self, system: System, channels: Quantities) -> dict[str, Scalar]:
         """Return a row of a table of recorded states, by name of the column: the scene's time in s
