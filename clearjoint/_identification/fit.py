@@ -255,9 +255,11 @@ class Fit(AbstractTabular):
     def _intervals_around(self, minima: Sequence[RunMisfit]) -> list[Float[np.ndarray, "2 p"]]:
         """Return low and high ends of the values' intervals by the covariance at each minimum."""
         # If a coordinate has run towards infinity, its scale must know in which direction. If the
-        # estimate is there (`_is_gone`), its side of the first search's start tells the direction.
-        # Otherwise only another minimum can be: its side of the estimate tells the direction.
-        went_up = self.coordinates > self.searches[0].start
+        # estimate is there (`_is_gone`), its side of the start of its search tells the direction; if
+        # this is a search of `check`, which began nearby, its side of the first start. Otherwise
+        # only another minimum can be there: its side of the estimate tells the direction.
+        own = next((s for s in self.searches if s is self.best), self.searches[0])
+        went_up = self.coordinates > own.start
         scales = [parameter.scale for parameter in self.parameters.values()]
         ends, intervals = checking.interval_ends(minima, self.chi_squared), []
         # A parameter without any effect on the data may have any value. Its standard deviation is

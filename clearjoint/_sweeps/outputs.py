@@ -114,13 +114,8 @@ class Layout:
         free = BY_LANE not in names
         require(free, "axes and outputs", BY_LANE, "other names", "rename the axis or output")
         twice = sorted({name for name in names if names.count(name) > 1})
-        require(
-            not twice,
-            "axes and outputs",
-            twice,
-            "names that occur once",
-            "rename the axis or output",
-        )
+        remedy = "rename the axis or output"
+        require(not twice, "axes and outputs", twice, "names that occur once", remedy)
         require_count("chunk", self.chunk, "pass 1 or more lanes")
         sizes = [c.values.size for c in self.axes]
         fits = len(set(sizes)) == 1 if self.zipped else len(sizes) > 0

@@ -56,11 +56,8 @@ class ImpactCount(AbstractWindowedReduction):
     @override
     def start(self, now: Instant) -> CountTally:
         window = self._window(now)
-        count, time = (
-            window.if_ahead(jnp.zeros(()), now.time),
-            None if window.is_whole else now.time,
-        )
-        return CountTally(count, self._touching(now), time)
+        count = window.if_ahead(jnp.zeros(()), now.time)
+        return CountTally(count, self._touching(now), None if window.is_whole else now.time)
 
     @override
     def update(self, tally: CountTally, now: Instant) -> CountTally:

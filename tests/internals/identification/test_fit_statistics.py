@@ -126,6 +126,18 @@ def test_minima_that_the_data_allow_widen_intervals_and_are_reported():
     assert warning.startswith("Another minimum is only 1.5 higher in chi squared, at offset 1, slo")
 
 
+def test_an_estimate_at_an_end_of_its_scale_went_there_from_the_start_of_its_own_search():
+    scaled = {**PLAIN, "slope": cj.Parameter(path, cj.Log(), unit="m/s")}
+    fit = line(parameters=scaled, jacobian=np.column_stack([np.ones(COUNT), 1e-6 * TIMES]))
+    from_above, from_below = (
+        replace(fit.best, start=fit.coordinates + [0.0, change]) for change in (9.0, -9.0)
+    )
+    fell = replace(fit, searches=(from_below, from_above), best=from_above).intervals["slope"]
+    rose = replace(fit, searches=(from_above, from_below), best=from_below).intervals["slope"]
+    assert fell[0] == 0.0 and math.isfinite(fell[1])
+    assert rose[0] > 0.0 and math.isinf(rose[1])
+
+
 def test_the_same_minimum_twice_is_no_rival():
     twice, fit = with_minima(([1e-9, 0.0], 1e-6))
     assert twice.rivals == [] and twice.warnings == []
