@@ -935,8 +935,8 @@ def final_state(found: "xr.Dataset") -> State:
 
 
 def _stacked(found: "xr.Dataset", name: str) -> Float[np.ndarray, "stages rows joints 2 samples"]:
-    """Return the depths, m, or the rates, m per cycle, of a result in row 0, and their derivatives
-    by the parameters, if any, in the other rows. `name`: "depth" or "rate"."""
+    """Return the depths, m, or rates, m per cycle, of a result, of both `PARTS`: row 0 has values,
+    the other rows their derivatives by the parameters, if any. `name`: "depth" or "rate"."""
     dims = "stage", "parameter", "joint", "angle"
     of_parts = []
     for part in PARTS:

@@ -515,7 +515,7 @@ class _Writer:
         cell_form = self._form_in_memory(kind)
 
         def load(form: Form, lane: int = 0) -> Word:
-            # Only 8 bytes of alignment are known: a vector of tangents may begin at any cell.
+            # Aligned to 8 bytes only: a vector of tangents is several cells, and starts at any one.
             pointer = self._pointer(entry.number, index, lane)
             return self._add(f"load {form}, ptr {pointer}, align 8")
 

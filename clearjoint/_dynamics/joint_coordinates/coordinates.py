@@ -75,7 +75,7 @@ Walk: TypeAlias = Sequence[tuple[TreeBranch, Evaluate]]
 
 
 class JointMechanics(AbstractMechanics):
-    """Equations of motion of all trees of a scene, prepared once for all forces and constraints."""
+    """Equations of motion of a scene's trees at an instant, for any forces and constraints."""
 
     def __init__(self, scene: Scene, variables: TreeVariables):
         self._scene, self._variables = scene, variables
