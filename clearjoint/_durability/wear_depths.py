@@ -38,7 +38,7 @@ Signals = Mapping[str, Float[jax.Array | np.ndarray, " T"]]
 
 
 class Signal(eqx.Module):
-    """Quantity: a signal, one of `SIGNALS`, of a joint."""
+    """Quantity: the number `name` of `SIGNALS`, such as "V force", for the wear of `joint`."""
 
     joint: str = eqx.field(static=True)
     name: str = eqx.field(static=True)

@@ -89,7 +89,8 @@ def initial_memories(
 def updated_memory(
     force: AbstractSampledForce, motions: Motions, name: str, memory: ForceMemory, t: Scalar
 ) -> ForceMemory:
-    """Call the method `updated_memory`, with the arguments in the order of `Kinds.evaluate`."""
+    """Return the memory of a force after its instant `name` at the time t, s, checked for the same
+    keys. `Kinds.evaluate` can call this function, since its arguments begin with force, motions."""
     updated = force.updated_memory(name, memory, motions, t)
     argument = f"{type(force).__name__}.updated_memory"
     expected, remedy = f"the same numbers, {sorted(memory)}", "return {**memory, ...}"

@@ -48,7 +48,8 @@ class _Joining:
         # The cells that each function writes, for the blocks after it, which may call it.
         by_functions: list[set[int]] = []
         for number, block in enumerate(blocks):
-            # By `_written` and `_loads`, `_next_to_each_other` decides which cells it can move.
+            # `_join_block` moves cells of arguments next to each other, so that one load reads a
+            # vector of them. By `_written` and `_loads` it decides which cells it can move.
             self._written = cells_written(program, block, by_functions)
             by_functions.append(self._written)
             # Functions of vectors contain no calls that could be joined further.
@@ -56,7 +57,7 @@ class _Joining:
                 self._loads = {}
                 self._join_block(block)
         for block in blocks:
-            # Any block may read or write cells that `_next_to_each_other` has moved: renumber them.
+            # Any block may read or write cells that have moved: give it their new numbers.
             for entry in walked(block):
                 if isinstance(entry, Operation) and entry.name in ("load", "store"):
                     entry.number = self._moved.get(entry.number, entry.number)

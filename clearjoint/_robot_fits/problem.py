@@ -149,8 +149,8 @@ class MovedRobot:
 
 @dataclass(frozen=True)
 class AbstractStart(AbstractGroupedChange):
-    """Base class of functions that change positions or speeds of joints at the start. `moved` has
-    the robot, which computes the bodies' states from these numbers."""
+    """Base class of functions that set joint positions or speeds of a robot in the initial state.
+    `moved` holds the robot, which computes the bodies' states from those of all joints."""
 
     moved: MovedRobot
 

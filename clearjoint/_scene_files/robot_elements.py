@@ -74,9 +74,10 @@ before they slip, they deflect elastically by 1e-4 rad or m."""
 
 
 class Elements:
-    """The joints and forces of a robot's scene, by name.
+    """The `joints` and `forces` of a robot's scene, by name.
 
-    - `ideal`: ideal joint for each joint of the file that is neither floating nor within a body.
+    - `ideal`: ideal joint for each joint of the file, except floating joints and those between
+      links that are fixed to each other, in one body or on the ground.
     - `mimics`: the `Mimic` of each joint that follows another, leaders before their followers.
     - `omitted`: contents of the file that the scene lacks, in the form of `Content.omitted`.
     """

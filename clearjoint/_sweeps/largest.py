@@ -204,7 +204,7 @@ def largest_feasible(
     expected = f"axes of other names than {VALUE!r}, the axis of the parameter"
     require(VALUE not in draws, "draws", VALUE, expected, "rename the axis")
     changes = {name: axis.setter(scene, state) for name, axis in draws.items()}
-    own = parameter.variation.setter(scene, state, example=0.0)  # it sets a single number
+    own = parameter.variation.setter(scene, state, example=0.0)  # for values of the shape ()
     require_apart("draws", {VALUE: own, **changes}, scene, state)
     sizes = {name: len(axis.values) for name, axis in draws.items()}
     expected = "axes of equal length"

@@ -403,9 +403,9 @@ class _Group:
             self._slots[column] = None
 
     def _log(self, name: str, rows: list[np.ndarray], task: np.ndarray) -> tuple[np.ndarray, int]:
-        """Compute the columns of the log `name`, a table, from its `rows`, arrays (n, numbers), in
-        blocks with a fixed number of rows. Return the columns as cells, (blocks, cells), and the
-        number of rows. `task`: cells of the lane's `Task`."""
+        """Convert the recorded `rows` of the log `name`, arrays (n, numbers), to its result table.
+        Return the table as cells, (blocks, cells), in blocks of a fixed number of rows, and the
+        number of rows recorded. `task`: cells of the lane's `Task`, which the conversion uses."""
         rows_a_block, numbers = self._programs.blocks[name]
         count = sum(map(len, rows))
         # The compiled function takes blocks of a fixed size, so the last one is filled with zeros.
