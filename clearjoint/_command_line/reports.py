@@ -229,7 +229,7 @@ def write_wear_report(folder: Path, dataset: xr.Dataset) -> None:
 
 
 def write_page(folder: Path, *parts: str) -> None:
-    """Write a folder's page, with `parts`, in HTML, below its figures. It needs no network."""
+    """Write a folder's page, which needs no network. `parts`: HTML to place below the figures."""
     summary = folders.read_summary(folder)
     title = escape(str(summary.pop("title")))
 

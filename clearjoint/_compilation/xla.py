@@ -339,9 +339,9 @@ def seconds_of_compiling() -> float:
 
 
 def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Wrap a function for JAX to trace. When the tracing begins, so does the time that
-    `seconds_of_compiling` returns. It ends with the context `program_is_made_inside`; outside of
-    such a context, it does not begin."""
+    """Wrap a function for JAX to trace. `seconds_of_compiling` counts the time from the first
+    tracing in a context `program_is_made_inside` to the end of this context. It does not count a
+    tracing outside of such a context."""
 
     @wraps(function)
     def traced(*arguments: Arguments.args, **options: Arguments.kwargs) -> Result:
@@ -359,7 +359,7 @@ def begins_a_program(function: Callable[Arguments, Result]) -> Callable[Argument
 @contextmanager
 def program_is_made_inside() -> Iterator[None]:
     """Context in which `seconds_of_compiling` counts this thread's time from the first tracing on
-    (see `begins_a_program`). An inner context does not end a count that began before it."""
+    (see `begins_a_program`). A count ends with the context in which it began, inner or outer."""
     thread = threading.get_ident()
     is_inner = thread in _began
     before = _began.setdefault(thread, None)

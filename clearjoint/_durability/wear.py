@@ -424,7 +424,7 @@ class CycleRun:
     ) -> "_Measured":
         """Run a stage from `state`; return the wear per cycle, its derivatives and the final state.
         If the run fails, the wear is zero; if the second run, for the derivatives, fails, these are
-        zero. The result's `failure` says why. `depths`: m, that the joints in `scene` have lost."""
+        zero; see `failure`. `depths`: m, already lost by bearings and journals, as in `scene`."""
         # The measured cycles begin after those in which the motion settles.
         begin = self.start_time + self.settle * self.cycle
         middle, end = (begin + part * self.measured * self.cycle for part in (0.5, 1.0))

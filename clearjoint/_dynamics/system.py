@@ -155,7 +155,7 @@ class System(eqx.Module):
     def dynamics_under(
         self, mechanics: AbstractMechanics, forces: LoadedContacts, t: Scalar
     ) -> Dynamics:
-        """Solve the equations of motion with given contact forces."""
+        """Solve the equations of motion for a result of `mechanics`, with given contact forces."""
         wrenches = applied_wrenches(self.scene, mechanics.motions, forces, self.scene_time(t))
         rates, rows = mechanics.free_rates(wrenches), self.rows(mechanics.motions, t)
         rotors = self.rotors(mechanics.motions)

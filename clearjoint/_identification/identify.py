@@ -113,9 +113,9 @@ def identify(
       covariance predicts, up to four standard errors from the estimates. If it does not, there are
       several minima close together, or chi squared is not quadratic. Up to six rounds of runs
       without derivatives and of local searches then explore it, and the fit moves to the lowest
-      minimum. By default this costs about as much as the searches and the test. A number, 50 or
-      more, such as 400, is that of the runs in the first round. With a number, or after a long
-      search, the intervals are those of a posterior, from at most 75 times as many runs.
+      minimum. By default this costs about as much as the searches and the test. A number n, 50 or
+      more, such as 400, is that of the runs in the first round. With a given n, or after a long
+      search, the intervals are those of a posterior, from at most 75 n runs.
     - `progress`: whether to show a line of iterations, or a function called with each `Iteration`.
 
     **Raises:** `ValueError` for unsupported arguments; `FitInterrupted`, with the best fit so far,

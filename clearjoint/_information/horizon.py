@@ -85,7 +85,7 @@ class FitHorizon:
     - `guesses`: the tested wrong guesses, each with the records for which a fit from it may fail.
     - `information`: the `Identifiability` of the parameters, also for shorter records.
 
-    `numerical`, `convergence` and `single_shot` are infinite if their limit is beyond the record.
+    `numerical` and the properties `convergence` and `single_shot` are infinite if never reached.
 
     >>> sensors, errors = {"probe": cj.Sensor(x, times, noise=1e-4)}, {"stiffness": np.log(1.5)}
     >>> free = {"stiffness": stiffness}

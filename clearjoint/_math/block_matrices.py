@@ -227,9 +227,9 @@ def _support(row: Sequence[Scalar]) -> set[int]:
 
 
 def _groups(columns: Sequence[set[int]]) -> list[list[int]]:
-    """Return lists of at most `SIZE` consecutive rows, each list for one row of blocks. `columns`
-    has the columns of blocks in which each row has entries. A row joins the list before it if they
-    share over half of all their columns, as in one joint, lest blocks couple unrelated rows."""
+    """Divide the rows of D into lists of at most `SIZE` consecutive rows. `columns`: for each row,
+    the indices of the columns of blocks, `SIZE` wide, in which it has entries. A row joins the list
+    before it if they share over half of all their columns, lest blocks couple unrelated rows."""
     groups: list[list[int]] = []
     union: set[int] = set()  # the columns of the rows in the last list
     for row, row_columns in enumerate(columns):
@@ -361,7 +361,7 @@ def _product(plan: _Plan, blocks: jax.Array, vector: jax.Array) -> jax.Array:
 
 
 def _iterated(blocks: jax.Array, right: jax.Array, table: Sequence[_Step]) -> jax.Array:
-    """Return x of S x = b: b in `right`, S and its factor in `blocks`, by a `_Plan.solution`."""
+    """Solve S x = b. `right`: b; `blocks`: of S and its factor; `table`: a `_Plan.solution`."""
 
     def step(vectors: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
         former, sign, transposed, target, block, source = row

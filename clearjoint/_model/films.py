@@ -277,8 +277,8 @@ class ButenschoenFilm(AbstractFilm):
 
 
 def load_slope(width: Scalar, ratio: Scalar) -> Scalar:
-    """Return the load number of rotation So_D of `ButenschoenFilm` over the eccentricity `ratio`.
-    It is finite for a centred journal, for which So_D is zero. `width` is B/D."""
+    """Return the load number of rotation So_D of `ButenschoenFilm`, divided by the eccentricity
+    `ratio`. It is finite for a centred journal, for which So_D is zero. `width` is B/D."""
     numerator, shift = (polynomial(fit, width) for fit in LOAD)  # a1 and a2
     square = ratio * ratio
     # The closed form for a short bearing, which the fit corrects for a finite width.

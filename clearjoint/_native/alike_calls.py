@@ -169,9 +169,9 @@ class _Joining:
         return start
 
     def _element_for(self, result: Operation, call: Operation, place: int) -> Iterator[Operation]:
-        """Yield the operations that replace `result`, which reads a result of a single call. They
-        read the vector of these results, which the joined `call` returns, unless it has been read
-        already, and then its element `place`."""
+        """Yield the operations that replace `result`, an operation that reads a result of one call.
+        The joined `call` returns this result of all calls as a vector. The operations read this
+        vector, unless it has been read already, and take its element `place`."""
         program, index_of_result = self._program, result.arguments[2]
         assert result.out is not None and call.out is not None
         # The first of the single calls reads the vector; the others take their elements of it.

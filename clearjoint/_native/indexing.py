@@ -304,8 +304,8 @@ def _scatter(
 
 
 def _combination(lower: Lowering, equation: Equation, name: str) -> Callable[[Value, Value], Value]:
-    """Return (old element, update) -> new element: the operation `name`, such as "add"; for "",
-    the update or, for `x.at[k].apply`, a function of the element."""
+    """Return the function (old element, update) -> new element: the operation `name`, say "add".
+    For "", it returns the update or, for `x.at[k].apply`, a function of the old element."""
     if name:
         return lower.operation(name, aval_of(equation.invars[0]))
     # "scatter" has a jaxpr that returns the update or, for `x.at[k].apply`, a function of the

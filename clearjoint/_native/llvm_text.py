@@ -184,8 +184,8 @@ class _Writer:
 
     def _mark_entry(self, entry: Entry) -> bool:
         """Count the uses of values in an entry if the entry is needed, and add it to `_live`. Later
-        entries must have been marked before. Return whether the entry has an effect other than its
-        values: an operation without a result has, and a needed branch or loop is taken to have."""
+        entries must have been marked before. Return whether the entry may do more than compute
+        values: true for an operation without a result, and for a needed branch or loop."""
         uses = self._uses
         if isinstance(entry, Operation):
             if entry.out is not None and not uses[entry.out]:

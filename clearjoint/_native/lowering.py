@@ -166,9 +166,9 @@ class Function:
     """A function of machine code for a jaxpr, which exchanges values with its callers in memory.
 
     - `number`: its index in the program.
-    - `parameters`: the first cell of each value that differs between calls. The caller writes it.
-    - `places`: the arguments that differ between calls, as arrays inside the function. If they are
-      in memory, the caller copies its arrays to their cells.
+    - `places`: the arguments that differ between calls, as arrays inside the function. The caller
+      copies arrays in memory to the cells of their places.
+    - `parameters`: the first cell of each value in the other arrays. The caller writes the value.
     - `results`: arrays that the function returns, of values as they are named inside of it.
     - `cells`: the first cell of each value in `results` that the function computes and writes. All
       other values in `results` are computed outside, once for all calls.

@@ -83,9 +83,9 @@ class AbstractScale(abc.ABC):
         """Return the ends of the confidence interval of an estimated value.
 
         By default these are the values at ``coordinate - half`` and ``coordinate + half``, where
-        `half` is the half width of the coordinate's interval. A scale overrides this method if its
-        coordinate runs to infinity where the data put a value at an end of its range, such as a
-        friction of zero, because the derivative of the value by the coordinate vanishes there.
+        `half` is the half width of the coordinate's interval. A scale overrides this method if an
+        end of its range, such as a friction of zero, has an infinite coordinate. An estimate near
+        this end has a very large `half`, since the data hardly depend on the coordinate there.
         `rising`: whether a coordinate that runs to infinity runs up, to the upper end of the range.
         """
         return float(self.value(coordinate - half)), float(self.value(coordinate + half))

@@ -83,9 +83,9 @@ class AbstractSceneFamily(eqx.Module):
         return self.effects()[0]
 
     def effects(self) -> tuple[PyTree[bool], int | None]:
-        """Return, in the structure of the scene, whether a parameter may change each leaf; and how
-        many of the first `pairs` the scene needs, since later ones change only the initial state:
-        a number here, but a subclass may return ``None`` for all."""
+        """Return, in the structure of the scene, whether a parameter may change each leaf; and the
+        number of changes in `pairs`, counted from the first, that the scene needs. The others
+        change only the initial state. A subclass may return ``None`` for all changes."""
         # A user's function may change any leaf. JAX traces the functions here without computing
         # numbers, and each leaf that depends on a parameter becomes a tracer.
         effects: list[tuple[PyTree[bool], int]] = []

@@ -99,8 +99,8 @@ class RobotFit(AbstractTabular):
     - `robot`: the robot with the estimates.
     - `log`, `driven_by`: the arguments of `fit_robot`.
     - `undetermined`: for each parameter that the log doesn't determine, a sentence that says why.
-    - `held`: value and unit at which each undetermined parameter was held: its last estimate if the
-      log excludes its start, or for a position or speed at the start of the log; else its start.
+    - `held`: value and unit at which each undetermined parameter was held: its first guess. If the
+      log excludes that, or for a start position or speed, it is the last estimate, if there is one.
     - `limits`: 95 % intervals of held parameters, only those that begin at 0 or end at infinity.
 
     ```python

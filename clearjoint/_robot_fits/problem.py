@@ -467,7 +467,7 @@ def _load_at_start(
 def _smoothed(robot: Robot, joint: str, samples: Logged) -> Spline:
     """Return a cubic spline through `samples` of the angle or displacement of a robot's `joint` or,
     if their noise is known, one of few pieces that misses them by their noise (P. Dierckx, *Curve
-    and Surface Fitting with Splines*, 1993). Angles are without jumps by a revolution."""
+    and Surface Fitting with Splines*, 1993). Jumps of angles by a revolution are removed first."""
     from scipy.interpolate import CubicSpline, UnivariateSpline
 
     _require_unit(f"log.angles[{joint!r}]", samples, "rad" if is_hinge(robot, joint) else "m")

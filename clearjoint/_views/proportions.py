@@ -225,9 +225,9 @@ def camera(parts: Sequence[DrawnPart], proportions: Proportions) -> Camera:
 def in_perspective(
     corners: Float[np.ndarray, "*N 3"], distance: float
 ) -> Float[np.ndarray, "*N 2"]:
-    """Project points, for a viewer at `distance`, m, from the target, on the plane through the
-    target perpendicular to the line of sight. Coordinates, m, of points are to the right, upwards
-    and to the viewer, from the target; projections have the first two."""
+    """Return the projections of points on the plane through the target perpendicular to the line of
+    sight. The viewer is at `distance`, m, from the target. Points have coordinates relative to it,
+    m: to the right, upwards and towards the viewer. Projections have the first two."""
     return corners[..., :2] * (distance / (distance - corners[..., 2:]))
 
 

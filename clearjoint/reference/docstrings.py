@@ -38,8 +38,8 @@ def public_path(name: str, module: str = "") -> str | None:
     """Return the path of the public object or module that a name in backticks means, such as
     "clearjoint.laws.Hertz" for "Hertz"; ``None`` for another word.
 
-    For "View.save", the path is that of the class `View`. The argument `name` is ".View" for
-    "cj.View" and "clearjoint.View". In the docstring of a `module`, its names come first.
+    For "View.save", the path is that of the class `View`. For "cj.View" or "clearjoint.View", pass
+    ".View" as `name`. A name is looked up first in the `module` in whose docstring it stands.
     """
     if f"{module}.{name}" in PATHS:
         return f"{module}.{name}"

@@ -389,8 +389,8 @@ class MassMatrix(AbstractTreeSolver):
         self._factors = Factorisation(matrix)
 
     def _fill_row(self, row: list[Scalar], k: int | None, momentum: Twist) -> None:
-        """Fill the entries of one speed's `row` for link k (``None``: the ground) and its carriers
-        with the products of their columns and the `momentum` on link k for a unit of this speed."""
+        """Fill the entries of one speed's `row` for the speeds of link k (``None``: the ground)
+        and its carriers. `momentum`: that which acts on link k, for a unit of the row's speed."""
         while k is not None:
             columns, first = self._links[k].columns, self._firsts[k]
             for j, column in enumerate(columns, first):

@@ -40,9 +40,9 @@ part. If this share is too short, the runs are repeated over more of the record.
 class Screening:
     """Starts of a fit, found by screening a box around the guess.
 
-    Every round runs a number of points without derivatives over the longest part of the record that
-    `keep` points fit about as well as the best, and keeps these points. The next runs them again,
-    with new points drawn among them. Screening ends with the record, or after `rounds` rounds.
+    Every round runs points without derivatives. It finds how far into the record at least `keep` of
+    them fit it about as well as the best, and keeps so many. The next round runs these again, with
+    new points drawn among them. Screening ends with the record, or after `rounds` rounds.
 
     **Arguments:**
 

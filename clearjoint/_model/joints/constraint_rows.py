@@ -192,9 +192,9 @@ def relative_angle_row(
     names: Pair, first: Motion, second: Motion, axis_first: Vector, axis_second: Vector
 ) -> Row:
     """Return the angle of the second body relative to the first about a common axis, rad in [-pi,
-    pi], as a row. It is right-handed about the first body's axis. To reach angle zero, turn the
-    second body from parallel frames by the shortest rotation that makes the axes parallel; if they
-    are nearly opposite in parallel frames, by the shortest that makes them antiparallel."""
+    pi], as a row. It is right-handed about the first body's axis. It is zero while the two frames
+    differ by the shortest rotation that makes the axes parallel, or antiparallel if the components
+    of `axis_first` and `axis_second` are nearly opposite."""
     a, b = unit(axis_first), unit(axis_second)
     start, _ = transverse_axes(a)
     # `direction` is `start`, which is perpendicular to a, after the shortest rotation from a to b:

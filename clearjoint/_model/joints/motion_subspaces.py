@@ -332,7 +332,7 @@ def _from_zeta(axis: Vector) -> EulerParameters:
 
 
 class ScrewMotion(AbstractTurning):
-    """Rotation about an axis with an advance of `pitch`, m/rad; its angle counts revolutions."""
+    """Rotation about an axis by an unlimited angle, rad, with an advance of `pitch`, m/rad."""
 
     pitch: Scalar
 

@@ -262,10 +262,10 @@ class ContactProblem:
         """Return the impulses at the closed contacts along all `rows`, and the relative residual,
         which is above `TOLERANCE` if the alternation did not converge.
 
-        The residual is the largest of three: those of the normal and of the friction impulses, and
-        the opening velocity that the last change of the friction impulses would cause. Each of the
-        first two is divided by the largest velocity at closed contacts that its impulses have to
-        change, the third by the larger of these velocities (see also `ROUNDED` and `NEGLIGIBLE`).
+        The residual is the largest of three numbers. The residuals of the normal and of friction
+        impulses are each divided by the largest velocity that these impulses have to change, and
+        the opening velocity due to the last change of friction impulses by the largest of `aims`
+        and `slips`. All velocities are at closed contacts (see also `ROUNDED` and `NEGLIGIBLE`).
         `aims`: for each contact, its opening velocity without impulses less the smallest one that
         is allowed, m/s; `slips`: slip velocities without impulses, m/s, in the order of the slip
         directions in `rows`.

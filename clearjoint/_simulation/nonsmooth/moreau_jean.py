@@ -153,8 +153,8 @@ def _projection(
     sinks: Sequence[Scalar],
     h: Scalar,
 ) -> tuple[list[Scalar], Scalar]:
-    """Return a change of the speeds that moves the positions out of the wall, and only lasts for
-    this step, and the relative residual of the contact problem for it. Gaps are linearised.
+    """Return a change of the speeds that moves positions out of the wall, and the relative residual
+    of its contact problem. The speeds at the end of the step exclude it. Gaps are linearised.
     `after`: opening velocities after the impulses, m/s. `sinks`: velocities towards the wall that
     the forces add, at least zero, m/s. Both begin with one for each contact; others are unused."""
     stays, ends = [], []

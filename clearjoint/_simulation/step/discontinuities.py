@@ -55,9 +55,9 @@ BREAKPOINTS = "`breakpoints` that returns the times in s at which it jumps or ha
 
 
 def require_declared(scene: Scene) -> None:
-    """Check that every element of a scene that may change abruptly at some time, because it
-    compares, rounds or clips a number that depends on time, declares its breakpoints; raise a
-    `ValueError` that names the first element, or function of time in it, that does not."""
+    """Check that elements that may change abruptly at some time declare their breakpoints: those
+    that compare, round or clip a number that depends on time. Raise a `ValueError` that names the
+    first such element, or function of time in it, whose class defines no method `breakpoints`."""
     elements = {"joints": scene.joints, "forces": scene.forces}
     for family, members in elements.items():
         for name, element in members.items():

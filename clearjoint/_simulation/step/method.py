@@ -98,8 +98,8 @@ class SystemFamily(eqx.Module):
     def with_derivatives(
         self, function: Callable[..., Value], primals: Trees, tangents: Trees
     ) -> tuple[Value, Value]:
-        """Return ``function(system, *primals)`` and its derivatives by the parameters. `tangents`
-        are those of `primals`. Arrays of both derivatives have a first axis for the parameters."""
+        """Return ``function(system, *primals)`` and its derivatives by the parameters. Arrays of
+        these, and of `tangents`, the derivatives of `primals`, have a first axis for parameters."""
         value, _, derivatives = self.with_auxiliary(
             lambda *arguments: (function(*arguments), None), primals, tangents
         )

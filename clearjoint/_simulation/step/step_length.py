@@ -96,7 +96,7 @@ def _uncut(last: Proposal, is_cut: Condition, proposed: Scalar) -> Scalar:
 def magnitudes(y: Variables) -> Variables:
     """Return the numbers to which the step-size controller relates the errors of the variables y.
 
-    - Positions and velocities of bodies: in each component, the largest of the three magnitudes.
+    - Position and velocity of a body: for each component, the largest magnitude of all three.
     - Bristle deflections, from `with_relative_bristles`: the absolute value, but at least 1.
     - All other variables: the variable itself; the controller takes absolute values.
     """

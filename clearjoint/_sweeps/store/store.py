@@ -146,7 +146,7 @@ def _programs(stored: Contents, wanted: Contents, without_run: bool) -> Iterator
 
 
 def _save_times(stored: Contents, wanted: Contents, matches: np.ndarray) -> Iterator[str]:
-    """Yield a line if sample times of lanes in both sweeps differ; `matches`: see `differences`."""
+    """Yield a line if common lanes have different sample times. `matches`: as in `differences`."""
     old, new = stored.identity.lanes, wanted.identity.lanes
     # `matches` is -1 for lanes that the wanted sweep lacks, which are left out of the count.
     for name in (old.keys() & new.keys()) - {RUN}:

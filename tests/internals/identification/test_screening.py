@@ -265,7 +265,7 @@ def test_fits_of_earlier_sets_are_not_the_best_of_an_interrupted_one(data, monke
     options = {"guess": {"stiffness": 51.0}, "check_runs": 0, "progress": False}
     fit = fitted(data, **options)
     results = iter([(fit, False), (None, True)])
-    monkeypatch.setattr(_Problem, "fit", lambda *_: next(results))
+    monkeypatch.setattr(_Problem, "fit", lambda *_, show: next(results))
     with pytest.raises(cj.FitInterrupted, match="before the first run .* earlier sets") as stopped:
         cj.identify_many(SCENE, STATE, [data, data], PARAMETERS, **options)
     assert len(stopped.value.fits) == 1 and stopped.value.fits[0] is fit
