@@ -88,7 +88,7 @@ def _mark_peaks(forces: Axes, impacts: Impacts | None, joint: str) -> None:
 
 
 def _over_time(output: xr.DataArray) -> Axes:
-    """Draw an output at the saved states over time, and dots at the extremes in its attributes."""
+    """Draw an output at the saved states over time. Dots show extremes, if its `attrs` have any."""
     axes = plot.style.axes_or_new(None)
     times, values = scaled(output["time"]), scaled(output)
     axes.plot(times.values, values.values, color=plot.style.BLUE, linewidth=1.4)

@@ -49,8 +49,8 @@ def contact_history(
     cycles: float,
 ) -> History:
     """Return the contacts of a joint that has lost `depths`, m, from its `signals` at `times`, s.
-    The result's "work" (see `NUMBERS`) is that in `times` divided by `cycles`: the number of cycles
-    in `times` or, if histories of several spans of time are to be joined, in all spans."""
+    `cycles`: number of cycles in `times` or, if histories of several spans are to be joined, in all
+    spans. The result's "work" (see `NUMBERS`) is the work done in `times`, divided by `cycles`."""
     count = INSTANTS_PER_SAMPLE * depths.shape[1]
     bases = []
     for base in BASES:
@@ -182,7 +182,7 @@ class JointWear(NamedTuple):
 
     - `joint`: the joint, unworn, with a spline for each part that wears.
     - `rates`: wear rates of bearing and journal, m^2/N. `history`: contacts in measured cycles.
-    - `direct`: derivatives of both parts' wear, m per cycle at each angle, at fixed depths.
+    - `direct`: derivatives of both parts' wear, m per cycle, by p parameters, at fixed depths.
     """
 
     joint: ClearanceJoint

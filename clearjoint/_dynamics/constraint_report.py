@@ -257,8 +257,8 @@ def free_motions(scene: Scene, bodies: dict[str, BodyState]) -> Motions:
 
 def _norm(row: Row) -> Scalar:
     """Return the norm of a row's Jacobian in absolute coordinates; one if the norm is zero, as in a
-    singular position. `start_rows` divides the row's Jacobian in the chosen coordinates by it. The
-    quotient is small if these coordinates nearly satisfy the row, which then counts as dependent.
+    singular position. `start_rows` divides the row's Jacobian in the chosen coordinates by it. If
+    these coordinates nearly satisfy the row, the quotient is small: the row counts as dependent.
     """
     wrenches = [wrench for name, wrench in row.jacobian.items() if name != GROUND]
     square = sum(v.dot(v) for wrench in wrenches for v in (wrench.force, wrench.moment))

@@ -248,9 +248,9 @@ def _with_friction(
 def _continued(
     force: Callable[[Gap], Scalar], law: AbstractContactLaw, gap: Gap, closed: Condition | None
 ) -> Scalar:
-    """Return ``force(gap)``, N, a force of the `law`: as it is if `closed` is ``None``, and zero if
-    `closed` is false. If `closed` is true and the slope of the force jumps at the wall, the force
-    continues outside the wall as an odd function (see `contact_force`)."""
+    """Return ``force(gap)``, N, a force of the `law`, unchanged if `closed` is ``None``. Otherwise
+    `closed` tells whether the contact has a force. If not, return zero. If so, and if the slope of
+    the force jumps at the wall, continue it outside as an odd function (see `contact_force`)."""
     if closed is None:
         return force(gap)
     if not law.slope_jumps():

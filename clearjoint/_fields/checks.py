@@ -351,7 +351,7 @@ def _paths_to_changed(structure: Hashable, changed: tuple[bool, ...]) -> list[Pa
 
     def collect(tree: PyTree, path: Path) -> tuple[bool, bool]:
         """Add to `paths` the paths of the modules to check in `tree`, which is at `path`. Return
-        whether a leaf outside the tree's dictionaries, lists and tuples has changed, and whether
+        whether a leaf has changed that no dictionary, list or tuple in `tree` contains, and whether
         any leaf at all has changed."""
         if isinstance(tree, eqx.Module):
             names = [f.name for f in fields(tree) if not f.metadata.get("static", False)]

@@ -365,7 +365,7 @@ def _is_no_field(annotation: object) -> bool:
 
 
 def _declared(cls: type[AbstractConverting], name: str, annotation: object) -> Field:
-    """Return the dataclass field `name`, made static or given a converter by its annotation."""
+    """Return the field `name`, by default static if `annotation` is in `NAMES`, else converted."""
     # The class may have declared a field, or only a default value, or neither.
     field = vars(cls).get(name, eqx.field())
     if not isinstance(field, Field):

@@ -234,7 +234,7 @@ class _CountedRuns:
 
     @property
     def searched(self) -> int:
-        """Number of runs with derivatives."""
+        """Number of runs with derivatives, each counted once."""
         return sum(search.evaluations for search in self.searches)
 
     def left(self) -> float:
@@ -394,8 +394,8 @@ class LikelihoodCheck:
         return self.test.passed
 
     def widening(self, best: RunMisfit) -> float:
-        """Return the largest factor, 1 or more, by which an end of an interval is farther from
-        `best`, or nearer to it, by the exploration than by the covariance of `best`."""
+        """Compare the distances of the intervals' ends from `best` by the exploration and by the
+        covariance of `best`. Return the largest ratio of the larger distance to the smaller."""
         assert self.exploration is not None
         half = np.sqrt(RISE * np.diag(best.covariance))
         low, high = self.exploration.intervals()
@@ -406,8 +406,8 @@ class LikelihoodCheck:
 
     @cached_property
     def minima(self) -> int:
-        """Number of minima with a chi squared at most `RISE` above the lowest that are not `inside`
-        a lower minimum; 1 if the test passed."""
+        """Number of minima that are not `inside` a lower one, and whose chi squared is at most
+        `RISE` above the lowest; 1 if the test passed."""
         if self.exploration is None:
             return 1
         limit, minima = self.exploration.lowest + RISE, self.exploration.minima

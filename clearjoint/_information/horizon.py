@@ -280,10 +280,10 @@ def _near(
 def _errors(
     run: Sensitivities, loose: Sensitivities, weights: Mapping[str, np.ndarray], p: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return two errors of a run at each time, (T,): the largest error of an output, divided by its
-    noise; and the largest relative error of the derivatives by one of the first p parameters, in
-    the record so far. Errors are differences from `loose`, the same run with a larger tolerance.
-    `weights`: the result of `_weights`."""
+    """Return two arrays, (T,): the largest error of an output at each time, divided by its noise;
+    and, for the record up to each time, the largest relative error of the derivatives by one of the
+    first p parameters. Errors are differences from `loose`, the same run with a larger tolerance.
+    `weights`: by output, (T,), 1/noise or, at times without a sample, zero."""
     of_values = [np.abs(run.outputs[n] - loose.outputs[n]) * w for n, w in weights.items()]
     # Errors of derivatives are compared with the derivatives of the whole record so far, because a
     # fit uses their sum over all samples.

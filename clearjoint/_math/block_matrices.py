@@ -81,10 +81,10 @@ class _Plan:
         return [SIZE * block + row for row in range(self.sizes[group])]
 
     def factorisation(self) -> list[_Step]:
-        """Return the table for `_factor`, a list of operations (kind, target, source, block). Each
-        changes one row of a block, `target`, by the row `source` times the block `block`; `kind` is
-        `_UPDATE`, `_DIVIDE` or `_FACTORISE`. Indices of rows are those of the method `rows`. The
-        blocks are those in `slots`, then the inverses of the diagonal blocks."""
+        """Return the table for `_factor`, a list of operations (kind, target, source, block). The
+        product of a block and the row `source` replaces the row `target` (`_DIVIDE`), is subtracted
+        from it (`_UPDATE`), or serves to compute it (`_FACTORISE`). Rows have the indices of the
+        method `rows`. Blocks are those in `slots`, then the inverses of the diagonal blocks."""
         table: list[_Step] = []
         slots, first_inverse = self.slots, len(self.slots)
         for j, column in enumerate(self._below):
@@ -187,8 +187,8 @@ class BlockMatrix(AbstractMatrix):
         self._blocks = _sums_of_products(self._padding(), left, right, steps)
 
     def _padding(self) -> np.ndarray:
-        """Return all blocks, flattened: zeros, and ones on the diagonal in the rows that are left
-        over if a group has fewer than `SIZE`. Without the ones, the matrix would be singular."""
+        """Return all blocks, flattened: zeros, with ones on the diagonal in the unused rows of each
+        group of fewer than `SIZE` rows. Without the ones, the matrix would be singular."""
         blocks = np.zeros((len(self._plan.slots), SIZE, SIZE))
         for k, group in enumerate(self._groups):
             for row in range(len(group), SIZE):

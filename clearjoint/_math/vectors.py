@@ -324,9 +324,9 @@ _DIGITS = (None, 0.0, 1.0)
 def _patterns(
     digits: bytes, vectors: tuple[int, ...], sizes: tuple[int, ...], leaves: int
 ) -> tuple[Pattern, ...]:
-    """Return a `Pattern` for each leaf of a PyTree. `leaves`: number of leaves; `vectors`: indices
-    of the vectors and matrices, the others get ``None``; `sizes`: number of components of each of
-    them; `digits`: for each component, the index in `_DIGITS` of 0, 1 or not structural."""
+    """Return a `Pattern` for each leaf of a PyTree: ``None`` unless it is a vector or a matrix.
+    `leaves`: number of all leaves; `vectors`: indices of the vectors and matrices; `sizes`: number
+    of components of each of these; `digits`: for each component, its index in `_DIGITS`."""
     patterns: list[Pattern] = [None] * leaves
     components = iter(digits)
     for k, size in zip(vectors, sizes, strict=True):

@@ -316,8 +316,8 @@ class JournalInBearing(NamedTuple):
         return _ROUND if self.bearing is None else self.bearing.at(angle)
 
     def _journal_deviation(self, cosine: Scalar, sine: Scalar) -> tuple[Deviation, Scalar, Scalar]:
-        """Return the journal's deviation in a direction, which has the angles a about the bearing's
-        axis and b about the journal's, and db/da and d^2 b/da^2. `cosine`, `sine`: of a."""
+        """Return the journal's deviation in a direction, db/da and d^2 b/da^2. The direction has
+        the angles a about the bearing's axis and b about the journal's. `cosine`, `sine`: of a."""
         if self.journal is None:
             return _ROUND, 0.0, 0.0
         axes = self.axes

@@ -40,7 +40,7 @@ class Region(NamedTuple):
 
 
 def numbers_of(floats: np.ndarray, dtype: np.dtype) -> np.ndarray:
-    """Return memory as numbers of a dtype: for integers and bools, a view of its bits as int64."""
+    """Return the memory `floats` itself for a `dtype` of floats, else a view of it as int64."""
     return floats if dtype.kind == "f" else floats.view(np.int64)
 
 

@@ -157,7 +157,7 @@ def _polynomial(x: Symbol, *coefficients: Symbol) -> Symbol:
 
 
 def _remainder(a: Symbol, b: Symbol) -> Symbol:
-    """Return the remainder a - n b, with n = a/b rounded towards zero; of integers by 0, `a`."""
+    """Return a - n b, where n is a/b rounded towards zero. For integers and b = 0, return a."""
     if a.letter == "f":
         return a.emit("fmod", b)
     return _whole_division("remainder_whole", a, b, a, a.like(0))

@@ -338,7 +338,7 @@ class FlatArguments:
 
     @property
     def tree_structure(self) -> PyTree:
-        """The structure of the single argument, if this is a part and not a `ConstantFolded`."""
+        """The structure of a part's argument; invalid if this argument is a `ConstantFolded`."""
         assert isinstance(self.key, _Key)
         return self.key.parts[0]
 

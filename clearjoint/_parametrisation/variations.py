@@ -273,8 +273,8 @@ def changed(
 def changed_in_steps(
     scene: Scene, state: State, changes: Iterable[tuple[Change, PyTree]]
 ) -> Iterator[tuple[int, tuple[Scene, State]]]:
-    """Make changes in their order. After each call, yield the number of changes so far and the pair
-    (scene, state). One call makes neighbouring changes that have the same `make_all`."""
+    """Make changes in their order, neighbours with the same `make_all` by one call of it. After
+    each call, yield the number of changes so far and the pair (scene, state)."""
     count = 0
     # Changes that are no `AbstractGroupedChange`, such as a user's function, have no `make_all`.
     for make_all, neighbours in groupby(changes, lambda pair: getattr(pair[0], "make_all", None)):

@@ -455,7 +455,7 @@ def _of_kind(problem: RobotProblem, parameters: Iterable[str], *kinds: str) -> l
 
 
 def _inside(problem: RobotProblem, fit: Fit) -> dict[str, float]:
-    """Return the estimates as a new start, with places in plays (-1 to 1) within +/-`CLOSEST`."""
+    """Return the estimates as a new start; limit a joint's place in its play to +/-`CLOSEST`."""
     places = _of_kind(problem, fit.parameters, IN_PLAY)
     limited = {name: min(max(fit.estimates[name], -CLOSEST), CLOSEST) for name in places}
     return {**fit.estimates, **limited}

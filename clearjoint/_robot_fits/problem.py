@@ -431,7 +431,7 @@ def continuous(samples: Logged, is_angle: bool) -> Float[np.ndarray, " N"]:
 
 def _other_side(robot: Robot, log: RobotLog, name: str) -> str | None:
     """Return the motor of the joint `name`, or the joint of the motor `name`. Return ``None`` if
-    there is no such motor or joint, or if the log has its positions."""
+    there is no such other side of the drive train, or if the log has the other side's positions."""
     motors = robot._motors()
     other = (motors | {motor: joint for joint, motor in motors.items()}).get(name)
     return None if other in log.angles else other

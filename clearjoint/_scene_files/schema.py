@@ -41,8 +41,8 @@ def scene_properties(catalogue: "Catalogue") -> Schema:
 @dataclass(frozen=True)
 class Catalogue:
     """Makes the schema of a file that may name the user-defined `classes`. `definitions`: schemas
-    to which others refer, by name. Each maker, a class or static method that files may name, gets
-    one when first needed. `ROWS` names that of a number or of nested lists of numbers."""
+    to which others refer, by name: one for each maker (a class or static method that files may
+    name), added when first needed, and `ROWS`, for a number or nested lists of numbers."""
 
     classes: Classes
     definitions: Schema = field(

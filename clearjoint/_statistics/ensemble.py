@@ -158,8 +158,8 @@ def disturbed_axes(
 def at_points(
     scene: Scene, state: State, axes: Mapping[str, Axis], values: Values, count: int
 ) -> list[tuple[Scene, State] | None]:
-    """Return scene and state at each of `count` points, with the `values` there of each of the
-    `axes`, by name; ``None`` for values that a scene can't have."""
+    """Return scene and state at each of `count` points, ``None`` where a scene can't have the
+    values. `values`: those at the points, by name of the axis; empty to change nothing."""
     if not values:
         return [(scene, state)] * count
     lanes = lanes_of(scene, state, axes, values)

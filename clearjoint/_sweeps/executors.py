@@ -59,9 +59,9 @@ def _with_fields(
     statics: Mapping[str, bool],
     initialises: bool,
 ) -> type:
-    """Make an equinox class by cloudpickle's function `make` and its `arguments`, with fields that
-    exist before cloudpickle sets the attributes of the class. `statics`: whether each field is
-    static; `initialises`: whether the class defines `__init__`."""
+    """Make an equinox class by `make`, a function of cloudpickle, and its `arguments`. The class
+    has fields already before cloudpickle sets its attributes. `statics`: by name of the field,
+    whether it is static; `initialises`: whether the class defines `__init__`."""
     # The fields defined here are provisional: cloudpickle sets the class's own attributes
     # afterwards. The defaults allow the fields to follow inherited ones that have defaults. With
     # the placeholder, equinox does not generate an `__init__`.

@@ -289,8 +289,8 @@ class LaneMargins:
         return doubtful
 
     def falls(self, tolerance: float) -> bool:
-        """Return whether the margins only fall: the low end of none of their confidence intervals
-        exceeds the high end of an interval at a smaller coordinate by more than `tolerance`."""
+        """Return whether the margins only fall: no confidence interval lies above an interval at a
+        smaller coordinate by more than `tolerance`. Margins that are NaN are left out."""
         # A margin that is NaN cannot be compared.
         is_number = ~np.isnan(self.margins)
         # The smallest high end up to each coordinate.

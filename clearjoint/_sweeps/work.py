@@ -85,8 +85,8 @@ class Work:
         return arrays
 
     def _recorded(self, ended: Ended) -> dict[str, LaneArrays]:
-        """Return what is recorded by each section, by each impact table and of the states, by name.
-        Each of these has its columns by their keys and, as "count", the number of rows of each
+        """Return the tables of all sections, all impact tables and the table of saved states, by
+        name. Each one has its columns by their keys and, as "count", the number of rows of each
         lane. In impact tables, the second axis of the arrays is that of contacts."""
         logs = {name: {**rows, "count": counts} for name, (rows, counts) in ended.logs.items()}
         # A log has the rows of one section, of the saved states, or of one contact of an impact

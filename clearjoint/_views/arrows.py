@@ -24,8 +24,8 @@ MODE_NAMES = {
 
 class Arrows(NamedTuple):
     """Arrows of forces. `parts`: their solids; `note`: the legend's text on the scale; `scale`:
-    length over force, m/N, of arrows that the limit `LONGEST` does not shorten. If lengths are not
-    proportional to forces, it is that of the largest force's arrow."""
+    length over force, m/N, before arrows are cut to the length `LONGEST`. If lengths grow with the
+    square root of forces, `scale` is that of the largest force."""
 
     parts: list[DrawnPart]
     scale: float

@@ -137,8 +137,8 @@ def _size(scene: Scene, poses: BodyPoses, noted: SurveyingPen) -> float:
 
 
 def _front(poses: BodyPoses, noted: SurveyingPen) -> tuple[np.ndarray, bool]:
-    """Return the main direction in the first frame of the axes that the markers in `noted` have,
-    and whether nearly all are parallel; without axes, Z and false."""
+    """Return the main direction of the axes of the markers in `noted`, in the view's first frame,
+    and whether nearly all axes are parallel. If no marker has an axis, return Z and false."""
     turning = [marker for marker in noted.markers if marker.axis is not None]
     axes = [poses.direction(marker.body, marker.along())[0] for marker in turning]
     if not axes:

@@ -354,9 +354,9 @@ class SketchingPen(AbstractPen):
     def body(self, name: str, body: Body) -> None:
         """Draw a body as a bar around the points of its joints and forces.
 
-        If there is at most one point, or the points span less than half the longest side of the
-        body's equivalent solid along each axis, this solid is drawn too, and the bar reaches the
-        centre of mass. A body with a block, ball, gear or walls and at most one point gets neither.
+        A body with a block, ball, gear or walls and at most one point gets no bar. If another body
+        has at most one point, or its points span less than half the longest side of its equivalent
+        solid along each axis, this solid is drawn too, and the bar reaches the centre of mass.
         """
         points = self._distinct(name)
         # Blocks, gears and walls need no further shape.

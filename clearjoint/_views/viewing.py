@@ -219,9 +219,9 @@ def view(
 def _poses(
     scene: Scene, motion: Viewable | None, observation: Observation | None, forces: bool, most: int
 ) -> tuple[BodyPoses, Observation | None, list[str]]:
-    """Return the poses of the bodies in at most `most` frames or, without `motion`, in a state
-    found from the joints; the observation in these frames, computed if there is none and `motion`
-    is a solution, or ``None`` without `forces` or frames; and notes for the legend."""
+    """Return poses of the bodies in at most `most` frames, the observation there, and notes for the
+    legend. Without `motion`, the pose is that of a state found from the joints. Without an
+    `observation`, one is computed for a solution with contacts. Without `forces` it is ``None``."""
     if motion is None or isinstance(motion, State):
         remedy = "leave it out, or pass the solution that was observed"
         kind, expected = type(observation).__name__, "None for a single state"

@@ -177,8 +177,8 @@ def impact_rows(impacts: Impacts, most: int) -> list[Cells]:
 
 
 def _simultaneous(impacts: Impacts) -> list[list[int]]:
-    """Return groups of indices of a joint's impacts at different contacts, each of which overlaps
-    the first of its group for more than half of the shorter duration."""
+    """Return the indices of impacts in groups, each of one joint and different contacts. An impact
+    overlaps the first of its group for more than half of the shorter duration of the two."""
     groups: list[list[int]] = []
     # In the order of the onsets, simultaneous impacts follow each other, so that an impact can only
     # belong to one of the latest groups. Eight are examined, since impacts of other joints may lie

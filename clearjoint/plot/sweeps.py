@@ -71,7 +71,7 @@ def require_names(dataset: xr.Dataset, names: tuple[str, ...]) -> None:
 
 
 def require_several_values(dataset: xr.Dataset, along: tuple[str, ...]) -> None:
-    """Raise a `ValueError` if a single value is selected of one of the sweep's axes `along`."""
+    """Raise a `ValueError` if `dataset` has only one selected value of an axis in `along`."""
     single = [axis for axis in along if not dataset[axis].dims]
     expected = "a swept parameter with more than one value left"
     require(not single, "axis", single, expected, "draw the output before that value is selected")

@@ -285,8 +285,8 @@ def _beside(side: SideForce, first: Motion, second: Motion) -> Vector:
 
 
 def _force_failures(loaded: LoadedContact, first: Motion, second: Motion) -> dict[str, jax.Array]:
-    """Return by text of the failure whether each condition on normal force and friction fails, for
-    a contact that transmits no couple."""
+    """Return whether each condition on normal force and friction fails, by the text of the failure,
+    for a contact that transmits no couple."""
     contact, friction, force = loaded.contact, loaded.friction, loaded.normal_force
     # Friction acts at the contact points. For a contact without friction, the joint may give other
     # points on the normal force's line of action.

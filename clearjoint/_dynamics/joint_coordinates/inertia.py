@@ -232,8 +232,8 @@ class LoadedJoint:
 
     - `columns`, `offset`: as in the `Link` of the carried body.
     - `factors`: of D = columns^T M columns plus armature, with the inertia M of the carried bodies.
-    - `rests`: for each column, the momentum of the carried bodies if they move with this twist, but
-      only its part that acts on the carrier (last result of `momenta`); empty for a root.
+    - `rests`: for each column, the part of the carried bodies' momentum with this twist that acts
+      on the carrier, with the rotor's part (last result of `momenta`); empty for a root.
     - `gains`: D^-1 `rests`. The joint's rates r are those for a carrier that does not accelerate,
       less the products of the gains with the carrier's acceleration.
     """

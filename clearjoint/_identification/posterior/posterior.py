@@ -249,7 +249,7 @@ class ImpossiblePointsError(ValueError):
 
 
 class TooManyRunsError(ArithmeticError):
-    """Error of `drawn_posterior` instead of runs that would exceed its argument `most_runs`."""
+    """Raised by `drawn_posterior` before the number of runs would exceed its `most_runs`."""
 
 
 def _log_prior(

@@ -272,9 +272,9 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         return dict.fromkeys(self.contact_labels(), law)
 
     def _mesh_cycle(self, line: LineOfCentres, first: Motion, second: Motion) -> AtFlank:
-        """Return the function that adds the rate of the transmission error and the factor of the
-        stiffness to the gap of a flank, and returns it with the `SideForce`. The given depth
-        already contains the transmission error, which `displacement` subtracts."""
+        """Return a function that adds the rate of the transmission error and the factor of the
+        stiffness to a flank's gap. It returns the new gap and the flank's `SideForce`, or ``None``
+        without either. The given depth contains the error already (see `displacement`)."""
         error, stiffness = self.transmission_error, self.stiffness
         # Nothing varies over the mesh cycle.
         if error is None and stiffness is None:

@@ -106,7 +106,7 @@ class Stop(AbstractNamedPair, AbstractFrictionJoint):
 
     @override
     def centred_joint(self) -> AbstractConstraint:
-        """Return a joint that keeps the point, or the edge, where it just touches the plane."""
+        """Return a joint that keeps the point, sphere or edge on the plane, where it may slide."""
         return self._ideal(0.0)
 
     @override

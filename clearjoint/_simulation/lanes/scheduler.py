@@ -252,7 +252,7 @@ class _Shared:
 
     - `waiting`: indices, in the batch, of the lanes that have not begun.
     - `records`: lanes that have ended and that were not handed over to the caller yet.
-    - `own`: (L, cells), the data with which each lane begins.
+    - `own`: (L, cells), the data with which each lane begins; made from those in `batch`.
     - `times[number]`: s, simulated time that each running lane, by index, has reached.
     - `handed_over`: value of `time.monotonic`, s, when records were handed over last.
     - `stops`: whether all groups are to end.

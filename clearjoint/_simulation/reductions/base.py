@@ -183,7 +183,7 @@ class TimeSpan:
         return value if self.after is None else jnp.where(time > self.after, value, jnp.nan)
 
     def if_ahead(self, value: Scalar, time: Scalar) -> Scalar:
-        """Return `value`, of a run that starts at `time`, s; NaN if the window is earlier."""
+        """Return `value`, a tally at a run's start `time`, s; NaN if the window ends by then."""
         return value if self.until is None else jnp.where(time < self.until, value, jnp.nan)
 
 

@@ -169,7 +169,7 @@ class RecordedRun:
         return np.asarray(buffer.filled())
 
     def solution(self, settings: Notes) -> Solution:
-        """Return the end of the run, and nothing else, as the `Solution` for `raise_failure`."""
+        """Return a `Solution` of only the run's end, with `settings`, for `raise_failure`."""
         run, ended = self.recorder.run, self._ended
         return Solution(
             time=float(run.origin) + float(ended.time),
@@ -575,8 +575,8 @@ class _PulledLane:
     def next_steps(self, left: int, room: int) -> tuple[PulledSteps, int]:
         """Return the steps to pull back through next, and their number. They are the `left` steps
         that remain of the previous call, and steps before them, together at most `LANE_ROWS`.
-        `room`: number of rows for cotangents, at least that of these steps where outputs are
-        evaluated."""
+        `room`: number of rows that the result has for cotangents. Each of these steps in which
+        outputs are evaluated needs one."""
         last = self.first + left
         self.first = max(0, last - LANE_ROWS)
         rows = np.zeros((LANE_ROWS, self.rows.shape[1]))

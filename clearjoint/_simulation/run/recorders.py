@@ -120,7 +120,7 @@ class TangentPeakRecorder(AbstractRecorder[TangentPeak]):
 
 
 class LatestDenseStep(AbstractRecorder[DenseStep]):
-    """Recorder of the latest accepted step, with dense output, by an `UnrolledExplicit` solver."""
+    """Recorder of the latest accepted step of an `UnrolledExplicit` solver, with dense output."""
 
     @override
     def start(self, start: RunStart) -> DenseStep:

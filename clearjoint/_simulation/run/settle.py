@@ -146,8 +146,8 @@ class Strobe:
     def multiple(self, largest: int, tolerance: float) -> int | None:
         """Return the smallest number m of periods, up to `largest`, after which the motion repeats:
         in each of the last max(m, `CONFIRMING`) periods, the `change` since m periods earlier is at
-        most `tolerance`. Return ``None`` if there is no such m, or if a vibration dies away: the
-        `change` since fewer than m periods earlier decays."""
+        most `tolerance`. Return ``None`` if there is no such m, or if the `change` for a smaller
+        number of periods than m decays: the motion is then a vibration that dies away."""
         for multiple in range(1, largest + 1):
             needed = max(multiple, CONFIRMING)
             changes = self.change(multiple) if len(self.rows) > multiple else np.zeros(0)
@@ -159,8 +159,8 @@ class Strobe:
 
     def _decays(self, multiple: int, count: int) -> bool:
         """Return whether the `change` since `multiple` periods earlier decays: its largest value in
-        the last `count` periods is below half of that in the `count` periods before 3/4 of the
-        motion."""
+        the last `count` periods is less than half of that in an earlier span of `count` periods,
+        which ends after three quarters of the motion."""
         changes = self.change(multiple)
         earlier = changes[: 3 * len(changes) // 4][-count:]
         return bool(changes[-count:].max() < 0.5 * earlier.max(initial=0.0))

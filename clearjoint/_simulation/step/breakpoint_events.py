@@ -133,8 +133,8 @@ def across_breakpoints(
 def _with_shares(
     system: System, before: Scalar, after: Scalar, shares: Mapping[str, Scalar]
 ) -> System:
-    """Return the system with each force in `shares` as a `SwitchedForce`: interpolated by its
-    share, 0 to 1, between the times `before` and `after`, s since the system's origin."""
+    """Return the system with each force in `shares`, by name, as a `SwitchedForce` with this share,
+    0 to 1, between its values at the times `before` and `after`, s since `System.origin`."""
     forces = {
         name: SwitchedForce(
             force, system.scene_time(before), system.scene_time(after), shares[name]

@@ -81,8 +81,8 @@ def lengths_after_contacts(
 
 
 def length_after_breakpoints(step: Step, t1: Scalar, keep: Condition, proposed: Scalar) -> Scalar:
-    """Return the length, s, of the next step if no event cuts it short, in a run whose steps do not
-    end at contact events. The arguments are those of `lengths_after_contacts`."""
+    """Return the next step's length, s, if no event cuts it short; steps end at no contact events.
+    `t1`: end of the trial, s; `keep`: it is accepted; `proposed`: length without events, s."""
     is_cut = t1 - step.t < CUT * step.proposal.full_length
     return jnp.where(keep, _uncut(step.proposal, is_cut, proposed), proposed)
 

@@ -243,11 +243,11 @@ def _or_rejected(finite: Condition, outcome: SolverStep, y: Variables) -> Solver
 
 
 def may_jump(method: Method, scene: Scene) -> bool:
-    """Return whether rates may be discontinuous between two steps, so that those which the solver
-    has kept must be computed anew. Rates are discontinuous at breakpoints and where a contact
-    begins to drag bristles. If steps end at contact events, rates also jump if the force jumps at
-    the onset or end of a contact; a force that does not jump is zero at the onset, so that a new
-    entry speed changes no rates. If steps go across events, a new entry speed changes rates."""
+    """Return whether rates may jump between two steps, so that those which the solver has kept must
+    be computed anew. Rates jump at breakpoints and where a contact begins to drag bristles. In runs
+    whose steps end at contact events, they also jump where a contact's force does. (Other forces
+    are zero at the onset, whatever the entry speed.) In runs whose steps go across contact events,
+    they also jump where a contact gets a new entry speed."""
     if has_breakpoints(scene) or bool(scene.bristle_laws()):
         return True
     return uses_entry_speed(scene) if method.landing is None else contacts_jump(scene)

@@ -80,7 +80,7 @@ def write_dataset(path: Path, results: "xr.Dataset") -> None:
 
 
 def write_grid(path: Path, results: "xr.Dataset") -> None:
-    """Write results as the grid of the store at a path, in place of an earlier grid.
+    """Write results as a store's grid, a copy along the axes, in place of an earlier grid.
 
     If the arrays differ in names, shapes or attributes from those of the earlier grid, that grid is
     removed first, and programs find none until the new one is complete. Otherwise, files with other

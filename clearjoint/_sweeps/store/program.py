@@ -328,7 +328,7 @@ def row_digests(columns: Iterable[ArrayLike]) -> Int[np.ndarray, " n"]:
 def matching_lanes(
     stored: Int[np.ndarray, " s"], wanted: Int[np.ndarray, " n"]
 ) -> Int[np.ndarray, " s"]:
-    """Return for each stored digest the number of a wanted lane that has it, or -1; none twice."""
+    """Return for each stored digest a wanted lane that has it, or -1; each lane at most once."""
     # Equal digests are usual: an axis may repeat a value.
     unmatched: defaultdict[int, deque[int]] = defaultdict(deque)
     for lane, wanted_digest in enumerate(wanted.tolist()):

@@ -245,8 +245,8 @@ class SweepStore:
         return missing
 
     def write(self, parts: Parts) -> None:
-        """Write results of some lanes to disk, so that they are done even if the process is killed.
-        Then write the grid, a copy along the axes, if `GRID_PERIOD` and `GRID_SHARE` allow it."""
+        """Write results of some lanes to disk, so that they last even if the process is killed. If
+        `GRID_PERIOD` and `GRID_SHARE` allow it, write the grid: a copy of all, along the axes."""
         with chunks.locked(self._folder):
             # Another process may have extended the store since it was opened.
             group = chunks.opened_group(self._folder)
