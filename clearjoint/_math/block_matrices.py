@@ -105,10 +105,10 @@ class _Plan:
         return table
 
     def solution(self, sweeps: int) -> list[_Step]:
-        """Return the table for `_iterated` with `sweeps` iterations of `AbstractMatrix.solving`. A
-        row (former, sign, transposed, target, block, source) means part[target] = former *
+        """Return the table by which `_iterated` solves S x = b, in `sweeps` iterations. A row
+        (former, sign, transposed, target, block, source) means part[target] = former *
         part[target] + sign * block @ part[source], with the block transposed if `transposed` is 1.
-        The array `part` has the parts of b, then of x (zero at first), then of r (b at first)."""
+        The array `part` has the parts of b, then of x (first 0), then of the residual (first b)."""
         count = len(self.order)
         b, x, r = ([*range(first, first + count)] for first in (0, count, 2 * count))
         # The blocks of the matrix come first, then those of the factor, inverses, and the identity.

@@ -70,12 +70,12 @@ def _selected(
     scene: Scene, state: State, path: Callable[[Scene], PyTree], argument: str
 ) -> tuple[PyTree, Change]:
     """Return the numbers that a path selects, and their setter. Errors mention the `argument`."""
-    # The path runs on a tree whose leaves are their own locations. If it raises an error, it runs
-    # again in `value_at`, which raises the error with a remedy.
+    # The path runs on a scene with a `Number`, its location, in place of each array. If it raises
+    # an error, it runs again in `value_at`, which raises the error with a remedy.
     element = None
     with suppress(AttributeError, KeyError, IndexError, TypeError):
         element = path(marked(jax.tree.structure(scene)))
-    # One number, or several tied ones, as for a `Parameter`.
+    # One number or array, or several tied ones, as for a `Parameter`.
     if element is None or isinstance(element, Number | list | tuple):
         value = jnp.asarray(value_at(scene, path), float)
         return np.asarray(value), SceneNumber(path).setter(scene, state, value)

@@ -210,9 +210,9 @@ class StartOfJoint(AbstractStart):
 
 @dataclass(frozen=True)
 class StartInPlay(AbstractStart):
-    """Function that places `follower`, the side of a drive train that is not logged, in the play of
-    `backlash` at the start. It takes a value from -1, the lower end of the play, to 1, the upper
-    end; 0 is the middle, which is at the position of `joint`, the logged side."""
+    """Function that gives the joint `follower`, the side of a drive train that is not logged, a
+    start position in the play of the joint `backlash`. It takes a value from -1, the lowest such
+    position, to 1, the highest; 0 is the position of the joint `joint`, the logged side."""
 
     joint: str
     follower: str

@@ -431,7 +431,7 @@ def _bodies(axes: Axes, trajectory: Trajectory) -> None:
 
 
 def draw_over_time(row: SubFigure, observed: Observation) -> None:
-    """Draw the normal forces over time, and below them the phases of the motion of each joint."""
+    """Draw the normal forces over time, and below them the `ContactPhase`s of each joint."""
     # Relative heights: the lower axes have a row for each joint.
     heights = 1.6, 0.4 + 0.2 * len(observed.contacts)
     above, below = row.subplots(2, 1, sharex=True, height_ratios=heights)

@@ -124,8 +124,8 @@ class AbstractRecorder(eqx.Module, Generic[R]):
         except in records of rejected steps."""
 
     def searched(self, now: Instant) -> PyTree[Scalar]:
-        """Return the numbers that the recorder evaluates at only a few instants of each step, by
-        default none. A step must not skip oscillations of these numbers."""
+        """Return the present numbers that the recorder evaluates at few instants of each step, by
+        default none. `RunLoop` limits the rotations, in a step, of bodies on which they depend."""
         del now
         return ()
 
