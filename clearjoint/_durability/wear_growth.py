@@ -48,9 +48,9 @@ def contact_history(
     signals: Signals,
     cycles: float,
 ) -> History:
-    """Return the contacts of a joint that has lost `depths`, m, from its `signals` at `times`, s.
-    `cycles`: number of cycles in `times` or, if histories of several spans are to be joined, in all
-    spans. The result's "work" (see `NUMBERS`) is the work done in `times`, divided by `cycles`."""
+    """Compute the `History` of a joint from its `signals` at `times`, s. `depths`: m, what bearing
+    and journal have lost. `cycles`: number of cycles in `times` or, if histories of several spans
+    are to be joined, in all spans; the work done in `times` is divided by it (see `NUMBERS`)."""
     count = INSTANTS_PER_SAMPLE * depths.shape[1]
     bases = []
     for base in BASES:

@@ -84,13 +84,13 @@ Control: TypeAlias = Callable[[jax.Array], jax.Array]
 
 
 class FileJoint(NamedTuple):
-    """A joint or fixed tendon of the file, with its XML `element`. It has a counterpart in the
-    scene: a joint, or an element that acts on the file's joint or tendon.
+    """A joint or fixed tendon of the file, by its XML `element`, and how the scene's joint that it
+    stands for, or a joint or force of the scene that acts on it, is related to it.
 
-    `sign` is 1 if the coordinate or position of the counterpart grows with the position in the
-    file, else -1. The other fields are for the pose of the file: `axis`, (3,) in global axes, of
-    the file's joint or of the acting element; `position` in the file, rad or m; and `start`, the
-    coordinate of the scene's joint, ``None`` for a tendon or a free joint.
+    - `axis`: (3,) of the file's joint or of what acts on it, in global axes in the file's pose.
+    - `position`: of the file's joint or tendon in this pose, rad or m.
+    - `sign`: 1 if the position grows with that of the scene's joint or of what acts, else -1.
+    - `start`: coordinate of the scene's joint in this pose; ``None`` for a tendon or free joint.
     """
 
     element: Element

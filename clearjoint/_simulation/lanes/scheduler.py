@@ -419,24 +419,24 @@ class _Group:
 
 
 def _ended(shared: _Shared, records: Sequence[_Record]) -> Ended:
+    """Return the results of the lanes in `records`, from cells converted for all lanes at once."""
     programs, logs = shared.programs, {}
     numbers, outcomes, logs_of_lanes = zip(*records, strict=True)
-    # The blocks of all lanes are converted at once, and then divided again by lane. The last block
-    # of a lane may contain rows of zeros, which are cut off.
     for name, length in shared.batch.lengths.items():
-        # For each lane, the cells of its blocks, and the number of its rows.
+        # For each lane, the cells of this log's blocks of rows, and how many rows are recorded.
         recorded = [logs_of_lane[name] for logs_of_lane in logs_of_lanes]
         cells_of_all = np.concatenate([cells for cells, _ in recorded])
+        # For each column of the log, the blocks of all lanes, (blocks, rows a block, ...).
         blocks_by_column = programs.column_cells[name].trees(cells_of_all)
         # For each lane but the last, the index of the block after the lane's last block.
         ends = np.cumsum([len(cells) for cells, _ in recorded])[:-1]
         columns = {}
-        # Columns are those of the log. `blocks`, of all lanes, are (blocks, rows a block, ...).
         for key, blocks in blocks_by_column.items():
             columns[key] = np.full((len(records), length, *blocks.shape[2:]), np.nan)
             blocks_by_lane = np.split(blocks, ends)
             lanes = zip(columns[key], blocks_by_lane, recorded, strict=True)
             for lane_rows, lane_blocks, (_, count) in lanes:
+                # The last block of a lane is filled up with rows of zeros, which are cut off.
                 lane_rows[:count] = lane_blocks.reshape(-1, *blocks.shape[2:])[:count]
         logs[name] = columns, np.array([count for _, count in recorded])
     return Ended(np.array(numbers), programs.outcome_cells.trees(np.stack(outcomes)), logs)

@@ -83,7 +83,7 @@ def _outline(variable: Variable) -> str:
 
 
 def _compared(stored: Mapping[str, Part], wanted: Mapping[str, Part]) -> Iterator[str]:
-    """A line for each part that differs or that only one of the two sweeps has."""
+    """Yield a line of text for each `Part` of layouts that differs or is in one mapping only."""
     for name in {**stored, **wanted}:
         in_both = name in stored and name in wanted
         if not (in_both and np.array_equal(stored[name], wanted[name])):
