@@ -854,7 +854,7 @@ class _Store:
         text, expected = f"{self.path} without {lacking}", "a store of this version"
         require(not lacking, "path", text, expected, remedy)
         depths, rates = (_stacked(stored, name) for name in ("depth", "rate"))
-        # The stages with a run have a penetration that is not NaN.
+        # In a stage without a run, the penetrations of all joints are NaN: the first joint's tell.
         measured = int(np.isfinite(stored["penetration"].values[0]).sum())
         extremes = np.stack([stored[name].values.T for name in EXTREMES], axis=-1)
         contacts = [stored[name].values for name in CONTACTS if measured]

@@ -134,8 +134,9 @@ def assemble(
     # A single name would be taken for a list of its letters.
     is_list = isinstance(resting, Collection) and not isinstance(resting, str)
     require(is_list, "resting", resting, "a list of names", 'pass ["pin"]')
-    joints, unplaced = scene.contact_joints(), AbstractContactJoint.resting_joint
-    can_rest = [name for name in with_centre if type(joints[name]).resting_joint is not unplaced]
+    joints, default = scene.contact_joints(), AbstractContactJoint.resting_joint
+    # Joints with a resting position override the method `resting_joint`.
+    can_rest = [name for name in with_centre if type(joints[name]).resting_joint is not default]
     for name in resting:
         remedy = nearest(name, can_rest, "leave out the others")
         expected = f"names of clearance joints {can_rest}"

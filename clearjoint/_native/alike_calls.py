@@ -49,7 +49,8 @@ class _Joining:
         by_functions: list[set[int]] = []
         for number, block in enumerate(blocks):
             # `_join_block` moves cells of arguments next to each other, so that one load reads a
-            # vector of them. By `_written` and `_loads` it decides which cells it can move.
+            # vector of them. It moves only cells whose loads it has noted in `_loads`, and none
+            # that the block writes (`_written`).
             self._written = cells_written(program, block, by_functions)
             by_functions.append(self._written)
             # Functions of vectors contain no calls that could be joined further.
@@ -124,6 +125,7 @@ class _Joining:
                     new += [*vectors, call]
                     places |= {single.out: (call, place) for place, single in enumerate(group)}
             for operation in by_level[level]:
+                # An operation "result" reads one result of the call that is its first argument.
                 if operation.name == "result" and operation.arguments[0] in places:
                     new += self._element_for(operation, *places[operation.arguments[0]])
                 elif operation.out not in places:

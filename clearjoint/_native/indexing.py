@@ -262,7 +262,8 @@ def _scatter(
     ops, strides = lower.ops, _strides(shape)
     starts = lower.values(indices)
     clips = "CLIP" in str(equation.params["mode"])
-    # A row, which is the last axis of the indices, has the start of a window along these axes.
+    # A row, which is the last axis of the indices, has `depth` numbers: the start of a window along
+    # each of these axes.
     axes = numbers.scatter_dims_to_operand_dims
     # Axes of the updates are those of a window in the array, and those of the batch of windows.
     windows = list(numbers.update_window_dims)

@@ -571,7 +571,8 @@ def _with_friction(
     first guess is `start`, or else the robot's number, if positive, or else `guess`."""
     name, damper = _friction_name(robot, joint, kind), _damper(robot, joint)
     damper = damper if kind == "damping" else None
-    number = "viscosity" if kind == "damping" else "load"  # friction: a law's ratio times the load
+    # The friction is the law's ratio times the load: of these two, the load is the parameter.
+    number = "viscosity" if kind == "damping" else "load"
 
     def path(scene: Scene) -> Scalar:
         if damper is not None:

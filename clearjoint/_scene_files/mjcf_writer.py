@@ -510,7 +510,8 @@ class MjcfWriter:
             ends.append((self._between(name, kind, end, axis), position))
         (follower, y), (leader, x) = ends
         # In the scene, the follower's position y is a polynomial of the leader's position x. In
-        # MuJoCo, the follower's displacement from the pose of the file is one of the leader's.
+        # MuJoCo, the follower's displacement from the pose of the file is one of the leader's. If
+        # `sign` is -1, a position in the file falls where that in the scene rises.
         polynomial = np.polynomial.Polynomial(np.asarray(function.coefficients))
         shifted = (polynomial(np.polynomial.Polynomial([x, leader.sign])) - y).trim().coef
         if isinstance(joint.follower, RevoluteJoint):  # whose angle is known up to whole turns

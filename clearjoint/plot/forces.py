@@ -181,7 +181,7 @@ def hysteresis(
         factor, unit = fitting_unit(energy, "J")
         label = f"impact {k + 1} at {impacts.onset[k] * 1e3:.1f} ms: {energy * factor:.3g} {unit}"
         curves.append((label, depth * depth_factor, force * force_factor))
-    draw_lines(axes, curves, 2.0)
+    draw_lines(axes, curves, linewidth=2.0)
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
     axes.legend(loc="upper left", frameon=False)

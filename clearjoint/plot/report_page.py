@@ -265,9 +265,10 @@ def report(
         grid = figure.subfigures(3, 1, height_ratios=(MARGIN, height, MARGIN), squeeze=False)
         middle: SubFigure = grid[1, 0]
         page = middle.subfigures(1, 3, width_ratios=(MARGIN, width, MARGIN), squeeze=False)[0, 1]
-        names = shown(f"Run of {', '.join(scene.bodies)}", 140)
-        # At this size of the font, about 70 letters fit into the width of the page.
-        page.suptitle(fill(literal(title) or names, 70), fontsize=12)
+        # At this size of the font, about 70 letters fit into the width of the page. The names take
+        # up to two lines.
+        names = shown(f"Run of {', '.join(scene.bodies)}", longest=140)
+        page.suptitle(fill(literal(title) or names, width=70), fontsize=12)
         rows = page.subfigures(len(parts), 1, height_ratios=heights, squeeze=False)[:, 0]
         for row, part in zip(rows, parts, strict=True):
             part.draw(row)

@@ -127,8 +127,9 @@ def _touch(
     expected = f"without a moment of friction at {label!r}"
     remedy = "leave `friction` and `radius` out of EndPlay, or take simulate()"
     require(has_no_moment, f"scene.joints[{name!r}]", type(joint).__name__, expected, remedy)
+    # Friction in an ideal hinge or ball, which alone has a `lever`, is refused as well.
     _require_contact(name, joint, contact.lever)
-    on_first, on_second = contact.points_of_force(contact.slip is not None)
+    on_first, on_second = contact.points_of_force(has_friction=contact.slip is not None)
 
     def row(direction: Vector) -> Row:
         first, second = joint.pair()

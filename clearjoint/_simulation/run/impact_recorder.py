@@ -89,7 +89,8 @@ def peak_in_step(
     # `speed`: the entry speed or, for a law that uses none, the rate.
     moves = h * jnp.abs(start.speed()) > RESOLVED_TRAVEL
 
-    # The normal force does not depend on the rate of the gap's factor, so this rate is set to zero.
+    # The factor by which the law's force is multiplied at a place in the step, if the gap has one.
+    # The normal force does not depend on the factor's rate, so this rate is set to zero.
     def factor(x: Scalar) -> Slope | None:
         at_start, at_end = start.gap.factor, end.gap.factor
         if at_start is None or at_end is None:

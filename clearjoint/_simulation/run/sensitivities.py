@@ -204,7 +204,7 @@ def sensitivities(
     coordinates = coordinates_of(scene, state, parameters)
     family = parametrised(scene, state, in_scene(parameters), coordinates)
     run_arguments = scheme, family, quantities, all_times, (start_time, end_time), settings
-    wanted = TangentRun.of(*run_arguments, requested.recorders(), saved is not None)
+    wanted = TangentRun.of(*run_arguments, requested.recorders(), has_states=saved is not None)
     with compiling_bar(progress):
         run = recorded_run(wanted, save.impacts)
         values, derivatives = run.values, run.derivatives
