@@ -999,6 +999,7 @@ def _with_splines(
         lost = np.abs(np.asarray(resampled.at(angles).value) - values).max()
         expected = f"enough to resolve the {PROFILES[k]} of {name!r}"
         remedy = f"give a multiple of {profile.angles()}, its number of angles"
+        # A constant profile has the range zero, but rounding errors: a tiny loss is allowed.
         resolved = bool(lost <= max(LARGEST_LOSS * np.ptp(values), LEAST_PENETRATION))
         require(resolved, "samples", samples, expected, remedy)
         return resampled

@@ -295,8 +295,8 @@ def start_rows_of_lanes(
         *[None if (leaf == leaf[:1]).all() else leaf for leaf in jax.tree.leaves(states)],
         None,
     ]
-    # User-defined joints may use a primitive that native code does not support. Then the scenes are
-    # evaluated one by one.
+    # Native code, which takes time to compile, evaluates many runs. A few runs are evaluated one by
+    # one, and so are those whose user-defined joints use a primitive that native code lacks.
     all_equal = all(column is None for column in columns)
     if count > FEW and not all_equal:
         with suppress(UnsupportedPrimitiveError):

@@ -255,9 +255,9 @@ class Fit(AbstractTabular):
     def _intervals_around(self, minima: Sequence[RunMisfit]) -> list[Float[np.ndarray, "2 p"]]:
         """Return low and high ends of the values' intervals by the covariance at each minimum."""
         # If a coordinate has run towards infinity, its scale must know in which direction. If the
-        # estimate is there (`_is_gone`), its side of its search's start tells the direction; of the
-        # first start, if its search is one of `check`, which began nearby. Otherwise only another
-        # minimum can be there: its side of the estimate tells the direction.
+        # estimate is there (`_is_gone`), the direction is from the start of its search to it. The
+        # searches of `check` begin near their results: for them, the first of all starts is taken.
+        # If only another minimum is there, the direction is from the estimate to this minimum.
         own = next((s for s in self.searches if s is self.best), self.searches[0])
         went_up = self.coordinates > own.start
         scales = [parameter.scale for parameter in self.parameters.values()]

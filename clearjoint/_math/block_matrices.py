@@ -321,6 +321,7 @@ def _factor(plan: _Plan, blocks: jax.Array) -> jax.Array:
     # rows of W that are known. The pivot is 1 over the diagonal element of L.
     def inverse_row(row: jax.Array, lower: jax.Array, inverse: jax.Array, target: jax.Array):
         unit = jnp.asarray(np.arange(SIZE) == target % SIZE, float)
+        # This element is zero already, because row `target` of `inverse` is still zero.
         lower = jnp.where(unit > 0.0, 0.0, lower)
         pivot = 1.0 / jnp.sqrt(jnp.sum(unit * row) - jnp.sum(lower * lower))
         return (unit - lower @ inverse) * pivot

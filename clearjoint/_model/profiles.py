@@ -269,8 +269,9 @@ class JournalInBearing(NamedTuple):
         constant = jax.lax.stop_gradient(self)
         profiles = self.bearing, self.journal
         counts = [profile.angles() for profile in profiles if profile is not None]
-        # At least the 16 that resolve two waves, and at most as many as native code turns into
-        # separate numbers; a longer array is kept in memory and processed by slower loops.
+        # At least 16, which resolve two waves around the circumference (`ANGLES_PER_WAVE`), and at
+        # most as many as native code turns into separate numbers; a longer array is kept in memory
+        # and processed by slower loops.
         count = min(max(16, *counts), 48)
         spacing = 2.0 * np.pi / count
         angles = np.arange(count) * spacing

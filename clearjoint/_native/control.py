@@ -141,8 +141,8 @@ def _branch(
                 ]
                 first_results[:] = results
             # Later operations read the same cells whichever branch was executed. So `no`, which is
-            # added second, must write its arrays to the cells of `yes`. Where `yes` has left cells
-            # that it does not own, both branches are added anew, with `copies`.
+            # added second, must move arrays that it has in other cells (`_moved`) to those of
+            # `yes`. If `yes` does not own these, both branches are added anew, with `copies`.
             if not all(of_yes.owned for _, of_yes in _moved(results, first_results)):
                 raise _DifferentArraysError
             _move_to(lower, first_results, results)

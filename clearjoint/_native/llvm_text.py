@@ -193,7 +193,8 @@ class _Writer:
             # Not by `update`, which takes several times as long for two or three values.
             for value in entry.arguments:
                 uses[value] += 1
-            # A function computes only those of its results that any call needs.
+            # A function computes only those of its results that any call needs. The operation
+            # "result" has a call, the number of its function, and the index of one result.
             if entry.name == "result":
                 number, k = (int(self._program.constants[value]) for value in entry.arguments[1:])
                 self._needed_results.setdefault(number, set()).add(k)

@@ -263,7 +263,8 @@ def _equalities(
         # For two bodies, `eq_data` has a point in each of them (connect) or, from entry 3 on, the
         # pose of the second relative to the first (weld). A site has a pose in its body.
         frames = [np.eye(4), np.eye(4)]
-        if model.site_bodyid.size and model.eq_objtype[k] != 1:  # sites, not bodies
+        body_type = 1  # MuJoCo's number of bodies, as a type of objects
+        if model.site_bodyid.size and model.eq_objtype[k] != body_type:  # two sites
             frames = [_pose(model.site_quat[site], model.site_pos[site]) for site in ids]
             ids = tuple(int(model.site_bodyid[site]) for site in ids)
         elif kind == CONNECT:

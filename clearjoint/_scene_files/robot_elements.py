@@ -180,7 +180,8 @@ def ideal_joint(joint: robots.RobotJoint, tree: robots.LinkTree) -> AbstractCons
     # child's carrier. The parent link may be a later one, from whose frame `poses` converts.
     in_parent = robots.moved(tree.poses[joint.parent] @ joint.pose, joint.point)
     points = tree.in_body(parent, in_parent), tree.in_body(child, joint.point)
-    # All bodies are parallel at zero, so that the axis has the same components in both.
+    # All bodies are parallel at zero, so that the axis has the same components in both. `rounded`
+    # restores exact zeros, first of the rotation matrix, then of the axis.
     axis = robots.rounded(robots.rounded(child.pose[:3, :3]) @ joint.axis)
     make, axis_count = IDEAL[joint.kind]
     with location.in_errors():
@@ -260,6 +261,7 @@ def _checked(
         if argument not in allowed:
             remedy = nearest(argument, allowed, "leave it out")
             location.at(name).refuse(argument, f"one of the arguments {listed(allowed)}", remedy)
+    # Where stops are made, missing arguments are refused with a remedy of their own.
     missing = [key for key, e in allowed.items() if e.default is REQUIRED and key not in settings]
     if missing and what == "play":
         location.at(name).refuse([*settings], f"also {listed(missing)}", "add the missing ones")

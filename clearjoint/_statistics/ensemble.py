@@ -137,9 +137,9 @@ def disturbed_axes(
         if pair is None:  # The sweep does not run these lanes.
             velocities[rows] = nominal[rows] = velocities_of(bodies, state)
             continue
-        of_block, start = pair
+        block_scene, start = pair
         velocities[rows] = disturbed_velocities(
-            bodies, of_block, start, size, along[rows], start_time
+            bodies, block_scene, start, size, along[rows], start_time
         )
         nominal[rows] = velocities_of(bodies, start)
     # Components that no disturbance changes, such as all those out of a planar mechanism's plane,

@@ -186,6 +186,7 @@ def lanes_of(scene: Scene, state: State, axes: Mapping[str, Axis], values: Value
     # lanes, and a number that only bad lanes change counts as constant.
     for k, column in columns.items():
         column[list(bad)] = base[k]
+    # A leaf of the scene that all lanes share is ``None``. Each leaf of the state is an array.
     differs = [k in columns and bool((columns[k] != leaf).any()) for k, leaf in enumerate(base)]
     in_scenes = [columns[k] if differs[k] else None for k in range(scene_leaves)]
     in_states = [

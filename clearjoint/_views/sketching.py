@@ -109,7 +109,8 @@ class SketchingPen(AbstractPen):
         self._moving: list[DrawnPart] = []
         # Points, (3,) m in body axes, that the hull of each body contains.
         self._corners: dict[str, list[np.ndarray]] = {name: [] for name in poses.poses}
-        # Bodies with blocks, gears, walls or a given mesh; and those that `solid` has drawn.
+        # Bodies with blocks, gears, walls or a given mesh, which may need no bar; and those whose
+        # solid is drawn already, since each is drawn once.
         self._shaped: set[str] = set()
         self._solid: set[str] = set()
 

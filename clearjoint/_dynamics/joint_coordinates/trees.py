@@ -227,7 +227,8 @@ class JointedBranch:
         # reference point to the joint's point on the parent. `bias`, m/s^2, is at first the
         # acceleration of this point at constant speeds, to which the motion in the joint is added.
         # For a root on the ground, these three are the identity and zeros, since the tree's axes
-        # are those of the root.
+        # are those of the root. A link's `gradient` times the vector between two points of the body
+        # is the difference of their accelerations at constant speeds.
         rotation, offset, bias = IDENTITY, ZERO, ZERO
         if parent is None:
             parent = GROUND_LINK

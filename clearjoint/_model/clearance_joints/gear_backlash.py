@@ -226,7 +226,8 @@ class GearBacklash(AbstractPairAtPoints, AbstractFlankJoint):
         first, second = motions[self.first], motions[self.second]
         line, displacement = self._line(first, second), self.displacement(first, second)
         # The pitch point divides the line of centres in the ratio of the teeth. For an internal
-        # gear it is outside the line, beyond the first centre.
+        # gear it is outside the line, beyond the first centre. It is in the plane of the first
+        # gear; the second centre is at the distance `height` from this plane, along the axis.
         share = self.teeth_first / (self.teeth_first + self.teeth_second)
         from_first = line.along * (line.distance * share)
         from_second = line.along * (line.distance * (share - 1.0)) - line.axis * line.height

@@ -133,6 +133,7 @@ class Common(eqx.Module):
     def _loop(self, system: System, task: Task) -> RunLoop:
         # A section has one log, which has the name of the output. A table of impacts has a log for
         # each contact (see `impact_log`); its recorder expects the labels of the contacts as keys.
+        # `wanted`: number of rows that each log may still record.
         wanted = task.wanted
         recorders: dict[str, Recorders] = {
             REDUCTIONS: {

@@ -590,6 +590,7 @@ def _gradients_in_lanes(
     # A lane pulls the cotangents of one run back, beginning with those of the run's outputs, which
     # `seeds_of` returns for the index of the run. Its own data are the parameters and up to
     # `LANE_ROWS` steps; when it has passed most of these, they are replaced by the steps before.
+    # To `seeds.total`, the part by the parameters' direction, it adds that of each step it passes.
     example = runs[0].example  # a `Step`, which has the structure of all steps
     slopes: list[PyTree] = [None] * len(runs)
     room = min(len(runs[0].places), LANE_ROWS)

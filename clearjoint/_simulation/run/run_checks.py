@@ -212,7 +212,8 @@ def _passes(
     # of its wrapper is called.
     start = start_values.__wrapped__(unpack(folded_scene), state, t, coordinates)
     # `require_in_bearings` raises an error beyond the limit, and issues a warning beyond the small
-    # fraction `FAR_OUTSIDE` of it. This function can do neither, so both bounds must hold.
+    # fraction `FAR_OUTSIDE` of it. A start that passes leads to neither. The first bound is the
+    # stricter one only if the limit is negative, for numbers that a scene can't have.
     holds += [
         (start.depths[name][label] <= limit) & (start.depths[name][label] <= FAR_OUTSIDE * limit)
         for name, joint in scene.contact_joints().items()

@@ -278,7 +278,8 @@ def _sampled_from(first: Step, run: TangentRun) -> Sampled:
         if run.has_states:
             system = systems.system()
             state = look_inside(method, system, latest, time).state(system)
-        return now, (*values, state, time <= now.step.t)
+        is_reached = time <= now.step.t  # false if the run ended before
+        return now, (*values, state, is_reached)
 
     is_new = jnp.diff(own_times, prepend=-jnp.inf) > 0.0
     now, (*sampled, states, reached) = _scanned(sample, loop.start(first), (own_times, is_new))

@@ -240,6 +240,7 @@ def accepted_state(trial: Trial, keep: Condition) -> Step:
         at_end, at_start = trial.tangents, step.tangents
         assert at_end is not None and at_start is not None and y_tangents is not None
 
+        # Variables may include integrals over time for outputs, whose integrands may jump too.
         y_tangents = with_integrand_jumps(trial, y1, entry_speeds, y_tangents, keep)
 
         # Runs with tangents have explicit solvers, so that `second_rates` equals `at_onsets`. Its

@@ -199,7 +199,8 @@ def contents_of(path: Path) -> Contents:
     layout = Layout(tuple(axes), chunk, variables, coordinates, settings, zipped, notes)
     lanes = {name: _values(path, group, array)[row_of] for name, array in digests.items()}
     identity = Identity(stored["sweep_programs"], lanes)
-    return Contents(layout, identity, order, frozenset(stored[ADDED]))
+    # Names of the variables that were added after the store was made.
+    return Contents(layout, identity, order, added=frozenset(stored[ADDED]))
 
 
 def _opened(path: Path) -> "tuple[zarr.Group, dict[str, Any]]":

@@ -198,6 +198,7 @@ def programs(common: Common, state: State) -> dict[str, str]:
 
     def begin(batch: Common, numbers: PyTree, state: State, time: Scalar, length: Scalar) -> Lane:
         # All numbers of the scene are arguments of the program, as if all differed between lanes.
+        # The run ends after `length`, which is also the length of its first step.
         task = Task(numbers.tree, state, time + length, length, save_at=None)
         return replace(batch, start_time=time).begun(task)
 
