@@ -76,9 +76,9 @@ def run(study: Study, folder: Path) -> CommandResult:
         # Every `parts`-th time is one at which the study saves a state.
         saved = jax.tree.map(lambda rows: rows[::parts], drawn)
         solution = replace(solution, saved=saved, saved_count=len(saved))
-    names = [folders.DRAWN, folders.MOTION, folders.OBSERVED, folders.IMPACTS, folders.OUTPUTS]
-    names += [f"{prefix}*" for prefix in PREFIXES.values()]
-    folders.remove_old(folder, names, [folders.NUMBERS, folders.PDF, folders.VIEW])
+    tables = [folders.DRAWN, folders.MOTION, folders.OBSERVED, folders.IMPACTS, folders.OUTPUTS]
+    tables += [f"{prefix}*" for prefix in PREFIXES.values()]
+    folders.remove_old(folder, tables, files=[folders.NUMBERS, folders.PDF, folders.VIEW])
     folders.write_scene(folder, study.scene, study.state)
     # All tables are left out if no state was saved, since most of them describe the saved states.
     force, contact = 0.0, ""

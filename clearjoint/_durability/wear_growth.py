@@ -115,11 +115,12 @@ def _wear(
     # Each of the `NUMBERS`, (bases * instants,): the wear of both bases is added.
     x, y, contact_angle, *axes, work = history.swapaxes(0, 1).reshape(len(NUMBERS), -1)
     axes = PlanarAxes(*axes)
-    # The journal follows the wall as it wears, and the profiles lose the depths.
+    # The journal follows the wall as it wears. Profiles are positive outward: wear adds its depth
+    # to that of the bearing, and subtracts it from that of the journal.
     along_x, along_y = _shift(depths, contact_angle, axes)
     x, y = jnp.asarray(x + along_x)[:, None], jnp.asarray(y + along_y)[:, None]
-    for field, removed in zip(PROFILES, (depths[0], -depths[1]), strict=True):
-        joint = _moved(joint, field, removed)
+    for field, change in zip(PROFILES, (depths[0], -depths[1]), strict=True):
+        joint = _moved(joint, field, change)
     samples = depths.shape[1]
     columns = jax.tree.map(lambda row: row[:, None], axes)
     radii = joint.bearing_radius, joint.journal_radius

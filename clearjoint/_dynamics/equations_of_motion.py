@@ -80,10 +80,11 @@ def applied_wrenches(scene: Scene, motions: Motions, forces: LoadedContacts, t: 
 
     kinds = Kinds(scene)
     for element in scene.forces.values():
+        # If a class has many elements, JAX traces the function once for all those of one kind.
         apply(kinds.evaluate(_wrenches_of_element, element, motions, t))
     for name, joint in scene.contact_joints().items():
-        family = list(forces.get(name, {}).values())
-        apply(kinds.evaluate(_wrenches_of_joint, joint, motions, family))
+        of_joint = list(forces.get(name, {}).values())
+        apply(kinds.evaluate(_wrenches_of_joint, joint, motions, of_joint))
     return wrenches
 
 

@@ -213,7 +213,7 @@ def experiment(
 ) -> Experiment:
     """Return the `Experiment` of a scene; by default, `settings` are `presets.derivatives`."""
     check_parameters(parameters)
-    requested = requested_by(outputs, None)
+    requested = requested_by(outputs, save=None)
     # Residuals are at sample times, so that outputs that are recorded at steps are refused.
     requested.refuse(RECORDED, "a quantity in a fit or a minimisation", "pass the quantity itself")
     require(len(outputs) > 0, "outputs", {}, "not empty", EXAMPLE)

@@ -49,7 +49,7 @@ def large_product(lower: Lowering, equation: Equation, *factors: Array) -> list[
     # Each element of the result is the inner product of two rows, which extend along the summed
     # axes of the factors. Of each factor: its memory, the index of the first element of each row,
     # and a table of the offsets of a row's elements from the first one, which all rows share.
-    memories, starts, steps = [], [], []
+    memories, starts, offsets = [], [], []
     for factor, atom, along, batch in zip(
         factors, equation.invars, contracted, batches, strict=True
     ):
@@ -61,7 +61,7 @@ def large_product(lower: Lowering, equation: Equation, *factors: Array) -> list[
         batch_size, length = (math.prod(shape[k] for k in axes) for axes in (batch, along))
         rows = indices.reshape(batch_size, -1, length)
         starts.append(rows[:, :, 0])
-        steps.append(lower.table(rows[0, 0] - rows[0, 0, 0]))
+        offsets.append(lower.table(rows[0, 0] - rows[0, 0, 0]))
     # For each element of the result, with the axes (batch, other axes of the first factor, other
     # axes of the second), the indices of the first elements of both rows.
     pairs = np.broadcast_arrays(starts[0][:, :, None], starts[1][:, None, :])
@@ -76,13 +76,13 @@ def large_product(lower: Lowering, equation: Equation, *factors: Array) -> list[
         def term(k: Symbol) -> Symbol:
             # `preferred_element_type` may be wider than the arguments, which are converted first.
             values = (
-                convert(_read(lower, memory, begin + _read(lower, step, k)), result.kind)
-                for memory, begin, step in zip(memories, begins, steps, strict=True)
+                convert(_read(lower, memory, begin + _read(lower, of_row, k)), result.kind)
+                for memory, begin, of_row in zip(memories, begins, offsets, strict=True)
             )
             a, b = values
             return a * b
 
-        total = _sum(lower, zero, _index(lower, 0), _index(lower, steps[0].size), term)
+        total = _sum(lower, zero, _index(lower, 0), _index(lower, offsets[0].size), term)
         lower.ops.store(total.value, result.start, n.value)
 
     _counted(lower, _index(lower, 0), _index(lower, result.size), visit)

@@ -106,6 +106,7 @@ class _Writer:
             # The calls use these values of the function.
             self._uses.update(self._results(number))
             self._mark(block)
+        # Entries without a text of their own are removed: those not needed, and fused products.
         for block in blocks:
             self._fuse(block)
             self._remove_unwritten(block)

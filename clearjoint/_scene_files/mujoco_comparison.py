@@ -111,7 +111,7 @@ def compare_with_mujoco(
     """
     require_positive("end_time", end_time, "give it in s")
     location = FileLocation(FILE if path is None else str(path))
-    writer, content = mjcf_of(scene, state, location, None, integrator)
+    writer, content = mjcf_of(scene, state, location, timestep=None, integrator=integrator)
     mujoco = mujoco_package(location)
     if path is None:
         model = mujoco.MjModel.from_xml_string(content)

@@ -614,7 +614,7 @@ def _robot(
         if carrier.body == GROUND:
             continue
         if joint is None or joint.kind == robots.FLOATING:  # a free root, or a free child
-            branches.append(trees.FreeBranch(carrier.body, None))
+            branches.append(trees.FreeBranch(carrier.body, anchor=None))
             continue
         parent = tree.carriers[joint.parent].body
         subspace = unpack(elements.ideal[joint.name]).motion_subspace(parent)

@@ -210,8 +210,8 @@ def _backlash(
     if "law" not in options and "torsional_stiffness" not in options:
         effort = math.inf if joint.limits is None else joint.limits.effort
         if not 0.0 < effort < math.inf:
-            needed = "a `torsional_stiffness`, since the joint has no effort limit"
-            location.refuse(None, needed, "give it in N m/rad")
+            expected = "a `torsional_stiffness`, since the joint has no effort limit"
+            location.refuse(value=None, expected=expected, remedy="give it in N m/rad")
         with location.in_errors():  # `Backlash` would check the angle after the division by it
             angle = as_number(settings[BACKLASH], BACKLASH, "rad")
             require_positive(BACKLASH, angle, "give an angle in rad")

@@ -71,10 +71,10 @@ def disturbed_velocities(
     """Return the velocity (m/s, global) and spin (rad/s, body axes) of each body at n disturbed
     starts. Columns are in the order of `bodies`, which need not be that of `scene`.
 
-    A disturbance is the part of a row of `along`, a random direction, that the constraints permit.
-    It is added to the velocities of `state`, scaled so that the root mean square of the added
-    speeds over starts and bodies is expected to be `size`, m/s. A spin counts by the speed at its
-    body's radius of gyration.
+    A row of `along`, standard normal numbers, is a random direction. A disturbance is the part of
+    it that the constraints permit. It is added to the velocities of `state`, scaled so that the
+    root mean square of the added speeds over starts and bodies is expected to be `size`, m/s. A
+    spin counts by the speed at its body's radius of gyration.
     """
     radii = radii_of_gyration(scene)
     lengths = np.concatenate([[1.0] * 3 + [radii[name]] * 3 for name in bodies])

@@ -53,8 +53,8 @@ def public_path(name: str, module: str = "") -> str | None:
         top_level = [path for path in paths if path == f"clearjoint.{head}"]
         if top_level and (name.startswith(".") or head not in PLAIN_WORDS):
             return top_level[0]
-        # A name of a submodule must be unique. A single word in lower case, such as "position",
-        # mostly isn't meant as one.
+        # An object of a submodule is meant only if no other has its name, and not by a single word
+        # in lower case without underscores, such as "position", which is mostly an ordinary word.
         if len(paths) == 1 and not top_level and head not in PLAIN_WORDS:
             return paths[0] if last > 1 or "_" in head or not head.islower() else None
     return None

@@ -224,6 +224,7 @@ class Predictor:
         settings, (start, end) = self._settings, self._span
         scene, state = self._family.scene_and_state(values)
         scheme = derivative_scheme(scene, state, settings, start)
+        # Whether constraints are redundant: the equations are then solved in another way.
         redundant = scheme.formulation.redundant
         if redundant not in self._recorders:
             reductions = self._outputs.reductions

@@ -343,8 +343,8 @@ def sampled(run: TangentRun) -> Sampled:
 def _joined(runs: list[Sampled], count: int) -> Sampled:
     """Join runs, each with the derivatives by some of `count` parameters, to one result."""
 
-    # All runs have equally many parameters, for which the last run may repeat the last parameter.
-    # The repeated columns are cut off.
+    # All runs have equally many parameters: if there are too few for the last run, it repeats the
+    # last parameter. The columns of the repetitions are cut off.
     def together(*parts: jax.Array) -> jax.Array:
         return jnp.concatenate(parts, axis=-1)[..., :count]
 

@@ -91,6 +91,7 @@ def decide_step(
         # wrong.
         passes, landing_time = method.landing.retry(step.contact_gaps, after, step.t, t1)
         lands = decision.keep & passes
+        # The controller, which took the trial for accepted, gets back its state in `last`.
         decision = decision.repeated(Rejection.CONTACT, lands, landing_time, last)
         full_length, begins_contact, entry_length = step_length.lengths_after_contacts(
             step, after, t1, decision.keep, lands, full_length

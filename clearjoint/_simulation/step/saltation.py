@@ -78,6 +78,7 @@ def across_contacts(
     # are left out: they are multiplied by the times, which are rounding errors, so that they are a
     # rounding error of the other term. With 30 joints, they were 8 % of the program of a run with
     # tangents.
+    # `holding` gives sampled forces, such as servos, their memories in `y`.
     fixed, motion = holding(system, y.memory), y.motion
     if differentiated:
         fixed, motion = constant((fixed, motion))
