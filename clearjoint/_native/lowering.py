@@ -510,8 +510,8 @@ class Lowering:
         one loop over its elements. If the equations do not allow this, add them one by one."""
         results: list[Array] = []
         for out in closed.jaxpr.outvars:
-            # The jaxpr of this result alone, and which arguments it needs. Others may have another
-            # shape, such as the values of a linear function, which its derivatives do not need.
+            # The jaxpr of this result alone, and which arguments it needs. Arguments that are
+            # not needed may have another shape, such as those of a linear function in a derivative.
             of_result, used = partial_eval.dce_jaxpr(
                 closed.jaxpr, [other is out for other in closed.jaxpr.outvars]
             )

@@ -84,9 +84,9 @@ class AbstractScale(abc.ABC):
 
         By default these are the values at ``coordinate - half`` and ``coordinate + half``, where
         `half` is the half width of the coordinate's interval. A scale overrides this method if an
-        end of its range, such as a friction of zero, has an infinite coordinate. An estimate near
-        this end has a very large `half`, since the data hardly depend on the coordinate there.
-        `rising`: whether a coordinate that runs to infinity runs up, to the upper end of the range.
+        end of its range, such as a friction of zero, has an infinite coordinate. Near this end
+        `half` is very large, since the data hardly depend on the coordinate. `rising` tells whether
+        the estimate went up from its first guess, towards the upper end of the range, or down.
         """
         return float(self.value(coordinate - half)), float(self.value(coordinate + half))
 
