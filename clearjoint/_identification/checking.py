@@ -369,7 +369,7 @@ class LikelihoodCheck:
 
     - `test`: comparison of chi squared at points around the estimates with the covariance.
     - `exploration`, `posterior`: ``None`` if the test passed. The posterior is also ``None`` if
-      noise doesn't explain chi squared, if it would need too many runs, or if it has `warnings`.
+      noise doesn't explain chi squared, or if it was too costly or discarded (`_small_posterior`).
     - `searches`: the local searches of the exploration. If they have found a minimum lower than the
       fit's by more than `FLOOR`, a more accurate search from the lowest minimum is the last.
     - `runs`: number of runs, except those of the posterior.

@@ -454,8 +454,8 @@ class Operations:
         with self.inside(inner), self.masked(None):
             build()
         self._outside.pop()
-        # Used values that are computed in at most `depth` functions come from outside of this one.
-        # A load at the beginning of the function defines them in it, under the same names.
+        # Used values with at most `depth` functions around them come from outside of this function.
+        # A load at its beginning defines them in it, under the same names.
         loads: list[Entry] = []
         used = (value for entry in walked(inner) for value in entry.arguments)
         for value in dict.fromkeys(used):

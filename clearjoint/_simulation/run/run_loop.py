@@ -124,8 +124,8 @@ class AbstractRecorder(eqx.Module, Generic[R]):
         except in records of rejected steps."""
 
     def searched(self, now: Instant) -> PyTree[Scalar]:
-        """Return the present numbers that the recorder evaluates at few instants of each step, by
-        default none. `RunLoop` limits the rotations, in a step, of bodies on which they depend."""
+        """Return the numbers at `now` that the recorder evaluates at few instants of each step; by
+        default none. So that few suffice, `RunLoop` limits rotations in a step that affect them."""
         del now
         return ()
 

@@ -99,17 +99,16 @@ def across_breakpoints(
 
     def corrected(y: Variables) -> Variables:
         if joints:
-            # Move back by `time` to the breakpoint, with the old rates. Apply the velocity jump
-            # there, at the instant `after - time`, and move forward again with the new rates.
-            # Forces stay as they were before the breakpoint (`no_shares`), since their changes are
-            # added below. `time` is zero except for rounding, but its derivatives are not.
-            # Drivers with breakpoints at the same instant are assumed to change together, so the
-            # mean of their times is taken. Lanes of a batch compute this in every step; the bound
-            # of 1 avoids a division by zero where no driver has a breakpoint at the end. In a step
-            # that ends at breakpoints of forces only, `time` is zero, and `_past_kink` removes only
-            # the drift of velocities from the constraints.
+            # `time` is that since the drivers' breakpoint; if several have one, their mean, since
+            # they are assumed to change together. It is zero except for rounding, but has
+            # derivatives. Without a driver's breakpoint, as in steps to a force's and in most steps
+            # of lanes, the bound of 1 avoids a division by zero, and `time` is exactly zero.
             count = sum(jnp.asarray(lands, float) for lands, _ in joints.values())
             time = sum(passed for _, passed in joints.values()) / jnp.maximum(count, 1.0)
+            # Move back to the breakpoint with the old rates, apply the jump of velocities there, at
+            # `after - time`, and move forward with the new rates. Without a driver's breakpoint,
+            # `_past_kink` only removes the drift of velocities from the constraints. Forces stay as
+            # before the breakpoint (`no_shares`): their changes are added below.
             y = _moved_on(y, rates(no_shares, y, before), -time)
             y = _past_kink(_with_shares(system, before, after, no_shares), y, after - time)
             y = _moved_on(y, rates(no_shares, y, after), time)
