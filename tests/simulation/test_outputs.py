@@ -145,6 +145,19 @@ def test_sample_times_may_follow_the_scene():
     np.testing.assert_allclose(run.outputs["x"], 0.1 * np.cos([0.0, 0.1]), rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.parametrize("rises", [True, False])
+def test_a_section_finds_a_height_that_a_step_of_a_throw_crosses_twice(rises):
+    height, speed, g = 0.4, 3.0, 9.81
+    scene = cj.Scene({"ball": cj.Body(1.0, (0.01, 0.01, 0.01))}, {}, gravity=(0, 0, -g))
+    state = cj.State({"ball": cj.body_state((0, 0, 0), velocity=(0, 0, speed))})
+    place, sign = cj.quantities.Position("ball", "z"), 1.0 if rises else -1.0
+    section = cj.Section(lambda now: sign * (place(now) - height), {"z": (place, "m")}, 3)
+    solution = cj.simulate(scene, state, 0.6, outputs={"height": section}, progress=False)
+    (time,) = solution.outputs["height"].times
+    expected = (speed - sign * np.sqrt(speed**2 - 2.0 * g * height)) / g
+    assert time == pytest.approx(expected, rel=1e-9)
+
+
 def as_outputs(function):
     reductions = cj.Peak(function, "m"), cj.Quantiles(function, "m", [0.0, 1.0, 2.0])
     sections = cj.Section(function, {"x": X}), cj.Section(X, {"function": (function, "m")})
