@@ -441,3 +441,22 @@ def test_names_that_a_result_lacks_are_refused(call, message):
     rows = {name: (("joint", "stage", "angle"), depth) for name, depth in depths.items()}
     with pytest.raises(ValueError, match=message):
         call(xr.Dataset(rows, {"joint": ["shoulder"]}))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "joint, part, per_cycle", [("pin", "bearing", rate), ("other pin", "journal", other_rate)]
+)
+def test_each_of_two_joints_wears_as_it_would_alone(found_of_two, joint, part, per_cycle):
+    """The depth at all angles follows the joint's own differential equation of Archard's law."""
+    found = found_of_two
+    assert found.attrs["ending"] == "reached the cycles"
+    cycles = found["cycles"].values
+    span, tight = (0.0, cycles[-1]), {"rtol": 1e-10, "atol": 1e-16}
+    exact = solve_ivp(lambda n, h: [per_cycle(h[0])], span, [0.0], t_eval=cycles, **tight).y[0]
+    depths = found[f"{part}_depth"].sel(joint=joint).values
+    assert exact[-1] > 10e-6 and len(cycles) > 5
+    np.testing.assert_allclose(depths[-1], exact[-1], rtol=2e-2)
+    np.testing.assert_allclose(depths.mean(axis=1), exact, rtol=1e-3, atol=1e-10)
+    unworn = "journal" if part == "bearing" else "bearing"
+    assert not found[f"{unworn}_depth"].sel(joint=joint).any()

@@ -194,3 +194,49 @@ def test_projection_takes_no_step_of_a_driver_for_an_error_of_integration():
     assert solution.result == cj.RESULTS.not_followed
     assert solution.time == pytest.approx(0.1, abs=1e-9)
     assert all(drift.max() < 1e-9 for drift in cj.observe(scene, solution).drift.values())
+
+
+@pytest.mark.slow
+def test_prescribed_rotation_keeps_its_angle_over_a_hundred_revolutions():
+    """At 60 000 rpm: angle, violation and, since nothing accelerates, no moment."""
+    speed, start = 60_000 * np.pi / 30, 2.5
+    scene = shaft(motor=cj.PrescribedRotation("ground", "shaft", (0, 0, 2.0), speed, start))
+    times = np.linspace(0.0, 0.1, 501)
+    settings = cj.Settings(stabilisation=cj.Projection())
+    solution = cj.simulate(scene, turned(start, speed), 0.1, settings, save=cj.Saving(times))
+    error = angle_about(solution.states.bodies["shaft"]) - (start + speed * times)
+    assert np.abs(np.sin(0.5 * error)).max() < 1e-8
+    observed = cj.observe(scene, solution)
+    assert observed.drift["motor"].max() < 1e-8
+    assert observed.drift_rate["motor"].max() < 1e-8 * speed
+    assert np.abs(observed.reactions["motor"]["shaft"].moment[:, 2]).max() < 1e-6
+
+
+def test_torque_may_depend_on_the_angle():
+    """A torsional oscillator from 0.3 rad at rest."""
+    stiffness, times = 5.0, np.linspace(0.0, 1.0, 41)
+    scene = shaft(spring=cj.TorsionalSpring(*ON_SHAFT, stiffness))
+    solution = cj.simulate(scene, turned(0.3), 1.0, ACCURATE, save=cj.Saving(times))
+    expected = 0.3 * np.cos(np.sqrt(stiffness / INERTIA) * times)
+    np.testing.assert_allclose(angle_about(solution.states.bodies["shaft"]), expected, atol=1e-6)
+
+
+def test_constant_torque_acts_on_both_bodies():
+    drive = cj.DriveTorque("stator", "rotor", (0.0, 0.0, 5.0), 0.3)
+    scene = cj.Scene(FREE, {"bearing": BEARING}, {"motor": drive})
+    state = cj.State({name: cj.body_state(ORIGIN) for name in scene.bodies})
+    final = cj.simulate(scene, state, 2.0).final.bodies
+    np.testing.assert_allclose(
+        final["rotor"].spin, (0, 0, 0.3 * 2.0 / INERTIA), rtol=0.0, atol=1e-9
+    )
+    np.testing.assert_allclose(final["stator"].spin, (0, 0, -0.3 * 2.0 / 0.05), rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("points", [3, 6])
+def test_a_table_of_angles_is_followed_however_many_there_are(points):
+    times = np.linspace(-0.1, 0.5, points)
+    table = cj.PiecewiseLinear(times, times**2)
+    scene = shaft(motor=cj.PrescribedAngle(*ON_SHAFT, table))
+    final = cj.simulate(scene, cj.assemble(scene, turned()), 0.45).final.bodies["shaft"]
+    assert angle_about(final) == pytest.approx(np.interp(0.45, times, times**2), abs=1e-9)

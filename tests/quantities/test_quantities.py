@@ -342,3 +342,32 @@ def test_units_are_si():
         kinds = [kind for kind in kinds if "Angular" in end or "Angular" not in kind.__name__]
         assert kinds and {kind.unit for kind in kinds} == {unit}, end
     assert q.Multiplier("motor", "angle").unit is None
+
+
+def test_speed_of_a_pendulum_let_go_is_that_of_its_energy(pendulum):
+    """From rest on the level: w^2 = 3 g sin(angle)/length, below it."""
+    now, _, _ = pendulum
+    angles = -np.linspace(0.1, 3.0, 7)
+    speeds = np.sqrt(-3.0 * GRAVITY * np.sin(angles) / LENGTH)
+    for angle, speed in zip(angles, speeds, strict=True):
+        out = np.array([math.cos(angle), math.sin(angle), 0.0])
+        velocity = -0.5 * LENGTH * speed * np.array([-out[1], out[0], 0.0])
+        turn = cj.body_state(0.5 * LENGTH * out, turned(angle), velocity, (0, 0, -speed))
+        then = instant(now.scene, cj.State({"rod": turn}))
+        assert float(q.JointAngle("pin")(then)) == pytest.approx(angle, abs=1e-12)
+        assert float(q.JointAngularVelocity("pin")(then)) == pytest.approx(-speed, rel=1e-12)
+
+
+def test_point_of_the_ground_stands_still(pendulum):
+    now, _, _ = pendulum
+    assert vector(q.PointPosition, now, "ground", (1, 2, 3)) == [1.0, 2.0, 3.0]
+    assert vector(q.PointVelocity, now, "ground", (1, 2, 3)) == [0.0, 0.0, 0.0]
+
+
+def test_angle_of_a_horizontal_body_axis_with_the_components_of_the_fixed_axis():
+    tilt = Rotation.from_euler("y", 90.0, degrees=True)  # turns the body's z axis to the global x
+    turn = Rotation.from_rotvec((0.0, 0.0, 0.3)) * tilt
+    scene = cj.Scene({"arm": BODY})
+    body = cj.body_state((0, 0, 0), turn.as_quat(scalar_first=True))
+    angle = q.Angle("arm", about=(0, 0, 1), reference=(1, 0, 0), axis=(0, 0, 1))
+    assert angle(instant(scene, cj.State({"arm": body}))) == pytest.approx(0.3)

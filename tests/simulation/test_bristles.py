@@ -8,8 +8,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import clearjoint as cj
+from tests.support.difference_quotients import central
 from tests.support.sliding_block import DEPTH, MASS, WEIGHT, along, block, deflections
 
+Q = cj.quantities
 LUGRE = cj.frictions.LuGre(
     0.25, 0.15, stribeck_speed=0.02, stiffness=1e4, damping=20.0, viscosity=0.05
 )
@@ -134,12 +136,49 @@ def test_bristles_hold_a_load_that_lets_other_friction_creep(friction):
         assert moved == pytest.approx(0.2 * 1e-3 * np.arctanh(0.5), rel=1e-4)
 
 
+FALLING = replace(cj.presets.derivatives, rtol=1e-10)
+
+
+def falling(**changes):
+    """The block above the belt, sliding and falling: bristles deflect from the onset on."""
+    numbers = {"velocity": (0.05, 0.02, -0.05), "height": 1e-5} | changes
+    return block(LUGRE, 0.01, **numbers)
+
+
+@pytest.mark.slow
+def test_derivatives_are_right_across_an_onset():
+    """The onset depends on the initial height, and the bristles' rate jumps there."""
+    times = np.array([3e-4, 6e-4, 1e-3])
+    parameters = {
+        "height": cj.Parameter.initial(lambda s: s.bodies["block"].position[2]),
+        "stiffness": cj.Parameter(lambda s: s.joints["floor"].friction.stiffness, cj.Log()),
+    }
+    outputs = {"x": Q.Position("block", "x"), "z": Q.BristleDeflection("floor", "belt")}
+    found = cj.sensitivities(*falling(), 1.1e-3, parameters, outputs, times, FALLING)
+
+    def values(scene, state):
+        tight = replace(FALLING, rtol=1e-13, landing_tolerance=1e-15)
+        solution = cj.simulate(scene, state, 1.1e-3, tight, save=cj.Saving(times))
+        return np.stack([along(solution)[0], np.linalg.norm(deflections(solution), axis=1)])
+
+    def stiffer(step):
+        scene, state = falling()
+        where = lambda s: s.joints["floor"].friction.stiffness  # noqa: E731
+        return eqx.tree_at(where, scene, np.asarray(1e4 * np.exp(step))), state
+
+    changes = (lambda h: falling(height=1e-5 + h), 1e-8), (stiffer, 1e-4)
+    for column, (make, step) in enumerate(changes):
+        differences = central(lambda by, make=make: values(*make(by)), step)
+        for name, expected in zip(outputs, differences, strict=True):
+            error = np.abs(found.derivatives[name][:, column] - expected).max()
+            assert error < 2e-5 * np.abs(expected).max(), (name, column)
+
+
 @pytest.mark.slow
 def test_deflections_are_zero_in_flight_and_at_each_onset():
-    """The block slides and falls onto the belt."""
-    scene, state = block(LUGRE, 0.01, velocity=(0.05, 0.02, -0.05), height=1e-5)
-    settings, times = replace(cj.presets.derivatives, rtol=1e-10), np.linspace(5e-5, 6e-3, 60)
-    solution = cj.simulate(scene, state, 6e-3, settings, save=cj.Saving(times))
+    scene, state = falling()
+    times = np.linspace(5e-5, 6e-3, 60)
+    solution = cj.simulate(scene, state, 6e-3, FALLING, save=cj.Saving(times))
     heights, _ = along(solution, 2)
     sizes = np.linalg.norm(deflections(solution), axis=1)
     assert (sizes[heights > 1e-9] == 0.0).all() and (heights > 1e-9).any()
@@ -157,3 +196,22 @@ def test_rigid_contacts_take_the_friction_of_long_slip():
     run = cj.simulate_nonsmooth(scene, state, 0.21, save, step=1e-3, restitution=0.0)
     np.testing.assert_allclose(along(run)[1], 1.0 - 0.15 * 10.0 * times, rtol=1e-6)
     assert cj.observe(scene, run).contacts["floor"]["belt"].friction_force is not None
+
+
+@pytest.mark.slow
+def test_two_joints_equal_single_ones():
+    """Two blocks in one scene against single runs."""
+    one, start = falling()
+    floor = one.joints["floor"]
+    stiffer = eqx.tree_at(lambda j: j.friction.stiffness, floor, np.asarray(2e4))
+    bodies = dict.fromkeys(("block", "other"), one.bodies["block"])
+    scene = replace(
+        one, bodies=bodies, joints={"floor": floor, "second": replace(stiffer, body="other")}
+    )
+    state = cj.State(dict.fromkeys(bodies, start.bodies["block"]))
+    save = cj.Saving(np.array([3e-4, 1e-3]))
+    both = cj.simulate(scene, state, 1.1e-3, FALLING, save)
+    alone = cj.simulate(one, start, 1.1e-3, FALLING, save)
+    stored = np.asarray(both.saved.states.bristles["floor"]["belt"])
+    np.testing.assert_allclose(stored, deflections(alone), rtol=1e-7, atol=1e-15)
+    assert not np.allclose(both.saved.states.bristles["second"]["belt"], stored, rtol=0.1, atol=0.0)
