@@ -742,9 +742,8 @@ def _sensor_faults(fit: Fit) -> Iterator[str]:
         for kind, effect in _effects_of_errors(fit, series).items():
             column = np.zeros(len(residuals))
             column[part] = effect
-            # The fit has changed its parameters to compensate for the error as far as possible, at
-            # the cost of other series. The residuals of all series contain what is left of the
-            # error's effect. With the whole effect, the error would seem smaller than it is.
+            # Wrong estimates compensate for a part of the error. The other part is in the residuals
+            # of all series, and is taken here. With the whole, the error would seem smaller.
             column -= basis @ (basis.T @ column)
             if (kind, series) not in estimated and np.linalg.norm(column) > 0.0:
                 effects[kind] = column

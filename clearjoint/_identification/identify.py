@@ -184,16 +184,7 @@ def identify_many(
     check_sets(scene, measurements)
     require_shape("start_time", start_time, (), "pass one time in s")
     first_set = measurements[0]
-    first, last = first_set.times()[[0, -1]].tolist()
-    ends = (*np.ravel(as_number(grow, "grow", "s")).tolist(), last)
-    expected = f"later than the start of the run, {start_time} s"
-    remedy = "pass start_time, or later samples"
-    require(ends[-1] > start_time, "measurements", ends[-1], expected, remedy)
-    # The first window must have a sample.
-    rising = ends[0] >= first and all(a < b for a, b in pairwise((start_time, *ends)))
-    expected = f"rising times between the first sample, {first} s, and the last, {last} s"
-    remedy = "leave out the time of the last sample, which is added"
-    require(rising, "grow", ends[:-1], expected, remedy)
+    ends = _ends_of_windows(grow, first_set, start_time)
     expected, remedy = "Starts, a Screening or None", "pass cj.Starts(4), say"
     require_type("starts", starts, Starts | Screening | None, expected, remedy)
     require_count("max_iterations", max_iterations, "allow one run")
@@ -228,6 +219,23 @@ def identify_many(
                 raise FitInterrupted(fits, partly=fit is not None)
     warn_of(fits)
     return fits
+
+
+def _ends_of_windows(
+    grow: Sequence[float], measured: Measurements, start_time: float
+) -> tuple[float, ...]:
+    """Return the ends of the windows to fit one after another, s, the last sample's time last."""
+    first, last = measured.times()[[0, -1]].tolist()
+    ends = (*np.ravel(as_number(grow, "grow", "s")).tolist(), last)
+    expected = f"later than the start of the run, {start_time} s"
+    remedy = "pass start_time, or later samples"
+    require(last > start_time, "measurements", last, expected, remedy)
+    # The first window must have a sample.
+    rising = ends[0] >= first and all(a < b for a, b in pairwise((start_time, *ends)))
+    expected = f"rising times between the first sample, {first} s, and the last, {last} s"
+    remedy = "leave out the time of the last sample, which is added"
+    require(rising, "grow", ends[:-1], expected, remedy)
+    return ends
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from typing_extensions import override
 
 from .._fields.checks import require, require_count, require_finite, require_positive, require_type
 from .._model.bodies import State
-from .._model.scene import Scene
+from .._model.scene import Scene, require_scene
 from .._model.survey import survey
 from .._simulation.results.nonsmooth_solution import NonsmoothSolution
 from .._simulation.results.observe import Observation, observe
@@ -177,7 +177,7 @@ def view(
     observation at other instants, or of a single state; and for meshes or scales that can't be
     drawn. `ImportError` without the package trimesh of the extra `view`.
     """
-    require_type("scene", scene, Scene, "a Scene", "pass one, such as the robot.scene of a Robot")
+    require_scene(scene)
     require_count("frames", frames, "give a number of frames")
     require_count("height", height, "give a number of pixels")
     if force_scale is not None:
