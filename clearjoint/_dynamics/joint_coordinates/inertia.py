@@ -457,7 +457,8 @@ class ArticulatedBodies(AbstractTreeSolver):
 def tree_solver(
     links: Sequence[Link], parents: Parents, bodies: Sequence[Body], central: Sequence[Matrix]
 ) -> AbstractTreeSolver:
-    """Return the solver for a tree. `central`: inertias about the centres of mass, kg m^2."""
+    """Return the solver for a tree. `central`: inertias about the centres of mass, kg m^2, in the
+    axes of the tree."""
     evaluate = evaluation(len(links))
     inertias = [
         evaluate(inertia, body.mass, link.arm, about_centre)

@@ -30,8 +30,8 @@ ROOT = "zarr.json"
 
 @contextmanager
 def unfinished(path: Path) -> Iterator[Path]:
-    """Yield a new path beside the store's `path`. The caller writes a folder there, then moves it or
-    its files to the store. At the end, also after an error, the new path is removed."""
+    """Yield a new path beside the store's `path`. The caller writes a folder there, then moves it,
+    or its files, to the store. At the end, also after an error, the new path is removed."""
     new = path.with_name(f".{path.name}.{uuid.uuid4().hex}.partial")
     try:
         yield new
